@@ -1,0 +1,208 @@
+"""The only door into the rules: N games, stepped at once."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.errors import UserError
+from fpg_bench.game import step as kernel
+from fpg_bench.game.compiling import announce_compilation
+from fpg_bench.game.rules import rules_record
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.state import ACTION_SIZE, GAME, OBSERVATION_SIZE, TALLY
+
+_GAMES_WORTH_A_THREAD = 512
+MAX_SEED = 2**63 - 1
+
+
+class ActionError(UserError):
+    """An action that cannot be played; the message names the side and the game."""
+
+
+class Arena:
+    """N games of one scenario.
+
+    The attributes are buffers that every call reuses; whoever keeps them must copy.
+
+    Attributes:
+        games: ``(N,)`` records of dtype ``state.GAME``: the full state.
+        tallies: ``(N,)`` records of dtype ``state.TALLY``: what the present round adds up to.
+        histograms: ``(N, 2, points)`` int64, steps per frequency point: the ally's centre, the jammer's.
+        segments: ``(N, waypoints, 4)`` float64: per part of the round, the opponent's position in m in
+            its middle and its mean reward; what a path planner may learn from.
+        waypoints: ``(N, waypoints, 3)`` float64 in m, flown where the path is ``waypoints``.
+        ally_observations, opponent_observations: ``(N, 15)`` float32 in [-1, 1].
+
+    Args:
+        scenario: what is played.
+        games: how many games, N.
+        threads: how many threads step a large batch; results do not depend on it. Default: two where
+            the machine has them.
+    """
+
+    def __init__(self, scenario: Scenario, games: int = 1, threads: int | None = None) -> None:
+        if isinstance(games, bool) or not isinstance(games, int | np.integer) or games < 1:
+            raise UserError(f"games: expected a whole number of at least 1, got {games!r}")
+        announce_compilation()
+        self.scenario = scenario
+        self.count = int(games)
+        self.threads = min(2, os.cpu_count() or 1) if threads is None else threads
+        self._rules = rules_record(scenario)
+        self.games = np.zeros(self.count, GAME)
+        self.tallies = np.zeros(self.count, TALLY)
+        self.histograms = np.zeros((self.count, 2, scenario.frequency_points), np.int64)
+        self.segments = np.zeros((self.count, scenario.waypoints, 4))
+        self.waypoints = np.zeros((self.count, scenario.waypoints, 3))
+        self.ally_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
+        self.opponent_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
+        self._ally_actions = np.zeros((self.count, ACTION_SIZE), np.float32)
+        self._opponent_actions = np.zeros((self.count, ACTION_SIZE), np.float32)
+        self._pool: ThreadPoolExecutor | None = None
+        self._begun = False
+        self._bind()
+
+    def _bind(self) -> None:
+        """The kernel's arguments, gathered once: a call is a few hundred nanoseconds."""
+        self._arguments = (
+            self.games,
+            self.tallies,
+            self.histograms,
+            self.segments,
+            self.waypoints,
+            self._ally_actions,
+            self._opponent_actions,
+            self.ally_observations,
+            self.opponent_observations,
+            self._rules,
+        )
+
+    def reset(
+        self,
+        mask: np.ndarray | None = None,
+        seeds: Any = None,
+        waypoints: np.ndarray | None = None,
+        horizons: np.ndarray | None = None,
+    ) -> None:
+        """Begin rounds: new matches where ``seeds`` are given, else the next round of each match.
+
+        After a match's last round the game goes on with the next match of its own seed.
+
+        Args:
+            mask: ``(N,)`` bool, the games to begin; None: all.
+            seeds: None, or ``(N,)`` whole numbers in [0, 2^63); those of masked games are read.
+            waypoints: ``(N, waypoints, 3)`` in m for the path ``waypoints``; None: as they are.
+            horizons: ``(N,)`` whole numbers: the step at which this round is cut; None: the scenario's.
+
+        Raises:
+            UserError: a seed out of range, waypoints of another shape, not finite or outside the box, or
+                no seeds at the first call.
+        """
+        mask = np.ones(self.count, bool) if mask is None else np.asarray(mask, bool)
+        games = self.games
+        if seeds is not None:
+            games["seed"][mask] = check_seeds(seeds, self.count)[mask]
+            games["match"][mask] = 0
+            games["round"][mask] = 0
+        elif not self._begun:
+            raise UserError("the first reset of an arena needs seeds")
+        else:
+            games["round"][mask] += 1
+            self.next_match(mask & (games["round"] >= self.scenario.rounds_per_match))
+        if waypoints is not None:
+            self.waypoints[mask] = self._check_waypoints(waypoints)[mask]
+        games["horizon"][mask] = self.scenario.steps_per_round if horizons is None else np.asarray(horizons)[mask]
+        self.tallies[mask] = np.zeros((), TALLY)
+        self.histograms[mask] = 0
+        self._begun = True
+        kernel.begin(
+            games, mask, self.ally_observations, self.opponent_observations, self.segments, self._rules
+        )
+
+    def next_match(self, mask: np.ndarray) -> None:
+        """Put the masked games at the first round of their seed's next match (:meth:`reset` begins it)."""
+        self.games["match"][mask] += 1
+        self.games["round"][mask] = 0
+
+    def step(self, ally_actions: np.ndarray, opponent_actions: np.ndarray) -> None:
+        """Play one step of every game whose round is not over; the others stay as they are.
+
+        Args:
+            ally_actions, opponent_actions: ``(N, 9)`` floats, clipped to [-1, 1].
+
+        Raises:
+            ActionError: a wrong shape or dtype, or NaN or infinity; nothing has been played then.
+            UserError: no round was ever begun.
+        """
+        if not self._begun:
+            raise UserError("an arena is reset before its first step")
+        self._load(self._ally_actions, ally_actions, "ally")
+        self._load(self._opponent_actions, opponent_actions, "opponent")
+        if self.threads < 2 or self.count < 2 * _GAMES_WORTH_A_THREAD:
+            kernel.play(0, self.count, *self._arguments)
+        else:
+            self._step_in_threads()
+
+    def _step_in_threads(self) -> None:
+        """Split the games; the calling thread takes the last part."""
+        if self._pool is None:
+            kernel.play(0, 0, *self._arguments)  # compile before the threads meet
+            self._pool = ThreadPoolExecutor(self.threads - 1, thread_name_prefix="arena")
+        cuts = [self.count * part // self.threads for part in range(self.threads + 1)]
+        parts = [
+            self._pool.submit(kernel.play, low, high, *self._arguments)
+            for low, high in zip(cuts[:-2], cuts[1:-1], strict=True)
+        ]
+        kernel.play(cuts[-2], cuts[-1], *self._arguments)
+        for part in parts:
+            part.result()
+
+    def _load(self, target: np.ndarray, actions: np.ndarray, side: str) -> None:
+        if not isinstance(actions, np.ndarray) or actions.dtype.kind != "f" or actions.shape != target.shape:
+            found = f"{actions.dtype} {actions.shape}" if isinstance(actions, np.ndarray) else type(actions).__name__
+            raise ActionError(f"{side} actions: expected a float array of shape {target.shape}, got {found}")
+        target[...] = actions
+        bad = kernel.first_unusable(target)
+        if bad >= 0:
+            where = f" of game {bad}" if self.count > 1 else ""
+            index = int(np.flatnonzero(~np.isfinite(target[bad]))[0])
+            raise ActionError(f"{side} action{where}: index {index} is {target[bad, index]}")
+
+    def _check_waypoints(self, waypoints: np.ndarray) -> np.ndarray:
+        waypoints = np.asarray(waypoints, float)
+        if waypoints.shape != self.waypoints.shape:
+            raise UserError(f"waypoints: expected the shape {self.waypoints.shape}, got {waypoints.shape}")
+        bad = ~((waypoints >= 0) & (waypoints <= np.asarray(self.scenario.box_m)))
+        if bad.any():
+            game, index, _ = np.argwhere(bad)[0]
+            found = waypoints[game, index].tolist()
+            raise UserError(f"waypoints of game {game}: {index}: {found} lies outside the box {self.scenario.box_m}")
+        return waypoints
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_pool": None, "_arguments": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._bind()
+
+
+def check_seeds(seeds: Any, count: int) -> np.ndarray:
+    """``(count,)`` seeds as uint64: from one whole number s (s, s + 1, ...) or one per game.
+
+    Raises:
+        UserError: not whole, out of [0, 2^63), or another number of them.
+    """
+    if isinstance(seeds, int | np.integer) and not isinstance(seeds, bool):
+        seeds = [int(seeds) + i for i in range(count)]
+    array = np.asarray(seeds)
+    if array.shape != (count,) or not all(
+        isinstance(s, int | np.integer) and not isinstance(s, bool | np.bool_) for s in list(seeds)
+    ):
+        raise UserError(f"seed: expected a whole number or {count} of them, got {seeds!r}")
+    if any(not 0 <= int(s) <= MAX_SEED for s in seeds):
+        raise UserError(f"seed: expected whole numbers in [0, 2^63), got {seeds!r}")
+    return array.astype(np.uint64)

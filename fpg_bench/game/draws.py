@@ -1,0 +1,90 @@
+"""Chance: every draw is keyed by (match seed, round, step, purpose), never taken from a queue.
+
+So a draw that is not used shifts no other, and a game's chance depends on nothing but its key: not on
+the batch it is played in, the order of the games or the number of threads. The keyed hash is the
+finaliser of SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fpg_bench.game.compiling import compiled
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
+_MIX_2 = np.uint64(0x94D049BB133111EB)
+_S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
+_ONE = np.uint64(1)
+_TWO_TO_MINUS_53 = 2.0**-53
+
+PURPOSES = 64
+
+# Purposes of a match's draws (their step is 0) and of a round's.
+CONTROL_POINTS = 0  # 12 of them
+OPPONENT_START = 12  # 3 of them
+START_POINT = 16
+FIRST_CHECK = 17
+PATH_CHOICE = 18
+PLAYER_CHOICE = 19
+PLAYER_SEED = 20
+PLANNER_SEED = 21
+
+# Purposes of a step's draws.
+FADING = 0
+DETECTION_FADING = 1
+CHECK_INTERVAL = 2
+SENSED_CENTRE = 3
+SENSED_TYPE_ERROR = 4
+SENSED_TYPE = 5
+KNOWLEDGE_POINT = 6
+PLAYER_DRAW = 8  # scripted players draw from their own key
+
+
+@compiled
+def mix(z):
+    """One round of the SplitMix64 finaliser on a 64-bit number."""
+    z = (z ^ (z >> _S30)) * _MIX_1
+    z = (z ^ (z >> _S27)) * _MIX_2
+    return z ^ (z >> _S31)
+
+
+@compiled
+def match_key(seed, match):
+    """The key of a match: the seed's ``match``-th, counted from 0."""
+    return mix(mix(np.uint64(seed) + _GOLDEN) + np.uint64(match) * _GOLDEN)
+
+
+@compiled
+def round_key(key, number):
+    """The key of a match's round ``number``, counted from 0."""
+    return mix((key ^ _MIX_1) + (np.uint64(number) + _ONE) * _GOLDEN)
+
+
+@compiled
+def bits(key, step, purpose):
+    """64 random bits for one purpose at one step."""
+    return mix(key + (np.uint64(step) * np.uint64(PURPOSES) + np.uint64(purpose) + _ONE) * _GOLDEN)
+
+
+@compiled
+def uniform(key, step, purpose):
+    """A number in [0, 1)."""
+    return float(bits(key, step, purpose) >> _S11) * _TWO_TO_MINUS_53
+
+
+@compiled
+def integer(key, step, purpose, count):
+    """A whole number in [0, count)."""
+    return min(int(uniform(key, step, purpose) * count), count - 1)
+
+
+@compiled
+def gaussian(key, step, purpose):
+    """A standard normal number (Box and Muller)."""
+    word = bits(key, step, purpose)
+    u = 1.0 - float(word >> _S11) * _TWO_TO_MINUS_53
+    v = float(mix(word + _GOLDEN) >> _S11) * _TWO_TO_MINUS_53
+    return math.sqrt(-2.0 * math.log(u)) * math.cos(2.0 * math.pi * v)

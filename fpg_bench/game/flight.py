@@ -1,0 +1,129 @@
+"""Where the two fly: the ally's Bezier curve, and the opponent's patrols, pursuit and waypoints.
+
+A ``game`` is a record of dtype ``state.GAME``; positions are changed in place.
+"""
+
+from __future__ import annotations
+
+import math
+
+from fpg_bench.game.compiling import compiled
+from fpg_bench.game.scenario import PATHS
+
+CIRCLE, TRIANGLE, RECTANGLE, PURSUIT, LEARNED, WAYPOINTS = range(len(PATHS))
+
+
+@compiled
+def distance_m(a, b):
+    """Euclidean distance of two positions."""
+    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@compiled
+def bezier(control_points, axis, t):
+    """One coordinate of the cubic Bezier curve at parameter t in [0, 1]."""
+    u = 1.0 - t
+    return (
+        u * u * u * control_points[0, axis]
+        + 3.0 * u * u * t * control_points[1, axis]
+        + 3.0 * u * t * t * control_points[2, axis]
+        + t * t * t * control_points[3, axis]
+    )
+
+
+@compiled
+def chord(curve, index, chords):
+    """A chord of the curve: its start, its vector and its length."""
+    t0, t1 = index / chords, (index + 1) / chords
+    x, y, z = bezier(curve, 0, t0), bezier(curve, 1, t0), bezier(curve, 2, t0)
+    dx, dy, dz = bezier(curve, 0, t1) - x, bezier(curve, 1, t1) - y, bezier(curve, 2, t1) - z
+    return x, y, z, dx, dy, dz, math.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@compiled
+def fly_curve(game, metres, rules):
+    """Move the ally along its curve, measured along the arc in chords, turning round at both ends."""
+    left = metres
+    for _ in range(4 * rules.chords):  # a bound for curves of (almost) no length
+        x, y, z, dx, dy, dz, length = chord(game.control_points, game.chord, rules.chords)
+        offset = min(game.chord_offset_m, length)
+        room = length - offset if game.outbound else offset
+        if left < room:
+            offset += left if game.outbound else -left
+            game.chord_offset_m = offset
+            share = offset / length
+            game.ally_position[0], game.ally_position[1] = x + share * dx, y + share * dy
+            game.ally_position[2] = z + share * dz
+            return
+        left -= room
+        _enter_next_chord(game, rules.chords)
+
+
+@compiled
+def _enter_next_chord(game, chords):
+    """Step to the neighbouring chord in the direction of flight, or turn round on the last one."""
+    at_end = game.chord == (chords - 1 if game.outbound else 0)
+    if at_end:
+        game.outbound = not game.outbound
+    else:
+        game.chord += 1 if game.outbound else -1
+    game.chord_offset_m = 0.0 if game.outbound else math.inf  # clipped to the chord's length
+
+
+@compiled
+def place_on_patrol(position, path, flown_m, rules):
+    """The place on a circle, triangle or rectangle after ``flown_m`` metres, counter-clockwise from +x.
+
+    The polygons are regular, their first corner at +x, and inscribed in the circle.
+    """
+    radius, centre = rules.patrol_radius, rules.patrol_centre
+    if path == CIRCLE:
+        x, y = math.cos(flown_m / radius), math.sin(flown_m / radius)
+    else:
+        corners = 3 if path == TRIANGLE else 4
+        angle = 2.0 * math.pi / corners
+        sides = flown_m / (2.0 * radius * math.sin(angle / 2.0))
+        corner = math.floor(sides)
+        share = sides - corner
+        a, b = angle * corner, angle * (corner + 1)
+        x = (1.0 - share) * math.cos(a) + share * math.cos(b)
+        y = (1.0 - share) * math.sin(a) + share * math.sin(b)
+    position[0], position[1], position[2] = centre[0] + radius * x, centre[1] + radius * y, centre[2]
+
+
+@compiled
+def _fly_to(position, target, metres):
+    """Move toward a target by at most ``metres``."""
+    distance = distance_m(position, target)
+    if distance > 0.0:
+        share = min(metres, distance) / distance
+        for axis in range(3):
+            position[axis] += share * (target[axis] - position[axis])
+
+
+@compiled
+def fly_opponent(game, action, waypoints, rules):
+    """Move the opponent one second; the ally must not have moved yet (pursuit aims at its start)."""
+    position, speed, step = game.opponent_position, rules.opponent_speed, game.step
+    if game.path <= RECTANGLE:
+        place_on_patrol(position, game.path, speed * (step + 1), rules)
+    elif game.path == PURSUIT:
+        _fly_to(position, game.ally_position, speed)
+    elif game.path == LEARNED:
+        length = math.sqrt(action[6] ** 2 + action[7] ** 2 + action[8] ** 2)
+        for axis in range(3):
+            position[axis] += speed * action[6 + axis] / max(1.0, length)
+    else:
+        n, horizon = rules.waypoints, rules.steps
+        due = (step * n) // horizon
+        seconds = -((-(due + 1) * horizon) // n) - step  # until waypoint i is due at (i + 1) T / n
+        target = waypoints[due]
+        _fly_to(position, target, min(speed, distance_m(position, target) / seconds))
+    keep_inside(position, rules)
+
+
+@compiled
+def keep_inside(position, rules):
+    """Nobody leaves the box."""
+    for axis in range(3):
+        position[axis] = min(max(position[axis], 0.0), rules.box[axis])

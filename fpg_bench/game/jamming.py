@@ -1,0 +1,42 @@
+"""Jamming: which type and centre the opponent chooses, and what its footprint covers (Eq. 7-10)."""
+
+from __future__ import annotations
+
+from fpg_bench.game.compiling import compiled
+from fpg_bench.game.state import TYPES
+
+
+@compiled
+def footprint_distance_mhz(offset_mhz, tooth_spacing):
+    """Distance from the footprint's centre line: to f_j, or to the nearest tooth of a comb through f_j."""
+    offset = abs(offset_mhz)
+    if tooth_spacing > 0.0:
+        offset = offset % tooth_spacing
+        return min(offset, tooth_spacing - offset)
+    return offset
+
+
+@compiled
+def covers(jamming_type, jamming_mhz, frequency_mhz, rules):
+    """Whether a footprint holds a frequency (the overlap rule; nothing wraps at the band's ends)."""
+    distance = footprint_distance_mhz(frequency_mhz - jamming_mhz, rules.tooth_spacing[jamming_type])
+    return distance <= rules.half_width[jamming_type]
+
+
+@compiled
+def choose_type(scores, rules):
+    """The allowed type of the highest score (actions 0-3), ties to the lowest index."""
+    best = -1
+    for kind in range(TYPES):
+        if rules.allowed[kind] == 1 and (best < 0 or scores[kind] > scores[best]):
+            best = kind
+    return best
+
+
+@compiled
+def tune_mhz(tuning, in_band, known_mhz, rules):
+    """The footprint's centre: an offset from the known frequency, or a place in the band (actions 4, 5)."""
+    if in_band:
+        return rules.band_middle + tuning * rules.band_half
+    centre = known_mhz + tuning * rules.tuning_span
+    return min(max(centre, rules.band_low), rules.band_high)

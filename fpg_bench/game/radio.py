@@ -1,0 +1,50 @@
+"""The radio link: path loss, noise, SNR and capacity (Eq. 1-3). Levels in dB and dBm."""
+
+from __future__ import annotations
+
+import math
+
+from fpg_bench.game.compiling import compiled
+
+_DB = 10.0 / math.log(10.0)  # 10 log10 x = _DB ln x
+
+
+@compiled
+def path_loss_db(distance_m, frequency_mhz, rules):
+    """Eq. 1: L = 32.44 + 20 log10 d(km) + 20 log10 f(MHz), the distance being at least 1 m."""
+    d_km = max(distance_m, rules.minimum_distance) / 1000.0
+    return rules.path_loss_constant + 2.0 * _DB * math.log(d_km * frequency_mhz)
+
+
+@compiled
+def power_sum_dbm(a_dbm, b_dbm):
+    """The level of two powers together: 10 log10(10^(a/10) + 10^(b/10))."""
+    high = max(a_dbm, b_dbm)
+    return high + _DB * math.log1p(math.exp((min(a_dbm, b_dbm) - high) / _DB))
+
+
+@compiled
+def noise_dbm(spreading, rules):
+    """N in the ally's present bandwidth."""
+    return rules.spread_noise if spreading else rules.noise
+
+
+@compiled
+def snr_db(signal_dbm, jamming_dbm, covered, spreading, fading_db, rules):
+    """SNR at the ally. Not covered: S - N. Covered: S over noise and jamming together.
+
+    With the rules of ``paper`` the covered signal is first weakened by the jamming level, as Eq. 2 has
+    it (I = S - J), and then compared with noise and jamming as in Eq. 3: interference counts twice.
+    """
+    noise = noise_dbm(spreading, rules)
+    if not covered:
+        return signal_dbm - noise + fading_db
+    level = signal_dbm - jamming_dbm if rules.paper_snr else signal_dbm
+    return level - power_sum_dbm(noise, jamming_dbm) + fading_db
+
+
+@compiled
+def capacity_mbit_s(snr, spreading, rules):
+    """Eq. 3: C = B log2(1 + 10^(SNR/10)), B in MHz, so C in Mbit/s."""
+    bandwidth = rules.spread_bandwidth if spreading and rules.spread_capacity else rules.bandwidth
+    return bandwidth * math.log1p(math.exp(snr / _DB)) / math.log(2.0)

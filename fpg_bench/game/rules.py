@@ -1,0 +1,82 @@
+"""A scenario as the kernel reads it: one record, with what can be computed once computed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fpg_bench.game.scenario import DETECTIONS, JAMMING_TYPES, PATHS, Scenario, ScenarioError
+from fpg_bench.game.state import RULES
+
+
+def rules_record(scenario: Scenario) -> np.ndarray:
+    """The rules as a one-element record array of dtype ``state.RULES``.
+
+    Raises:
+        ScenarioError: more paths to draw from than the record holds.
+    """
+    s = scenario
+    rules = np.zeros(1, RULES)
+    row = rules[0]
+    row["box"], row["base_station"] = s.box_m, s.base_station_m
+    row["steps"], row["rounds"] = s.steps_per_round, s.rounds_per_match
+    row["band_low"], row["band_high"] = s.band_low_mhz, s.band_high_mhz
+    row["band_middle"] = (s.band_low_mhz + s.band_high_mhz) / 2
+    row["band_half"] = (s.band_high_mhz - s.band_low_mhz) / 2
+    row["points"], row["point_spacing"] = s.frequency_points, s.point_spacing_mhz
+    row["path_loss_constant"], row["minimum_distance"] = s.path_loss_constant_db, s.minimum_distance_m
+    row["base_power"] = s.base_power_dbm
+    row["jamming_power"] = [k * s.opponent_power_dbm for k in s.jamming_coefficients]
+    row["noise"] = noise_dbm(s.noise_density_dbm_hz, s.bandwidth_mhz)
+    row["spread_noise"] = noise_dbm(s.noise_density_dbm_hz, s.spread_bandwidth_mhz)
+    row["bandwidth"], row["spread_bandwidth"] = s.bandwidth_mhz, s.spread_bandwidth_mhz
+    row["fading_sd"], row["threshold"] = s.fading_sd_db, s.snr_threshold_db
+    row["paper_snr"], row["spread_capacity"] = s.snr_model == "paper", s.spread_capacity
+    row["allowed"] = [name in s.jamming_types for name in JAMMING_TYPES]
+    row["half_width"] = [half + s.footprint_tolerance_mhz for half in s.footprint_half_widths_mhz]
+    row["tooth_spacing"] = (0, 0, 0, s.comb_spacing_points * s.point_spacing_mhz)
+    row["detection"] = DETECTIONS.index(s.detection)
+    row["first_check"], row["check_interval"] = s.first_check_s, s.check_interval_s
+    row["ally_emission"], row["ally_speed"] = s.ally_emission_dbm, s.ally_speed_m_s
+    row["random_curve"] = s.ally_path_m is None
+    row["curve"] = s.ally_path_m or 0
+    row["curve_altitude"], row["chords"] = s.ally_path_altitude_m, s.ally_path_chords
+    row["reselect"] = s.reselect_on_despread
+    _fill_paths(row, s)
+    row["opponent_speed"], row["tuning_span"] = s.opponent_speed_m_s, s.tuning_span_mhz
+    row["patrol_centre"], row["patrol_radius"] = s.patrol_centre_m, s.patrol_radius_m
+    row["waypoints"] = s.waypoints
+    row["sensing_sd"], row["sensing_error"] = s.sensing_centre_sd_mhz, s.sensing_type_error
+    row["spreading_scale"], row["snr_scale"] = s.spreading_scale_s, s.snr_scale_db
+    row["age_scale"], row["check_scale"] = s.age_scale_s, s.check_scale_s
+    row["snr_cap"] = math.inf if s.snr_cap_db is None else s.snr_cap_db
+    row["hop_cost"] = s.hop_cost
+    row["spread_from"], row["spread_slope"] = s.spread_cost_from_s, s.spread_cost_per_s
+    row["distance_reward"], row["distance_reward_m"] = s.distance_reward, s.distance_reward_m
+    row["snr_drop_weight"] = s.snr_drop_weight
+    _fill_knowledge(row, s)
+    return rules
+
+
+def noise_dbm(density_dbm_hz: float, bandwidth_mhz: float) -> float:
+    """Noise power in dBm over a bandwidth: N = density + 10 log10 B with B in Hz."""
+    return density_dbm_hz + 10 * math.log10(bandwidth_mhz * 1e6)
+
+
+def _fill_paths(row: np.void, scenario: Scenario) -> None:
+    paths = scenario.paths
+    if len(paths) > len(row["path"]):
+        raise ScenarioError(f"opponent_path: at most {len(row['path'])} paths to draw from, got {len(paths)}")
+    row["paths"] = len(paths)
+    row["path"][: len(paths)] = [PATHS.index(name) for name in paths]
+
+
+def _fill_knowledge(row: np.void, scenario: Scenario) -> None:
+    base = scenario.knowledge_base
+    row["knowledge"] = base is not None
+    if base is not None:
+        tolerance = scenario.footprint_tolerance_mhz
+        row["strategy_half_width"] = [e.half_width_mhz + e.guard_mhz + tolerance for e in base.entries]
+        row["strategy_spacing"] = [e.spacing_mhz for e in base.entries]
+        row["strategy_candidates"] = [e.candidates for e in base.entries]

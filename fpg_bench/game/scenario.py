@@ -1,0 +1,369 @@
+"""What is played: every number of the game, validated, with two presets and a hash."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from fpg_bench.errors import UserError, nearest
+from fpg_bench.files import read_yaml, write_whole
+from fpg_bench.game.knowledge import KnowledgeBase, load_knowledge
+
+RULES_VERSION = 1
+JAMMING_TYPES = ("tone", "narrowband", "broadband", "comb")
+PATHS = ("circle", "triangle", "rectangle", "pursuit", "learned", "waypoints")
+PATROLS = ("circle", "triangle", "rectangle")
+SNR_MODELS = ("sinr", "paper")
+DETECTIONS = ("emission", "link", "off")
+
+
+class ScenarioError(UserError):
+    """A scenario that cannot be played; the message names the field, its value and what would do."""
+
+
+def _number(default: float, low: float, high: float, doc: str) -> Any:
+    return field(default=default, metadata={"low": low, "high": high, "doc": doc})
+
+
+def _numbers(default: tuple[float, ...], low: float, high: float, doc: str) -> Any:
+    return field(default=default, metadata={"low": low, "high": high, "length": len(default), "doc": doc})
+
+
+def _choice(default: str, choices: tuple[str, ...], doc: str) -> Any:
+    return field(default=default, metadata={"choices": choices, "doc": doc})
+
+
+def _other(default: Any, doc: str) -> Any:
+    return field(default=default, metadata={"doc": doc})
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Everything that is a number in the rules; the defaults are the preset ``standard``.
+
+    One step is one second. Vary one with :func:`dataclasses.replace`, read a user's own with
+    :meth:`from_yaml`, take the paper's with :func:`preset` (``"paper"``).
+
+    Raises:
+        ScenarioError: a value of the wrong kind, out of its range, or at odds with another field.
+    """
+
+    # World and horizon
+    box_m: tuple[float, ...] = _numbers((1500.0, 1500.0, 600.0), 100, 100_000, "size of the box (Table 2)")
+    base_station_m: tuple[float, ...] = _numbers((750.0, 750.0, 0.0), 0, 100_000, "base station's position")
+    steps_per_round: int = _number(300, 2, 100_000, "steps (s) of a round; it ends by truncation")
+    rounds_per_match: int = _number(1, 1, 10_000, "rounds on the same ally path and opponent start")
+
+    # Band
+    band_low_mhz: float = _number(150.0, 1, 100_000, "lowest frequency point")
+    band_high_mhz: float = _number(250.0, 1, 100_000, "highest frequency point")
+    frequency_points: int = _number(15, 2, 1000, "frequency points, both ends of the band included")
+
+    # Radio, Eq. 1-3 and Table 2
+    path_loss_constant_db: float = _number(32.44, 0, 200, "constant of Eq. 1 (km, MHz)")
+    minimum_distance_m: float = _number(1.0, 1e-3, 1000, "shortest distance that Eq. 1 is asked for")
+    base_power_dbm: float = _number(45.0, -100, 100, "transmit power of the base station")
+    opponent_power_dbm: float = _number(20.0, -100, 100, "jamming power, multiplied by the coefficient k")
+    noise_density_dbm_hz: float = _number(-170.0, -250, 0, "noise power spectral density")
+    bandwidth_mhz: float = _number(5.0, 1e-3, 1e5, "ally's bandwidth")
+    spread_bandwidth_mhz: float = _number(2400.0, 1e-3, 1e6, "ally's bandwidth while it spreads")
+    fading_sd_db: float = _number(1.0, 0, 50, "standard deviation of the Gaussian fading, per step")
+    snr_threshold_db: float = _number(8.0, -50, 100, "M: below it the link is in outage")
+    snr_model: str = _choice("sinr", SNR_MODELS, "sinr: interference beside noise; paper: Eq. 2 and 3 literally")
+    spread_capacity: bool = _other(False, "capacity uses the bandwidth in use (True) or the unspread one")
+
+    # Jamming, Table 1 and Eq. 7-10, in the order tone, narrowband, broadband, comb
+    jamming_types: tuple[str, ...] = _other(JAMMING_TYPES, "types that the opponent may choose from")
+    jamming_coefficients: tuple[float, ...] = _numbers((1.5, 1.2, 0.4, 0.8), 0, 10, "k of Table 1")
+    footprint_half_widths_mhz: tuple[float, ...] = _numbers(
+        (2.5, 10.0, 25.0, 2.5), 0, 1e5, "half width of the footprint (of a tooth, for the comb)"
+    )
+    comb_spacing_points: int = _number(4, 1, 1000, "distance of the comb's teeth in frequency points")
+    footprint_tolerance_mhz: float = _number(1e-6, 0, 1, "added to the half width, against rounding")
+
+    # Detection
+    detection: str = _choice(
+        "emission", DETECTIONS, "emission: by the opponent's own receiver; link: by the ally's SNR; off: never"
+    )
+    first_check_s: tuple[int, ...] = _numbers((1, 5), 1, 10_000, "earliest and latest first check, uniform")
+    check_interval_s: tuple[int, ...] = _numbers((4, 6), 1, 10_000, "shortest and longest interval, uniform")
+    ally_emission_dbm: float = _number(-12.0, -200, 100, "what the opponent's receiver can hear of the ally")
+
+    # Ally
+    ally_speed_m_s: tuple[float, ...] = _numbers((5.0, 10.0), 0, 1000, "slowest and fastest speed along the path")
+    ally_path_m: tuple[tuple[float, ...], ...] | None = _other(
+        None, "four control points of the Bezier curve; None: drawn per match"
+    )
+    ally_path_altitude_m: tuple[float, ...] = _numbers((50.0, 550.0), 0, 1e5, "altitudes of drawn control points")
+    ally_path_chords: int = _number(256, 1, 10_000, "chords along which the curve is measured and flown")
+    reselect_on_despread: bool = _other(False, "leaving spread chooses a frequency for free (paper's text)")
+    knowledge: str = _other("expert", "expert knowledge base: expert, none, or the path of a YAML file")
+
+    # Opponent
+    opponent_path: str | tuple[str, ...] = _other("pursuit", "how the opponent flies; several: drawn per round")
+    opponent_speed_m_s: float = _number(10.0, 0, 1000, "greatest speed of the opponent")
+    tuning_span_mhz: float = _number(50.0, 0, 1e5, "greatest tuning offset from the known frequency")
+    patrol_centre_m: tuple[float, ...] = _numbers((750.0, 750.0, 300.0), 0, 1e5, "centre of the patrols")
+    patrol_radius_m: float = _number(300.0, 1, 1e5, "radius of the circle the patrols are inscribed in")
+    waypoints: int = _number(16, 1, 1000, "timed waypoints of a planned path")
+
+    # Sensing and observation scales
+    sensing_centre_sd_mhz: float = _number(1.0, 0, 1000, "error of the sensed jamming centre")
+    sensing_type_error: float = _number(0.1, 0, 1, "probability that the sensed type is one of the others")
+    spreading_scale_s: float = _number(60.0, 1e-3, 1e5, "spreading time that is observed as 1")
+    snr_scale_db: float = _number(80.0, 1e-3, 1e5, "SNR that is observed as 1")
+    age_scale_s: float = _number(60.0, 1e-3, 1e5, "age of the known frequency that is observed as 1")
+    check_scale_s: float = _number(6.0, 1e-3, 1e5, "time to the next check that is observed as 1")
+
+    # Rewards, Eq. 4-6
+    snr_cap_db: float | None = _other(30.0, "SNR_r = min(SNR, cap) in both rewards; None: the SNR itself")
+    hop_cost: float = _number(40.0, 0, 1e6, "H of Eq. 5")
+    spread_cost_from_s: tuple[float, ...] = _numbers((0.0, 10.0, 20.0, 40.0), 0, 1e5, "pieces of D(t), Eq. 4")
+    spread_cost_per_s: tuple[float, ...] = _numbers((0.5, 1.0, 1.2, 1.5), 0, 1e4, "slopes of D(t), Eq. 4")
+    distance_reward: float = _number(20.0, 0, 1e6, "E of Eq. 6")
+    distance_reward_m: float = _number(30.0, 0, 1e6, "distance below which E is earned")
+    snr_drop_weight: float = _number(1.0, 0, 1e4, "alpha of Eq. 6")
+
+    def __post_init__(self) -> None:
+        for spec in fields(self):
+            object.__setattr__(self, spec.name, _checked(spec, getattr(self, spec.name)))
+        _check_mix(self)
+        object.__setattr__(self, "_knowledge_base", load_knowledge(self.knowledge, JAMMING_TYPES))
+
+    @property
+    def knowledge_base(self) -> KnowledgeBase | None:
+        """The parsed expert knowledge base, None where ``knowledge`` is ``none``."""
+        return self._knowledge_base  # type: ignore[attr-defined]
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """The opponent paths that a round may draw, at least one."""
+        return (self.opponent_path,) if isinstance(self.opponent_path, str) else self.opponent_path
+
+    @property
+    def point_spacing_mhz(self) -> float:
+        """Distance of neighbouring frequency points in MHz."""
+        return (self.band_high_mhz - self.band_low_mhz) / (self.frequency_points - 1)
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of what is played, as 64 hexadecimal digits; two equal hashes play the same game.
+
+        Only fields that differ from ``standard`` enter it, so a new field with a neutral default
+        keeps every hash.
+        """
+        changed = {
+            spec.name: getattr(self, spec.name)
+            for spec in fields(self)
+            if spec.name != "knowledge" and getattr(self, spec.name) != spec.default
+        }
+        base = self.knowledge_base
+        content = {
+            "rules": RULES_VERSION,
+            "fields": changed,
+            "knowledge": None if base is None else base.canonical(),
+        }
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    @classmethod
+    def from_yaml(cls, path: str | Path) -> Scenario:
+        """Read a scenario: a mapping of field names, over the preset that ``preset`` names.
+
+        A relative ``knowledge`` file is looked for beside the YAML file.
+
+        Raises:
+            UserError: the file cannot be read or parsed, or holds an unknown key or a bad value.
+        """
+        path = Path(path)
+        changes = read_yaml(path, "scenario")
+        start = preset(str(changes.pop("preset", "standard")))
+        known = [spec.name for spec in fields(cls)]
+        for key in changes:
+            if key not in known:
+                raise ScenarioError(f"scenario {path}: unknown key {key!r}{nearest(str(key), known)}")
+        knowledge = changes.get("knowledge")
+        if isinstance(knowledge, str) and knowledge not in ("expert", "none") and not Path(knowledge).is_absolute():
+            changes["knowledge"] = str(path.parent / knowledge)
+        try:
+            return dataclasses.replace(start, **changes)
+        except ScenarioError as error:
+            raise ScenarioError(f"scenario {path}: {error}") from error
+
+    def to_yaml(self, path: str | Path) -> None:
+        """Write every field, so that :meth:`from_yaml` gives an equal scenario."""
+        content = json.loads(json.dumps({spec.name: getattr(self, spec.name) for spec in fields(self)}))
+        write_whole(Path(path), yaml.safe_dump(content, sort_keys=False))
+
+
+def _checked(spec: dataclasses.Field, value: Any) -> Any:
+    """``value`` in the field's own type; raises where it is of another kind or out of range."""
+    rules = spec.metadata
+    if "length" in rules:
+        if not isinstance(value, list | tuple) or len(value) != rules["length"]:
+            raise ScenarioError(f"{spec.name}: expected {rules['length']} numbers, got {value!r}")
+        whole = all(isinstance(item, int) for item in spec.default)  # type: ignore[union-attr]
+        return tuple(_checked_number(spec.name, item, rules["low"], rules["high"], whole) for item in value)
+    if "low" in rules:
+        return _checked_number(spec.name, value, rules["low"], rules["high"], isinstance(spec.default, int))
+    if "choices" in rules:
+        return _checked_word(spec.name, value, rules["choices"])
+    return _OTHER_CHECKS[spec.name](spec.name, value)
+
+
+def _checked_number(name: str, value: Any, low: float, high: float, whole: bool) -> Any:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ScenarioError(f"{name}: expected a finite number, got {value!r}")
+    if whole and value != int(value):
+        raise ScenarioError(f"{name}: expected a whole number, got {value!r}")
+    if not low <= value <= high:
+        raise ScenarioError(f"{name}: {value!r} is outside [{low:g}, {high:g}]")
+    return int(value) if whole else float(value)
+
+
+def _checked_word(name: str, value: Any, choices: tuple[str, ...]) -> str:
+    if not isinstance(value, str) or value not in choices:
+        raise ScenarioError(f"{name}: unknown value {value!r}{nearest(str(value), choices)}")
+    return value
+
+
+def _checked_bool(name: str, value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise ScenarioError(f"{name}: expected true or false, got {value!r}")
+    return value
+
+
+def _checked_types(name: str, value: Any) -> tuple[str, ...]:
+    value = (value,) if isinstance(value, str) else value
+    if not isinstance(value, list | tuple) or not value:
+        raise ScenarioError(f"{name}: expected one or more of {', '.join(JAMMING_TYPES)}, got {value!r}")
+    chosen = {_checked_word(name, item, JAMMING_TYPES) for item in value}
+    return tuple(item for item in JAMMING_TYPES if item in chosen)
+
+
+def _checked_paths(name: str, value: Any) -> str | tuple[str, ...]:
+    if isinstance(value, str):
+        return _checked_word(name, value, PATHS)
+    if not isinstance(value, list | tuple) or not value:
+        raise ScenarioError(f"{name}: expected one or more of {', '.join(PATHS)}, got {value!r}")
+    words = tuple(_checked_word(name, item, PATHS) for item in value)
+    return words[0] if len(words) == 1 else words
+
+
+def _checked_curve(name: str, value: Any) -> tuple[tuple[float, ...], ...] | None:
+    if value is None:
+        return None
+    if not isinstance(value, list | tuple) or len(value) != 4:
+        raise ScenarioError(f"{name}: expected four control points or null, got {value!r}")
+    for point in value:
+        if not isinstance(point, list | tuple) or len(point) != 3:
+            raise ScenarioError(f"{name}: expected control points of three numbers, got {point!r}")
+    return tuple(tuple(_checked_number(name, item, 0, 1e5, False) for item in point) for point in value)
+
+
+def _checked_cap(name: str, value: Any) -> float | None:
+    return None if value is None else _checked_number(name, value, -1000, 1000, False)
+
+
+def _checked_knowledge(name: str, value: Any) -> str:
+    if not isinstance(value, str | Path):
+        raise ScenarioError(f"{name}: expected 'expert', 'none' or a file, got {value!r}")
+    return str(value)
+
+
+_OTHER_CHECKS = {
+    "spread_capacity": _checked_bool,
+    "reselect_on_despread": _checked_bool,
+    "jamming_types": _checked_types,
+    "opponent_path": _checked_paths,
+    "ally_path_m": _checked_curve,
+    "snr_cap_db": _checked_cap,
+    "knowledge": _checked_knowledge,
+}
+
+
+def _check_mix(scenario: Scenario) -> None:
+    """Refuse fields that are fine alone and impossible together; the message names both values."""
+    s = scenario
+    if s.band_low_mhz >= s.band_high_mhz:
+        raise ScenarioError(f"band_low_mhz {s.band_low_mhz} must lie below band_high_mhz {s.band_high_mhz}")
+    for name in ("ally_speed_m_s", "first_check_s", "check_interval_s", "ally_path_altitude_m"):
+        low, high = getattr(s, name)
+        if low > high:
+            raise ScenarioError(f"{name}: its first value {low} must not exceed its second {high}")
+    if s.ally_path_altitude_m[1] > s.box_m[2]:
+        raise ScenarioError(f"ally_path_altitude_m {s.ally_path_altitude_m} does not fit box_m {s.box_m}")
+    inside = {"base_station_m": [s.base_station_m], "ally_path_m": s.ally_path_m or ()}
+    r = s.patrol_radius_m
+    centre = s.patrol_centre_m
+    inside["patrol_centre_m"] = [centre, (centre[0] + r, centre[1] + r, centre[2]), (centre[0] - r, centre[1] - r, 0)]
+    for name, points in inside.items():
+        for point in points:
+            if any(not 0 <= x <= size for x, size in zip(point, s.box_m, strict=True)):
+                extra = f" with patrol_radius_m {r}" if name == "patrol_centre_m" else ""
+                raise ScenarioError(f"{name}{extra}: {point} lies outside box_m {s.box_m}")
+    if s.ally_path_m is not None and len(set(s.ally_path_m)) == 1:
+        raise ScenarioError(f"ally_path_m: its four control points are all {s.ally_path_m[0]}, a path of no length")
+    starts = s.spread_cost_from_s
+    if starts[0] != 0 or list(starts) != sorted(starts):
+        raise ScenarioError(f"spread_cost_from_s: {starts} must begin at 0 and not fall")
+    if s.waypoints > s.steps_per_round:
+        raise ScenarioError(f"waypoints {s.waypoints} exceed steps_per_round {s.steps_per_round}")
+
+
+STANDARD = Scenario()
+PAPER = Scenario(
+    steps_per_round=100,
+    snr_model="paper",
+    spread_capacity=True,
+    detection="link",
+    first_check_s=(5, 5),
+    check_interval_s=(5, 5),
+    check_scale_s=5.0,
+    ally_path_m=((150, 200, 100), (500, 1300, 350), (1000, 200, 450), (1350, 1300, 150)),
+    reselect_on_despread=True,
+    snr_cap_db=None,
+    hop_cost=100.0,
+    distance_reward=50.0,
+)
+_PRESETS = {"standard": STANDARD, "paper": PAPER}
+
+
+def preset(name: str) -> Scenario:
+    """The preset ``standard`` (what the leaderboard plays) or ``paper`` (the paper to the letter).
+
+    Raises:
+        ScenarioError: another name.
+    """
+    if name not in _PRESETS:
+        raise ScenarioError(f"unknown scenario {name!r}{nearest(name, _PRESETS)}")
+    return _PRESETS[name]
+
+
+def as_scenario(scenario: Scenario | str | Path | None, **changes: Any) -> Scenario:
+    """A scenario from what users write: an object, a preset's name, a YAML file, or None (standard).
+
+    Args:
+        scenario: what is played.
+        **changes: fields to replace; those that are None are left as they are.
+
+    Raises:
+        ScenarioError: no such preset or file, or a value that cannot be played.
+    """
+    if scenario is None:
+        found = STANDARD
+    elif isinstance(scenario, Scenario):
+        found = scenario
+    elif isinstance(scenario, str | Path):
+        is_file = str(scenario).endswith((".yml", ".yaml"))
+        found = Scenario.from_yaml(scenario) if is_file else preset(str(scenario))
+    else:
+        raise ScenarioError(f"scenario: expected a Scenario, a preset or a YAML file, got {scenario!r}")
+    changes = {name: value for name, value in changes.items() if value is not None}
+    return dataclasses.replace(found, **changes) if changes else found

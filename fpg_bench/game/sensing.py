@@ -1,0 +1,116 @@
+"""What each side gets to know: detection checks, the spectrum monitor, and both observations."""
+
+from __future__ import annotations
+
+import math
+
+from fpg_bench.game import draws
+from fpg_bench.game.compiling import compiled
+from fpg_bench.game.jamming import covers
+from fpg_bench.game.radio import noise_dbm, path_loss_db
+from fpg_bench.game.scenario import DETECTIONS
+from fpg_bench.game.state import OBSERVATION_SIZE, TYPES
+
+EMISSION, LINK, OFF = range(len(DETECTIONS))
+
+# Where the ally's observation holds what (the opponent's: see opponent_observation).
+OWN_POSITION, RELATIVE_POSITION = 0, 3
+OWN_FREQUENCY, SPREADING_TIME, SNR, SENSED_CENTRE, SENSED_TYPE, SENSED_COVERS = 6, 7, 8, 9, 10, 14
+KNOWN_FREQUENCY, KNOWN_AGE, NEXT_CHECK, JAM_CENTRE, JAM_TYPE, LAST_CHECK = 6, 7, 8, 9, 10, 14
+
+
+@compiled
+def check(game, rules):
+    """A detection check where one is due: what it hears becomes the known frequency, with age 0."""
+    game.age_s += 1
+    game.checked = game.step + 1 == game.next_check
+    if not game.checked:
+        return
+    if hears(game, rules):
+        game.known_mhz = game.frequency_mhz
+        game.age_s = 0
+        game.last_check = 1
+    else:
+        game.last_check = -1
+    low, high = rules.check_interval[0], rules.check_interval[1]
+    game.next_check += low + draws.integer(game.round_key, game.step, draws.CHECK_INTERVAL, high - low + 1)
+
+
+@compiled
+def hears(game, rules):
+    """Whether the opponent hears the ally in the step just played.
+
+    ``emission``: the ally's emission at the opponent's own receiver, against the noise in the ally's
+    present bandwidth, with a fading draw of its own. ``link``: the ally's own SNR, and no spreading.
+    """
+    if rules.detection == EMISSION:
+        level = rules.ally_emission - path_loss_db(game.distance_m, game.frequency_mhz, rules)
+        fading = rules.fading_sd * draws.gaussian(game.round_key, game.step, draws.DETECTION_FADING)
+        return level - noise_dbm(game.spreading, rules) + fading >= rules.threshold
+    return rules.detection == LINK and not game.spreading and game.snr_db >= rules.threshold
+
+
+@compiled
+def sense(game, rules):
+    """The ally's spectrum monitor on the step just played: the centre with an error, the type at times wrong."""
+    key, step = game.round_key, game.step
+    game.sensed_mhz = game.jamming_mhz + rules.sensing_sd * draws.gaussian(key, step, draws.SENSED_CENTRE)
+    game.sensed_type = game.jamming_type
+    if draws.uniform(key, step, draws.SENSED_TYPE_ERROR) < rules.sensing_error:
+        other = draws.integer(key, step, draws.SENSED_TYPE, TYPES - 1)
+        game.sensed_type = other + (other >= game.jamming_type)
+
+
+@compiled
+def _clip(x):
+    return min(max(x, -1.0), 1.0)
+
+
+@compiled
+def _positions(out, own, other, rules):
+    """Own position in the box, and the other's relative to it; the root keeps 30 m visible in 1500 m."""
+    for axis in range(3):
+        size = rules.box[axis]
+        out[OWN_POSITION + axis] = _clip(2.0 * own[axis] / size - 1.0)
+        away = other[axis] - own[axis]
+        out[RELATIVE_POSITION + axis] = _clip(math.copysign(math.sqrt(abs(away) / size), away))
+
+
+@compiled
+def _in_band(frequency_mhz, rules):
+    return _clip((frequency_mhz - rules.band_middle) / rules.band_half)
+
+
+@compiled
+def ally_observation(out, game, rules):
+    """The ally's 15 numbers in [-1, 1]: own position (3), the opponent's relative to it (3), own
+    frequency, spreading time, SNR, sensed centre, sensed type (4), whether the sensed footprint
+    covers the own frequency."""
+    _positions(out, game.ally_position, game.opponent_position, rules)
+    out[OWN_FREQUENCY] = _in_band(game.frequency_mhz, rules)
+    out[SPREADING_TIME] = _clip(game.spreading_s / rules.spreading_scale)
+    out[SNR] = _clip(game.snr_db / rules.snr_scale)
+    sensed = game.sensed_type >= 0
+    out[SENSED_CENTRE] = _in_band(game.sensed_mhz, rules) if sensed else 0.0
+    for kind in range(TYPES):
+        out[SENSED_TYPE + kind] = 1.0 if kind == game.sensed_type else 0.0
+    covered = sensed and covers(game.sensed_type, game.sensed_mhz, game.frequency_mhz, rules)
+    out[SENSED_COVERS] = 1.0 if covered else -1.0
+
+
+@compiled
+def opponent_observation(out, game, rules):
+    """The opponent's 15 numbers in [-1, 1]: own position (3), the ally's relative to it (3), known
+    frequency, its age, time to the next check, own jamming centre, own type (4), the last check's
+    result (1 heard, -1 not heard, 0 none yet)."""
+    _positions(out, game.opponent_position, game.ally_position, rules)
+    out[KNOWN_FREQUENCY] = _in_band(game.known_mhz, rules)
+    out[KNOWN_AGE] = _clip(game.age_s / rules.age_scale)
+    out[NEXT_CHECK] = _clip((game.next_check - game.step) / rules.check_scale)
+    out[JAM_CENTRE] = _in_band(game.jamming_mhz, rules) if game.jamming_type >= 0 else 0.0
+    for kind in range(TYPES):
+        out[JAM_TYPE + kind] = 1.0 if kind == game.jamming_type else 0.0
+    out[LAST_CHECK] = game.last_check
+
+
+assert LAST_CHECK == SENSED_COVERS == OBSERVATION_SIZE - 1

@@ -1,0 +1,159 @@
+"""The records of the game: one game's state, a round's tally, and the rules as the kernel reads them.
+
+N games are one structured array. Positions are in metres, frequencies in MHz, times in steps (s).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+OBSERVATION_SIZE = 15
+ACTION_SIZE = 9
+TYPES = 4  # jamming types: tone, narrowband, broadband, comb
+SPREAD_PIECES = 4  # pieces of D(t), Eq. 4
+
+GAME = np.dtype(
+    [
+        # Where the chance comes from
+        ("seed", "u8"),
+        ("match", "i8"),
+        ("round", "i8"),
+        ("round_key", "u8"),
+        # The round
+        ("step", "i8"),
+        ("horizon", "i8"),  # the step at which this round is cut
+        ("path", "i8"),  # index into scenario.PATHS
+        ("truncated", "b1"),
+        # The ally
+        ("control_points", "f8", (4, 3)),
+        ("chord", "i8"),  # the chord of the curve that the ally is on
+        ("chord_offset_m", "f8"),  # distance flown from the chord's start
+        ("outbound", "b1"),
+        ("ally_position", "f8", (3,)),
+        ("point", "i8"),  # frequency point
+        ("frequency_mhz", "f8"),
+        ("spreading", "b1"),
+        ("spreading_s", "i8"),  # seconds without a break, the step just played included
+        ("hopped", "b1"),  # charged H in the step just played
+        # The opponent
+        ("opponent_start", "f8", (3,)),
+        ("opponent_position", "f8", (3,)),
+        ("known_mhz", "f8"),
+        ("age_s", "i8"),
+        ("next_check", "i8"),  # number of played steps after which the next check comes
+        ("last_check", "i8"),  # 1 heard, -1 not heard, 0 none yet
+        ("checked", "b1"),  # a check came in the step just played
+        ("jamming_type", "i8"),  # -1: nothing jammed yet
+        ("jamming_mhz", "f8"),
+        # The step just played
+        ("distance_m", "f8"),
+        ("covered", "b1"),
+        ("snr_db", "f8"),
+        ("clean_snr_db", "f8"),  # without jamming, same fading
+        ("sensed_type", "i8"),  # -1: nothing sensed yet
+        ("sensed_mhz", "f8"),
+        ("ally_reward", "f8"),
+        ("opponent_reward", "f8"),
+        # For the tally
+        ("outage_run", "i8"),  # length of the outage that is going on
+        ("watching", "b1"),  # a check heard; no outage has begun since, and no check followed
+        ("recovering", "i8"),  # steps since the outage after a heard check began; 0: none
+    ],
+    align=True,
+)
+
+# What a round adds up to. Sums add over rounds; longest_outage takes the greatest.
+TALLY = np.dtype(
+    [
+        ("steps", "i8"),
+        ("overlap", "i8"),
+        ("jammed", "i8"),  # covered and in outage
+        ("outage", "i8"),
+        ("outage_runs", "i8"),
+        ("longest_outage", "i8"),
+        ("checks", "i8"),
+        ("heard", "i8"),
+        ("recoveries", "i8"),
+        ("recoveries_cut", "i8"),
+        ("recovery_steps", "i8"),
+        ("hops", "i8"),
+        ("frequency_changes", "i8"),
+        ("spread", "i8"),
+        ("near", "i8"),
+        ("tone", "i8"),
+        ("narrowband", "i8"),
+        ("broadband", "i8"),
+        ("comb", "i8"),
+        ("snr_db", "f8"),
+        ("capacity_mbit_s", "f8"),
+        ("ally_return", "f8"),
+        ("opponent_return", "f8"),
+    ],
+    align=True,
+)
+
+RULES = np.dtype(
+    [
+        ("box", "f8", (3,)),
+        ("base_station", "f8", (3,)),
+        ("steps", "i8"),
+        ("rounds", "i8"),
+        ("band_low", "f8"),
+        ("band_high", "f8"),
+        ("band_middle", "f8"),
+        ("band_half", "f8"),
+        ("points", "i8"),
+        ("point_spacing", "f8"),
+        ("path_loss_constant", "f8"),
+        ("minimum_distance", "f8"),
+        ("base_power", "f8"),
+        ("jamming_power", "f8", (TYPES,)),  # k * P_opponent
+        ("noise", "f8"),  # dBm, unspread
+        ("spread_noise", "f8"),  # dBm, while spreading
+        ("bandwidth", "f8"),
+        ("spread_bandwidth", "f8"),
+        ("fading_sd", "f8"),
+        ("threshold", "f8"),
+        ("paper_snr", "b1"),
+        ("spread_capacity", "b1"),
+        ("allowed", "i8", (TYPES,)),  # 1 or 0; Numba knows no nested array of b1
+        ("half_width", "f8", (TYPES,)),
+        ("tooth_spacing", "f8", (TYPES,)),  # 0: in one piece
+        ("tolerance", "f8"),
+        ("detection", "i8"),  # index into scenario.DETECTIONS
+        ("first_check", "i8", (2,)),
+        ("check_interval", "i8", (2,)),
+        ("ally_emission", "f8"),
+        ("ally_speed", "f8", (2,)),
+        ("random_curve", "b1"),
+        ("curve", "f8", (4, 3)),
+        ("curve_altitude", "f8", (2,)),
+        ("chords", "i8"),
+        ("reselect", "b1"),
+        ("paths", "i8"),  # how many a round draws from
+        ("path", "i8", (16,)),  # their indices
+        ("opponent_speed", "f8"),
+        ("tuning_span", "f8"),
+        ("patrol_centre", "f8", (3,)),
+        ("patrol_radius", "f8"),
+        ("waypoints", "i8"),
+        ("sensing_sd", "f8"),
+        ("sensing_error", "f8"),
+        ("spreading_scale", "f8"),
+        ("snr_scale", "f8"),
+        ("age_scale", "f8"),
+        ("check_scale", "f8"),
+        ("snr_cap", "f8"),  # infinite: no cap
+        ("hop_cost", "f8"),
+        ("spread_from", "f8", (SPREAD_PIECES,)),
+        ("spread_slope", "f8", (SPREAD_PIECES,)),
+        ("distance_reward", "f8"),
+        ("distance_reward_m", "f8"),
+        ("snr_drop_weight", "f8"),
+        ("knowledge", "b1"),
+        ("strategy_half_width", "f8", (TYPES,)),  # guard included
+        ("strategy_spacing", "f8", (TYPES,)),
+        ("strategy_candidates", "i8", (TYPES,)),  # 0: all free points
+    ],
+    align=True,
+)

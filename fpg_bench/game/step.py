@@ -1,0 +1,196 @@
+"""One step of N games, and the start of their rounds: the order of events, in compiled code."""
+
+from __future__ import annotations
+
+import math
+
+from fpg_bench.game import draws
+from fpg_bench.game.choosing import choose_point, point_mhz
+from fpg_bench.game.compiling import compiled
+from fpg_bench.game.flight import (
+    RECTANGLE,
+    bezier,
+    distance_m,
+    fly_curve,
+    fly_opponent,
+    keep_inside,
+    place_on_patrol,
+)
+from fpg_bench.game.jamming import choose_type, covers, tune_mhz
+from fpg_bench.game.radio import path_loss_db, snr_db
+from fpg_bench.game.rewards import reward
+from fpg_bench.game.sensing import ally_observation, check, opponent_observation, sense
+from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.game.tally import count_step
+
+# The indices of both actions; 3-8 of the ally are read in choosing.py, 6-8 of the opponent in flight.py.
+HOP_GATE, SPREAD_GATE, SPEED = 0, 1, 2
+TUNING, TUNING_REFERENCE = 4, 5
+
+
+@compiled
+def first_unusable(actions):
+    """The index of the first game whose action holds NaN or infinity, -1 where none does."""
+    for i in range(actions.shape[0]):
+        total = 0.0
+        for j in range(ACTION_SIZE):
+            total += float(actions[i, j])
+        if not math.isfinite(total):
+            return i
+    return -1
+
+
+@compiled
+def play(
+    first,
+    last,
+    games,
+    tallies,
+    histograms,
+    segments,
+    waypoints,
+    ally_actions,
+    opponent_actions,
+    ally_observations,
+    opponent_observations,
+    rules_array,
+):
+    """Play one step of the games ``first`` to ``last`` - 1, except those whose round is over.
+
+    Actions are clipped in place.
+    """
+    rules = rules_array[0]
+    for i in range(first, last):
+        game, ally_action, opponent_action = games[i], ally_actions[i], opponent_actions[i]
+        if game.truncated:
+            continue
+        for j in range(ACTION_SIZE):
+            ally_action[j] = min(max(ally_action[j], -1.0), 1.0)
+            opponent_action[j] = min(max(opponent_action[j], -1.0), 1.0)
+        point_before = game.point
+        _choose_jamming(game, opponent_action, rules)
+        _choose_frequency(game, ally_action, ally_observations[i], rules)
+        _move(game, ally_action, opponent_action, waypoints[i], rules)
+        _transmit(game, rules)
+        reward(game, rules)
+        check(game, rules)
+        sense(game, rules)
+        game.truncated = game.step + 1 >= game.horizon
+        count_step(game, tallies[i], histograms[i], point_before, rules)
+        _record_segment(game, segments[i], rules)
+        game.step += 1
+        ally_observation(ally_observations[i], game, rules)
+        opponent_observation(opponent_observations[i], game, rules)
+
+
+@compiled
+def _choose_jamming(game, action, rules):
+    game.jamming_type = choose_type(action, rules)
+    game.jamming_mhz = tune_mhz(action[TUNING], action[TUNING_REFERENCE] > 0.0, game.known_mhz, rules)
+
+
+@compiled
+def _choose_frequency(game, action, observation, rules):
+    spread = action[SPREAD_GATE] > 0.0
+    game.hopped = action[HOP_GATE] > 0.0
+    despread = rules.reselect and game.spreading and not spread
+    if game.hopped or despread:
+        game.point = choose_point(game.point, observation, action, game.round_key, game.step, rules)
+        game.frequency_mhz = point_mhz(game.point, rules)
+    game.spreading = spread
+    game.spreading_s = game.spreading_s + 1 if spread else 0
+
+
+@compiled
+def _move(game, ally_action, opponent_action, waypoints, rules):
+    slow, fast = rules.ally_speed[0], rules.ally_speed[1]
+    fly_opponent(game, opponent_action, waypoints, rules)  # first: pursuit aims at where the ally was
+    fly_curve(game, slow + (ally_action[SPEED] + 1.0) / 2.0 * (fast - slow), rules)
+    keep_inside(game.ally_position, rules)
+
+
+@compiled
+def _transmit(game, rules):
+    """Coverage, fading, and the SNR with and without jamming, at the end positions."""
+    f = game.frequency_mhz
+    game.distance_m = distance_m(game.ally_position, game.opponent_position)
+    game.covered = covers(game.jamming_type, game.jamming_mhz, f, rules)
+    signal = rules.base_power - path_loss_db(distance_m(game.ally_position, rules.base_station), f, rules)
+    jamming = rules.jamming_power[game.jamming_type] - path_loss_db(game.distance_m, f, rules)
+    fading = rules.fading_sd * draws.gaussian(game.round_key, game.step, draws.FADING)
+    game.snr_db = snr_db(signal, jamming, game.covered, game.spreading, fading, rules)
+    game.clean_snr_db = snr_db(signal, jamming, False, game.spreading, fading, rules)
+
+
+@compiled
+def _record_segment(game, segments, rules):
+    """The planner's history: per n-th part of a round, the position in its middle and the mean reward."""
+    n, horizon = rules.waypoints, rules.steps
+    i = (game.step * n) // horizon
+    start, end = -(-i * horizon // n), -(-(i + 1) * horizon // n)
+    segments[i, 3] += game.opponent_reward / (end - start)
+    if game.step == (start + end) // 2:
+        for axis in range(3):
+            segments[i, axis] = game.opponent_position[axis]
+
+
+@compiled
+def begin(games, mask, ally_observations, opponent_observations, segments, rules_array):
+    """Begin the masked games' rounds; ``seed``, ``match``, ``round`` and ``horizon`` are set already."""
+    rules = rules_array[0]
+    for i in range(games.shape[0]):
+        if not mask[i]:
+            continue
+        game = games[i]
+        _begin_match(game, draws.match_key(game.seed, game.match), rules)
+        _begin_round(game, rules)
+        segments[i] = 0.0
+        ally_observation(ally_observations[i], game, rules)
+        opponent_observation(opponent_observations[i], game, rules)
+
+
+@compiled
+def _begin_match(game, key, rules):
+    """What all rounds of a match share: the ally's path and the opponent's start."""
+    game.round_key = draws.round_key(key, game.round)
+    for corner in range(4):
+        for axis in range(3):
+            share = draws.uniform(key, 0, draws.CONTROL_POINTS + 3 * corner + axis)
+            low, high = 0.0, rules.box[axis]
+            if axis == 2:
+                low, high = rules.curve_altitude[0], rules.curve_altitude[1]
+            drawn = low + share * (high - low)
+            game.control_points[corner, axis] = drawn if rules.random_curve else rules.curve[corner, axis]
+    for axis in range(3):
+        game.opponent_start[axis] = draws.uniform(key, 0, draws.OPPONENT_START + axis) * rules.box[axis]
+
+
+@compiled
+def _begin_round(game, rules):
+    key = game.round_key
+    game.step = 0
+    game.truncated = False
+    game.chord, game.chord_offset_m, game.outbound = 0, 0.0, True
+    for axis in range(3):
+        game.ally_position[axis] = bezier(game.control_points, axis, 0.0)
+        game.opponent_position[axis] = game.opponent_start[axis]
+    game.path = rules.path[draws.integer(key, 0, draws.PATH_CHOICE, rules.paths)]
+    if game.path <= RECTANGLE:
+        place_on_patrol(game.opponent_position, game.path, 0.0, rules)
+    game.point = draws.integer(key, 0, draws.START_POINT, rules.points)
+    game.frequency_mhz = point_mhz(game.point, rules)
+    game.spreading, game.spreading_s, game.hopped = False, 0, False
+    game.known_mhz, game.age_s = game.frequency_mhz, 0
+    low, high = rules.first_check[0], rules.first_check[1]
+    game.next_check = low + draws.integer(key, 0, draws.FIRST_CHECK, high - low + 1)
+    game.last_check, game.checked = 0, False
+    game.jamming_type, game.jamming_mhz = -1, rules.band_middle
+    game.sensed_type, game.sensed_mhz = -1, rules.band_middle
+    game.distance_m = distance_m(game.ally_position, game.opponent_position)
+    game.covered = False
+    base = distance_m(game.ally_position, rules.base_station)
+    signal = rules.base_power - path_loss_db(base, game.frequency_mhz, rules)
+    game.snr_db = snr_db(signal, 0.0, False, False, 0.0, rules)
+    game.clean_snr_db = game.snr_db
+    game.ally_reward, game.opponent_reward = 0.0, 0.0
+    game.outage_run, game.watching, game.recovering = 0, False, 0
