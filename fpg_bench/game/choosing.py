@@ -60,10 +60,8 @@ def _choose_strategy(observation, action):
 @compiled
 def _is_free(candidate, point, strategy, centre, rules):
     """Whether a point is not the current one and lies outside the strategy's footprint and guard."""
-    if candidate == point:
-        return False
-    offset = point_mhz(candidate, rules) - centre
-    return footprint_distance_mhz(offset, rules.strategy_spacing[strategy]) > rules.strategy_half_width[strategy]
+    offset = footprint_distance_mhz(point_mhz(candidate, rules) - centre, rules.strategy_spacing[strategy])
+    return (candidate != point) & (offset > rules.strategy_half_width[strategy])
 
 
 @compiled

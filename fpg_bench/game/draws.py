@@ -33,13 +33,11 @@ PLAYER_SEED = 20
 PLANNER_SEED = 21
 
 # Purposes of a step's draws.
-FADING = 0
+FADING_AND_SENSED_CENTRE = 0
 DETECTION_FADING = 1
 CHECK_INTERVAL = 2
-SENSED_CENTRE = 3
-SENSED_TYPE_ERROR = 4
-SENSED_TYPE = 5
-KNOWLEDGE_POINT = 6
+SENSED_TYPE = 3
+KNOWLEDGE_POINT = 4
 PLAYER_DRAW = 8  # scripted players draw from their own key
 
 
@@ -82,9 +80,10 @@ def integer(key, step, purpose, count):
 
 
 @compiled
-def gaussian(key, step, purpose):
-    """A standard normal number (Box and Muller)."""
+def gaussians(key, step, purpose):
+    """Two independent standard normal numbers (Box and Muller)."""
     word = bits(key, step, purpose)
     u = 1.0 - float(word >> _S11) * _TWO_TO_MINUS_53
-    v = float(mix(word + _GOLDEN) >> _S11) * _TWO_TO_MINUS_53
-    return math.sqrt(-2.0 * math.log(u)) * math.cos(2.0 * math.pi * v)
+    angle = 2.0 * math.pi * float(mix(word + _GOLDEN) >> _S11) * _TWO_TO_MINUS_53
+    radius = math.sqrt(-2.0 * math.log(u))
+    return radius * math.cos(angle), radius * math.sin(angle)

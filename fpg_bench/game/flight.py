@@ -32,12 +32,13 @@ def bezier(control_points, axis, t):
 
 
 @compiled
-def chord(curve, index, chords):
-    """A chord of the curve: its start, its vector and its length."""
-    t0, t1 = index / chords, (index + 1) / chords
-    x, y, z = bezier(curve, 0, t0), bezier(curve, 1, t0), bezier(curve, 2, t0)
-    dx, dy, dz = bezier(curve, 0, t1) - x, bezier(curve, 1, t1) - y, bezier(curve, 2, t1) - z
-    return x, y, z, dx, dy, dz, math.sqrt(dx * dx + dy * dy + dz * dz)
+def begin_curve(game, chords):
+    """Put the ally at the start of its curve, flying out."""
+    game.chord, game.outbound = -1, True
+    for axis in range(3):
+        game.ally_position[axis] = bezier(game.control_points, axis, 0.0)
+        game.chord_start[axis], game.chord_vector[axis] = game.ally_position[axis], 0.0
+    _enter_next_chord(game, chords)
 
 
 @compiled
@@ -45,15 +46,12 @@ def fly_curve(game, metres, rules):
     """Move the ally along its curve, measured along the arc in chords, turning round at both ends."""
     left = metres
     for _ in range(4 * rules.chords):  # a bound for curves of (almost) no length
-        x, y, z, dx, dy, dz, length = chord(game.control_points, game.chord, rules.chords)
-        offset = min(game.chord_offset_m, length)
-        room = length - offset if game.outbound else offset
+        room = game.chord_length_m - game.chord_offset_m if game.outbound else game.chord_offset_m
         if left < room:
-            offset += left if game.outbound else -left
-            game.chord_offset_m = offset
-            share = offset / length
-            game.ally_position[0], game.ally_position[1] = x + share * dx, y + share * dy
-            game.ally_position[2] = z + share * dz
+            game.chord_offset_m += left if game.outbound else -left
+            share = game.chord_offset_m / game.chord_length_m
+            for axis in range(3):
+                game.ally_position[axis] = game.chord_start[axis] + share * game.chord_vector[axis]
             return
         left -= room
         _enter_next_chord(game, rules.chords)
@@ -62,12 +60,22 @@ def fly_curve(game, metres, rules):
 @compiled
 def _enter_next_chord(game, chords):
     """Step to the neighbouring chord in the direction of flight, or turn round on the last one."""
-    at_end = game.chord == (chords - 1 if game.outbound else 0)
-    if at_end:
+    curve, start, vector = game.control_points, game.chord_start, game.chord_vector
+    if game.chord == (chords - 1 if game.outbound else 0):
         game.outbound = not game.outbound
+    elif game.outbound:
+        game.chord += 1
+        for axis in range(3):
+            start[axis] += vector[axis]
+            vector[axis] = bezier(curve, axis, (game.chord + 1) / chords) - start[axis]
     else:
-        game.chord += 1 if game.outbound else -1
-    game.chord_offset_m = 0.0 if game.outbound else math.inf  # clipped to the chord's length
+        game.chord -= 1
+        for axis in range(3):
+            end = start[axis]
+            start[axis] = bezier(curve, axis, game.chord / chords)
+            vector[axis] = end - start[axis]
+    game.chord_length_m = math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    game.chord_offset_m = 0.0 if game.outbound else game.chord_length_m
 
 
 @compiled

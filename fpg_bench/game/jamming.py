@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.state import TYPES
 
@@ -9,11 +11,9 @@ from fpg_bench.game.state import TYPES
 @compiled
 def footprint_distance_mhz(offset_mhz, tooth_spacing):
     """Distance from the footprint's centre line: to f_j, or to the nearest tooth of a comb through f_j."""
-    offset = abs(offset_mhz)
     if tooth_spacing > 0.0:
-        offset = offset % tooth_spacing
-        return min(offset, tooth_spacing - offset)
-    return offset
+        offset_mhz -= tooth_spacing * math.floor(offset_mhz / tooth_spacing + 0.5)
+    return abs(offset_mhz)
 
 
 @compiled

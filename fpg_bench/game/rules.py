@@ -19,11 +19,13 @@ def rules_record(scenario: Scenario) -> np.ndarray:
     s = scenario
     rules = np.zeros(1, RULES)
     row = rules[0]
+    row["per_box"] = [1 / size for size in s.box_m]
     row["box"], row["base_station"] = s.box_m, s.base_station_m
     row["steps"], row["rounds"] = s.steps_per_round, s.rounds_per_match
     row["band_low"], row["band_high"] = s.band_low_mhz, s.band_high_mhz
     row["band_middle"] = (s.band_low_mhz + s.band_high_mhz) / 2
     row["band_half"] = (s.band_high_mhz - s.band_low_mhz) / 2
+    row["per_band_half"] = 1 / row["band_half"]
     row["points"], row["point_spacing"] = s.frequency_points, s.point_spacing_mhz
     row["path_loss_constant"], row["minimum_distance"] = s.path_loss_constant_db, s.minimum_distance_m
     row["base_power"] = s.base_power_dbm
@@ -48,8 +50,8 @@ def rules_record(scenario: Scenario) -> np.ndarray:
     row["patrol_centre"], row["patrol_radius"] = s.patrol_centre_m, s.patrol_radius_m
     row["waypoints"] = s.waypoints
     row["sensing_sd"], row["sensing_error"] = s.sensing_centre_sd_mhz, s.sensing_type_error
-    row["spreading_scale"], row["snr_scale"] = s.spreading_scale_s, s.snr_scale_db
-    row["age_scale"], row["check_scale"] = s.age_scale_s, s.check_scale_s
+    row["per_spreading_scale"], row["per_snr_scale"] = 1 / s.spreading_scale_s, 1 / s.snr_scale_db
+    row["per_age_scale"], row["per_check_scale"] = 1 / s.age_scale_s, 1 / s.check_scale_s
     row["snr_cap"] = math.inf if s.snr_cap_db is None else s.snr_cap_db
     row["hop_cost"] = s.hop_cost
     row["spread_from"], row["spread_slope"] = s.spread_cost_from_s, s.spread_cost_per_s

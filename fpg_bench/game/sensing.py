@@ -45,19 +45,19 @@ def hears(game, rules):
     """
     if rules.detection == EMISSION:
         level = rules.ally_emission - path_loss_db(game.distance_m, game.frequency_mhz, rules)
-        fading = rules.fading_sd * draws.gaussian(game.round_key, game.step, draws.DETECTION_FADING)
-        return level - noise_dbm(game.spreading, rules) + fading >= rules.threshold
+        fading, _ = draws.gaussians(game.round_key, game.step, draws.DETECTION_FADING)
+        return level - noise_dbm(game.spreading, rules) + rules.fading_sd * fading >= rules.threshold
     return rules.detection == LINK and not game.spreading and game.snr_db >= rules.threshold
 
 
 @compiled
-def sense(game, rules):
+def sense(game, centre_error, rules):
     """The ally's spectrum monitor on the step just played: the centre with an error, the type at times wrong."""
-    key, step = game.round_key, game.step
-    game.sensed_mhz = game.jamming_mhz + rules.sensing_sd * draws.gaussian(key, step, draws.SENSED_CENTRE)
+    game.sensed_mhz = game.jamming_mhz + rules.sensing_sd * centre_error
     game.sensed_type = game.jamming_type
-    if draws.uniform(key, step, draws.SENSED_TYPE_ERROR) < rules.sensing_error:
-        other = draws.integer(key, step, draws.SENSED_TYPE, TYPES - 1)
+    chance = draws.uniform(game.round_key, game.step, draws.SENSED_TYPE)
+    if chance < rules.sensing_error:
+        other = min(int(chance / rules.sensing_error * (TYPES - 1)), TYPES - 2)
         game.sensed_type = other + (other >= game.jamming_type)
 
 
@@ -70,15 +70,15 @@ def _clip(x):
 def _positions(out, own, other, rules):
     """Own position in the box, and the other's relative to it; the root keeps 30 m visible in 1500 m."""
     for axis in range(3):
-        size = rules.box[axis]
-        out[OWN_POSITION + axis] = _clip(2.0 * own[axis] / size - 1.0)
+        per_size = rules.per_box[axis]
+        out[OWN_POSITION + axis] = _clip(2.0 * own[axis] * per_size - 1.0)
         away = other[axis] - own[axis]
-        out[RELATIVE_POSITION + axis] = _clip(math.copysign(math.sqrt(abs(away) / size), away))
+        out[RELATIVE_POSITION + axis] = _clip(math.copysign(math.sqrt(abs(away) * per_size), away))
 
 
 @compiled
 def _in_band(frequency_mhz, rules):
-    return _clip((frequency_mhz - rules.band_middle) / rules.band_half)
+    return _clip((frequency_mhz - rules.band_middle) * rules.per_band_half)
 
 
 @compiled
@@ -88,8 +88,8 @@ def ally_observation(out, game, rules):
     covers the own frequency."""
     _positions(out, game.ally_position, game.opponent_position, rules)
     out[OWN_FREQUENCY] = _in_band(game.frequency_mhz, rules)
-    out[SPREADING_TIME] = _clip(game.spreading_s / rules.spreading_scale)
-    out[SNR] = _clip(game.snr_db / rules.snr_scale)
+    out[SPREADING_TIME] = _clip(game.spreading_s * rules.per_spreading_scale)
+    out[SNR] = _clip(game.snr_db * rules.per_snr_scale)
     sensed = game.sensed_type >= 0
     out[SENSED_CENTRE] = _in_band(game.sensed_mhz, rules) if sensed else 0.0
     for kind in range(TYPES):
@@ -105,8 +105,8 @@ def opponent_observation(out, game, rules):
     result (1 heard, -1 not heard, 0 none yet)."""
     _positions(out, game.opponent_position, game.ally_position, rules)
     out[KNOWN_FREQUENCY] = _in_band(game.known_mhz, rules)
-    out[KNOWN_AGE] = _clip(game.age_s / rules.age_scale)
-    out[NEXT_CHECK] = _clip((game.next_check - game.step) / rules.check_scale)
+    out[KNOWN_AGE] = _clip(game.age_s * rules.per_age_scale)
+    out[NEXT_CHECK] = _clip((game.next_check - game.step) * rules.per_check_scale)
     out[JAM_CENTRE] = _in_band(game.jamming_mhz, rules) if game.jamming_type >= 0 else 0.0
     for kind in range(TYPES):
         out[JAM_TYPE + kind] = 1.0 if kind == game.jamming_type else 0.0

@@ -27,7 +27,10 @@ GAME = np.dtype(
         # The ally
         ("control_points", "f8", (4, 3)),
         ("chord", "i8"),  # the chord of the curve that the ally is on
-        ("chord_offset_m", "f8"),  # distance flown from the chord's start
+        ("chord_start", "f8", (3,)),
+        ("chord_vector", "f8", (3,)),
+        ("chord_length_m", "f8"),
+        ("chord_offset_m", "f8"),  # distance from the chord's start
         ("outbound", "b1"),
         ("ally_position", "f8", (3,)),
         ("point", "i8"),  # frequency point
@@ -95,6 +98,7 @@ TALLY = np.dtype(
 RULES = np.dtype(
     [
         ("box", "f8", (3,)),
+        ("per_box", "f8", (3,)),  # 1 / box, as are all fields that begin with per_
         ("base_station", "f8", (3,)),
         ("steps", "i8"),
         ("rounds", "i8"),
@@ -102,6 +106,7 @@ RULES = np.dtype(
         ("band_high", "f8"),
         ("band_middle", "f8"),
         ("band_half", "f8"),
+        ("per_band_half", "f8"),
         ("points", "i8"),
         ("point_spacing", "f8"),
         ("path_loss_constant", "f8"),
@@ -139,10 +144,10 @@ RULES = np.dtype(
         ("waypoints", "i8"),
         ("sensing_sd", "f8"),
         ("sensing_error", "f8"),
-        ("spreading_scale", "f8"),
-        ("snr_scale", "f8"),
-        ("age_scale", "f8"),
-        ("check_scale", "f8"),
+        ("per_spreading_scale", "f8"),
+        ("per_snr_scale", "f8"),
+        ("per_age_scale", "f8"),
+        ("per_check_scale", "f8"),
         ("snr_cap", "f8"),  # infinite: no cap
         ("hop_cost", "f8"),
         ("spread_from", "f8", (SPREAD_PIECES,)),

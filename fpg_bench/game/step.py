@@ -9,7 +9,7 @@ from fpg_bench.game.choosing import choose_point, point_mhz
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.flight import (
     RECTANGLE,
-    bezier,
+    begin_curve,
     distance_m,
     fly_curve,
     fly_opponent,
@@ -71,10 +71,11 @@ def play(
         _choose_jamming(game, opponent_action, rules)
         _choose_frequency(game, ally_action, ally_observations[i], rules)
         _move(game, ally_action, opponent_action, waypoints[i], rules)
-        _transmit(game, rules)
+        fading, centre_error = draws.gaussians(game.round_key, game.step, draws.FADING_AND_SENSED_CENTRE)
+        _transmit(game, fading, rules)
         reward(game, rules)
         check(game, rules)
-        sense(game, rules)
+        sense(game, centre_error, rules)
         game.truncated = game.step + 1 >= game.horizon
         count_step(game, tallies[i], histograms[i], point_before, rules)
         _record_segment(game, segments[i], rules)
@@ -110,16 +111,16 @@ def _move(game, ally_action, opponent_action, waypoints, rules):
 
 
 @compiled
-def _transmit(game, rules):
+def _transmit(game, fading, rules):
     """Coverage, fading, and the SNR with and without jamming, at the end positions."""
     f = game.frequency_mhz
     game.distance_m = distance_m(game.ally_position, game.opponent_position)
     game.covered = covers(game.jamming_type, game.jamming_mhz, f, rules)
     signal = rules.base_power - path_loss_db(distance_m(game.ally_position, rules.base_station), f, rules)
     jamming = rules.jamming_power[game.jamming_type] - path_loss_db(game.distance_m, f, rules)
-    fading = rules.fading_sd * draws.gaussian(game.round_key, game.step, draws.FADING)
-    game.snr_db = snr_db(signal, jamming, game.covered, game.spreading, fading, rules)
-    game.clean_snr_db = snr_db(signal, jamming, False, game.spreading, fading, rules)
+    fading_db = rules.fading_sd * fading
+    game.snr_db = snr_db(signal, jamming, game.covered, game.spreading, fading_db, rules)
+    game.clean_snr_db = snr_db(signal, jamming, False, game.spreading, fading_db, rules)
 
 
 @compiled
@@ -170,9 +171,8 @@ def _begin_round(game, rules):
     key = game.round_key
     game.step = 0
     game.truncated = False
-    game.chord, game.chord_offset_m, game.outbound = 0, 0.0, True
+    begin_curve(game, rules.chords)
     for axis in range(3):
-        game.ally_position[axis] = bezier(game.control_points, axis, 0.0)
         game.opponent_position[axis] = game.opponent_start[axis]
     game.path = rules.path[draws.integer(key, 0, draws.PATH_CHOICE, rules.paths)]
     if game.path <= RECTANGLE:
