@@ -1,0 +1,57 @@
+"""fpg-bench: the benchmark suite for the UAV frequency point game.
+
+Importing registers the ids with Gymnasium and PettingZoo and loads nothing heavy; the names below load
+what they need when they are first used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import pettingzoo
+
+from fpg_bench.envs.ids import VIEWS
+from fpg_bench.errors import UserError
+
+__version__ = "0.1.0.dev0"
+
+if TYPE_CHECKING:
+    from fpg_bench.envs.duel import make_duel
+    from fpg_bench.envs.sb3 import make_sb3
+    from fpg_bench.envs.supersuit_bridge import supersuit_vec_env
+    from fpg_bench.game.scenario import Scenario, preset
+    from fpg_bench.players.agent import load_agent
+
+_HOMES = {
+    "Scenario": "fpg_bench.game.scenario",
+    "preset": "fpg_bench.game.scenario",
+    "make_duel": "fpg_bench.envs.duel",
+    "make_sb3": "fpg_bench.envs.sb3",
+    "supersuit_vec_env": "fpg_bench.envs.supersuit_bridge",
+    "load_agent": "fpg_bench.players.agent",
+}
+
+__all__ = ["UserError", "__version__", *_HOMES]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'fpg_bench' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)
+
+
+def _register() -> None:
+    for kind in ("parallel", "aec"):
+        pettingzoo.register(kind, "FPG/duel_v0", f"fpg_bench.envs.multi_agent:{kind}_env")
+    for view_id in VIEWS:
+        gymnasium.register(
+            id=view_id,
+            entry_point="fpg_bench.envs.single:SingleView",
+            vector_entry_point="fpg_bench.envs.vector:VectorView",
+            kwargs={"view_id": view_id},
+        )
+
+
+_register()

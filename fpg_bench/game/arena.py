@@ -84,7 +84,6 @@ class Arena:
         self,
         mask: np.ndarray | None = None,
         seeds: Any = None,
-        waypoints: np.ndarray | None = None,
         horizons: np.ndarray | None = None,
     ) -> None:
         """Begin rounds: new matches where ``seeds`` are given, else the next round of each match.
@@ -94,12 +93,10 @@ class Arena:
         Args:
             mask: ``(N,)`` bool, the games to begin; None: all.
             seeds: None, or ``(N,)`` whole numbers in [0, 2^63); those of masked games are read.
-            waypoints: ``(N, waypoints, 3)`` in m for the path ``waypoints``; None: as they are.
             horizons: ``(N,)`` whole numbers: the step at which this round is cut; None: the scenario's.
 
         Raises:
-            UserError: a seed out of range, waypoints of another shape, not finite or outside the box, or
-                no seeds at the first call.
+            UserError: a seed out of range, or no seeds at the first call.
         """
         mask = np.ones(self.count, bool) if mask is None else np.asarray(mask, bool)
         games = self.games
@@ -112,8 +109,6 @@ class Arena:
         else:
             games["round"][mask] += 1
             self.next_match(mask & (games["round"] >= self.scenario.rounds_per_match))
-        if waypoints is not None:
-            self.waypoints[mask] = self._check_waypoints(waypoints)[mask]
         games["horizon"][mask] = self.scenario.steps_per_round if horizons is None else np.asarray(horizons)[mask]
         self.tallies[mask] = np.zeros((), TALLY)
         self.histograms[mask] = 0
@@ -171,16 +166,25 @@ class Arena:
             index = int(np.flatnonzero(~np.isfinite(target[bad]))[0])
             raise ActionError(f"{side} action{where}: index {index} is {target[bad, index]}")
 
-    def _check_waypoints(self, waypoints: np.ndarray) -> np.ndarray:
+    def set_waypoints(self, game: int, waypoints: np.ndarray) -> None:
+        """Give one game the waypoints that its opponent flies where the path is ``waypoints``.
+
+        Args:
+            game: its index.
+            waypoints: ``(waypoints, 3)`` in m, point i due at (i + 1) T / n.
+
+        Raises:
+            UserError: another shape, not finite, or outside the box.
+        """
         waypoints = np.asarray(waypoints, float)
-        if waypoints.shape != self.waypoints.shape:
-            raise UserError(f"waypoints: expected the shape {self.waypoints.shape}, got {waypoints.shape}")
-        bad = ~((waypoints >= 0) & (waypoints <= np.asarray(self.scenario.box_m)))
-        if bad.any():
-            game, index, _ = np.argwhere(bad)[0]
-            found = waypoints[game, index].tolist()
-            raise UserError(f"waypoints of game {game}: {index}: {found} lies outside the box {self.scenario.box_m}")
-        return waypoints
+        if waypoints.shape != self.waypoints.shape[1:]:
+            raise UserError(f"waypoints: expected the shape {self.waypoints.shape[1:]}, got {waypoints.shape}")
+        inside = (waypoints >= 0) & (waypoints <= np.asarray(self.scenario.box_m))
+        if not inside.all():
+            index = int(np.argwhere(~inside)[0, 0])
+            found = waypoints[index].tolist()
+            raise UserError(f"waypoint {index}: {found} lies outside the box {self.scenario.box_m}")
+        self.waypoints[game] = waypoints
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_pool": None, "_arguments": None}

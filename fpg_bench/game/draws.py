@@ -30,7 +30,8 @@ FIRST_CHECK = 17
 PATH_CHOICE = 18
 PLAYER_CHOICE = 19
 PLAYER_SEED = 20
-PLANNER_SEED = 21
+OPPONENT_PLAYER_SEED = 21
+PLANNER_SEED = 22
 
 # Purposes of a step's draws.
 FADING_AND_SENSED_CENTRE = 0
@@ -87,3 +88,17 @@ def gaussians(key, step, purpose):
     angle = 2.0 * math.pi * float(mix(word + _GOLDEN) >> _S11) * _TWO_TO_MINUS_53
     radius = math.sqrt(-2.0 * math.log(u))
     return radius * math.cos(angle), radius * math.sin(angle)
+
+
+@compiled
+def derived_keys(out, round_keys, purpose):
+    """Fill ``out`` (N,) uint64 with one key per game for one of a round's purposes."""
+    for i in range(out.shape[0]):
+        out[i] = bits(round_keys[i], 0, purpose)
+
+
+@compiled
+def derived_integers(out, round_keys, purpose, count):
+    """Fill ``out`` (N,) int64 with whole numbers in [0, count) for one of a round's purposes."""
+    for i in range(out.shape[0]):
+        out[i] = integer(round_keys[i], 0, purpose, count)

@@ -332,7 +332,7 @@ PAPER = Scenario(
     hop_cost=100.0,
     distance_reward=50.0,
 )
-_PRESETS = {"standard": STANDARD, "paper": PAPER}
+PRESETS = {"standard": STANDARD, "paper": PAPER}
 
 
 def preset(name: str) -> Scenario:
@@ -341,9 +341,9 @@ def preset(name: str) -> Scenario:
     Raises:
         ScenarioError: another name.
     """
-    if name not in _PRESETS:
-        raise ScenarioError(f"unknown scenario {name!r}{nearest(name, _PRESETS)}")
-    return _PRESETS[name]
+    if name not in PRESETS:
+        raise ScenarioError(f"unknown scenario {name!r}{nearest(name, PRESETS)}")
+    return PRESETS[name]
 
 
 def as_scenario(scenario: Scenario | str | Path | None, **changes: Any) -> Scenario:

@@ -1,0 +1,156 @@
+"""Both sides of N games at once: the arena, with plans made between rounds. All views stand on it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fpg_bench.errors import UserError
+from fpg_bench.game import draws
+from fpg_bench.game.arena import Arena
+from fpg_bench.game.full_state import full_state
+from fpg_bench.game.measures import measures, pool
+from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.planning import Limits, Plan, Planner, as_planner
+
+
+class DuelStep(NamedTuple):
+    """What a step gives, all copies: observations ``(N, 15)``, rewards ``(N,)`` float64, ``(N,)`` bool."""
+
+    ally_observations: np.ndarray
+    opponent_observations: np.ndarray
+    ally_rewards: np.ndarray
+    opponent_rewards: np.ndarray
+    truncated: np.ndarray
+
+
+class Duel:
+    """N games with both sides in the caller's hands; a round that is over waits for :meth:`reset`.
+
+    Args:
+        scenario: what is played.
+        games: how many, N.
+        planner: who decides between rounds where the opponent flies; needed for the path ``waypoints``.
+        threads: see :class:`fpg_bench.game.arena.Arena`.
+
+    Attributes:
+        arena: the games and all their buffers.
+        plans: the present plan of each game, None where the path is not planned.
+    """
+
+    def __init__(
+        self, scenario: Scenario, games: int = 1, planner: Planner | None = None, threads: int | None = None
+    ) -> None:
+        if "waypoints" in scenario.paths and planner is None:
+            raise UserError("path 'waypoints' needs a planner; name one, or choose another path")
+        if planner is not None and "waypoints" not in scenario.paths:
+            raise UserError(f"planner: nothing to plan where the path is {scenario.opponent_path!r}")
+        self.scenario = scenario
+        self.arena = Arena(scenario, games, threads)
+        self.count = self.arena.count
+        self.planner = planner
+        self.plans: list[Plan | None] = [None] * self.count
+        self._limits = Limits.of(scenario)
+        self._histories: list[list[np.ndarray]] = [[] for _ in range(self.count if planner else 0)]
+
+    def reset(
+        self,
+        mask: np.ndarray | None = None,
+        seeds: Any = None,
+        new_match: bool = False,
+        horizons: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Begin rounds in the masked games; see :meth:`fpg_bench.game.arena.Arena.reset`.
+
+        Args:
+            mask: ``(N,)`` bool; None: all.
+            seeds: None for the next round of each match; a whole number s (game i: s + i) or one per game
+                for new matches.
+            new_match: leave the present match and begin the same seed's next one.
+            horizons: ``(N,)`` the steps at which these rounds are cut; None: the scenario's.
+
+        Returns:
+            The mask, as an array.
+        """
+        mask = np.ones(self.count, bool) if mask is None else np.asarray(mask, bool)
+        if self.planner is not None:
+            self._remember(mask)
+        if seeds is None and new_match:
+            games = self.arena.games
+            games["round"][mask] = self.scenario.rounds_per_match  # past the last: the next match begins
+        self.arena.reset(mask, seeds, horizons)
+        if self.planner is not None:
+            self._plan(mask)
+        return mask
+
+    def step(self, ally_actions: np.ndarray, opponent_actions: np.ndarray) -> DuelStep:
+        """Play one step with ``(N, 9)`` actions of both sides; raises as ``Arena.step`` does."""
+        self.arena.step(ally_actions, opponent_actions)
+        return self.present()
+
+    def present(self) -> DuelStep:
+        """The present observations, the last step's rewards and which rounds are over, as copies."""
+        arena = self.arena
+        return DuelStep(
+            arena.ally_observations.copy(),
+            arena.opponent_observations.copy(),
+            arena.games["ally_reward"].copy(),
+            arena.games["opponent_reward"].copy(),
+            arena.games["truncated"].copy(),
+        )
+
+    def state(self) -> np.ndarray:
+        """The full state, ``(N, 54)`` float32; see :func:`fpg_bench.game.full_state.full_state`."""
+        return full_state(self.arena)
+
+    def measures(self, game: int) -> dict[str, float | None]:
+        """The measures of one game's present round so far."""
+        return measures(pool(self.arena.tallies[game]), self.arena.histograms[game])
+
+    def _remember(self, mask: np.ndarray) -> None:
+        """Keep what the rounds that end now have shown, for the plans of their match's next ones."""
+        for game in np.flatnonzero(mask & (self.arena.games["step"] > 0)):
+            self._histories[game].append(self.arena.segments[game].copy())
+
+    def _plan(self, mask: np.ndarray) -> None:
+        games = self.arena.games
+        for game in np.flatnonzero(mask):
+            if games["round"][game] == 0:
+                self._histories[game].clear()
+            history = np.array(self._histories[game]).reshape(-1, self._limits.waypoints, 4)
+            key = np.empty(1, np.uint64)
+            draws.derived_keys(key, games["round_key"][game : game + 1].copy(), draws.PLANNER_SEED)
+            position = games["opponent_position"][game].copy()
+            plan = self.planner.plan(history, position, self._limits, np.random.default_rng(key[0]))  # type: ignore[union-attr]
+            self.arena.set_waypoints(game, plan.waypoints)
+            self.plans[game] = plan
+
+
+def make_duel(
+    games: int = 1,
+    *,
+    scenario: Scenario | str | None = None,
+    path: Any = None,
+    planner: Any = None,
+    knowledge: str | None = None,
+    jamming_types: Any = None,
+    threads: int | None = None,
+) -> Duel:
+    """The batched view of both sides, for algorithms that train both and for playing matches.
+
+    Args:
+        games: how many games, N.
+        scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard``.
+        path: how the opponent flies, or a list to draw from per round; shorthand for the scenario's field.
+        planner: a planner or its name; makes the path ``waypoints``.
+        knowledge, jamming_types: shorthand for the scenario's fields of these names.
+        threads: see :class:`fpg_bench.game.arena.Arena`.
+
+    Raises:
+        UserError: something unknown, out of range, or impossible together.
+    """
+    if planner is not None and path is None:
+        path = "waypoints"
+    played = as_scenario(scenario, opponent_path=path, knowledge=knowledge, jamming_types=jamming_types)
+    return Duel(played, games, None if planner is None else as_planner(planner, played), threads)

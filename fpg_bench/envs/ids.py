@@ -1,0 +1,77 @@
+"""The environment ids and what they default to. Importing this costs nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from fpg_bench.errors import UserError, nearest
+
+
+@dataclass(frozen=True)
+class View:
+    """One id: which side learns, who plays the other, and how the opponent flies.
+
+    ``scripted`` says that the other side must be a script; ``planner`` is set where the opponent flies
+    what a path planner says, over ``rounds_per_match`` rounds.
+    """
+
+    id: str
+    side: str
+    other: str
+    path: str = "pursuit"
+    planner: str | None = None
+    rounds_per_match: int = 1
+    scripted: bool = True
+    about: str = ""
+
+    @property
+    def other_side(self) -> str:
+        """The keyword that names the other side's player: ``opponent`` or ``ally``."""
+        return "opponent" if self.side == "ally" else "ally"
+
+
+VIEWS = MappingProxyType(
+    {
+        view.id: view
+        for view in (
+            View("FPG/AllyVsScripted-v0", "ally", "adaptive", about="keep the link against a scripted jammer"),
+            View(
+                "FPG/AllyVsPlanner-v0",
+                "ally",
+                "adaptive",
+                path="waypoints",
+                planner="circle",
+                rounds_per_match=10,
+                about="keep the link against a jammer whose path is planned between rounds",
+            ),
+            View("FPG/OpponentVsScripted-v0", "opponent", "expert", about="find and jam a scripted ally"),
+            View(
+                "FPG/AllyVsPolicy-v0",
+                "ally",
+                "adaptive",
+                scripted=False,
+                about="keep the link against any player, a trained one for instance",
+            ),
+            View(
+                "FPG/OpponentVsPolicy-v0",
+                "opponent",
+                "expert",
+                scripted=False,
+                about="find and jam any player, a trained one for instance",
+            ),
+        )
+    }
+)
+
+
+def find_view(name: str) -> View:
+    """The view of an id, with or without the ``fpg_bench:`` in front.
+
+    Raises:
+        UserError: no such id; the message suggests the nearest.
+    """
+    name = str(name).removeprefix("fpg_bench:")
+    if name not in VIEWS:
+        raise UserError(f"unknown id {name!r}{nearest(name, VIEWS)}")
+    return VIEWS[name]

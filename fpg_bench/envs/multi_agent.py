@@ -1,0 +1,136 @@
+"""The PettingZoo view: both sides of one game, as a parallel or a turn-taking environment."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from pettingzoo import AECEnv, ParallelEnv
+from pettingzoo.utils import OrderEnforcingWrapper
+from pettingzoo.utils.conversions import parallel_to_aec
+
+from fpg_bench.envs.duel import make_duel
+from fpg_bench.envs.one_sided import action_space, first_seeds, observation_space
+from fpg_bench.envs.single import RENDER_MODES, wants_new_match
+from fpg_bench.errors import UserError
+from fpg_bench.game.arena import ActionError
+from fpg_bench.game.full_state import FULL_STATE_SIZE
+from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.players.player import SIDES
+
+
+class DuelView(ParallelEnv):
+    """One game with the agents ``ally`` and ``opponent``, both played by the caller.
+
+    Seeds, rounds and matches as in :class:`fpg_bench.envs.single.SingleView`; ``state()`` is the full
+    state ``(54,)``.
+
+    Args:
+        render_mode: None, ``rgb_array`` or ``human``.
+        **options: those of :func:`fpg_bench.envs.duel.make_duel`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "name": "duel_v0",
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 10,
+        "is_parallelizable": True,
+    }
+
+    def __init__(self, render_mode: str | None = None, **options: Any) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise UserError(f"render_mode: expected None, 'rgb_array' or 'human', got {render_mode!r}")
+        self.duel = make_duel(1, **options)
+        self.render_mode = render_mode
+        self.possible_agents = list(SIDES)
+        self.agents: list[str] = []
+        self.observation_spaces = {side: observation_space() for side in SIDES}
+        self.action_spaces = {side: action_space() for side in SIDES}
+        self.state_space = spaces.Box(-1.0, 1.0, (FULL_STATE_SIZE,), np.float32)
+        self._actions = {side: np.zeros((1, ACTION_SIZE), np.float32) for side in SIDES}
+        self._begun = False
+        self._renderer: Any = None
+
+    def observation_space(self, agent: str) -> spaces.Box:
+        """15 numbers in [-1, 1], always the same object."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Box:
+        """9 numbers in [-1, 1], always the same object."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
+        """Begin a round."""
+        seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
+        self.duel.reset(seeds=seeds, new_match=wants_new_match(options))
+        self._begun = True
+        self.agents = list(SIDES)
+        if self.render_mode is not None:
+            self._frame(begin=True)
+        return self._observations(), {side: {} for side in SIDES}
+
+    def step(self, actions: dict[str, np.ndarray]) -> tuple[dict, dict, dict, dict, dict]:
+        """Play one step with both sides' actions ``(9,)``.
+
+        Raises:
+            ActionError: a side's action is missing, of a wrong shape or dtype, or holds NaN or infinity.
+        """
+        if not self.agents:
+            raise UserError("step: the round is over; call reset first")
+        for side in SIDES:
+            action = np.asarray(actions.get(side))
+            if action.shape != (ACTION_SIZE,) or action.dtype.kind != "f":
+                raise ActionError(f"{side}: expected a float array of shape ({ACTION_SIZE},), got {actions.get(side)!r}")
+            self._actions[side][0] = action
+        arena = self.duel.arena
+        arena.step(self._actions["ally"], self._actions["opponent"])
+        if self.render_mode is not None:
+            self._frame()
+        over = bool(arena.games["truncated"][0])
+        if over:
+            self.agents = []
+        rewards = {side: float(arena.games[f"{side}_reward"][0]) for side in SIDES}
+        infos: dict[str, dict[str, Any]] = {
+            side: {"measures": self.duel.measures(0)} if over else {} for side in SIDES
+        }
+        return self._observations(), rewards, dict.fromkeys(SIDES, False), dict.fromkeys(SIDES, over), infos
+
+    def _observations(self) -> dict[str, np.ndarray]:
+        arena = self.duel.arena
+        return {"ally": arena.ally_observations[0].copy(), "opponent": arena.opponent_observations[0].copy()}
+
+    def state(self) -> np.ndarray:
+        """The full state, ``(54,)`` float32."""
+        return self.duel.state()[0]
+
+    def _frame(self, begin: bool = False) -> None:
+        if self._renderer is None:
+            from fpg_bench.envs.rendering import Renderer
+
+            self._renderer = Renderer(self.duel.arena, human=self.render_mode == "human")
+        self._renderer.record(begin)
+        if self.render_mode == "human":
+            self._renderer.show()
+
+    def render(self) -> np.ndarray | None:
+        """The picture of the present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``."""
+        return self._renderer.draw() if self.render_mode == "rgb_array" and self._renderer else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+
+def parallel_env(**options: Any) -> DuelView:
+    """Both sides move at once; see :class:`DuelView`."""
+    return DuelView(**options)
+
+
+def aec_env(**options: Any) -> AECEnv:
+    """The same game with the sides taking turns within a step (PettingZoo's AEC interface)."""
+    return OrderEnforcingWrapper(parallel_to_aec(DuelView(**options)))

@@ -1,0 +1,163 @@
+"""One side of N games, the other one played by somebody: what every single-agent view wraps."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from fpg_bench.envs.duel import Duel
+from fpg_bench.envs.ids import find_view
+from fpg_bench.errors import UserError, nearest
+from fpg_bench.game.arena import check_seeds
+from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
+from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+from fpg_bench.planning import as_planner
+from fpg_bench.players.naming import as_player
+from fpg_bench.players.scripted import SCRIPTED
+from fpg_bench.players.seat import Seat
+
+
+def observation_space() -> spaces.Box:
+    """15 numbers in [-1, 1], either side."""
+    return spaces.Box(-1.0, 1.0, (OBSERVATION_SIZE,), np.float32)
+
+
+def action_space() -> spaces.Box:
+    """9 numbers in [-1, 1], either side."""
+    return spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)
+
+
+class OneSided:
+    """N games of which the caller plays one side.
+
+    Args:
+        view_id: one of the ids of :mod:`fpg_bench.envs.ids`.
+        games: how many, N.
+        scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard`` (with ten rounds
+            a match in planner views).
+        opponent, ally: the other side's player (its name, or in ``...VsPolicy`` views any object with
+            ``predict``), or a list to draw from per round.
+        path: how the opponent flies, or a list to draw from per round.
+        planner: who plans the opponent's path (planner views).
+        knowledge, jamming_types: shorthand for the scenario's fields of these names.
+
+    Attributes:
+        observations: ``(N, 15)`` float32, a buffer; copy what you keep.
+        rewards: ``(N,)`` float64, a buffer. truncated: ``(N,)`` bool, a buffer.
+
+    Raises:
+        UserError: something unknown, out of range, of the wrong side, or impossible together.
+    """
+
+    def __init__(
+        self,
+        view_id: str,
+        games: int = 1,
+        *,
+        scenario: Scenario | str | None = None,
+        opponent: Any = None,
+        ally: Any = None,
+        path: Any = None,
+        planner: Any = None,
+        knowledge: str | None = None,
+        jamming_types: Any = None,
+        threads: int | None = None,
+    ) -> None:
+        self.view = view = find_view(view_id)
+        named = {"opponent": opponent, "ally": ally}
+        if named[view.side] is not None:
+            raise UserError(f"{view.side}: in {view.id} you play the {view.side}; name the {view.other_side}")
+        self.other_specs = _as_list(named[view.other_side], view.other)
+        if planner is not None and view.planner is None:
+            raise UserError(f"planner: {view.id} plans no paths; FPG/AllyVsPlanner-v0 does")
+        own_rounds = isinstance(scenario, Scenario) or (scenario is not None and scenario not in PRESETS)
+        played = as_scenario(
+            scenario,
+            opponent_path=_path(path, view.path, scenario),
+            knowledge=knowledge,
+            jamming_types=jamming_types,
+            rounds_per_match=None if own_rounds else view.rounds_per_match,
+        )
+        self.planner = as_planner(planner or view.planner, played) if "waypoints" in played.paths else None
+        self.duel = Duel(played, games, self.planner, threads)
+        self.scenario, self.side, self.count = played, view.side, self.duel.count
+        self._seat = Seat(view.other_side, [self._other(spec) for spec in self.other_specs], self.duel.arena)
+        arena = self.duel.arena
+        self.observations = arena.ally_observations if view.side == "ally" else arena.opponent_observations
+        self.rewards = arena.games[f"{view.side}_reward"]
+        self.truncated = arena.games["truncated"]
+
+    def _other(self, spec: Any) -> Any:
+        side = self.view.other_side
+        if self.view.scripted and not (isinstance(spec, str) and spec in SCRIPTED[side]):
+            hint = nearest(str(spec), SCRIPTED[side]) if isinstance(spec, str) else ""
+            policy = self.view.id.replace("Scripted", "Policy").replace("Planner", "Policy")
+            raise UserError(f"{side}: {spec!r} is no script{hint} ({policy} plays against anyone)")
+        return as_player(spec, side, self.scenario)
+
+    def reset(
+        self,
+        mask: np.ndarray | None = None,
+        seeds: Any = None,
+        new_match: bool = False,
+        horizons: np.ndarray | None = None,
+    ) -> None:
+        """Begin rounds in the masked games; see :meth:`fpg_bench.envs.duel.Duel.reset`."""
+        self._seat.begin(self.duel.reset(mask, seeds, new_match, horizons))
+
+    def step(self, actions: np.ndarray) -> None:
+        """Play one step with the caller's actions ``(N, 9)``; the other side's player chooses its own."""
+        other = self._seat.act()
+        if self.side == "ally":
+            self.duel.arena.step(actions, other)
+        else:
+            self.duel.arena.step(other, actions)
+
+    def advice(self, game: int) -> str | None:
+        """What the expert knowledge base advises on what the ally has sensed; None for the opponent."""
+        base = self.scenario.knowledge_base
+        sensed = self.duel.arena.games["sensed_type"][game]
+        if self.side == "opponent" or base is None or sensed < 0:
+            return None
+        return base.entries[sensed].advice
+
+    def measures(self, game: int) -> dict[str, float | None]:
+        """The measures of one game's present round so far."""
+        return self.duel.measures(game)
+
+
+def staggered_horizons(count: int, steps: int) -> np.ndarray:
+    """``(count,)`` cuts of the first round, spread evenly over it, so that a batch mixes phases."""
+    return steps - np.arange(count) * steps // count
+
+
+def first_seeds(seed: Any, count: int) -> np.ndarray:
+    """``(count,)`` seeds from what a caller gives: a whole number, one per game, or None for chance."""
+    if seed is None:
+        seed = int.from_bytes(os.urandom(4), "little")
+    return check_seeds(seed, count)
+
+
+def _as_list(spec: Any, default: Any) -> list[Any]:
+    if spec is None:
+        return [default]
+    if isinstance(spec, Sequence) and not isinstance(spec, str):
+        if not spec:
+            raise UserError("a list of players to draw from must not be empty")
+        return list(spec)
+    return [spec]
+
+
+def _path(path: Any, default: str, scenario: Any) -> Any:
+    """The view's own path, unless the caller names one or hands a whole scenario."""
+    if path is not None:
+        if default == "waypoints" and "waypoints" not in ([path] if isinstance(path, str) else path):
+            raise UserError("path: a planner view flies waypoints; choose a planner instead")
+        return path
+    if default == "waypoints":
+        return default
+    return None if scenario is not None else default

@@ -1,0 +1,123 @@
+"""The Gymnasium view of one game."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+
+from fpg_bench.envs.one_sided import OneSided, action_space, first_seeds, observation_space
+from fpg_bench.errors import UserError
+from fpg_bench.game.arena import ActionError
+from fpg_bench.game.state import ACTION_SIZE
+
+RENDER_MODES = ("rgb_array", "human")
+
+
+class SingleView(gymnasium.Env):
+    """One game of the frequency point game, seen from one side.
+
+    ``reset(seed=...)`` begins a match, ``reset()`` plays its next round (after the last one the seed's
+    next match), ``options={"new_match": True}`` begins one early. A round ends by truncation. The last
+    step's info holds ``measures``; the ally's info holds the knowledge base's ``advice``.
+
+    Args:
+        view_id: one of the ids of :mod:`fpg_bench.envs.ids`.
+        render_mode: None, ``rgb_array`` or ``human``.
+        **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 10}
+
+    def __init__(self, view_id: str, render_mode: str | None = None, **options: Any) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise UserError(f"render_mode: expected None, 'rgb_array' or 'human', got {render_mode!r}")
+        self.core = OneSided(view_id, 1, **options)
+        self.render_mode = render_mode
+        self.observation_space = observation_space()
+        self.action_space = action_space()
+        self._actions = np.zeros((1, ACTION_SIZE), np.float32)
+        self._observation = self.core.observations[0]
+        self._begun = False
+        self._renderer: Any = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin a round; see the class.
+
+        Raises:
+            UserError: a seed that is no whole number in [0, 2^63), or an unknown option.
+        """
+        seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
+        super().reset(seed=seed)
+        self.core.reset(seeds=seeds, new_match=wants_new_match(options))
+        self._begun = True
+        if self.render_mode is not None:
+            self._frame(begin=True)
+        return self._observation.copy(), self._info()
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Play one step with an action ``(9,)``.
+
+        Raises:
+            ActionError: a wrong shape or dtype, or NaN or infinity (the message names the index).
+            UserError: the round is over or none was begun.
+        """
+        core = self.core
+        if not isinstance(action, np.ndarray) or action.shape != (ACTION_SIZE,) or action.dtype.kind != "f":
+            found = f"{action.dtype} {action.shape}" if isinstance(action, np.ndarray) else type(action).__name__
+            raise ActionError(f"action: expected a float array of shape ({ACTION_SIZE},), got {found}")
+        if not self._begun or core.truncated[0]:
+            raise UserError("step: the round is over; call reset first")
+        self._actions[0] = action
+        core.step(self._actions)
+        if self.render_mode is not None:
+            self._frame()
+        truncated = bool(core.truncated[0])
+        return self._observation.copy(), float(core.rewards[0]), False, truncated, self._info()
+
+    def _info(self) -> dict[str, Any]:
+        core = self.core
+        info: dict[str, Any] = {}
+        if core.side == "ally":
+            info["advice"] = core.advice(0)
+        if core.truncated[0]:
+            info["measures"] = core.measures(0)
+        return info
+
+    def measures(self) -> dict[str, float | None]:
+        """The measures of the present round so far."""
+        return self.core.measures(0)
+
+    def _frame(self, begin: bool = False) -> None:
+        if self._renderer is None:
+            from fpg_bench.envs.rendering import Renderer
+
+            self._renderer = Renderer(self.core.duel.arena, human=self.render_mode == "human")
+        self._renderer.record(begin)
+        if self.render_mode == "human":
+            self._renderer.show()
+
+    def render(self) -> np.ndarray | None:
+        """The picture of the present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``."""
+        return self._renderer.draw() if self.render_mode == "rgb_array" and self._renderer else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+
+def wants_new_match(options: dict[str, Any] | None) -> bool:
+    """Whether a reset's options ask for a new match.
+
+    Raises:
+        UserError: an option that is not known.
+    """
+    for key in options or {}:
+        if key != "new_match":
+            raise UserError(f"reset: unknown option {key!r}; known: new_match")
+    return bool((options or {}).get("new_match", False))

@@ -1,0 +1,69 @@
+"""The measures of a round or of many: from pooled tallies, never from means of ratios."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.game.scenario import JAMMING_TYPES
+from fpg_bench.game.state import TALLY
+
+_GREATEST = "longest_outage"
+
+
+def pool(tallies: np.ndarray) -> dict[str, float]:
+    """Add up records of dtype ``state.TALLY`` (any shape); the longest outage is the greatest."""
+    return {
+        name: float(np.max(tallies[name]) if name == _GREATEST else np.sum(tallies[name]))
+        for name in TALLY.names or ()
+    }
+
+
+def measures(tally: dict[str, Any], histogram: np.ndarray) -> dict[str, float | None]:
+    """The standard measures of pooled rounds.
+
+    Args:
+        tally: sums by the names of ``state.TALLY``, over one round or many.
+        histogram: ``(2, points)``, the steps of the same rounds per frequency point: the ally's centre,
+            and the jammer's to the nearest point.
+
+    Returns:
+        Shares in [0, 1], levels in dB, rates in Mbit/s, times in s, returns summed over the rounds;
+        None where a measure does not exist (nothing covered, no check heard, no outage).
+    """
+    steps = tally["steps"]
+
+    def share(name: str, of: str = "steps") -> float | None:
+        return tally[name] / tally[of] if tally[of] else None
+
+    found = {
+        "overlap_ratio": share("overlap"),
+        "jamming_success_rate": share("jammed"),
+        "outage": share("outage"),
+        "success_given_overlap": share("jammed", "overlap"),
+        "spectrum_overlap": spectrum_overlap(histogram),
+        "detection_rate": share("heard", "checks"),
+        "outage_longest_s": tally["longest_outage"],
+        "outage_mean_s": share("outage", "outage_runs"),
+        "time_to_recover_s": share("recovery_steps", "recoveries"),
+        "recoveries_cut": tally["recoveries_cut"],
+        "hop_rate": share("hops"),
+        "frequency_changes": share("frequency_changes"),
+        "spread_ratio": share("spread"),
+        "near_ratio": share("near"),
+        "snr_db": share("snr_db"),
+        "capacity_mbit_s": share("capacity_mbit_s"),
+        "ally_return": tally["ally_return"],
+        "opponent_return": tally["opponent_return"],
+    }
+    found |= {f"share_{kind}": share(kind) for kind in JAMMING_TYPES}
+    return found if steps else dict.fromkeys(found)
+
+
+def spectrum_overlap(histogram: np.ndarray) -> float | None:
+    """Sum over the points of min(p_i, q_i) of the two centre-frequency distributions (Fig. 4)."""
+    totals = histogram.sum(axis=-1, keepdims=True)
+    if not totals.all():
+        return None
+    return float(np.min(histogram / totals, axis=0).sum())

@@ -1,0 +1,67 @@
+"""One grammar names a player everywhere: a script, an oracle, an agent, a folder, or an object."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.errors import UserError, nearest
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.players.oracles import ORACLES, OracleAlly, OracleOpponent
+from fpg_bench.players.player import Player
+from fpg_bench.players.scripted import SCRIPTED, Scripted
+
+
+def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
+    """The player that ``spec`` names.
+
+    Args:
+        spec: a script (``expert``), ``oracle``, a shipped agent (``ally-scripted/ppo/seed_0``), an agent
+            folder, ``package.module:object`` (a player, or something called with the scenario that gives
+            one), or any object with ``predict``.
+        side: ``ally`` or ``opponent``.
+        scenario: what is played.
+
+    Raises:
+        UserError: no such player, or not one of this side.
+    """
+    if not isinstance(spec, str | os.PathLike):
+        if callable(getattr(spec, "predict", None)):
+            return spec
+        raise UserError(f"{side}: expected a player's name or an object with predict, got {spec!r}")
+    name = os.fspath(spec)
+    if name in SCRIPTED[side]:
+        return Scripted(side, name, scenario)
+    if name in ORACLES:
+        return OracleAlly(scenario) if side == "ally" else OracleOpponent(scenario)
+    if ":" in name:
+        return _imported(name, side, scenario)
+    if "/" in name or Path(name).is_dir():
+        from fpg_bench.players.agent import load_agent
+
+        return load_agent(name, side)
+    raise UserError(f"unknown {side} {name!r}{nearest(name, [*SCRIPTED[side], *ORACLES])}")
+
+
+def player_name(spec: Any) -> str:
+    """What rows and tables call a player: its own word, or its class."""
+    return os.fspath(spec) if isinstance(spec, str | os.PathLike) else type(spec).__name__
+
+
+def _imported(name: str, side: str, scenario: Scenario) -> Player:
+    """``package.module:object`` from the user's own code, the present folder included."""
+    module, _, attribute = name.partition(":")
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise UserError(f"{side} {name!r}: {error}") from error
+    if isinstance(found, type) or not callable(getattr(found, "predict", None)):
+        found = found(scenario) if callable(found) else found
+    if not callable(getattr(found, "predict", None)):
+        raise UserError(f"{side} {name!r}: has no predict(observation, state, episode_start, deterministic)")
+    return found

@@ -1,0 +1,70 @@
+"""Oracles: players that see the full state. Upper bounds to measure against, never part of a panel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.game.full_state import ALLY, OPPONENT
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.sensing import KNOWN_FREQUENCY, NEXT_CHECK, OWN_FREQUENCY, RELATIVE_POSITION
+from fpg_bench.game.state import ACTION_SIZE
+
+ORACLES = ("oracle",)
+
+
+class OracleAlly:
+    """Spreads in just the seconds in which a check comes, and leaves a frequency that is known."""
+
+    sees = "state"
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._check_s = scenario.check_scale_s
+        self._half_point = 1.0 / (scenario.frequency_points - 1)
+
+    def predict(
+        self,
+        observation: np.ndarray,
+        state: Any = None,
+        episode_start: np.ndarray | None = None,
+        deterministic: bool = True,
+    ) -> tuple[np.ndarray, Any]:
+        """Play one step from the full state ``(n, 54)``; see :class:`fpg_bench.players.player.Player`."""
+        frequency = observation[:, ALLY + OWN_FREQUENCY]
+        known = observation[:, OPPONENT + KNOWN_FREQUENCY]
+        due = observation[:, OPPONENT + NEXT_CHECK] * self._check_s < 1.5
+        actions = np.zeros((len(observation), ACTION_SIZE), np.float32)
+        actions[:, 0] = np.where(np.abs(frequency - known) < self._half_point, 1, -1)
+        actions[:, 1] = np.where(due, 1, -1)
+        actions[:, 2] = 1
+        actions[:, 3] = np.where(known > 0, -1, 1)  # the end of the band that is farther away
+        actions[:, 4] = -1
+        return actions, None
+
+
+class OracleOpponent:
+    """A single tone on the ally's true frequency, flying straight at it."""
+
+    sees = "state"
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._box = np.asarray(scenario.box_m)
+
+    def predict(
+        self,
+        observation: np.ndarray,
+        state: Any = None,
+        episode_start: np.ndarray | None = None,
+        deterministic: bool = True,
+    ) -> tuple[np.ndarray, Any]:
+        """Play one step from the full state ``(n, 54)``; see :class:`fpg_bench.players.player.Player`."""
+        actions = np.full((len(observation), ACTION_SIZE), -1, np.float32)
+        actions[:, 0] = 1
+        actions[:, 4] = observation[:, ALLY + OWN_FREQUENCY]
+        actions[:, 5] = 1
+        start = OPPONENT + RELATIVE_POSITION
+        root = observation[:, start : start + 3]
+        away = np.sign(root) * root**2 * self._box
+        actions[:, 6:] = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 10.0)
+        return actions, None

@@ -1,0 +1,78 @@
+"""Players without learning: what every trained agent has to beat. They read observations only."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.game import draws
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.players.scripts import ALLIES, OPPONENTS, play_ally, play_opponent
+
+SCRIPTED = {"ally": ALLIES, "opponent": OPPONENTS}
+
+
+class Scripted:
+    """A scripted ally or opponent, compiled over a batch; its memory is the round's step count.
+
+    Args:
+        side: ``ally`` or ``opponent``.
+        name: one of ``SCRIPTED[side]``.
+        scenario: what is played; gives the scales in which observations are read.
+    """
+
+    def __init__(self, side: str, name: str, scenario: Scenario) -> None:
+        self.side, self.name = side, name
+        self._kind = SCRIPTED[side].index(name)
+        self._play = play_ally if side == "ally" else play_opponent
+        self._scales = np.array(
+            [
+                scenario.snr_scale_db,
+                scenario.snr_threshold_db,
+                scenario.spreading_scale_s,
+                scenario.frequency_points,
+                *scenario.box_m,
+            ]
+        )
+        self._keys = np.empty(0, np.uint64)
+
+    def reset(self, mask: np.ndarray, seeds: np.ndarray) -> None:
+        """Take the masked games' seeds for this round's draws."""
+        if len(self._keys) != len(seeds):
+            self._keys = np.zeros(len(seeds), np.uint64)
+        self._keys[mask] = seeds[mask]
+
+    def predict(
+        self,
+        observation: np.ndarray,
+        state: Any = None,
+        episode_start: np.ndarray | None = None,
+        deterministic: bool = True,
+    ) -> tuple[np.ndarray, Any]:
+        """Play one step; see :class:`fpg_bench.players.player.Player`."""
+        if observation.ndim == 1:
+            actions, state = self.predict(observation[None], state, episode_start)
+            return actions[0], state
+        count = len(observation)
+        steps = np.zeros(count, np.int64) if state is None else state.copy()
+        if episode_start is not None:
+            steps[episode_start] = 0
+        if len(self._keys) != count:
+            self._keys = np.arange(count, dtype=np.uint64)
+        actions = np.empty((count, ACTION_SIZE), np.float32)
+        observation = np.require(observation, np.float32, ("C", "W"))
+        self._play(self._kind, observation, actions, steps, self._keys, self._scales)
+        return actions, steps
+
+    def __repr__(self) -> str:
+        return f"Scripted({self.side!r}, {self.name!r})"
+
+
+def player_seeds(round_keys: np.ndarray, side: str) -> np.ndarray:
+    """``(N,)`` uint64 seeds of one side's player for the rounds of these keys."""
+    seeds = np.empty(len(round_keys), np.uint64)
+    purpose = draws.PLAYER_SEED if side == "ally" else draws.OPPONENT_PLAYER_SEED
+    draws.derived_keys(seeds, np.ascontiguousarray(round_keys), purpose)
+    return seeds
