@@ -35,7 +35,9 @@ VIEWS = MappingProxyType(
     {
         view.id: view
         for view in (
-            View("FPG/AllyVsScripted-v0", "ally", "adaptive", about="keep the link against a scripted jammer"),
+            View(
+                "FPG/AllyVsScripted-v0", "ally", "adaptive", about="keep the link against a scripted jammer"
+            ),
             View(
                 "FPG/AllyVsPlanner-v0",
                 "ally",

@@ -83,7 +83,9 @@ class DuelView(ParallelEnv):
         for side in SIDES:
             action = np.asarray(actions.get(side))
             if action.shape != (ACTION_SIZE,) or action.dtype.kind != "f":
-                raise ActionError(f"{side}: expected a float array of shape ({ACTION_SIZE},), got {actions.get(side)!r}")
+                raise ActionError(
+                    f"{side}: expected a float array of shape ({ACTION_SIZE},), got {actions.get(side)!r}"
+                )
             self._actions[side][0] = action
         arena = self.duel.arena
         arena.step(self._actions["ally"], self._actions["opponent"])

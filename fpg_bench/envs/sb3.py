@@ -10,7 +10,13 @@ import numpy as np
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvStepReturn
 
-from fpg_bench.envs.one_sided import OneSided, action_space, first_seeds, observation_space, staggered_horizons
+from fpg_bench.envs.one_sided import (
+    OneSided,
+    action_space,
+    first_seeds,
+    observation_space,
+    staggered_horizons,
+)
 from fpg_bench.envs.single import wants_new_match
 
 
@@ -27,7 +33,7 @@ class SB3View(VecEnv):
         stagger: cut the first rounds at evenly spread steps, so that a batch mixes phases.
     """
 
-    def __init__(self, core: OneSided, seed: int | None = None, stagger: bool = True) -> None:
+    def __init__(self, core: OneSided, seed: int | None = None, stagger: bool = False) -> None:
         self.core = core
         self.render_mode: str | None = None
         super().__init__(core.count, observation_space(), action_space())
@@ -108,7 +114,9 @@ class SB3View(VecEnv):
             raise ValueError(f"set_attr: {attr_name!r} can only be set for all {self.num_envs} games at once")
         setattr(self, attr_name, value)
 
-    def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
+    ) -> list[Any]:
         """Call ``method_name(game, ...)`` of the core, for each game asked for: ``measures``, ``advice``."""
         method = getattr(self.core, method_name)
         return [method(game, *method_args, **method_kwargs) for game in self._indices(indices)]
@@ -117,12 +125,12 @@ class SB3View(VecEnv):
         """True for ``Monitor``, whose infos this view writes itself."""
         return [issubclass(wrapper_class, Monitor) for _ in self._indices(indices)]
 
-    def _indices(self, indices: None | int | Iterable[int]) -> Iterable[int]:
+    def _indices(self, indices: int | Iterable[int] | None) -> Iterable[int]:
         return self._get_indices(indices)
 
 
 def make_sb3(
-    view_id: str, n_envs: int = 1, seed: int | None = None, stagger: bool = True, **options: Any
+    view_id: str, n_envs: int = 1, seed: int | None = None, stagger: bool = False, **options: Any
 ) -> SB3View:
     """A native SB3 ``VecEnv`` of N games of an id.
 

@@ -67,7 +67,9 @@ class SingleView(gymnasium.Env):
         """
         core = self.core
         if not isinstance(action, np.ndarray) or action.shape != (ACTION_SIZE,) or action.dtype.kind != "f":
-            found = f"{action.dtype} {action.shape}" if isinstance(action, np.ndarray) else type(action).__name__
+            found = (
+                f"{action.dtype} {action.shape}" if isinstance(action, np.ndarray) else type(action).__name__
+            )
             raise ActionError(f"action: expected a float array of shape ({ACTION_SIZE},), got {found}")
         if not self._begun or core.truncated[0]:
             raise UserError("step: the round is over; call reset first")

@@ -8,7 +8,13 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from fpg_bench.envs.one_sided import OneSided, action_space, first_seeds, observation_space, staggered_horizons
+from fpg_bench.envs.one_sided import (
+    OneSided,
+    action_space,
+    first_seeds,
+    observation_space,
+    staggered_horizons,
+)
 from fpg_bench.envs.single import wants_new_match
 
 

@@ -109,7 +109,9 @@ class Arena:
         else:
             games["round"][mask] += 1
             self.next_match(mask & (games["round"] >= self.scenario.rounds_per_match))
-        games["horizon"][mask] = self.scenario.steps_per_round if horizons is None else np.asarray(horizons)[mask]
+        games["horizon"][mask] = (
+            self.scenario.steps_per_round if horizons is None else np.asarray(horizons)[mask]
+        )
         self.tallies[mask] = np.zeros((), TALLY)
         self.histograms[mask] = 0
         self._begun = True
@@ -157,7 +159,11 @@ class Arena:
 
     def _load(self, target: np.ndarray, actions: np.ndarray, side: str) -> None:
         if not isinstance(actions, np.ndarray) or actions.dtype.kind != "f" or actions.shape != target.shape:
-            found = f"{actions.dtype} {actions.shape}" if isinstance(actions, np.ndarray) else type(actions).__name__
+            found = (
+                f"{actions.dtype} {actions.shape}"
+                if isinstance(actions, np.ndarray)
+                else type(actions).__name__
+            )
             raise ActionError(f"{side} actions: expected a float array of shape {target.shape}, got {found}")
         target[...] = actions
         bad = kernel.first_unusable(target)
@@ -178,7 +184,9 @@ class Arena:
         """
         waypoints = np.asarray(waypoints, float)
         if waypoints.shape != self.waypoints.shape[1:]:
-            raise UserError(f"waypoints: expected the shape {self.waypoints.shape[1:]}, got {waypoints.shape}")
+            raise UserError(
+                f"waypoints: expected the shape {self.waypoints.shape[1:]}, got {waypoints.shape}"
+            )
         inside = (waypoints >= 0) & (waypoints <= np.asarray(self.scenario.box_m))
         if not inside.all():
             index = int(np.argwhere(~inside)[0, 0])

@@ -83,7 +83,11 @@ def _nth_farthest(n, point, strategy, centre, rules):
         for candidate in range(rules.points):
             distance = abs(point_mhz(candidate, rules) - centre)
             after_last = distance < last_distance or (distance == last_distance and candidate > last_point)
-            if after_last and distance > best_distance and _is_free(candidate, point, strategy, centre, rules):
+            if (
+                after_last
+                and distance > best_distance
+                and _is_free(candidate, point, strategy, centre, rules)
+            ):
                 best, best_distance = candidate, distance
         last_distance, last_point = best_distance, best
     return last_point

@@ -55,4 +55,6 @@ def announce_compilation() -> None:
     folder = cache_folder()
     if folder is None or not any(folder.rglob("*.nbi")):
         where = "it cannot be kept: no writable cache folder" if folder is None else f"kept in {folder}"
-        print(f"fpg_bench: compiling the game, about half a minute, once ({where})", file=sys.stderr, flush=True)
+        print(
+            f"fpg_bench: compiling the game, about half a minute, once ({where})", file=sys.stderr, flush=True
+        )

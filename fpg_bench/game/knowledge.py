@@ -64,7 +64,9 @@ def _load(path: Path, jamming_types: tuple[str, ...]) -> KnowledgeBase:
     content = read_yaml(path, "knowledge (expert, none or a YAML file)")
     if set(content) != set(jamming_types):
         found = ", ".join(map(str, content))
-        raise KnowledgeError(f"knowledge {path}: expected the entries {', '.join(jamming_types)}, got {found}")
+        raise KnowledgeError(
+            f"knowledge {path}: expected the entries {', '.join(jamming_types)}, got {found}"
+        )
     return KnowledgeBase(tuple(_entry(f"knowledge {path}: {name}", content[name]) for name in jamming_types))
 
 
@@ -76,8 +78,12 @@ def _entry(where: str, content: Any) -> Entry:
     if not isinstance(spectrum, dict) or set(spectrum) != {"half_width_mhz", "spacing_mhz"}:
         raise KnowledgeError(f"{where}: spectrum: expected half_width_mhz and spacing_mhz, got {spectrum!r}")
     candidates = content["candidates"]
-    if candidates != "all" and (isinstance(candidates, bool) or not isinstance(candidates, int) or candidates < 1):
-        raise KnowledgeError(f"{where}: candidates: expected 'all' or a whole number above 0, got {candidates!r}")
+    if candidates != "all" and (
+        isinstance(candidates, bool) or not isinstance(candidates, int) or candidates < 1
+    ):
+        raise KnowledgeError(
+            f"{where}: candidates: expected 'all' or a whole number above 0, got {candidates!r}"
+        )
     if not isinstance(content["spread"], bool):
         raise KnowledgeError(f"{where}: spread: expected true or false, got {content['spread']!r}")
     spacing = spectrum["spacing_mhz"]

@@ -76,7 +76,9 @@ class Scenario:
     spread_bandwidth_mhz: float = _number(2400.0, 1e-3, 1e6, "ally's bandwidth while it spreads")
     fading_sd_db: float = _number(1.0, 0, 50, "standard deviation of the Gaussian fading, per step")
     snr_threshold_db: float = _number(8.0, -50, 100, "M: below it the link is in outage")
-    snr_model: str = _choice("sinr", SNR_MODELS, "sinr: interference beside noise; paper: Eq. 2 and 3 literally")
+    snr_model: str = _choice(
+        "sinr", SNR_MODELS, "sinr: interference beside noise; paper: Eq. 2 and 3 literally"
+    )
     spread_capacity: bool = _other(False, "capacity uses the bandwidth in use (True) or the unspread one")
 
     # Jamming, Table 1 and Eq. 7-10, in the order tone, narrowband, broadband, comb
@@ -90,24 +92,32 @@ class Scenario:
 
     # Detection
     detection: str = _choice(
-        "emission", DETECTIONS, "emission: by the opponent's own receiver; link: by the ally's SNR; off: never"
+        "emission",
+        DETECTIONS,
+        "emission: by the opponent's own receiver; link: by the ally's SNR; off: never",
     )
     first_check_s: tuple[int, ...] = _numbers((1, 5), 1, 10_000, "earliest and latest first check, uniform")
     check_interval_s: tuple[int, ...] = _numbers((4, 6), 1, 10_000, "shortest and longest interval, uniform")
     ally_emission_dbm: float = _number(-12.0, -200, 100, "what the opponent's receiver can hear of the ally")
 
     # Ally
-    ally_speed_m_s: tuple[float, ...] = _numbers((5.0, 10.0), 0, 1000, "slowest and fastest speed along the path")
+    ally_speed_m_s: tuple[float, ...] = _numbers(
+        (5.0, 10.0), 0, 1000, "slowest and fastest speed along the path"
+    )
     ally_path_m: tuple[tuple[float, ...], ...] | None = _other(
         None, "four control points of the Bezier curve; None: drawn per match"
     )
-    ally_path_altitude_m: tuple[float, ...] = _numbers((50.0, 550.0), 0, 1e5, "altitudes of drawn control points")
+    ally_path_altitude_m: tuple[float, ...] = _numbers(
+        (50.0, 550.0), 0, 1e5, "altitudes of drawn control points"
+    )
     ally_path_chords: int = _number(256, 1, 10_000, "chords along which the curve is measured and flown")
     reselect_on_despread: bool = _other(False, "leaving spread chooses a frequency for free (paper's text)")
     knowledge: str = _other("expert", "expert knowledge base: expert, none, or the path of a YAML file")
 
     # Opponent
-    opponent_path: str | tuple[str, ...] = _other("pursuit", "how the opponent flies; several: drawn per round")
+    opponent_path: str | tuple[str, ...] = _other(
+        "pursuit", "how the opponent flies; several: drawn per round"
+    )
     opponent_speed_m_s: float = _number(10.0, 0, 1000, "greatest speed of the opponent")
     tuning_span_mhz: float = _number(50.0, 0, 1e5, "greatest tuning offset from the known frequency")
     patrol_centre_m: tuple[float, ...] = _numbers((750.0, 750.0, 300.0), 0, 1e5, "centre of the patrols")
@@ -189,7 +199,11 @@ class Scenario:
             if key not in known:
                 raise ScenarioError(f"scenario {path}: unknown key {key!r}{nearest(str(key), known)}")
         knowledge = changes.get("knowledge")
-        if isinstance(knowledge, str) and knowledge not in ("expert", "none") and not Path(knowledge).is_absolute():
+        if (
+            isinstance(knowledge, str)
+            and knowledge not in ("expert", "none")
+            and not Path(knowledge).is_absolute()
+        ):
             changes["knowledge"] = str(path.parent / knowledge)
         try:
             return dataclasses.replace(start, **changes)
@@ -302,14 +316,20 @@ def _check_mix(scenario: Scenario) -> None:
     inside = {"base_station_m": [s.base_station_m], "ally_path_m": s.ally_path_m or ()}
     r = s.patrol_radius_m
     centre = s.patrol_centre_m
-    inside["patrol_centre_m"] = [centre, (centre[0] + r, centre[1] + r, centre[2]), (centre[0] - r, centre[1] - r, 0)]
+    inside["patrol_centre_m"] = [
+        centre,
+        (centre[0] + r, centre[1] + r, centre[2]),
+        (centre[0] - r, centre[1] - r, 0),
+    ]
     for name, points in inside.items():
         for point in points:
             if any(not 0 <= x <= size for x, size in zip(point, s.box_m, strict=True)):
                 extra = f" with patrol_radius_m {r}" if name == "patrol_centre_m" else ""
                 raise ScenarioError(f"{name}{extra}: {point} lies outside box_m {s.box_m}")
     if s.ally_path_m is not None and len(set(s.ally_path_m)) == 1:
-        raise ScenarioError(f"ally_path_m: its four control points are all {s.ally_path_m[0]}, a path of no length")
+        raise ScenarioError(
+            f"ally_path_m: its four control points are all {s.ally_path_m[0]}, a path of no length"
+        )
     starts = s.spread_cost_from_s
     if starts[0] != 0 or list(starts) != sorted(starts):
         raise ScenarioError(f"spread_cost_from_s: {starts} must begin at 0 and not fall")

@@ -28,7 +28,9 @@ class Seat:
         deterministic: whether stochastic policies play their mode.
     """
 
-    def __init__(self, side: str, players: Sequence[Player], arena: Arena, deterministic: bool = True) -> None:
+    def __init__(
+        self, side: str, players: Sequence[Player], arena: Arena, deterministic: bool = True
+    ) -> None:
         self.side = side
         self.players = tuple(players)
         self._arena = arena
