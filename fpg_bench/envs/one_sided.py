@@ -10,11 +10,11 @@ import numpy as np
 from gymnasium import spaces
 
 from fpg_bench.envs.duel import Duel
-from fpg_bench.envs.ids import find_view
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.arena import check_seeds
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+from fpg_bench.ids import find_view
 from fpg_bench.planning import as_planner
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.scripted import SCRIPTED
@@ -35,7 +35,7 @@ class OneSided:
     """N games of which the caller plays one side.
 
     Args:
-        view_id: one of the ids of :mod:`fpg_bench.envs.ids`.
+        view_id: one of the ids of :mod:`fpg_bench.ids`.
         games: how many, N.
         scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard`` (with ten rounds
             a match in planner views).

@@ -23,7 +23,7 @@ class SingleView(gymnasium.Env):
     step's info holds ``measures``; the ally's info holds the knowledge base's ``advice``.
 
     Args:
-        view_id: one of the ids of :mod:`fpg_bench.envs.ids`.
+        view_id: one of the ids of :mod:`fpg_bench.ids`.
         render_mode: None, ``rgb_array`` or ``human``.
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
     """

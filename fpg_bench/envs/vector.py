@@ -25,7 +25,7 @@ class VectorView(VectorEnv):
     game's action and gives reward 0 (NEXT_STEP). Infos of a last step hold ``measures``.
 
     Args:
-        view_id: one of the ids of :mod:`fpg_bench.envs.ids`.
+        view_id: one of the ids of :mod:`fpg_bench.ids`.
         num_envs: N.
         stagger: cut the first rounds at evenly spread steps, so that the batch mixes phases.
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
