@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 import pettingzoo
 
-from fpg_bench.envs.ids import VIEWS
 from fpg_bench.errors import UserError
+from fpg_bench.ids import VIEWS
 
 __version__ = "0.1.0.dev0"
 
@@ -33,7 +33,16 @@ _HOMES = {
     "load_agent": "fpg_bench.players.agent",
 }
 
-__all__ = ["UserError", "__version__", *_HOMES]
+__all__ = [
+    "Scenario",
+    "UserError",
+    "__version__",
+    "load_agent",
+    "make_duel",
+    "make_sb3",
+    "preset",
+    "supersuit_vec_env",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,0 +1,1 @@
+"""Measures under one protocol: panels, the match runner, rows, statistics and tables."""

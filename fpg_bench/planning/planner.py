@@ -12,7 +12,7 @@ from fpg_bench.game.scenario import Scenario
 
 @dataclass(frozen=True)
 class Limits:
-    """What a plan must keep to: the box in m, the opponent's speed in m/s, the round in s, how many points."""
+    """What a plan must keep to: box (m), opponent's speed (m/s), length of a round (s), number of points."""
 
     box_m: tuple[float, ...]
     speed_m_s: float

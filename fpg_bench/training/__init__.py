@@ -1,0 +1,1 @@
+"""Training with Stable-Baselines3, and the export of what was trained."""

@@ -1,0 +1,130 @@
+"""Panels: fixed, versioned lists of pairings under which players are compared."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.errors import UserError, nearest
+from fpg_bench.evaluation.seeds import SEASON
+from fpg_bench.files import read_json, read_yaml
+from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.players.player import SIDES
+
+PANEL_FOLDER = Path(__file__).with_name("panels")
+STANDARD_ERRORS = 10.0
+_KEYS = {"side", "scenario", "rounds", "reference", "entries"}
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What normalises an entry: the mean round returns of the random player (0) and of the reference (100)."""
+
+    random: float
+    reference: float
+    standard_error: float
+
+    def score(self, round_return: float) -> float:
+        """The normalised score of a round's return."""
+        return 100 * (round_return - self.random) / (self.reference - self.random)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One pairing: the other side's player, and how the opponent flies."""
+
+    other: str
+    path: str
+
+    @property
+    def name(self) -> str:
+        """What rows and tables call it."""
+        return f"{self.other}/{self.path}"
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A named list of pairings, with the scores that normalise each (None before they are measured)."""
+
+    name: str
+    side: str
+    scenario: Scenario
+    rounds: int
+    reference: str
+    entries: tuple[Entry, ...]
+    season: str = SEASON
+    references: dict[str, Reference] | None = None
+
+    @property
+    def other_side(self) -> str:
+        """The side that the entries name."""
+        return "opponent" if self.side == "ally" else "ally"
+
+    def entry_scenario(self, entry: Entry) -> Scenario:
+        """The scenario of an entry: the panel's, on the entry's path."""
+        return as_scenario(self.scenario, opponent_path=entry.path)
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of everything that decides a result under this panel, as 64 hexadecimal digits."""
+        entries = [[entry.other, self.entry_scenario(entry).hash] for entry in self.entries]
+        content = [self.side, self.rounds, self.season, self.reference, entries]
+        return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def load_panel(name: str) -> Panel:
+    """A panel by its name (``ally-v1``) or from a YAML file of the same form.
+
+    Raises:
+        UserError: no such panel or file, or an entry or value that cannot be played.
+    """
+    known = [path.stem for path in PANEL_FOLDER.glob("*.yml")]
+    path = Path(name) if name.endswith((".yml", ".yaml")) else PANEL_FOLDER / f"{name}.yml"
+    if name not in known and not path.is_file():
+        raise UserError(f"unknown panel {name!r}{nearest(name, known)}")
+    content = read_yaml(path, "panel")
+    if set(content) != _KEYS:
+        raise UserError(f"panel {path}: expected the keys {', '.join(sorted(_KEYS))}, got {', '.join(map(str, content))}")
+    if content["side"] not in SIDES:
+        raise UserError(f"panel {path}: side: expected ally or opponent, got {content['side']!r}")
+    rounds = content["rounds"]
+    if isinstance(rounds, bool) or not isinstance(rounds, int) or rounds < 1:
+        raise UserError(f"panel {path}: rounds: expected a whole number above 0, got {rounds!r}")
+    other = "opponent" if content["side"] == "ally" else "ally"
+    panel = Panel(
+        name=path.stem,
+        side=content["side"],
+        scenario=as_scenario(content["scenario"]),
+        rounds=rounds,
+        reference=str(content["reference"]),
+        entries=_entries(content["entries"], other, path),
+        references=_references(path),
+    )
+    for entry in panel.entries:
+        panel.entry_scenario(entry)
+    return panel
+
+
+def scores_file(path: Path) -> Path:
+    """Where a panel's reference scores lie: beside it."""
+    return path.with_suffix(".scores.json")
+
+
+def _entries(content: Any, other: str, path: Path) -> tuple[Entry, ...]:
+    if not isinstance(content, list) or not content:
+        raise UserError(f"panel {path}: entries: expected a list, got {content!r}")
+    for item in content:
+        if not isinstance(item, dict) or set(item) != {other, "path"}:
+            raise UserError(f"panel {path}: expected entries with {other} and path, got {item!r}")
+    return tuple(Entry(str(item[other]), str(item["path"])) for item in content)
+
+
+def _references(path: Path) -> dict[str, Reference] | None:
+    file = scores_file(path)
+    if not file.is_file():
+        return None
+    content = read_json(file, "reference scores")
+    return {name: Reference(**scores) for name, scores in content["entries"].items()}

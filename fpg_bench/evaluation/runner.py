@@ -1,0 +1,132 @@
+"""The one match runner: player x panel x seeds, in large batches, one row per round, resumable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.envs.duel import Duel
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.panel import Entry, Panel
+from fpg_bench.evaluation.rows import Row, RowFile
+from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.game.state import TALLY
+from fpg_bench.players.naming import as_player
+from fpg_bench.players.player import Player
+from fpg_bench.players.seat import Seat
+
+TALLIES = tuple(TALLY.names or ())
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """Who is measured: what rows call it, what it is, and which training seed it came from, if any."""
+
+    name: str
+    spec: Any
+    training_seed: int | None = None
+
+    def fingerprint(self, player: Player) -> str:
+        """What tells two players of one name apart: an agent's policy hash, else the name's own word."""
+        about = getattr(player, "about", None)
+        return about["policy_sha256"] if isinstance(about, dict) else str(self.spec)
+
+
+def contestant(spec: Any, side: str, panel: Panel, name: str | None = None) -> Contestant:
+    """A contestant from a player's name; agents of one algorithm are one contestant over training seeds.
+
+    Raises:
+        UserError: no such player, one of the other side, or an oracle.
+    """
+    player = as_player(spec, side, panel.scenario)
+    if getattr(player, "sees", "") == "state":
+        raise UserError(f"{side} {spec!r}: sees the full state, which no panel allows")
+    about = getattr(player, "about", None)
+    if isinstance(about, dict):
+        return Contestant(name or str(about["algorithm"]), spec, about["training_seed"])
+    return Contestant(name or str(spec), spec)
+
+
+def play_panel(
+    who: Contestant, panel: Panel, file: RowFile, progress: Callable[[Entry], None] = lambda entry: None
+) -> None:
+    """Play a contestant against every entry of a panel whose rows are not there yet.
+
+    Args:
+        who: the contestant.
+        panel: the pairings and how many rounds of each.
+        file: where rows go; entries that are complete there are skipped.
+        progress: called before each entry, played or skipped.
+
+    Raises:
+        UserError: the file holds rows of another panel, or of another player under the same name.
+    """
+    player = as_player(who.spec, panel.side, panel.scenario)
+    head = {"panel": panel.name, "panel_hash": panel.hash[:16], "player": who.name}
+    head |= {"training_seed": who.training_seed, "fingerprint": who.fingerprint(player)[:16]}
+    done = _rounds_done(file, head)
+    for entry in panel.entries:
+        progress(entry)
+        known = done.get(entry.name, set())
+        if len(known) < panel.rounds:
+            for rows in play_entry(who.spec, panel, entry, panel.rounds):
+                fresh = [row for row in rows if (row["seed"], row["round"]) not in known]
+                file.append({**head, "entry": entry.name, **row} for row in fresh)
+
+
+def _rounds_done(file: RowFile, head: dict[str, Any]) -> dict[str, set[tuple[int, int]]]:
+    """Which rounds (seed, round) of each entry the file holds of this contestant."""
+    done: dict[str, set[tuple[int, int]]] = {}
+    for row in file.read():
+        if row["panel_hash"] != head["panel_hash"]:
+            raise UserError(
+                f"rows {file.path}: hold rows of another panel or scenario ({row['panel']} {row['panel_hash']}); "
+                "write to another folder"
+            )
+        if (row["player"], row["training_seed"]) != (head["player"], head["training_seed"]):
+            continue
+        if row["fingerprint"] != head["fingerprint"]:
+            raise UserError(
+                f"rows {file.path}: hold rows of another {head['player']!r} (another policy); "
+                "give this one another name or write to another folder"
+            )
+        done.setdefault(row["entry"], set()).add((row["seed"], row["round"]))
+    return done
+
+
+def play_entry(spec: Any, panel: Panel, entry: Entry, rounds: int) -> Iterator[list[Row]]:
+    """Play a player against an entry as one batch of matches; gives the rows of each round as it ends."""
+    scenario = panel.entry_scenario(entry)
+    matches = -(-rounds // scenario.rounds_per_match)
+    duel = Duel(scenario, matches)
+    seats = {
+        panel.side: Seat(panel.side, [as_player(spec, panel.side, scenario)], duel.arena),
+        panel.other_side: Seat(panel.other_side, [as_player(entry.other, panel.other_side, scenario)], duel.arena),
+    }
+    seeds: Any = np.array(evaluation_seeds(matches, panel.season))
+    for _ in range(scenario.rounds_per_match):
+        play_round(duel, seats["ally"], seats["opponent"], seeds)
+        yield [_row(duel, game) for game in range(matches)]
+        seeds = None
+
+
+def play_round(duel: Duel, ally: Seat, opponent: Seat, seeds: Any = None) -> None:
+    """Play one round of every game to its end: of new matches where seeds are given, else the next one."""
+    mask = duel.reset(seeds=seeds)
+    ally.begin(mask)
+    opponent.begin(mask)
+    while not duel.arena.games["truncated"].all():
+        duel.arena.step(ally.act(), opponent.act())
+
+
+def _row(duel: Duel, game: int) -> Row:
+    """One round: its chance, the sums of its tally, and the steps per frequency point of both sides."""
+    arena = duel.arena
+    played = arena.games[game]
+    row: Row = {"seed": int(played["seed"]), "round": int(played["round"])}
+    row |= {name: arena.tallies[name][game].item() for name in TALLIES}
+    row["ally_points"], row["jam_points"] = arena.histograms[game].tolist()
+    return row

@@ -1,0 +1,44 @@
+"""Which seeds are whose: training, tuning and evaluation never meet.
+
+A training run of seed k takes [k * 10^6, (k + 1) * 10^6); tuning seeds begin at 2^40 and evaluation
+seeds at 2^41. Evaluation seeds follow from the protocol version and a season key by a public hash, so
+they can be changed each season.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+from fpg_bench.errors import UserError
+
+PROTOCOL = "1"
+SEASON = "0"
+TRAINING_STRIDE = 10**6
+TUNING_START = 2**40
+EVALUATION_START = 2**41
+_BLOCK = 2**20
+
+
+def training_seed(k: int) -> int:
+    """The first environment seed of training seed k.
+
+    Raises:
+        UserError: k is negative or so large that it would reach the tuning seeds.
+    """
+    seed = k * TRAINING_STRIDE
+    if k < 0 or seed + TRAINING_STRIDE > TUNING_START:
+        raise UserError(f"training seed: expected 0 to {TUNING_START // TRAINING_STRIDE - 1}, got {k}")
+    return seed
+
+
+def evaluation_seeds(count: int, season: str = SEASON) -> list[int]:
+    """The first ``count`` evaluation seeds of a season of this protocol.
+
+    Raises:
+        UserError: more than a season has.
+    """
+    if not 0 <= count <= _BLOCK:
+        raise UserError(f"evaluation seeds: a season has {_BLOCK}, asked for {count}")
+    digest = hashlib.sha256(f"fpg-bench/{PROTOCOL}/{season}".encode()).digest()
+    first = EVALUATION_START + int.from_bytes(digest[:8], "big") % _BLOCK * _BLOCK
+    return list(range(first, first + count))

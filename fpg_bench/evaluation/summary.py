@@ -1,0 +1,98 @@
+"""From rows to what a table says: per contestant the normalised score with its interval, and the measures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.panel import Panel
+from fpg_bench.evaluation.rows import Row
+from fpg_bench.evaluation.runner import TALLIES
+from fpg_bench.evaluation.statistics import Interval, iqm_interval
+from fpg_bench.game.measures import measures
+
+_GREATEST = "longest_outage"
+
+
+@dataclass(frozen=True)
+class Summary:
+    """One contestant under a panel.
+
+    Attributes:
+        player: its name.
+        training_seeds: how many, 0 for a script.
+        score: the IQM over entries of the normalised score (0 random, 100 reference), with its interval.
+        mean: the mean over entries of the normalised score.
+        entries: the normalised score per entry.
+        measures: the pooled measures of :func:`fpg_bench.game.measures.measures`, returns per round.
+        rounds: how many rounds were played.
+    """
+
+    player: str
+    training_seeds: int
+    score: Interval
+    mean: float
+    entries: dict[str, float]
+    measures: dict[str, float | None]
+    rounds: int
+
+
+def summarise(rows: list[Row], panel: Panel) -> list[Summary]:
+    """One summary per contestant whose rows are complete, best first.
+
+    Raises:
+        UserError: the panel has no reference scores.
+    """
+    if panel.references is None:
+        raise UserError(f"panel {panel.name}: has no reference scores; measure them with scripts/measure_panels.py")
+    groups: dict[str, dict[Any, list[Row]]] = {}
+    for row in rows:
+        groups.setdefault(row["player"], {}).setdefault(row["training_seed"], []).append(row)
+    found = [_summary(name, by_seed, panel) for name, by_seed in groups.items()]
+    return sorted((s for s in found if s is not None), key=lambda s: -s.score.value)
+
+
+def _summary(name: str, by_seed: dict[Any, list[Row]], panel: Panel) -> Summary | None:
+    complete = {seed: scores for seed, rows in by_seed.items() if (scores := _scores(rows, panel)) is not None}
+    if not complete:
+        return None
+    trained = None not in complete
+    scores = np.stack([complete[seed] for seed in sorted(complete, key=str)])
+    per_entry = scores.mean(axis=(0, 2))
+    rows = [row for seed in complete for row in by_seed[seed]]
+    return Summary(
+        player=name,
+        training_seeds=len(complete) if trained else 0,
+        score=iqm_interval(scores, trained),
+        mean=float(per_entry.mean()),
+        entries={entry.name: float(x) for entry, x in zip(panel.entries, per_entry, strict=True)},
+        measures=_pooled(rows),
+        rounds=len(rows),
+    )
+
+
+def _scores(rows: list[Row], panel: Panel) -> np.ndarray | None:
+    """``(entries, evaluation seeds)`` normalised mean returns a match, None where rounds are missing."""
+    assert panel.references is not None
+    found = []
+    for entry in panel.entries:
+        returns: dict[int, list[float]] = {}
+        for row in rows:
+            if row["entry"] == entry.name:
+                returns.setdefault(row["seed"], []).append(row[f"{panel.side}_return"])
+        if sum(map(len, returns.values())) < panel.rounds:
+            return None
+        reference = panel.references[entry.name]
+        found.append([reference.score(float(np.mean(returns[seed]))) for seed in sorted(returns)])
+    return np.array(found)
+
+
+def _pooled(rows: list[Row]) -> dict[str, float | None]:
+    """The measures over all rows; sums pooled, both returns as means a round."""
+    tally = {name: (max if name == _GREATEST else sum)(row[name] for row in rows) for name in TALLIES}
+    histogram = np.array([[row["ally_points"], row["jam_points"]] for row in rows]).sum(axis=0)
+    found = measures(tally, histogram)
+    return found | {f"{side}_return": tally[f"{side}_return"] / len(rows) for side in ("ally", "opponent")}

@@ -1,0 +1,191 @@
+"""Agent folders: a trained policy as data, ``agent.json`` beside ``policy.onnx``, and its player."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.errors import UserError
+from fpg_bench.files import read_json
+from fpg_bench.game import draws
+from fpg_bench.game.compiling import compiled
+from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+from fpg_bench.ids import VIEWS
+
+AGENT_FORMAT = 1
+MAX_NOISE = 16
+_FIELDS = ("format", "algorithm", "id", "scenario", "training_seed", "training_steps", "policy_sha256")
+
+
+class OnnxPlayer:
+    """Plays a policy through onnxruntime, one thread, the same bits whatever the batch size.
+
+    Inputs ``observation`` (n, 15), optional ``state`` (n, S), optional ``noise`` (n, k), standard normal
+    numbers of the round's own stream; outputs ``action`` (n, 9) and, with a state, ``next_state``
+    (n, S); float32.
+
+    Args:
+        model: the bytes of ``policy.onnx``.
+        about: the content of ``agent.json``.
+
+    Raises:
+        UserError: onnxruntime cannot read it, or its inputs and outputs are others.
+    """
+
+    def __init__(self, model: bytes, about: dict[str, Any]) -> None:
+        import onnxruntime
+
+        self.model, self.about = model, about
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 4
+        try:
+            self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # onnxruntime raises many kinds, none documented
+            raise UserError(f"policy.onnx: onnxruntime cannot read it: {_first_line(error)}") from error
+        inputs = {i.name: i.shape for i in self._session.get_inputs()}
+        outputs = {o.name: o.shape for o in self._session.get_outputs()}
+        _check_signature(inputs, outputs)
+        self._state_size = inputs["state"][1] if "state" in inputs else 0
+        self._noise_size = inputs["noise"][1] if "noise" in inputs else 0
+        self._outputs = ["action", "next_state"] if self._state_size else ["action"]
+        self._keys = np.empty(0, np.uint64)
+
+    def reset(self, mask: np.ndarray, seeds: np.ndarray) -> None:
+        """Take the masked games' seeds for this round's noise."""
+        if len(self._keys) != len(seeds):
+            self._keys = np.zeros(len(seeds), np.uint64)
+        self._keys[mask] = seeds[mask]
+
+    def predict(
+        self,
+        observation: np.ndarray,
+        state: Any = None,
+        episode_start: np.ndarray | None = None,
+        deterministic: bool = True,
+    ) -> tuple[np.ndarray, Any]:
+        """Play one step; see :class:`fpg_bench.players.player.Player`."""
+        if observation.ndim == 1:
+            actions, state = self.predict(observation[None], state, episode_start)
+            return actions[0], state
+        count = len(observation)
+        memory, steps = (None, np.zeros(count, np.int64)) if state is None else state
+        feeds = {"observation": np.ascontiguousarray(observation, np.float32)}
+        if self._state_size:
+            empty = memory is None
+            memory = np.zeros((count, self._state_size), np.float32) if empty else memory.copy()
+            if episode_start is not None:
+                memory[episode_start] = 0
+            feeds["state"] = memory
+        if self._noise_size:
+            steps = steps.copy() if episode_start is None else np.where(episode_start, 0, steps)
+            feeds["noise"] = self._noise(steps)
+        found = self._session.run(self._outputs, feeds)
+        if not self._state_size and not self._noise_size:
+            return found[0], None
+        return found[0], (found[1] if self._state_size else None, steps + 1)
+
+    def _noise(self, steps: np.ndarray) -> np.ndarray:
+        if len(self._keys) != len(steps):
+            self._keys = np.arange(len(steps), dtype=np.uint64)
+        noise = np.empty((len(steps), self._noise_size), np.float32)
+        _fill_noise(noise, self._keys, steps)
+        return noise
+
+    def __reduce__(self) -> tuple[type[OnnxPlayer], tuple[bytes, dict[str, Any]]]:
+        return OnnxPlayer, (self.model, self.about)
+
+    def __repr__(self) -> str:
+        return f"OnnxPlayer({self.about.get('id')}, {self.about.get('algorithm')})"
+
+
+@compiled
+def _fill_noise(noise, keys, steps):
+    for i in range(noise.shape[0]):
+        for j in range(noise.shape[1]):
+            noise[i, j], _ = draws.gaussians(keys[i], steps[i], draws.PLAYER_DRAW + j)
+
+
+def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPlayer:
+    """A trained agent as a player; neither torch nor Stable-Baselines3 is imported.
+
+    Args:
+        name: a shipped agent (``ally-scripted/ppo/seed_0``) or an agent folder.
+        side: the side that it is to play; None: whichever it was trained for.
+
+    Raises:
+        UserError: no such agent, a file missing, truncated or changed, another format, id, size or side.
+    """
+    folder = agent_folder(name)
+    about = read_json(folder / "agent.json", "agent")
+    missing = [field for field in _FIELDS if field not in about]
+    if missing:
+        raise UserError(f"agent {folder}: agent.json lacks {', '.join(missing)}")
+    if about["format"] != AGENT_FORMAT:
+        raise UserError(f"agent {folder}: format {about['format']!r}, this version reads {AGENT_FORMAT}")
+    if about["id"] not in VIEWS:
+        raise UserError(f"agent {folder}: made for the id {about['id']!r}, which this version does not have")
+    if side is not None and VIEWS[about["id"]].side != side:
+        raise UserError(
+            f"agent {folder}: plays the {VIEWS[about['id']].side} ({about['id']}), not the {side}"
+        )
+    try:
+        model = (folder / "policy.onnx").read_bytes()
+    except OSError as error:
+        raise UserError(f"agent {folder}: policy.onnx cannot be read: {error.strerror}") from error
+    if hashlib.sha256(model).hexdigest() != about["policy_sha256"]:
+        raise UserError(f"agent {folder}: policy.onnx is not the file that agent.json describes (sha256)")
+    try:
+        return OnnxPlayer(model, about)
+    except UserError as error:
+        raise UserError(f"agent {folder}: {error}") from error
+
+
+def agent_folder(name: str | os.PathLike[str]) -> Path:
+    """The folder of a shipped agent or of a path.
+
+    Raises:
+        UserError: neither exists.
+    """
+    for folder in (Path(name), baselines_folder() / "agents" / name):
+        if folder.is_dir():
+            return folder
+    raise UserError(f"agent {os.fspath(name)!r}: neither a shipped agent nor a folder")
+
+
+def baselines_folder() -> Path:
+    """Where hyper-parameters and shipped agents lie: in the installed package, else in the repository."""
+    package = Path(str(resources.files("fpg_bench")))
+    installed = package / "baselines"
+    return installed if installed.is_dir() else package.parent / "baselines"
+
+
+def _check_signature(inputs: dict[str, list[Any]], outputs: dict[str, list[Any]]) -> None:
+    """Refuse a policy whose inputs and outputs are not those of the contract."""
+    wanted_in = {"observation": OBSERVATION_SIZE, "state": None, "noise": None}
+    wanted_out = {"action": ACTION_SIZE, "next_state": None}
+    for found, wanted, what in ((inputs, wanted_in, "input"), (outputs, wanted_out, "output")):
+        for name, shape in found.items():
+            if name not in wanted:
+                raise UserError(f"policy.onnx: unknown {what} {name!r}; known: {', '.join(wanted)}")
+            size = wanted[name]
+            fixed = len(shape) == 2 and isinstance(shape[1], int) and not isinstance(shape[0], int)
+            if not fixed or (size is not None and shape[1] != size):
+                raise UserError(
+                    f"policy.onnx: {what} {name!r} has shape {shape}, expected [n, {size or 'fixed'}]"
+                )
+    if "observation" not in inputs or "action" not in outputs:
+        raise UserError("policy.onnx: needs the input 'observation' and the output 'action'")
+    if inputs.get("state", [0, 0])[1] != outputs.get("next_state", [0, 0])[1]:
+        raise UserError("policy.onnx: input 'state' and output 'next_state' must have the same size")
+    if inputs.get("noise", [0, 0])[1] > MAX_NOISE:
+        raise UserError(f"policy.onnx: noise of size {inputs['noise'][1]}, at most {MAX_NOISE}")
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
