@@ -109,8 +109,11 @@ class Duel:
         return measures(pool(self.arena.tallies[game]), self.arena.histograms[game])
 
     def _remember(self, mask: np.ndarray) -> None:
-        """Keep what the rounds that end now have shown, for the plans of their match's next ones."""
-        for game in np.flatnonzero(mask & (self.arena.games["step"] > 0)):
+        """Keep what the rounds that end now have shown, for the plans of their match's next ones.
+
+        Rounds that were left or cut early are not kept: their later parts were never flown.
+        """
+        for game in np.flatnonzero(mask & (self.arena.games["step"] == self.scenario.steps_per_round)):
             self._histories[game].append(self.arena.segments[game].copy())
 
     def _plan(self, mask: np.ndarray) -> None:

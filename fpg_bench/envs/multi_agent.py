@@ -12,7 +12,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 from fpg_bench.envs.duel import make_duel
 from fpg_bench.envs.one_sided import action_space, first_seeds, observation_space
-from fpg_bench.envs.single import RENDER_MODES, wants_new_match
+from fpg_bench.envs.single import RENDER_MODES
 from fpg_bench.errors import UserError
 from fpg_bench.game.arena import ActionError
 from fpg_bench.game.full_state import FULL_STATE_SIZE
@@ -65,7 +65,8 @@ class DuelView(ParallelEnv):
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
         """Begin a round."""
         seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
-        self.duel.reset(seeds=seeds, new_match=wants_new_match(options))
+        # PettingZoo's own tests hand over options of no meaning, so unknown ones pass here
+        self.duel.reset(seeds=seeds, new_match=bool((options or {}).get("new_match", False)))
         self._begun = True
         self.agents = list(SIDES)
         if self.render_mode is not None:

@@ -74,7 +74,7 @@ class OneSided:
         self.other_specs = _as_list(named[view.other_side], view.other)
         if planner is not None and view.planner is None:
             raise UserError(f"planner: {view.id} plans no paths; FPG/AllyVsPlanner-v0 does")
-        own_rounds = isinstance(scenario, Scenario) or (scenario is not None and scenario not in PRESETS)
+        own_rounds = scenario is not None and not (isinstance(scenario, str) and scenario in PRESETS)
         played = as_scenario(
             scenario,
             opponent_path=_path(path, view.path, scenario),
@@ -82,14 +82,25 @@ class OneSided:
             jamming_types=jamming_types,
             rounds_per_match=None if own_rounds else view.rounds_per_match,
         )
-        self.planner = as_planner(planner or view.planner, played) if "waypoints" in played.paths else None
+        if "waypoints" in played.paths and view.planner is None:
+            raise UserError(f"path: {view.id} plans no 'waypoints'; FPG/AllyVsPlanner-v0 does")
+        planner = view.planner if planner is None else planner
+        self.planner = None if planner is None else as_planner(planner, played)
         self.duel = Duel(played, games, self.planner, threads)
         self.scenario, self.side, self.count = played, view.side, self.duel.count
         self._seat = Seat(view.other_side, [self._other(spec) for spec in self.other_specs], self.duel.arena)
+        self._bind()
+
+    def _bind(self) -> None:
+        """The caller's side of the arena's buffers."""
         arena = self.duel.arena
-        self.observations = arena.ally_observations if view.side == "ally" else arena.opponent_observations
-        self.rewards = arena.games[f"{view.side}_reward"]
+        self.observations = arena.ally_observations if self.side == "ally" else arena.opponent_observations
+        self.rewards = arena.games[f"{self.side}_reward"]
         self.truncated = arena.games["truncated"]
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._bind()  # a copied view of a buffer is a buffer of its own
 
     def _other(self, spec: Any) -> Any:
         side = self.view.other_side
@@ -155,7 +166,7 @@ def _as_list(spec: Any, default: Any) -> list[Any]:
 def _path(path: Any, default: str, scenario: Any) -> Any:
     """The view's own path, unless the caller names one or hands a whole scenario."""
     if path is not None:
-        if default == "waypoints" and "waypoints" not in ([path] if isinstance(path, str) else path):
+        if default == "waypoints" and "waypoints" not in (path if isinstance(path, list | tuple) else [path]):
             raise UserError("path: a planner view flies waypoints; choose a planner instead")
         return path
     if default == "waypoints":

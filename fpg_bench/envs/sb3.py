@@ -74,7 +74,7 @@ class SB3View(VecEnv):
         """Play the step; games whose round is over begin the next one at once."""
         core = self.core
         assert self._actions is not None, "step_wait without step_async"
-        core.step(np.asarray(self._actions, np.float32))
+        core.step(self._actions)
         rewards, dones = core.rewards.astype(np.float32), core.truncated.copy()
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if dones.any():

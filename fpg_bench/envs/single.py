@@ -38,7 +38,6 @@ class SingleView(gymnasium.Env):
         self.observation_space = observation_space()
         self.action_space = action_space()
         self._actions = np.zeros((1, ACTION_SIZE), np.float32)
-        self._observation = self.core.observations[0]
         self._begun = False
         self._renderer: Any = None
 
@@ -56,7 +55,7 @@ class SingleView(gymnasium.Env):
         self._begun = True
         if self.render_mode is not None:
             self._frame(begin=True)
-        return self._observation.copy(), self._info()
+        return self.core.observations[0].copy(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Play one step with an action ``(9,)``.
@@ -78,7 +77,7 @@ class SingleView(gymnasium.Env):
         if self.render_mode is not None:
             self._frame()
         truncated = bool(core.truncated[0])
-        return self._observation.copy(), float(core.rewards[0]), False, truncated, self._info()
+        return core.observations[0].copy(), float(core.rewards[0]), False, truncated, self._info()
 
     def _info(self) -> dict[str, Any]:
         core = self.core

@@ -16,6 +16,7 @@ from fpg_bench.envs.one_sided import (
     staggered_horizons,
 )
 from fpg_bench.envs.single import wants_new_match
+from fpg_bench.errors import UserError
 
 
 class VectorView(VectorEnv):
@@ -41,9 +42,11 @@ class VectorView(VectorEnv):
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
+        if render_mode is not None:
+            raise UserError(f"render_mode: a batch is not rendered, got {render_mode!r}; use gymnasium.make")
         self.core = OneSided(view_id, num_envs, **options)
         self.num_envs = num_envs
-        self.render_mode = render_mode
+        self.render_mode = None
         self.single_observation_space = observation_space()
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)

@@ -74,9 +74,10 @@ class Seat:
         actions, self._memories[index] = player.predict(
             seen, self._memories[index], self._starts, self._deterministic
         )
-        if actions.shape != (self._arena.count, ACTION_SIZE):
+        shape = getattr(actions, "shape", type(actions).__name__)
+        if shape != (self._arena.count, ACTION_SIZE):
             raise UserError(
-                f"{self.side} {player!r}: answered with actions of shape {actions.shape}, "
+                f"{self.side} {player!r}: answered with actions of shape {shape}, "
                 f"expected {(self._arena.count, ACTION_SIZE)}"
             )
         return actions
