@@ -113,12 +113,14 @@ class Duel:
 
         Rounds that were left or cut early are not kept: their later parts were never flown.
         """
-        for game in np.flatnonzero(mask & (self.arena.games["step"] == self.scenario.steps_per_round)):
+        for game in np.flatnonzero(
+            mask & (self.arena.games["step"] == self.scenario.steps_per_round)
+        ).tolist():
             self._histories[game].append(self.arena.segments[game].copy())
 
     def _plan(self, mask: np.ndarray) -> None:
         games = self.arena.games
-        for game in np.flatnonzero(mask):
+        for game in np.flatnonzero(mask).tolist():
             if games["round"][game] == 0:
                 self._histories[game].clear()
             history = np.array(self._histories[game]).reshape(-1, self._limits.waypoints, 4)

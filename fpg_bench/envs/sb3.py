@@ -78,7 +78,7 @@ class SB3View(VecEnv):
         rewards, dones = core.rewards.astype(np.float32), core.truncated.copy()
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if dones.any():
-            for game in np.flatnonzero(dones):
+            for game in np.flatnonzero(dones).tolist():
                 infos[game] = self._last_info(game)
             core.reset(dones)
         return core.observations.copy(), rewards, dones, infos

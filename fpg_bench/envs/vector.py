@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -32,7 +32,7 @@ class VectorView(VectorEnv):
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
+    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class VectorView(VectorEnv):
         if over.any():
             core.reset(over)
         infos: dict[str, Any] = {}
-        for game in np.flatnonzero(core.truncated):
+        for game in np.flatnonzero(core.truncated).tolist():
             infos = self._add_info(infos, {"measures": core.measures(game)}, game)
         truncated = core.truncated.copy()
         return core.observations.copy(), core.rewards.copy(), np.zeros(self.num_envs, bool), truncated, infos

@@ -1,0 +1,110 @@
+"""The bridge over SuperSuit: the PettingZoo view as an SB3 ``VecEnv`` whose slots are agents.
+
+For those who come from PettingZoo and want one policy to learn both sides. A single side at full speed
+is :func:`fpg_bench.make_sb3`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import supersuit
+from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
+
+from fpg_bench.envs.multi_agent import DuelView, parallel_env
+from fpg_bench.envs.one_sided import first_seeds
+from fpg_bench.errors import UserError
+from fpg_bench.players.player import SIDES
+
+
+class SuperSuitView(VecEnvWrapper):
+    """SuperSuit's SB3 ``VecEnv``, repaired.
+
+    As it comes, ``seed`` and ``reset(seed=...)`` raise, every copy plays the same game, time limits look
+    like terminations to SB3, and attributes and methods of the games are out of reach.
+
+    Args:
+        venv: what ``supersuit.concat_vec_envs_v1(..., base_class="stable_baselines3")`` gives for copies
+            of :class:`fpg_bench.envs.multi_agent.DuelView`, all in this process.
+        seed: copy i begins with a match of seed + i; None: by chance.
+    """
+
+    def __init__(self, venv: Any, seed: int | None = None) -> None:
+        self._concatenated = venv.venv
+        self.games: list[DuelView] = [part.par_env for part in self._concatenated.vec_envs]
+        super().__init__(venv)
+        self._next_seeds: np.ndarray | None = first_seeds(seed, len(self.games))
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seed the next :meth:`reset`: copy i begins a new match of seed + i."""
+        self._next_seeds = first_seeds(seed, len(self.games))
+        return np.repeat(self._next_seeds, len(SIDES)).tolist()
+
+    def reset(self) -> np.ndarray:
+        """Begin a round in every copy."""
+        seeds = [None] * len(self.games) if self._next_seeds is None else self._next_seeds.tolist()
+        self._next_seeds = None
+        parts = self._concatenated.vec_envs
+        found = [part.reset(seed=seed) for part, seed in zip(parts, seeds, strict=True)]
+        self.reset_infos = [info for _, infos in found for info in infos]
+        return np.concatenate([observations for observations, _ in found])
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Play the step; a round's end is marked as the time limit that it is."""
+        observations, rewards, terminations, truncations, infos = self._concatenated.step_wait()
+        for info, terminated, truncated in zip(infos, terminations, truncations, strict=True):
+            if truncated:
+                info["TimeLimit.truncated"] = not terminated
+        return observations, rewards, (terminations | truncations).astype(bool), infos
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The attribute of the game of each slot asked for."""
+        return [getattr(self._game(slot), attr_name) for slot in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of the game of each slot asked for."""
+        for slot in self._get_indices(indices):
+            setattr(self._game(slot), attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Call a method of the game of each slot asked for."""
+        slots = self._get_indices(indices)
+        return [getattr(self._game(slot), method_name)(*method_args, **method_kwargs) for slot in slots]
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """False: a game is wrapped in nothing."""
+        return [False for _ in self._get_indices(indices)]
+
+    def _game(self, slot: int) -> DuelView:
+        return self.games[slot // len(SIDES)]
+
+
+def supersuit_vec_env(n_envs: int = 1, seed: int | None = None, **options: Any) -> VecMonitor:
+    """An SB3 ``VecEnv`` of ``2 * n_envs`` slots over ``n_envs`` games: each slot is one agent.
+
+    Slots alternate, ally (even) and opponent (odd), so **one policy learns and plays both sides**
+    (parameter sharing, self-play of a kind): both see 15 numbers and choose 9, whose meanings differ. A
+    mean reward over the slots mixes both sides' rewards. To train one side alone, or two policies, take
+    :func:`fpg_bench.make_sb3` or :func:`fpg_bench.make_duel`.
+
+    A round's end is a truncation: its info holds ``terminal_observation``, ``TimeLimit.truncated``,
+    ``episode`` and ``measures``.
+
+    Args:
+        n_envs: how many games.
+        seed: game i begins with a match of seed + i; None: by chance.
+        **options: those of :func:`fpg_bench.envs.duel.make_duel`.
+
+    Raises:
+        UserError: something unknown, out of range, or impossible together.
+    """
+    if isinstance(n_envs, bool) or not isinstance(n_envs, int) or n_envs < 1:
+        raise UserError(f"n_envs: expected a whole number of at least 1, got {n_envs!r}")
+    copies = supersuit.pettingzoo_env_to_vec_env_v1(parallel_env(**options))
+    venv = supersuit.concat_vec_envs_v1(copies, n_envs, base_class="stable_baselines3")
+    return VecMonitor(SuperSuitView(venv, seed))
