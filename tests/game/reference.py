@@ -1,0 +1,341 @@
+"""The game a second time: one game, plain Python, written from the rules and not from the kernel.
+
+Slow and obvious on purpose. It shares with the kernel the scenario and the chance (``game.draws``), nothing
+else: flight is looked up in a table of arc lengths, D(t) is Eq. 4 as printed, levels are powers of ten.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fpg_bench.game import draws
+from fpg_bench.game.scenario import JAMMING_TYPES, Scenario
+
+
+class Chance:
+    """The draws of one round, by their meaning."""
+
+    def __init__(self, seed: int, match: int, number: int) -> None:
+        # Python gets keys back as plain integers; handed on they must be 64-bit words again.
+        self.match = np.uint64(draws.match_key(np.uint64(seed), match))
+        self.round = np.uint64(draws.round_key(self.match, number))
+
+    def of_match(self, purpose: int) -> float:
+        return draws.uniform(self.match, 0, purpose)
+
+    def whole(self, step: int, purpose: int, count: int) -> int:
+        return draws.integer(self.round, step, purpose, count)
+
+    def fading_and_centre_error(self, step: int) -> tuple[float, float]:
+        return draws.gaussians(self.round, step, draws.FADING_AND_SENSED_CENTRE)
+
+    def detection_fading(self, step: int) -> float:
+        return draws.gaussians(self.round, step, draws.DETECTION_FADING)[0]
+
+    def sensed_type(self, step: int) -> float:
+        return draws.uniform(self.round, step, draws.SENSED_TYPE)
+
+
+def clip(x: float, low: float = -1.0, high: float = 1.0) -> float:
+    return min(max(x, low), high)
+
+
+class Curve:
+    """A Bezier curve flown there and back, looked up in a table of arc lengths."""
+
+    def __init__(self, control_points: np.ndarray, chords: int) -> None:
+        t = np.linspace(0, 1, chords + 1)[:, None]
+        p0, p1, p2, p3 = np.asarray(control_points, float)
+        self.corners = (1 - t) ** 3 * p0 + 3 * (1 - t) ** 2 * t * p1 + 3 * (1 - t) * t**2 * p2 + t**3 * p3
+        lengths = np.linalg.norm(np.diff(self.corners, axis=0), axis=1)
+        self.along = np.concatenate([[0.0], np.cumsum(lengths)])
+        self.length = self.along[-1]
+
+    def at(self, flown_m: float) -> np.ndarray:
+        back_and_forth = flown_m % (2 * self.length)
+        place = min(back_and_forth, 2 * self.length - back_and_forth)
+        return np.array([np.interp(place, self.along, self.corners[:, axis]) for axis in range(3)])
+
+
+def patrol(path: str, flown_m: float, centre, radius: float) -> np.ndarray:
+    """A place on a circle or an inscribed polygon: corners first, then along the side."""
+    if path == "circle":
+        angle = flown_m / radius
+        return np.array(centre) + radius * np.array([math.cos(angle), math.sin(angle), 0.0])
+    count = {"triangle": 3, "rectangle": 4}[path]
+    corners = [
+        np.array(centre) + radius * np.array([math.cos(a), math.sin(a), 0.0])
+        for a in (2 * math.pi * i / count for i in range(count + 1))
+    ]
+    side = np.linalg.norm(corners[1] - corners[0])
+    number, rest = divmod(flown_m % (count * side), side)
+    number = int(number)
+    return corners[number] + (rest / side) * (corners[number + 1] - corners[number])
+
+
+def eq4(t: float) -> float:
+    """D(t), Eq. 4 as the paper prints it."""
+    if t <= 10:
+        return 0.5 * t
+    if t <= 20:
+        return 5 + 1.0 * (t - 10)
+    if t <= 40:
+        return 15 + 1.2 * (t - 20)
+    return 39 + 1.5 * (t - 40)
+
+
+def in_comb(offset: float, half: float, spacing: float) -> bool:
+    """Whether a frequency lies within ``half`` of a tooth; the teeth are ``spacing`` apart, one at 0."""
+    near = math.floor(offset / spacing)
+    return any(abs(offset - tooth * spacing) <= half for tooth in range(near - 1, near + 3))
+
+
+class ReferenceGame:
+    """One round, stepped by :meth:`step`; attributes are named as the kernel's records are."""
+
+    def __init__(
+        self, scenario: Scenario, seed: int, match: int = 0, number: int = 0, waypoints=None
+    ) -> None:
+        self.s, self.chance = scenario, Chance(seed, match, number)
+        self.waypoints = waypoints
+        self.step_number = 0
+        s, chance = scenario, self.chance
+        self.curve = Curve(self._control_points(), s.ally_path_chords)
+        self.flown_m = 0.0
+        self.ally_position = self.curve.at(0.0)
+        share = [chance.of_match(draws.OPPONENT_START + axis) for axis in range(3)]
+        self.opponent_position = np.array(share) * s.box_m
+        self.path = s.paths[chance.whole(0, draws.PATH_CHOICE, len(s.paths))]
+        if self.path in ("circle", "triangle", "rectangle"):
+            self.opponent_position = patrol(self.path, 0.0, s.patrol_centre_m, s.patrol_radius_m)
+        self.point = chance.whole(0, draws.START_POINT, s.frequency_points)
+        self.spreading, self.spreading_s, self.hopped = False, 0, False
+        self.known_mhz, self.age_s = self.frequency_mhz, 0
+        first, last = s.first_check_s
+        self.next_check = first + chance.whole(0, draws.FIRST_CHECK, last - first + 1)
+        self.last_check, self.checked = 0, False
+        self.jamming_type = self.sensed_type = None
+        self.jamming_mhz = self.sensed_mhz = None
+        self.snr_db = s.base_power_dbm - self._loss(self.ally_position, s.base_station_m) - self._noise()
+        self.observe()
+
+    def _control_points(self) -> np.ndarray:
+        s = self.s
+        if s.ally_path_m is not None:
+            return np.array(s.ally_path_m)
+        low, high = s.ally_path_altitude_m
+        share = np.array([self.chance.of_match(draws.CONTROL_POINTS + i) for i in range(12)]).reshape(4, 3)
+        return share * [s.box_m[0], s.box_m[1], high - low] + [0, 0, low]
+
+    @property
+    def frequency_mhz(self) -> float:
+        return self._point_mhz(self.point)
+
+    def _point_mhz(self, point: int) -> float:
+        s = self.s
+        return s.band_low_mhz + point * (s.band_high_mhz - s.band_low_mhz) / (s.frequency_points - 1)
+
+    # -- radio --------------------------------------------------------------------------------------
+
+    def _loss(self, a, b) -> float:
+        d_km = max(float(np.linalg.norm(np.subtract(a, b))), self.s.minimum_distance_m) / 1000
+        return self.s.path_loss_constant_db + 20 * math.log10(d_km) + 20 * math.log10(self.frequency_mhz)
+
+    def _noise(self) -> float:
+        s = self.s
+        b_mhz = s.spread_bandwidth_mhz if self.spreading else s.bandwidth_mhz
+        return s.noise_density_dbm_hz + 10 * math.log10(b_mhz * 1e6)
+
+    def _in_footprint(self, kind: int, centre_mhz: float, frequency_mhz: float) -> bool:
+        s = self.s
+        half = s.footprint_half_widths_mhz[kind] + s.footprint_tolerance_mhz
+        if JAMMING_TYPES[kind] != "comb":
+            return abs(frequency_mhz - centre_mhz) <= half
+        spacing = s.comb_spacing_points * (s.band_high_mhz - s.band_low_mhz) / (s.frequency_points - 1)
+        return in_comb(frequency_mhz - centre_mhz, half, spacing)
+
+    def _snr(self, covered: bool, fading_db: float) -> float:
+        s = self.s
+        signal = s.base_power_dbm - self._loss(self.ally_position, s.base_station_m)
+        power = s.jamming_coefficients[self.jamming_type] * s.opponent_power_dbm
+        jamming = power - self._loss(self.ally_position, self.opponent_position)
+        noise_mw = 10 ** (self._noise() / 10)
+        jamming_mw = 10 ** (jamming / 10) if covered else 0.0
+        if s.snr_model == "paper" and covered:
+            signal = signal - jamming
+        return signal - 10 * math.log10(noise_mw + jamming_mw) + fading_db
+
+    # -- one step, in the order of the rules ----------------------------------------------------------
+
+    def step(self, ally_action, opponent_action) -> None:
+        a = [clip(float(np.float32(x))) for x in ally_action]
+        o = [clip(float(np.float32(x))) for x in opponent_action]
+        self.point_before = self.point
+        self._jam(o)
+        self._choose_frequency(a)
+        self._move(a, o)
+        self._transmit()
+        self._reward()
+        self._check()
+        self._sense()
+        self.step_number += 1
+        self.observe()
+
+    def _jam(self, o: list[float]) -> None:
+        s = self.s
+        allowed = [i for i, name in enumerate(JAMMING_TYPES) if name in s.jamming_types]
+        self.jamming_type = max(allowed, key=lambda i: (o[i], -i))
+        middle, half = (s.band_low_mhz + s.band_high_mhz) / 2, (s.band_high_mhz - s.band_low_mhz) / 2
+        if o[5] > 0:
+            self.jamming_mhz = middle + half * o[4]
+        else:
+            self.jamming_mhz = clip(
+                self.known_mhz + s.tuning_span_mhz * o[4], s.band_low_mhz, s.band_high_mhz
+            )
+
+    def _choose_frequency(self, a: list[float]) -> None:
+        s = self.s
+        self.hopped, spread = a[0] > 0, a[1] > 0
+        leaves_spread = self.spreading and not spread
+        if self.hopped or (s.reselect_on_despread and leaves_spread):
+            if s.knowledge_base is not None and a[4] > 0:
+                self.point = self._ask_expert(a)
+            else:
+                self.point = math.floor((a[3] + 1) / 2 * (s.frequency_points - 1) + 0.5)
+        self.spreading = spread
+        self.spreading_s = self.spreading_s + 1 if spread else 0
+
+    def expert_candidates(self, strategy: int) -> list[int]:
+        s, entry = self.s, self.s.knowledge_base.entries[strategy]
+        middle, half = (s.band_low_mhz + s.band_high_mhz) / 2, (s.band_high_mhz - s.band_low_mhz) / 2
+        centre = middle + half * float(self.ally_observation[9])
+        away = [self._point_mhz(point) - centre for point in range(s.frequency_points)]
+        kept_free = entry.half_width_mhz + entry.guard_mhz + s.footprint_tolerance_mhz
+        free = []
+        for point, offset in enumerate(away):
+            in_one_piece = not entry.spacing_mhz
+            jammed = (
+                abs(offset) <= kept_free if in_one_piece else in_comb(offset, kept_free, entry.spacing_mhz)
+            )
+            if point != self.point and not jammed:
+                free.append(point)
+        if JAMMING_TYPES[strategy] == "broadband":
+            free = sorted(free, key=lambda point: (-abs(away[point]), point))[:3]
+        return free
+
+    def _ask_expert(self, a: list[float]) -> int:
+        seen = [float(x) for x in self.ally_observation[10:14]]
+        scores = [float(np.float32(seen[i]) + np.float32(a[5 + i])) for i in range(4)]
+        candidates = self.expert_candidates(max(range(4), key=lambda i: (scores[i], -i)))
+        return candidates[self.chance.whole(self.step_number, draws.KNOWLEDGE_POINT, len(candidates))]
+
+    def _move(self, a: list[float], o: list[float]) -> None:
+        s = self.s
+        self.opponent_position = np.clip(self._opponent_goes(o), 0, s.box_m)
+        slow, fast = s.ally_speed_m_s
+        self.flown_m += slow + (a[2] + 1) / 2 * (fast - slow)
+        self.ally_position = np.clip(self.curve.at(self.flown_m), 0, s.box_m)
+        self.distance_m = float(np.linalg.norm(self.ally_position - self.opponent_position))
+
+    def _opponent_goes(self, o: list[float]) -> np.ndarray:
+        s, here, k = self.s, self.opponent_position, self.step_number
+        if self.path in ("circle", "triangle", "rectangle"):
+            return patrol(self.path, s.opponent_speed_m_s * (k + 1), s.patrol_centre_m, s.patrol_radius_m)
+        if self.path == "learned":
+            wish = np.array(o[6:9])
+            return here + s.opponent_speed_m_s * wish / max(1.0, float(np.linalg.norm(wish)))
+        if self.path == "pursuit":
+            velocity = self.ally_position - here
+        else:
+            n, horizon = s.waypoints, s.steps_per_round
+            i = math.floor(k * n / horizon)
+            velocity = (self.waypoints[i] - here) / (math.ceil((i + 1) * horizon / n) - k)
+        speed = float(np.linalg.norm(velocity))
+        return here + velocity * min(1.0, s.opponent_speed_m_s / speed if speed else 1.0)
+
+    def _transmit(self) -> None:
+        self.fading_db, self.centre_error = self.chance.fading_and_centre_error(self.step_number)
+        self.fading_db *= self.s.fading_sd_db
+        self.covered = self._in_footprint(self.jamming_type, self.jamming_mhz, self.frequency_mhz)
+        self.snr_db = self._snr(self.covered, self.fading_db)
+        self.clean_snr_db = self._snr(False, self.fading_db)
+
+    def _reward(self) -> None:
+        s = self.s
+        cap = math.inf if s.snr_cap_db is None else s.snr_cap_db
+        snr, clean = min(self.snr_db, cap), min(self.clean_snr_db, cap)
+        cost = eq4(self.spreading_s) if self.spreading else 0.0
+        self.ally_reward = snr - s.snr_threshold_db - cost - (s.hop_cost if self.hopped else 0.0)
+        near = s.distance_reward if self.distance_m < s.distance_reward_m else 0.0
+        self.opponent_reward = near + s.snr_drop_weight * (clean - snr)
+
+    def _check(self) -> None:
+        s = self.s
+        self.age_s += 1
+        self.checked = self.step_number + 1 == self.next_check
+        if not self.checked:
+            return
+        self.last_check = 1 if self._hears() else -1
+        if self.last_check == 1:
+            self.known_mhz, self.age_s = self.frequency_mhz, 0
+        low, high = s.check_interval_s
+        self.next_check += low + self.chance.whole(self.step_number, draws.CHECK_INTERVAL, high - low + 1)
+
+    def _hears(self) -> bool:
+        s = self.s
+        if s.detection == "emission":
+            level = s.ally_emission_dbm - self._loss(self.ally_position, self.opponent_position)
+            fading = s.fading_sd_db * self.chance.detection_fading(self.step_number)
+            return level - self._noise() + fading >= s.snr_threshold_db
+        return s.detection == "link" and not self.spreading and self.snr_db >= s.snr_threshold_db
+
+    def _sense(self) -> None:
+        s = self.s
+        self.sensed_mhz = self.jamming_mhz + s.sensing_centre_sd_mhz * self.centre_error
+        share = self.chance.sensed_type(self.step_number)
+        self.sensed_type = self.jamming_type
+        if share < s.sensing_type_error:
+            others = [kind for kind in range(4) if kind != self.jamming_type]
+            self.sensed_type = others[min(int(share / s.sensing_type_error * 3), 2)]
+
+    # -- what both see ----------------------------------------------------------------------------------
+
+    def observe(self) -> None:
+        s = self.s
+        one_hot = np.zeros((2, 4))
+        if self.jamming_type is not None:
+            one_hot[0, self.sensed_type] = one_hot[1, self.jamming_type] = 1
+        sensed = self.sensed_type is not None
+        flag = sensed and self._in_footprint(self.sensed_type, self.sensed_mhz, self.frequency_mhz)
+        ally = [
+            *self._places(self.ally_position, self.opponent_position),
+            self._in_band(self.frequency_mhz),
+            self.spreading_s / s.spreading_scale_s,
+            self.snr_db / s.snr_scale_db,
+            self._in_band(self.sensed_mhz) if sensed else 0.0,
+            *one_hot[0],
+            1.0 if flag else -1.0,
+        ]
+        opponent = [
+            *self._places(self.opponent_position, self.ally_position),
+            self._in_band(self.known_mhz),
+            self.age_s / s.age_scale_s,
+            (self.next_check - self.step_number) / s.check_scale_s,
+            self._in_band(self.jamming_mhz) if sensed else 0.0,
+            *one_hot[1],
+            self.last_check,
+        ]
+        self.ally_observation = np.clip(ally, -1, 1).astype(np.float32)
+        self.opponent_observation = np.clip(opponent, -1, 1).astype(np.float32)
+
+    def _places(self, own: np.ndarray, other: np.ndarray) -> np.ndarray:
+        box = np.asarray(self.s.box_m)
+        away = (other - own) / box
+        return np.concatenate([2 * own / box - 1, np.sign(away) * np.sqrt(np.abs(away))])
+
+    def _in_band(self, frequency_mhz: float) -> float:
+        s = self.s
+        middle, half = (s.band_low_mhz + s.band_high_mhz) / 2, (s.band_high_mhz - s.band_low_mhz) / 2
+        return (frequency_mhz - middle) / half
