@@ -34,8 +34,11 @@ def measure(panel: Panel, rounds: int) -> bool:
         difference = reference - random
         error = float(difference.std(ddof=1) / np.sqrt(len(difference)))
         fine &= difference.mean() >= STANDARD_ERRORS * error
-        print(f"{panel.name:20} {entry.name:24} random {random.mean():10.2f}  {panel.reference} "
-              f"{reference.mean():10.2f}  {difference.mean() / error:6.1f} standard errors apart")  # fmt: skip
+        print(
+            f"{panel.name:20} {entry.name:24} random {random.mean():10.2f}  "
+            f"{panel.reference} {reference.mean():10.2f}  "
+            f"{difference.mean() / error:6.1f} standard errors apart"
+        )
         entries[entry.name] = {
             "random": float(random.mean()),
             "reference": float(reference.mean()),
@@ -52,7 +55,8 @@ def main() -> int:
     parser.add_argument("panels", nargs="*", default=sorted(path.stem for path in PANEL_FOLDER.glob("*.yml")))
     parser.add_argument("--rounds", type=int, default=2000)
     options = parser.parse_args()
-    return 0 if all([measure(load_panel(name), options.rounds) for name in options.panels]) else 1
+    fine = [measure(load_panel(name), options.rounds) for name in options.panels]
+    return 0 if all(fine) else 1
 
 
 if __name__ == "__main__":

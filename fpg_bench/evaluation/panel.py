@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ _KEYS = {"side", "scenario", "rounds", "reference", "entries"}
 
 @dataclass(frozen=True)
 class Reference:
-    """What normalises an entry: the mean round returns of the random player (0) and of the reference (100)."""
+    """What normalises an entry: mean round returns of the random player (0) and the reference (100)."""
 
     random: float
     reference: float
@@ -87,7 +88,9 @@ def load_panel(name: str) -> Panel:
         raise UserError(f"unknown panel {name!r}{nearest(name, known)}")
     content = read_yaml(path, "panel")
     if set(content) != _KEYS:
-        raise UserError(f"panel {path}: expected the keys {', '.join(sorted(_KEYS))}, got {', '.join(map(str, content))}")
+        raise UserError(
+            f"panel {path}: expected the keys {', '.join(sorted(_KEYS))}, got {', '.join(map(str, content))}"
+        )
     if content["side"] not in SIDES:
         raise UserError(f"panel {path}: side: expected ally or opponent, got {content['side']!r}")
     rounds = content["rounds"]
@@ -101,11 +104,8 @@ def load_panel(name: str) -> Panel:
         rounds=rounds,
         reference=str(content["reference"]),
         entries=_entries(content["entries"], other, path),
-        references=_references(path),
     )
-    for entry in panel.entries:
-        panel.entry_scenario(entry)
-    return panel
+    return dataclasses.replace(panel, references=_references(path, panel))
 
 
 def scores_file(path: Path) -> Path:
@@ -122,9 +122,12 @@ def _entries(content: Any, other: str, path: Path) -> tuple[Entry, ...]:
     return tuple(Entry(str(item[other]), str(item["path"])) for item in content)
 
 
-def _references(path: Path) -> dict[str, Reference] | None:
+def _references(path: Path, panel: Panel) -> dict[str, Reference] | None:
+    """The scores measured for just this panel, None where there are none."""
     file = scores_file(path)
     if not file.is_file():
         return None
     content = read_json(file, "reference scores")
+    if content["panel_hash"] != panel.hash:
+        raise UserError(f"{file}: measured for another panel; run scripts/measure_panels.py {panel.name}")
     return {name: Reference(**scores) for name, scores in content["entries"].items()}

@@ -83,8 +83,8 @@ def _rounds_done(file: RowFile, head: dict[str, Any]) -> dict[str, set[tuple[int
     for row in file.read():
         if row["panel_hash"] != head["panel_hash"]:
             raise UserError(
-                f"rows {file.path}: hold rows of another panel or scenario ({row['panel']} {row['panel_hash']}); "
-                "write to another folder"
+                f"rows {file.path}: hold rows of another panel or scenario "
+                f"({row['panel']} {row['panel_hash']}); write to another folder"
             )
         if (row["player"], row["training_seed"]) != (head["player"], head["training_seed"]):
             continue
@@ -104,7 +104,9 @@ def play_entry(spec: Any, panel: Panel, entry: Entry, rounds: int) -> Iterator[l
     duel = Duel(scenario, matches)
     seats = {
         panel.side: Seat(panel.side, [as_player(spec, panel.side, scenario)], duel.arena),
-        panel.other_side: Seat(panel.other_side, [as_player(entry.other, panel.other_side, scenario)], duel.arena),
+        panel.other_side: Seat(
+            panel.other_side, [as_player(entry.other, panel.other_side, scenario)], duel.arena
+        ),
     }
     seeds: Any = np.array(evaluation_seeds(matches, panel.season))
     for _ in range(scenario.rounds_per_match):

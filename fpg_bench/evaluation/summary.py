@@ -47,7 +47,9 @@ def summarise(rows: list[Row], panel: Panel) -> list[Summary]:
         UserError: the panel has no reference scores.
     """
     if panel.references is None:
-        raise UserError(f"panel {panel.name}: has no reference scores; measure them with scripts/measure_panels.py")
+        raise UserError(
+            f"panel {panel.name}: has no reference scores; measure them with scripts/measure_panels.py"
+        )
     groups: dict[str, dict[Any, list[Row]]] = {}
     for row in rows:
         groups.setdefault(row["player"], {}).setdefault(row["training_seed"], []).append(row)
@@ -56,7 +58,9 @@ def summarise(rows: list[Row], panel: Panel) -> list[Summary]:
 
 
 def _summary(name: str, by_seed: dict[Any, list[Row]], panel: Panel) -> Summary | None:
-    complete = {seed: scores for seed, rows in by_seed.items() if (scores := _scores(rows, panel)) is not None}
+    complete = {
+        seed: scores for seed, rows in by_seed.items() if (scores := _scores(rows, panel)) is not None
+    }
     if not complete:
         return None
     trained = None not in complete
