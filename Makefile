@@ -1,0 +1,23 @@
+# make benchmark: set up and run the main job. make test: set up and run the tests.
+PYTHON ?= python3
+RESULTS ?= results/benchmark
+STEPS ?= 2000000
+BIN = .venv/bin
+
+.PHONY: benchmark test clean
+
+benchmark: .venv/.ready
+	$(BIN)/fpg-bench train ppo FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo
+	$(BIN)/fpg-bench evaluate all-scripted $(RESULTS)/ppo/agent --panel ally-v1 --out $(RESULTS)/ally-v1
+
+test: .venv/.ready
+	$(BIN)/python -m pytest
+
+.venv/.ready: pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit("fpg-bench needs Python 3.11 or newer" if sys.version_info < (3, 11) else 0)'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	touch $@
+
+clean:
+	rm -rf .venv results
