@@ -1,0 +1,125 @@
+"""The results table: in the terminal, as Markdown and CSV, and as a picture with intervals."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.evaluation.panel import Panel
+from fpg_bench.evaluation.summary import Summary
+from fpg_bench.files import write_whole
+
+# Heading, measure, factor, decimals.
+_MEASURES = (
+    ("overlap %", "overlap_ratio", 100, 1),
+    ("jammed %", "jamming_success_rate", 100, 1),
+    ("outage %", "outage", 100, 1),
+    ("hops %", "hop_rate", 100, 1),
+    ("spread %", "spread_ratio", 100, 1),
+    ("within 30 m %", "near_ratio", 100, 1),
+    ("SNR dB", "snr_db", 1, 1),
+    ("Mbit/s", "capacity_mbit_s", 1, 1),
+)
+
+
+def headings(side: str) -> list[str]:
+    """The table's columns for a panel of one side."""
+    return ["player", "seeds", "score", "95 % interval", "mean", "worst entry", f"{side} return"] + [
+        heading for heading, *_ in _MEASURES
+    ]
+
+
+def cells(summary: Summary, side: str) -> list[str]:
+    """One line of the table."""
+    s, score = summary, summary.score
+    marked = " †" if s.training_seeds == 1 else ""
+    worst = min(s.entries, key=lambda name: s.entries[name])
+    return [
+        s.player,
+        str(s.training_seeds or "-"),
+        f"{score.value:.1f}",
+        f"[{score.low:.1f}, {score.high:.1f}]{marked}",
+        f"{s.mean:.1f}",
+        f"{s.entries[worst]:.1f} {worst}",
+        f"{s.measures[f'{side}_return']:.0f}",
+    ] + [_number(s.measures[name], factor, digits) for _, name, factor, digits in _MEASURES]
+
+
+def _number(value: float | None, factor: float, digits: int) -> str:
+    return "-" if value is None else f"{value * factor:.{digits}f}"
+
+
+def caption(panel: Panel) -> str:
+    """What the table's numbers are."""
+    return (
+        f"Panel {panel.name} ({panel.hash[:12]}), {panel.rounds} rounds per entry and training seed. "
+        f"Score: IQM over the {len(panel.entries)} entries of the normalised return, 0 = random, "
+        f"100 = {panel.reference}. "
+        "Intervals: 95 %, over training seeds; for scripts over evaluation seeds; "
+        "† one training seed, over rounds."
+    )
+
+
+def markdown(summaries: Sequence[Summary], panel: Panel) -> str:
+    """The table as Markdown."""
+    lines = [headings(panel.side), ["---"] * len(headings(panel.side))]
+    lines += [cells(summary, panel.side) for summary in summaries]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + f"\n\n{caption(panel)}\n"
+
+
+def as_csv(summaries: Sequence[Summary], panel: Panel) -> str:
+    """Unrounded: the score with its interval, every entry's score and every measure."""
+    text = io.StringIO()
+    lines = [_flat(summary) for summary in summaries]
+    writer = csv.DictWriter(text, list(lines[0]) if lines else [], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(lines)
+    return text.getvalue()
+
+
+def _flat(s: Summary) -> dict[str, Any]:
+    head = {"player": s.player, "training_seeds": s.training_seeds, "rounds": s.rounds}
+    head |= {
+        "score_iqm": s.score.value,
+        "low": s.score.low,
+        "high": s.score.high,
+        "interval_over": s.score.over,
+    }
+    return head | {"score_mean": s.mean} | {f"score {n}": x for n, x in s.entries.items()} | s.measures
+
+
+def picture(summaries: Sequence[Summary], panel: Panel, path: Path) -> None:
+    """Draw the scores with their intervals, best on top, and each entry's score as a small mark."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 1.2 + 0.45 * len(summaries)), dpi=120, layout="constrained")
+    axes = figure.subplots()
+    for line, s in enumerate(reversed(summaries)):
+        colour = "#0072b2" if s.training_seeds else "#7f7f7f"
+        axes.plot(list(s.entries.values()), [line] * len(s.entries), "|", color=colour, alpha=0.45, ms=9)
+        axes.plot([s.score.low, s.score.high], [line, line], color=colour, lw=3, solid_capstyle="butt")
+        axes.plot(s.score.value, line, "o", color=colour, ms=7)
+    axes.set_yticks(range(len(summaries)), [s.player for s in reversed(summaries)])
+    axes.set_ylim(-0.6, len(summaries) - 0.4)
+    for value in (0, 100):
+        axes.axvline(value, color="0.6", lw=0.8, ls=":")
+    axes.set_xlabel(
+        f"normalised score (0 = random, 100 = {panel.reference}); IQM with 95 % interval, | per entry"
+    )
+    axes.set_title(f"{panel.name}, {panel.rounds} rounds per entry", fontsize=11)
+    axes.spines[["top", "right"]].set_visible(False)
+    image = io.BytesIO()
+    FigureCanvasAgg(figure)
+    figure.savefig(image, format="png")
+    write_whole(path, image.getvalue())
+
+
+def write_table(summaries: Sequence[Summary], panel: Panel, folder: Path) -> None:
+    """Write ``table.md``, ``table.csv`` and ``table.png`` into a folder."""
+    write_whole(folder / "table.md", markdown(summaries, panel))
+    write_whole(folder / "table.csv", as_csv(summaries, panel))
+    picture(summaries, panel, folder / "table.png")
