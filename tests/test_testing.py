@@ -1,0 +1,308 @@
+"""The conformance checks pass what is sound and name what is not, each by its own message."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.game.arena import Arena
+from fpg_bench.game.scenario import PATHS, preset
+from fpg_bench.planning import PATTERNS, Plan
+from fpg_bench.players.scripted import SCRIPTED
+from fpg_bench.testing import check_planner, check_player, check_scenario
+
+SCRIPTS = [(side, name) for side, names in SCRIPTED.items() for name in (*names, "oracle")]
+
+
+@pytest.mark.parametrize("scenario", ["standard", "paper"])
+@pytest.mark.parametrize(("side", "name"), SCRIPTS)
+def test_every_script_and_oracle_passes(side, name, scenario):
+    check_player(name, side, scenario)
+
+
+@pytest.mark.parametrize("scenario", ["standard", "paper"])
+@pytest.mark.parametrize("name", PATTERNS)
+def test_every_pattern_passes(name, scenario):
+    check_planner(name, scenario)
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_every_path_can_be_played(path):
+    check_scenario(dataclasses.replace(preset("standard"), opponent_path=path, steps_per_round=50))
+
+
+@pytest.mark.parametrize("name", ["standard", "paper"])
+def test_presets_can_be_played(name):
+    check_scenario(name)
+
+
+class Sound:
+    """A sound player with a memory (a step count per game); the broken ones change one thing."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        steps = np.zeros(len(observation)) if state is None else state.copy()
+        if episode_start is not None:
+            steps[episode_start] = 0
+        actions = np.tanh(observation[:, :9] + 0.1 * steps[:, None]).astype(np.float32)
+        return self.spoil(actions), steps + 1
+
+    def spoil(self, actions):
+        return actions
+
+
+class Flat(Sound):
+    def spoil(self, actions):
+        return actions[:, :8]
+
+
+class Listed(Sound):
+    def spoil(self, actions):
+        return actions.tolist()
+
+
+class Whole(Sound):
+    def spoil(self, actions):
+        return np.sign(actions).astype(int)
+
+
+class NotANumber(Sound):
+    def spoil(self, actions):
+        actions[-1, 2] = np.nan
+        return actions
+
+
+class Loud(Sound):
+    def spoil(self, actions):
+        return 1.5 * actions
+
+
+class Bare(Sound):
+    def predict(self, *args):
+        return super().predict(*args)[0]
+
+
+class Meddler(Sound):
+    def predict(self, observation, *args):
+        observation[:] = 0
+        return super().predict(observation, *args)
+
+
+class Unseeded(Sound):
+    def spoil(self, actions):
+        return np.random.default_rng().uniform(-1, 1, actions.shape)
+
+
+class HiddenCount(Sound):
+    """Keeps its memory in itself, and never hears of a round's start."""
+
+    count = 0
+
+    def predict(self, observation, *args):
+        self.count += 1
+        return np.full((len(observation), 9), np.cos(self.count), np.float32), None
+
+
+class Crowd(Sound):
+    """Centres its batch, as a normalisation left in training mode would."""
+
+    def spoil(self, actions):
+        return np.clip(actions - actions.mean(axis=0), -1, 1)
+
+
+class Elephant(Sound):
+    """Never forgets."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return super().predict(observation, state, None, deterministic)
+
+
+class Amnesiac(Sound):
+    """Forgets every game where one starts."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        state = None if episode_start is not None and episode_start.any() else state
+        return super().predict(observation, state, None, deterministic)
+
+
+BROKEN_PLAYERS = [
+    (Flat, r"actions are \(7, 8\) for a batch of 7; return shape \(7, 9\)"),
+    (Listed, "actions are list"),
+    (Whole, "return a float32 NumPy array"),
+    (NotANumber, "hold NaN or infinity"),
+    (Loud, r"reach .*; clip them to \[-1, 1\]"),
+    (Bare, r"return \(actions, state\)"),
+    (Meddler, "changed its observation; work on a copy"),
+    (Unseeded, "same observations and seeds gave other actions"),
+    (HiddenCount, "keep memory in the returned state"),
+    (Crowd, "gets other actions than alone"),
+    (Elephant, "remembers the round before; empty the memory where episode_start is True"),
+    (Amnesiac, "a round that starts in one game changed another's"),
+]
+
+
+@pytest.mark.parametrize("side", ["ally", "opponent"])
+def test_a_sound_player_of_ones_own_passes(side):
+    check_player(Sound(), side)
+
+
+@pytest.mark.parametrize(("kind", "message"), BROKEN_PLAYERS, ids=lambda x: getattr(x, "__name__", ""))
+def test_each_broken_player_is_caught_by_its_own_message(kind, message):
+    with pytest.raises(AssertionError, match=message) as caught:
+        check_player(kind(), "ally")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_torch_model_may_differ_in_its_last_bits_and_no_more():
+    torch = pytest.importorskip("torch")
+
+    class Net(Sound):
+        def __init__(self, gain):
+            self.net, self.gain = torch.nn.Linear(15, 9), gain
+
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            with torch.no_grad():
+                actions = torch.tanh(self.net(torch.as_tensor(observation))).numpy()
+            return np.clip(actions + self.gain * len(observation), -1, 1), None
+
+    check_player(Net(1e-6), "ally")
+    with pytest.raises(AssertionError, match="than alone"):
+        check_player(Net(1e-3), "ally")
+
+
+def test_a_model_of_stable_baselines3_passes():
+    from stable_baselines3 import PPO
+
+    from fpg_bench import make_sb3
+
+    check_player(PPO("MlpPolicy", make_sb3("FPG/AllyVsScripted-v0"), seed=1, device="cpu"), "ally")
+
+
+def test_an_unknown_player_or_side_is_refused():
+    with pytest.raises(UserError, match="did you mean 'expert'"):
+        check_player("expart", "ally")
+    with pytest.raises(AssertionError, match="'ally' or 'opponent'"):
+        check_player("expert", "red")
+
+
+class Fixed:
+    """A sound planner; the broken ones change one thing."""
+
+    name, tier = "fixed", "history"
+
+    def plan(self, history, current_position, limits, rng):
+        return Plan(self.spoil(rng.uniform(0, limits.box_m, (limits.waypoints, 3))), self.name)
+
+    def spoil(self, waypoints):
+        return waypoints
+
+
+class Short(Fixed):
+    def spoil(self, waypoints):
+        return waypoints[1:]
+
+
+class Lost(Fixed):
+    def spoil(self, waypoints):
+        waypoints[3] = np.nan
+        return waypoints
+
+
+class Outside(Fixed):
+    def spoil(self, waypoints):
+        waypoints[3, 2] = 601
+        return waypoints
+
+
+class Moody(Fixed):
+    def spoil(self, waypoints):
+        return np.random.default_rng().uniform(0, 100, waypoints.shape)
+
+
+class Revisionist(Fixed):
+    def plan(self, history, *args):
+        history[:] = 0
+        return super().plan(history, *args)
+
+
+class Mover(Fixed):
+    def plan(self, history, current_position, *args):
+        current_position += 1
+        return super().plan(history, current_position, *args)
+
+
+class Naked(Fixed):
+    def plan(self, *args):
+        return super().plan(*args).waypoints
+
+
+class Tierless(Fixed):
+    tier = "best"
+
+
+BROKEN_PLANNERS = [
+    (Short, r"waypoints are \(15, 3\) after 0 rounds; return shape \(16, 3\)"),
+    (Lost, "hold NaN or infinity"),
+    (Outside, "waypoint 3 lies outside the box"),
+    (Moody, "same generator gave another plan"),
+    (Revisionist, "changed the history"),
+    (Mover, "changed the current position"),
+    (Naked, "plan returned ndarray; return a fpg_bench.planning.Plan"),
+    (Tierless, "tier is 'best'; set it to one of none, history, ally"),
+]
+
+
+def test_a_sound_planner_of_ones_own_passes():
+    check_planner(Fixed())
+
+
+@pytest.mark.parametrize(("kind", "message"), BROKEN_PLANNERS, ids=lambda x: getattr(x, "__name__", ""))
+def test_each_broken_planner_is_caught_by_its_own_message(kind, message):
+    with pytest.raises(AssertionError, match=message) as caught:
+        check_planner(kind())
+    assert "\n" not in str(caught.value)
+
+
+def _nan_reward(arena):
+    arena.games["ally_reward"][0] = np.nan
+
+
+def _wide_observation(arena):
+    arena.opponent_observations[0, 4] = 1.5
+
+
+def _early_end(arena):
+    arena.games["truncated"][arena.games["step"] == 7] = True
+
+
+def _batch_dependent(arena):
+    arena.ally_observations[:, 0] = 0.1 * arena.count
+
+
+def _drifting(arena, drift=np.zeros(())):  # noqa: B008
+    drift += 1e-4
+    arena.ally_observations[:, 0] = drift
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        (_nan_reward, "a reward at step 0 is NaN"),
+        (_wide_observation, r"index 4 of the opponent's observation at step 0 lies outside \[-1, 1\]"),
+        (_early_end, "did not end with its last one"),
+        (_drifting, "the same seed gave another game at step 0"),
+        (_batch_dependent, "is not seed s \\+ 2 at step 0"),
+    ],
+)
+def test_each_fault_of_a_game_is_caught_by_its_own_message(monkeypatch, fault, message):
+    sound = Arena.step
+
+    def step(arena, *actions):
+        sound(arena, *actions)
+        fault(arena)
+
+    monkeypatch.setattr(Arena, "step", step)
+    with pytest.raises(AssertionError, match=message):
+        check_scenario("standard")
