@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 import sys
 from pathlib import Path
@@ -20,8 +21,8 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
 
     Args:
         spec: a script (``expert``), ``oracle``, a shipped agent (``ally-scripted/ppo/seed_0``), an agent
-            folder, ``package.module:object`` (a player, or something called with the scenario that gives
-            one), or any object with ``predict``.
+            folder, ``package.module:object`` (a player, or a class or function that makes one, told the
+            scenario if it takes an argument), or any object with ``predict``.
         side: ``ally`` or ``opponent``.
         scenario: what is played.
 
@@ -61,7 +62,12 @@ def _imported(name: str, side: str, scenario: Scenario) -> Player:
     except (ImportError, AttributeError) as error:
         raise UserError(f"{side} {name!r}: {error}") from error
     if isinstance(found, type) or not callable(getattr(found, "predict", None)):
-        found = found(scenario) if callable(found) else found
+        found = _made(found, scenario) if callable(found) else found
     if not callable(getattr(found, "predict", None)):
         raise UserError(f"{side} {name!r}: has no predict(observation, state, episode_start, deterministic)")
     return found
+
+
+def _made(maker: Any, scenario: Scenario) -> Any:
+    """What a class or function makes, told the scenario where it takes an argument."""
+    return maker(scenario) if inspect.signature(maker).parameters else maker()

@@ -1,0 +1,366 @@
+"""The Gymnasium view of one game: the contract, what each keyword does, and bad input."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import pickle
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from fpg_bench.errors import UserError
+from fpg_bench.game.scenario import STANDARD
+from fpg_bench.ids import find_view
+
+from .playing import (
+    ALLY,
+    ALLY_POLICY,
+    IDS,
+    OPPONENT,
+    OPPONENT_POLICY,
+    PLANNED,
+    REST,
+    SHORT,
+    STEPS,
+    same,
+    single_game,
+    tape,
+)
+
+
+@pytest.mark.parametrize("view_id", IDS)
+def test_gymnasium_finds_nothing_to_warn_of(view_id):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make(view_id).unwrapped)
+
+
+@pytest.mark.parametrize("view_id", IDS)
+def test_an_id_is_found_through_the_module_without_importing_it_first(view_id):
+    env = gymnasium.make(f"fpg_bench:{view_id}")
+    assert env.spec.id == view_id
+    assert env.unwrapped.core.side == find_view(view_id).side
+
+
+@pytest.mark.parametrize("view_id", IDS)
+def test_spaces_hold_what_is_shown(view_id):
+    env = gymnasium.make(view_id, scenario=SHORT)
+    shown = single_game(view_id, 3, tape(1)[:, 0])
+    assert all(observation in env.observation_space for observation, _ in shown)
+    assert env.action_space.shape == (9,)
+    assert env.observation_space is env.observation_space
+
+
+@pytest.mark.parametrize("view_id", IDS)
+def test_same_seed_same_game_and_another_seed_another(view_id):
+    actions = tape(1)[:, 0]
+    assert same(single_game(view_id, 5, actions), single_game(view_id, 5, actions))
+    assert not same(single_game(view_id, 5, actions), single_game(view_id, 6, actions))
+
+
+def test_without_a_seed_two_games_differ():
+    first, second = (gymnasium.make(ALLY).reset()[0] for _ in range(2))
+    assert not np.array_equal(first, second)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize("view_id", IDS)
+def test_a_copy_plays_on_alone(view_id, copied):
+    env = gymnasium.make(view_id, scenario=SHORT).unwrapped
+    env.reset(seed=1)
+    env.step(REST)
+    twin = copied(env)
+    for action in tape(1, STEPS - 1)[:, 0]:
+        here, there = env.step(action), twin.step(action)
+        assert np.array_equal(here[0], there[0])
+        assert here[1:4] == there[1:4]
+    assert here[3]
+    assert np.array_equal(env.reset()[0], twin.reset()[0])
+
+
+def test_a_spec_makes_the_same_environment_again():
+    env = gymnasium.make(ALLY, opponent=["tone", "comb"], path="circle", scenario=SHORT)
+    twin = gymnasium.make(env.spec)
+    assert twin.unwrapped.core.other_specs == ["tone", "comb"]
+    assert twin.unwrapped.core.scenario == env.unwrapped.core.scenario
+
+
+def test_a_round_ends_by_truncation_with_its_measures():
+    env = gymnasium.make(ALLY, scenario=SHORT)
+    env.reset(seed=0)
+    rewards = []
+    for k in range(STEPS):
+        _, reward, terminated, truncated, info = env.step(REST)
+        rewards.append(reward)
+        assert (terminated, truncated, "measures" in info) == (False, k + 1 == STEPS, k + 1 == STEPS)
+    assert info["measures"]["ally_return"] == pytest.approx(sum(rewards))
+    with pytest.raises(UserError, match="the round is over; call reset first"):
+        env.step(REST)
+
+
+def test_the_ally_is_shown_what_the_knowledge_base_advises_and_the_opponent_is_not():
+    env, other = gymnasium.make(ALLY, opponent="broadband"), gymnasium.make(OPPONENT)
+    assert env.reset(seed=0)[1]["advice"] is None
+    other.reset(seed=0)
+    advice = {env.step(REST)[4]["advice"] for _ in range(20)}
+    assert all(isinstance(words, str) for words in advice)
+    assert "advice" not in other.step(REST)[4]
+    unadvised = gymnasium.make(ALLY, knowledge="none")
+    unadvised.reset(seed=0)
+    assert unadvised.step(REST)[4]["advice"] is None
+
+
+def test_what_is_handed_out_is_a_copy():
+    env = gymnasium.make(ALLY, scenario=SHORT).unwrapped
+    twin = copy.deepcopy(env)
+    spoilt, clean = env.reset(seed=4)[0], twin.reset(seed=4)[0]
+    for action in tape(1, STEPS)[:, 0]:
+        spoilt[:] = 7
+        spoilt, clean = env.step(action)[0], twin.step(action)[0]
+        assert np.array_equal(spoilt, clean)
+
+
+def test_an_action_is_left_as_it_was():
+    env = gymnasium.make(ALLY).unwrapped
+    env.reset(seed=0)
+    action = np.full(9, 3.0)
+    env.step(action)
+    assert (action == 3).all()
+
+
+def curve(env):
+    return env.unwrapped.core.duel.arena.games["control_points"][0].copy()
+
+
+def test_rounds_of_a_match_share_the_path_and_matches_do_not():
+    env = gymnasium.make(ALLY, scenario=SHORT)
+    env.reset(seed=9)
+    paths = [curve(env)]
+    for _ in range(4):
+        env.reset()
+        paths.append(curve(env))
+    assert np.array_equal(paths[0], paths[1])
+    assert np.array_equal(paths[2], paths[3])
+    assert not np.array_equal(paths[1], paths[2])
+    assert not np.array_equal(paths[3], paths[4])
+
+
+def test_a_new_match_can_be_asked_for_and_is_the_one_that_would_have_come():
+    early, patient = (gymnasium.make(ALLY, scenario=SHORT) for _ in range(2))
+    for env in (early, patient):
+        env.reset(seed=9)
+    first = early.reset(options={"new_match": True})[0]
+    patient.reset()
+    assert np.array_equal(first, patient.reset()[0])
+    same_match = patient.reset(options={"new_match": False})[0]
+    assert not np.array_equal(first, same_match)
+
+
+# Every keyword changes the game
+
+CHANGES = [
+    (ALLY, {"scenario": "paper"}),
+    (ALLY, {"scenario": dataclasses.replace(STANDARD, hop_cost=1)}),
+    (ALLY, {"opponent": "broadband"}),
+    (ALLY, {"opponent": ["tone", "comb"]}),
+    (ALLY, {"path": "circle"}),
+    (ALLY, {"path": ["triangle", "rectangle"]}),
+    (ALLY, {"knowledge": "none"}),
+    (ALLY, {"jamming_types": ["comb"]}),
+    (PLANNED, {"planner": "rectangle"}),
+    (PLANNED, {"planner": "random"}),
+    (PLANNED, {"opponent": "tone"}),
+    (PLANNED, {"path": ["waypoints", "pursuit"]}),
+    (OPPONENT, {"ally": "always-hop"}),
+    (OPPONENT, {"ally": ["idle", "random"]}),
+    (OPPONENT, {"path": "learned"}),
+    (OPPONENT, {"knowledge": "none"}),
+    (OPPONENT, {"jamming_types": ["tone", "comb"]}),
+    (ALLY_POLICY, {"opponent": "oracle"}),
+    (OPPONENT_POLICY, {"ally": "oracle"}),
+]
+
+
+def rewards(view_id, **options):
+    """Of three rounds of 60 steps, the gates of both sides' actions in use."""
+    env = gymnasium.make(view_id, disable_env_checker=True, **options).unwrapped
+    env.reset(seed=2)
+    found = []
+    for k, action in enumerate(tape(1, 180)[:, 0]):
+        found.append(env.step(action)[1])
+        if k % 60 == 59:
+            env.reset()
+    return found
+
+
+@pytest.mark.parametrize(("view_id", "options"), CHANGES, ids=str)
+def test_every_keyword_changes_the_outcome(view_id, options):
+    assert rewards(view_id) == rewards(view_id)
+    assert rewards(view_id) != rewards(view_id, **options)
+
+
+def test_threads_change_nothing():
+    assert rewards(ALLY, threads=1) == rewards(ALLY, threads=2)
+
+
+# Who plays the other side
+
+
+class Copycat:
+    """A player of one's own: does to the ally what its own observation says."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return observation[:, :9].copy(), None
+
+
+@pytest.mark.parametrize(
+    "spec", ["adaptive", "oracle", Copycat(), f"{__name__}:Copycat", ["tone", Copycat()]]
+)
+def test_a_policy_view_takes_a_script_an_oracle_an_object_and_a_list(spec):
+    env = gymnasium.make(ALLY_POLICY, opponent=spec, scenario=SHORT)
+    env.reset(seed=0)
+    for action in tape(1, STEPS)[:, 0]:
+        *_, truncated, _ = env.step(action)
+    assert truncated
+
+
+def test_a_policy_view_plays_the_script_as_the_scripted_view_does():
+    actions = tape(1)[:, 0]
+    assert same(
+        single_game(ALLY, 1, actions, opponent="sweep"),
+        single_game(ALLY_POLICY, 1, actions, opponent="sweep"),
+    )
+    assert same(single_game(OPPONENT, 1, actions), single_game(OPPONENT_POLICY, 1, actions))
+
+
+# Bad input: one clear line each
+
+MISTAKES = [
+    (ALLY, {"opponent": "adaptve"}, "opponent: 'adaptve' is no script; did you mean 'adaptive'"),
+    (ALLY, {"opponent": "oracle"}, "FPG/AllyVsPolicy-v0 plays against anyone"),
+    (ALLY, {"opponent": 3}, "opponent: 3 is no script"),
+    (ALLY, {"opponent": []}, "must not be empty"),
+    (ALLY, {"ally": "expert"}, "you play the ally; name the opponent"),
+    (OPPONENT, {"opponent": "tone"}, "you play the opponent; name the ally"),
+    (OPPONENT, {"ally": "exprt"}, "did you mean 'expert'"),
+    (ALLY_POLICY, {"opponent": "expert"}, "unknown opponent 'expert'"),
+    (ALLY_POLICY, {"opponent": "no/such/agent"}, "no/such/agent"),
+    (ALLY_POLICY, {"opponent": "nowhere.to.be:found"}, "No module named 'nowhere'"),
+    (ALLY_POLICY, {"opponent": "math:pi"}, "has no predict"),
+    (ALLY_POLICY, {"opponent": object()}, "a player's name or an object with predict"),
+    (ALLY, {"path": "persuit"}, "did you mean 'pursuit'"),
+    (ALLY, {"path": []}, "opponent_path: expected one or more"),
+    (ALLY, {"path": "waypoints"}, "plans no 'waypoints'; FPG/AllyVsPlanner-v0 does"),
+    (PLANNED, {"path": "circle"}, "choose a planner instead"),
+    (PLANNED, {"path": 3}, "choose a planner instead"),
+    (ALLY, {"planner": "circle"}, "plans no paths; FPG/AllyVsPlanner-v0 does"),
+    (PLANNED, {"planner": "cirlce"}, "unknown planner 'cirlce'; did you mean 'circle'"),
+    (PLANNED, {"planner": 3}, "a name or an object with plan, got 3"),
+    (ALLY, {"scenario": "papper"}, "unknown scenario 'papper'; did you mean 'paper'"),
+    (ALLY, {"scenario": "missing.yml"}, "missing.yml"),
+    (ALLY, {"scenario": {"hop_cost": 1}}, "expected a Scenario, a preset or a YAML file"),
+    (ALLY, {"knowledge": "missing.yml"}, "missing.yml"),
+    (ALLY, {"jamming_types": "tones"}, "did you mean 'tone'"),
+    (ALLY, {"jamming_types": []}, "expected one or more of tone"),
+]
+
+
+@pytest.mark.parametrize(("view_id", "options", "message"), MISTAKES, ids=str)
+def test_a_mistaken_keyword_is_refused_in_one_line(view_id, options, message):
+    with pytest.raises(UserError, match=message) as caught:
+        gymnasium.make(view_id, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_scenario_key_is_refused_with_the_nearest(tmp_path):
+    file = tmp_path / "mine.yml"
+    file.write_text("hop_csot: 3\n")
+    with pytest.raises(UserError, match=r"unknown key 'hop_csot'; did you mean 'hop_cost'"):
+        gymnasium.make(ALLY, scenario=str(file))
+
+
+def test_an_unknown_keyword_is_named():
+    with pytest.raises(TypeError, match="'oponent'"):
+        gymnasium.make(ALLY, oponent="tone")
+
+
+def test_an_unknown_id_suggests_the_nearest():
+    with pytest.raises(gymnasium.error.NameNotFound, match="AllyVsScripted"):
+        gymnasium.make("FPG/AllyVsScriptd-v0")
+    with pytest.raises(UserError, match="did you mean 'FPG/AllyVsScripted-v0'"):
+        find_view("fpg_bench:FPG/AllyVsScriptd-v0")
+
+
+@pytest.mark.filterwarnings("ignore:.*render_mode")
+def test_an_unknown_render_mode_is_refused():
+    with pytest.raises(UserError, match="'rgb_array' or 'human', got 'ansi'"):
+        gymnasium.make(ALLY, render_mode="ansi")
+
+
+@pytest.mark.parametrize("seed", ["7", 1.5, True, -1, 2**63])
+def test_a_seed_is_a_whole_number_from_0_on(seed):
+    with pytest.raises(UserError, match="seed: expected"):
+        gymnasium.make(ALLY).unwrapped.reset(seed=seed)
+
+
+def test_an_unknown_reset_option_is_refused():
+    with pytest.raises(UserError, match="unknown option 'newmatch'; known: new_match"):
+        gymnasium.make(ALLY).reset(options={"newmatch": True})
+
+
+@pytest.fixture(scope="module")
+def begun():
+    env = gymnasium.make(ALLY).unwrapped
+    env.reset(seed=0)
+    return env
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_an_action_that_is_not_finite_is_refused_by_its_index(begun, bad):
+    action = REST.copy()
+    action[3] = bad
+    with pytest.raises(UserError, match=f"ally action: index 3 is {bad}"):
+        begun.step(action)
+
+
+@pytest.mark.parametrize(
+    ("action", "found"),
+    [
+        (np.zeros(8, np.float32), r"float32 \(8,\)"),
+        (np.zeros((1, 9), np.float32), r"float32 \(1, 9\)"),
+        (np.zeros(9, int), r"int64 \(9,\)"),
+        ([0.0] * 9, "list"),
+        (None, "NoneType"),
+    ],
+)
+def test_an_action_of_another_kind_is_refused(begun, action, found):
+    with pytest.raises(UserError, match=rf"expected a float array of shape \(9,\), got {found}"):
+        begun.step(action)
+
+
+def test_playing_before_the_first_reset_is_refused():
+    with pytest.raises(UserError, match="call reset first"):
+        gymnasium.make(ALLY).unwrapped.step(REST)
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (np.zeros((1, 8), np.float32), r"answered with actions of shape \(1, 8\), expected \(1, 9\)"),
+        ([[0.0] * 9], "of shape list"),
+        (np.full((1, 9), np.nan, np.float32), "opponent action: index 0 is nan"),
+    ],
+)
+def test_a_player_that_answers_amiss_is_named(answer, message):
+    class Wrong:
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            return answer, None
+
+    env = gymnasium.make(ALLY_POLICY, opponent=Wrong()).unwrapped
+    env.reset(seed=0)
+    with pytest.raises(UserError, match=message):
+        env.step(REST)

@@ -1,0 +1,235 @@
+"""The batched Gymnasium view: NEXT_STEP autoreset, the same games as single ones, staggering."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode
+from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
+
+from fpg_bench.errors import UserError
+
+from .playing import ALLY, ALLY_POLICY, IDS, REST, SHORT, STEPS, same, single_game, tape
+
+GAMES = 3
+
+
+def make(view_id=ALLY, games=GAMES, **options):
+    return gymnasium.make_vec(view_id, num_envs=games, **{"scenario": SHORT, **options})
+
+
+def batched_games(view_id, seed, actions, **options):
+    """What each game of a batch shows, as ``single_game`` gives it."""
+    games = actions.shape[1]
+    env = make(view_id, games, **options)
+    observations, _ = env.reset(seed=seed)
+    shown = [[(observation, None)] for observation in observations]
+    for k, action in enumerate(actions):
+        observations, rewards, _, truncated, _ = env.step(action)
+        for game in range(games):
+            shown[game].append((observations[game], rewards[game]))
+        if truncated.all():
+            observations = env.step(actions[(k + 7) % len(actions)])[0]
+            for game in range(games):
+                shown[game].append((observations[game], None))
+    return shown
+
+
+@pytest.mark.parametrize("view_id", IDS)
+@pytest.mark.parametrize("games", [1, GAMES])
+def test_game_i_of_a_batch_seeded_s_is_the_single_game_seeded_s_plus_i(view_id, games):
+    actions = tape(games)
+    batch = batched_games(view_id, 20, actions)
+    for game in range(games):
+        assert same(batch[game], single_game(view_id, 20 + game, actions[:, game]))
+
+
+def test_gymnasiums_own_batch_of_single_games_is_the_same():
+    theirs = gymnasium.make_vec(ALLY, num_envs=GAMES, vectorization_mode="sync", scenario=SHORT)
+    ours = make()
+    assert np.array_equal(theirs.reset(seed=3)[0], ours.reset(seed=3)[0])
+    for action in tape(GAMES, 2 * STEPS):
+        for there, here in zip(theirs.step(action)[:4], ours.step(action)[:4], strict=True):
+            assert np.array_equal(there, here)
+
+
+def test_the_autoreset_mode_is_stated_and_the_spaces_are_batched():
+    env = make()
+    assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    assert env.observation_space.shape == (GAMES, 15)
+    assert env.action_space.shape == (GAMES, 9)
+    assert env.reset(seed=0)[0] in env.observation_space
+
+
+def test_the_step_after_a_rounds_end_ignores_the_action_and_gives_no_reward():
+    outcomes = []
+    for action in (np.full((GAMES, 9), -1, np.float32), np.full((GAMES, 9), 1, np.float32)):
+        env = make()
+        env.reset(seed=1)
+        for k in range(STEPS):
+            _, _, terminated, truncated, infos = env.step(np.tile(REST, (GAMES, 1)))
+            assert not terminated.any()
+            assert truncated.all() == truncated.any() == ("measures" in infos) == (k + 1 == STEPS)
+        assert infos["measures"]["outage"].shape == (GAMES,)
+        observations, rewards, _, truncated, infos = env.step(action)
+        assert not rewards.any()
+        assert not truncated.any()
+        assert infos == {}
+        outcomes.append(observations)
+    assert np.array_equal(*outcomes)
+
+
+def test_a_staggered_batch_mixes_phases_by_truncations_of_its_first_rounds():
+    env = make(games=4, stagger=True)
+    env.reset(seed=0)
+    ends = np.zeros((3 * STEPS, 4), bool)
+    for k in range(len(ends)):
+        _, _, terminated, ends[k], _ = env.step(np.zeros((4, 9), np.float32))
+        assert not terminated.any()
+    first = [int(np.flatnonzero(ends[:, game])[0]) + 1 for game in range(4)]
+    assert first == [STEPS, STEPS * 3 // 4, STEPS // 2, STEPS // 4]
+    # Later rounds are whole ones, each after one step for the reset
+    assert all(
+        np.diff(np.flatnonzero(ends[:, game])).tolist() in ([STEPS + 1], [STEPS + 1] * 2) for game in range(4)
+    )
+    env.reset(seed=0)
+    for _ in range(STEPS - 1):
+        assert not env.step(np.zeros((4, 9), np.float32))[3].any()
+
+
+def test_what_is_handed_out_is_a_copy():
+    spoilt, clean = make(), make()
+    spoilt.reset(seed=2)
+    clean.reset(seed=2)
+    for action in tape(GAMES, 2 * STEPS):
+        here, there = spoilt.step(action), clean.step(action)
+        for x, y in zip(here[:4], there[:4], strict=True):
+            assert np.array_equal(x, y)
+            x[...] = 1
+
+
+def test_rounds_can_be_begun_in_some_games_alone():
+    env = make()
+    before = env.reset(seed=2)[0]
+    moved = env.step(np.zeros((GAMES, 9), np.float32))[0]
+    mask = np.array([False, True, False])
+    after = env.reset(options={"reset_mask": mask, "new_match": True})[0]
+    assert np.array_equal(after[~mask], moved[~mask])
+    assert not np.array_equal(after[1], before[1])
+
+
+def test_one_seed_per_game_may_be_given():
+    env = make()
+    assert np.array_equal(env.reset(seed=[8, 9, 10])[0], env.reset(seed=8)[0])
+    assert not np.array_equal(env.reset(seed=[9, 8, 10])[0], env.reset(seed=8)[0])
+
+
+def drawn(games, seed=0, rounds=1, **options):
+    """Which of the other side's players and paths each game's rounds drew, ``(rounds, games)`` each."""
+    env = make(ALLY_POLICY, games, **options)
+    env.reset(seed=seed)
+    players, paths = [], []
+    for _ in range(rounds):
+        core = env.unwrapped.core
+        players.append(core._seat.choice.copy())
+        paths.append(core.duel.arena.games["path"].copy())
+        env.reset()
+    return np.array(players), np.array(paths)
+
+
+def test_players_and_paths_of_a_list_are_drawn_per_round_from_the_games_own_stream():
+    options = {"opponent": ["tone", "comb"], "path": ["circle", "pursuit"]}
+    players, paths = drawn(16, rounds=4, **options)
+    assert set(players.ravel()) == {0, 1}
+    assert len(set(paths.ravel())) == 2
+    assert any(len(set(column)) == 2 for column in players.T), "rounds of one game never differ"
+    again = drawn(16, rounds=4, **options)
+    assert np.array_equal(players, again[0])
+    assert np.array_equal(paths, again[1])
+    alone = drawn(1, seed=5, rounds=4, **options)
+    assert np.array_equal(players[:, 5:6], alone[0])
+    assert np.array_equal(paths[:, 5:6], alone[1])
+
+
+def test_the_player_that_was_drawn_is_the_one_that_plays():
+    options = {"opponent": ["tone", "comb"]}
+    env = make(ALLY_POLICY, 16, **options)
+    env.reset(seed=0)
+    env.step(np.zeros((16, 9), np.float32))
+    core = env.unwrapped.core
+    assert np.array_equal(core.duel.arena.games["jamming_type"], np.where(core._seat.choice == 0, 0, 3))
+
+
+def test_gymnasiums_vector_wrappers_take_it():
+    env = RecordEpisodeStatistics(NormalizeObservation(make()))
+    env.reset(seed=0)
+    for action in tape(GAMES, STEPS):
+        infos = env.step(action)[4]
+    assert infos["episode"]["l"].tolist() == [STEPS] * GAMES
+    assert infos["episode"]["r"] == pytest.approx(infos["measures"]["ally_return"], rel=1e-5)
+
+
+def test_games_in_processes_of_their_own_play_the_same():
+    makers = [lambda: gymnasium.make(ALLY, scenario=SHORT)] * 2
+    theirs, ours = AsyncVectorEnv(makers), make(games=2)
+    try:
+        assert np.array_equal(theirs.reset(seed=3)[0], ours.reset(seed=3)[0])
+        for action in tape(2, STEPS + 3):
+            for there, here in zip(theirs.step(action)[:4], ours.step(action)[:4], strict=True):
+                assert np.array_equal(there, here)
+    finally:
+        theirs.close()
+
+
+# Bad input
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_an_action_that_is_not_finite_is_refused_by_its_game_and_index(bad):
+    env = make()
+    env.reset(seed=0)
+    actions = np.zeros((GAMES, 9), np.float32)
+    actions[1, 4] = bad
+    with pytest.raises(UserError, match=f"ally action of game 1: index 4 is {bad}"):
+        env.step(actions)
+
+
+@pytest.mark.parametrize(
+    "actions",
+    [
+        np.zeros((GAMES, 8), np.float32),
+        np.zeros((2, 9), np.float32),
+        np.zeros((GAMES, 9), int),
+        [REST] * GAMES,
+    ],
+)
+def test_actions_of_another_kind_are_refused(actions):
+    env = make()
+    env.reset(seed=0)
+    with pytest.raises(UserError, match=r"ally actions: expected a float array of shape \(3, 9\), got"):
+        env.step(actions)
+
+
+@pytest.mark.parametrize("seed", ["7", 1.5, -1, [1, 2], [1, 2, "3"], 2**63 - 1])
+def test_a_seed_that_cannot_be_is_refused(seed):
+    with pytest.raises(UserError, match="seed: expected"):
+        make().reset(seed=seed)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"num_envs": 0}, "expected a whole number of at least 1, got 0"),
+        ({"num_envs": 2.5}, "expected a whole number of at least 1"),
+        ({"render_mode": "rgb_array"}, "a batch is not rendered"),
+    ],
+)
+def test_a_batch_that_cannot_be_is_refused(options, message):
+    with pytest.raises(UserError, match=message):
+        gymnasium.make_vec(ALLY, **options)
+
+
+def test_playing_before_the_first_reset_is_refused():
+    with pytest.raises(UserError, match="reset before its first step"):
+        make().step(np.zeros((GAMES, 9), np.float32))
