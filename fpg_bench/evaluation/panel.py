@@ -105,6 +105,8 @@ def load_panel(name: str) -> Panel:
         reference=str(content["reference"]),
         entries=_entries(content["entries"], other, path),
     )
+    for entry in panel.entries:
+        panel.entry_scenario(entry)
     return dataclasses.replace(panel, references=_references(path, panel))
 
 

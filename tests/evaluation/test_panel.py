@@ -1,0 +1,74 @@
+import dataclasses
+
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.panel import PANEL_FOLDER, STANDARD_ERRORS, load_panel
+
+PANELS = sorted(path.stem for path in PANEL_FOLDER.glob("*.yml"))
+
+
+@pytest.mark.parametrize("name", PANELS)
+def test_shipped_panels_tell_random_from_reference(name):
+    panel = load_panel(name)
+    assert set(panel.references) == {entry.name for entry in panel.entries}
+    for reference in panel.references.values():
+        assert reference.reference - reference.random >= STANDARD_ERRORS * reference.standard_error
+        assert reference.score(reference.random) == 0
+        assert reference.score(reference.reference) == pytest.approx(100)
+
+
+def test_hash_speaks_of_what_is_played():
+    panel = load_panel("ally-v1")
+    harder = dataclasses.replace(panel.scenario, hop_cost=41)
+    others = [
+        dataclasses.replace(panel, rounds=99),
+        dataclasses.replace(panel, season="1"),
+        dataclasses.replace(panel, entries=panel.entries[1:]),
+        dataclasses.replace(panel, scenario=harder),
+    ]
+    assert len({panel.hash, *(other.hash for other in others)}) == 5
+
+
+CONTENT = """\
+side: ally
+scenario: standard
+rounds: 10
+reference: expert
+entries:
+  - {opponent: tone, path: pursuit}
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("side: ally", "side: referee", "side"),
+        ("rounds: 10", "rounds: 0", "rounds"),
+        ("rounds: 10", "round: 10", "expected the keys"),
+        ("opponent: tone", "ally: tone", "expected entries with opponent and path"),
+        ("path: pursuit", "path: persuit", "did you mean 'pursuit'"),
+        ("scenario: standard", "scenario: standrad", "did you mean 'standard'"),
+        ("side: ally", "side: [ally", "not valid YAML"),
+    ],
+)
+def test_bad_panel_files(tmp_path, old, new, message):
+    path = tmp_path / "mine.yml"
+    path.write_text(CONTENT)
+    assert load_panel(str(path)).references is None
+    path.write_text(CONTENT.replace(old, new))
+    with pytest.raises(UserError, match=message):
+        load_panel(str(path))
+
+
+def test_unknown_panel_suggests():
+    with pytest.raises(UserError, match="did you mean 'ally-v1'"):
+        load_panel("aly-v1")
+
+
+def test_scores_of_another_panel_are_refused(tmp_path):
+    path = tmp_path / "mine.yml"
+    path.write_text(CONTENT)
+    (tmp_path / "mine.scores.json").write_text('{"panel_hash": "0", "entries": {}}')
+    with pytest.raises(UserError, match="measured for another panel"):
+        load_panel(str(path))

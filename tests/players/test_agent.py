@@ -1,0 +1,167 @@
+import hashlib
+import json
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from fpg_bench.errors import UserError
+from fpg_bench.players.agent import OnnxPlayer, load_agent
+
+
+def model_bytes(state=0, noise=0, action=9, observation=15, names=("observation", "action")):
+    """A policy: action 0 is 0.01 x the steps its memory counts, 1 the first observation, 2 the noise."""
+
+    def tensor(name, size):
+        return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", size])
+
+    def placing(name, rows, column, value):
+        weights = np.zeros((rows, action), np.float32)
+        weights[0, column] = value
+        return numpy_helper.from_array(weights, name)
+
+    inputs, outputs = [tensor(names[0], observation)], [tensor(names[1], action)]
+    constants = [placing("w", observation, 1, 1.0)]
+    nodes = [helper.make_node("MatMul", [names[0], "w"], ["seen"])]
+    parts = ["seen"]
+    if state:
+        inputs.append(tensor("state", state))
+        outputs.append(tensor("next_state", state))
+        constants += [placing("p", state, 0, 0.01), numpy_helper.from_array(np.float32([1]), "one")]
+        nodes += [
+            helper.make_node("Add", ["state", "one"], ["next_state"]),
+            helper.make_node("MatMul", ["state", "p"], ["counted"]),
+        ]
+        parts.append("counted")
+    if noise:
+        inputs.append(tensor("noise", noise))
+        constants.append(placing("q", noise, 2, 1.0))
+        nodes.append(helper.make_node("MatMul", ["noise", "q"], ["noisy"]))
+        parts.append("noisy")
+    nodes.append(helper.make_node("Sum", parts, [names[1]]))
+    graph = helper.make_graph(nodes, "policy", inputs, outputs, constants)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+    return model.SerializeToString()
+
+
+def test_memory_counts_and_starts_empty():
+    player = OnnxPlayer(model_bytes(state=3), {})
+    seen = np.zeros((4, 15), np.float32)
+    state = None
+    for step in range(3):
+        action, state = player.predict(seen, state, np.zeros(4, bool))
+        assert action[:, 0] == pytest.approx(0.01 * step)
+    action, state = player.predict(seen, state, np.array([True, False, False, True]))
+    assert action[:, 0] == pytest.approx([0, 0.03, 0.03, 0])
+
+
+def test_noise_is_the_rounds_own():
+    player = OnnxPlayer(model_bytes(noise=2), {})
+
+    def play(*seeds):
+        count = len(seeds)
+        player.reset(np.ones(count, bool), np.array(seeds, np.uint64))
+        state, found = None, []
+        for _ in range(400):
+            action, state = player.predict(np.zeros((count, 15), np.float32), state)
+            found.append(action[:, 2])
+        return np.array(found)
+
+    first, other = play(1, 2, 3, 4, 5), play(6, 2, 3, 4, 5)
+    assert (first == play(1, 2, 3, 4, 5)).all()
+    assert (first[:, 1:] == other[:, 1:]).all()
+    assert not (first[:, 0] == other[:, 0]).any()
+    assert (play(3)[:, 0] == first[:, 2]).all()
+    assert abs(first.mean()) < 0.1
+    assert 0.9 < first.std() < 1.1
+
+
+def test_same_bits_whatever_the_batch():
+    player = OnnxPlayer(model_bytes(), {})
+    seen = np.random.default_rng(0).uniform(-1, 1, (64, 15)).astype(np.float32)
+    whole = player.predict(seen)[0]
+    assert (np.concatenate([player.predict(row[None])[0] for row in seen]) == whole).all()
+    assert (player.predict(seen[3])[0] == whole[3]).all()
+
+
+def test_players_can_be_sent_to_other_processes():
+    player = pickle.loads(pickle.dumps(OnnxPlayer(model_bytes(), {"id": "x"})))
+    assert player.about == {"id": "x"}
+    assert player.predict(np.ones((1, 15), np.float32))[0][0, 1] == 1
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"nonsense", "cannot read"),
+        (model_bytes()[:200], "cannot read"),
+        (model_bytes(observation=16), r"shape \['n', 16\]"),
+        (model_bytes(action=8), r"shape \['n', 8\]"),
+        (model_bytes(noise=17), "at most 16"),
+        (model_bytes(names=("obs", "action")), "unknown input 'obs'"),
+        (model_bytes(names=("observation", "act")), "unknown output 'act'"),
+    ],
+    ids=["nonsense", "truncated", "observation", "action", "noise", "input", "output"],
+)
+def test_policies_off_the_contract_are_refused(data, message):
+    with pytest.raises(UserError, match=message):
+        OnnxPlayer(data, {})
+
+
+@pytest.fixture
+def agent(tmp_path):
+    data = model_bytes()
+    about = {
+        "format": 1,
+        "algorithm": "mine",
+        "id": "FPG/AllyVsScripted-v0",
+        "scenario": "0",
+        "training_seed": 0,
+        "training_steps": 1,
+        "policy_sha256": hashlib.sha256(data).hexdigest(),
+    }
+    (tmp_path / "policy.onnx").write_bytes(data)
+    (tmp_path / "agent.json").write_text(json.dumps(about))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format": 2}, "format 2"),
+        ({"id": "FPG/AllyVsScripted-v9"}, "which this version does not have"),
+        ({"id": "FPG/OpponentVsScripted-v0"}, "plays the opponent"),
+        ({"policy_sha256": "0"}, "not the file"),
+    ],
+)
+def test_agents_that_do_not_fit_are_refused(agent, change, message):
+    assert load_agent(agent, "ally").about["algorithm"] == "mine"
+    about = json.loads((agent / "agent.json").read_text())
+    (agent / "agent.json").write_text(json.dumps(about | change))
+    with pytest.raises(UserError, match=message):
+        load_agent(agent, "ally")
+
+
+def test_truncated_agent_folders(agent):
+    text = (agent / "agent.json").read_text()
+    for broken, message in ((text[:40], "not valid JSON"), ('{"format": 1}', "lacks algorithm")):
+        (agent / "agent.json").write_text(broken)
+        with pytest.raises(UserError, match=message):
+            load_agent(agent)
+    (agent / "agent.json").write_text(text)
+    (agent / "policy.onnx").unlink()
+    with pytest.raises(UserError, match=r"policy.onnx cannot be read"):
+        load_agent(agent)
+    with pytest.raises(UserError, match="neither a shipped agent nor a folder"):
+        load_agent(agent / "nowhere")
+
+
+def test_playing_needs_no_torch(agent):
+    code = (
+        f"import sys, fpg_bench; fpg_bench.load_agent({str(agent)!r}); "
+        "sys.exit(any(name in sys.modules for name in ('torch', 'stable_baselines3')))"
+    )
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0

@@ -1,0 +1,135 @@
+import json
+
+import pytest
+import yaml
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from fpg_bench.envs.sb3 import make_sb3
+from fpg_bench.errors import UserError
+from fpg_bench.ids import VIEWS
+from fpg_bench.players.agent import baselines_folder, load_agent
+from fpg_bench.training.hyperparameters import ALGORITHMS, load_hyperparameters
+from fpg_bench.training.train import make_model, train
+
+TINY = """\
+FPG/AllyVsScripted-v0:
+  policy: MlpPolicy
+  n_envs: 4
+  n_timesteps: 2400
+  normalize: {norm_obs: true, norm_reward: true}
+  n_steps: 300
+  batch_size: 300
+  n_epochs: 1
+  policy_kwargs: {net_arch: [8]}
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("train")
+    (folder / "tiny.yml").write_text(TINY)
+    train(
+        "ppo",
+        "FPG/AllyVsScripted-v0",
+        folder / "run",
+        seed=3,
+        hyperparams=folder / "tiny.yml",
+        progress=False,
+    )
+    return folder / "run"
+
+
+def test_a_run_says_how_it_was_made(run):
+    about = json.loads((run / "run.json").read_text())
+    assert about["finished"]
+    assert about["command"] == "fpg-bench train ppo FPG/AllyVsScripted-v0 --seed 3 --steps 2400"
+    assert about["steps_done"] == 2400
+    assert about["hyperparameters"]["n_steps"] == 300
+    assert about["versions"]["torch"].startswith("2.")
+    assert (run / "model.zip").exists()
+
+
+def test_the_agent_plays_without_torch_or_sb3(run):
+    player = load_agent(run / "agent", "ally")
+    about = json.loads((run / "agent" / "agent.json").read_text())
+    assert player.about == about
+    assert (about["algorithm"], about["training_seed"], about["training_steps"]) == ("ppo", 3, 2400)
+
+
+def test_tensorboard_shows_the_game(run):
+    events = EventAccumulator(str(run))
+    events.Reload()
+    tags = set(events.Tags()["scalars"])
+    assert {"game/overlap_ratio", "game/jamming_success_rate", "game/hop_rate", "rollout/ep_rew_mean"} <= tags
+    assert all(0 <= event.value <= 1 for event in events.Scalars("game/jamming_success_rate"))
+
+
+def test_a_finished_run_is_not_repeated_and_no_other_overwritten(run, tmp_path):
+    before = (run / "run.json").read_text()
+    arguments = ("ppo", "FPG/AllyVsScripted-v0", run)
+    options = {"hyperparams": run.parent / "tiny.yml", "progress": False}
+    assert train(*arguments, seed=3, **options) == run / "agent"
+    assert (run / "run.json").read_text() == before
+    with pytest.raises(UserError, match="holds another run"):
+        train(*arguments, seed=4, **options)
+    about = json.loads(before) | {"finished": False}
+    (tmp_path / "run.json").write_text(json.dumps(about))
+    with pytest.raises(UserError, match="unfinished"):
+        train("ppo", "FPG/AllyVsScripted-v0", tmp_path, seed=3, **options)
+    with pytest.raises(UserError, match="no run's folder"):
+        train("ppo", "FPG/AllyVsScripted-v0", run.parent, seed=3, **options)
+
+
+def test_a_stopped_run_leaves_its_model(tmp_path, monkeypatch):
+    (tmp_path / "tiny.yml").write_text(TINY)
+
+    def stop(self):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fpg_bench.training.callbacks.GameMeasures._on_rollout_end", stop)
+    with pytest.raises(KeyboardInterrupt):
+        train(
+            "ppo",
+            "FPG/AllyVsScripted-v0",
+            tmp_path / "run",
+            hyperparams=tmp_path / "tiny.yml",
+            progress=False,
+        )
+    assert (tmp_path / "run" / "model.zip").stat().st_size > 0
+    assert not json.loads((tmp_path / "run" / "run.json").read_text())["finished"]
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_shipped_hyperparameters_make_a_model_for_every_id(algorithm):
+    for view_id in VIEWS:
+        parameters = load_hyperparameters(algorithm, view_id)
+        make_model(algorithm, make_sb3(view_id, n_envs=2), parameters, seed=0)
+
+
+def test_shipped_files_hold_nothing_to_evaluate():
+    for path in (baselines_folder() / "hyperparams").glob("*.yml"):
+        words = [value for entry in yaml.safe_load(path.read_text()).values() for value in entry.values()]
+        assert {word for word in words if isinstance(word, str)} <= {"MlpPolicy", "normal"}, path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("n_steps: 300", "n_step: 300", "n_step"),
+        ("n_envs: 4", "n_envs: four", "n_envs"),
+        ("normalize: {norm_obs: true, norm_reward: true}", "normalize: true", "expected a mapping"),
+        ("AllyVsScripted", "AllyVsScriptd", "did you mean 'FPG/AllyVsScriptd-v0'"),
+    ],
+)
+def test_bad_hyperparameters(tmp_path, old, new, message):
+    path = tmp_path / "mine.yml"
+    path.write_text(TINY.replace(old, new))
+    with pytest.raises(UserError, match=message):
+        train("ppo", "FPG/AllyVsScripted-v0", tmp_path / "run", hyperparams=path, progress=False)
+
+
+def test_unknown_words(tmp_path):
+    with pytest.raises(UserError, match="did you mean 'ppo'"):
+        train("pppo", "FPG/AllyVsScripted-v0", tmp_path)
+    with pytest.raises(UserError, match="did you mean 'FPG/AllyVsScripted-v0'"):
+        train("ppo", "FPG/AllyVsScript-v0", tmp_path)
