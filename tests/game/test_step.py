@@ -12,13 +12,16 @@ from fpg_bench.game.scenario import PAPER, STANDARD
 from .playing import BROADBAND, EXPERT, HOP, ally, at_mhz, begin, opponent, place, still, to_point, wander
 from .reference import ReferenceGame
 
-EXACT = (
-    "point hopped spreading spreading_s age_s next_check last_check checked jamming_type covered sensed_type"
-).split()
-CLOSE = (
-    "frequency_mhz known_mhz jamming_mhz sensed_mhz ally_position opponent_position distance_m snr_db "
-    "clean_snr_db ally_reward opponent_reward"
-).split()
+EXACT = [
+    *("point", "hopped", "spreading", "spreading_s"),
+    *("age_s", "next_check", "last_check", "checked"),
+    *("jamming_type", "covered", "sensed_type"),
+]
+CLOSE = [
+    *("frequency_mhz", "known_mhz", "jamming_mhz", "sensed_mhz"),
+    *("ally_position", "opponent_position", "distance_m"),
+    *("snr_db", "clean_snr_db", "ally_reward", "opponent_reward"),
+]
 VARIANTS = {
     "standard": STANDARD,
     "paper": PAPER,

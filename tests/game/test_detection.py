@@ -1,0 +1,183 @@
+"""When the opponent listens, and what it hears."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fpg_bench.game.scenario import PAPER, STANDARD
+
+from .playing import TONE, ally, at_mhz, begin, loss_db, opponent, place, still, to_point
+
+
+def heard(distance_m: float, spread=False, point=7, **changes) -> bool:
+    """One step with a check in it, the opponent ``distance_m`` from the ally."""
+    options = {"first_check_s": (1, 1), "box_m": (3000.0, 3000.0, 600.0), **changes}
+    arena = begin(still(ally=(0, 0, 600), **options))
+    place(arena, (distance_m, 0, 600))
+    arena.step(ally(hop=True, preference=to_point(point), spread=spread), opponent())
+    assert arena.games["checked"][0]
+    return arena.games["last_check"][0] == 1
+
+
+@pytest.mark.parametrize(
+    ("point", "spread", "metres"),
+    [(0, False, 2251), (14, False, 1351), (0, True, 103), (14, True, 62)],
+)
+def test_how_far_an_emission_is_heard_without_fading(point, spread, metres):
+    """-12 dBm - L - N = 8 dB; with fading of mean 0 that is where half the checks hear."""
+    noise = -76.1978875829 if spread else -103.0102999566
+    frequency = 150 + point * 100 / 14
+    reach = 1000 * 10 ** ((-12 - noise - 8 - 32.44) / 20) / frequency
+    assert reach == pytest.approx(metres, abs=0.6)
+    assert heard(reach * 0.999, spread, point)
+    assert not heard(reach * 1.001, spread, point)
+
+
+def test_fading_makes_the_reach_a_chance():
+    """At the distance of 50 % about half of 2000 checks hear; 1 dB farther 16 %, 1 dB nearer 84 %."""
+    scenario = still(ally=(0, 0, 600), first_check_s=(1, 1), box_m=(3000, 3000, 600), fading_sd_db=1.0)
+    for extra_db, share in ((0, 0.5), (1, 0.1587), (-1, 0.8413)):
+        arena = begin(scenario, games=2000)
+        place(arena, (2251.3 * 10 ** (extra_db / 20), 0, 600), slice(None))
+        arena.step(ally(hop=True, preference=-1).repeat(2000, 0), opponent().repeat(2000, 0))
+        assert np.mean(arena.games["last_check"] == 1) == pytest.approx(share, abs=0.05)
+
+
+def test_the_opponents_receiver_has_its_own_fading():
+    """Else whoever hears would be known to have a good link too."""
+    scenario = still(ally=(0, 0, 600), first_check_s=(1, 1), box_m=(3000, 3000, 600), fading_sd_db=1.0)
+    arena = begin(scenario, games=2000)
+    place(arena, (2251.3, 0, 600), slice(None))
+    arena.step(
+        ally(hop=True, preference=-1).repeat(2000, 0), opponent(tuning=1, in_band=True).repeat(2000, 0)
+    )
+    ears = arena.games["last_check"] == 1
+    snr = arena.games["clean_snr_db"]
+    assert abs(snr[ears].mean() - snr[~ears].mean()) < 0.2
+
+
+def test_an_emission_is_heard_whatever_the_jamming_does():
+    arena = begin(still(ally=(0, 0, 600), first_check_s=(1, 1)))
+    place(arena, (20, 0, 600))
+    arena.step(ally(hop=True, preference=0), opponent(TONE, tuning=0, in_band=True))
+    assert arena.games["snr_db"][0] < 8
+    assert arena.games["last_check"][0] == 1
+
+
+def test_the_link_rule_hears_an_unspread_ally_whose_snr_holds():
+    assert heard(1400, detection="link")
+    assert not heard(1400, detection="link", spread=True)
+
+
+@pytest.mark.parametrize("spread", [False, True])
+def test_the_link_rule_fails_where_jamming_broke_the_link(spread):
+    arena = begin(still(PAPER, ally=(0, 0, 600), first_check_s=(1, 1)))
+    place(arena, (20, 0, 600))
+    jam = opponent(TONE, tuning=at_mhz(200), in_band=True)
+    arena.step(ally(hop=True, preference=0, spread=spread), jam)
+    assert arena.games["snr_db"][0] < 8
+    assert arena.games["last_check"][0] == -1
+
+
+def test_off_never_hears():
+    assert not heard(1, detection="off")
+
+
+@pytest.mark.parametrize("base", [STANDARD, PAPER])
+def test_nobody_finds_the_ally_with_the_detector_off(base):
+    """The known frequency stays that of the start, however the ally hops and the opponent tunes."""
+    scenario = dataclasses.replace(base, detection="off")
+    arena = begin(scenario, games=20)
+    start = arena.games["frequency_mhz"].copy()
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        arena.step(rng.uniform(-1, 1, (20, 9)), rng.uniform(-1, 1, (20, 9)))
+    assert (arena.games["known_mhz"] == start).all()
+    assert (arena.games["age_s"] == 60).all()
+    assert (arena.games["last_check"] == -1).all()
+    assert (arena.tallies["heard"] == 0).all()
+    assert (arena.tallies["checks"] > 8).all()
+
+
+def test_the_opponents_observation_tells_nothing_of_an_unheard_ally():
+    """Two allies on other frequencies, one spreading: nothing that the opponent sees differs."""
+    scenario = dataclasses.replace(STANDARD, detection="off")
+    one, other = begin(scenario, 3), begin(scenario, 3)
+    rng = np.random.default_rng(2)
+    for k in range(40):
+        action = rng.uniform(-1, 1, (1, 9))
+        one.step(ally(hop=k % 3 == 0, preference=-0.7), action)
+        other.step(ally(hop=k % 4 == 0, preference=0.6, spread=True), action)
+        assert (one.opponent_observations == other.opponent_observations).all()
+    assert one.games["frequency_mhz"] != other.games["frequency_mhz"]
+
+
+def check_times(scenario, games: int = 300) -> tuple[np.ndarray, list[np.ndarray]]:
+    """First times, and the intervals after each check."""
+    arena = begin(scenario, games=games)
+    times = [[] for _ in range(games)]
+    for k in range(scenario.steps_per_round):
+        arena.step(ally().repeat(games, 0), opponent().repeat(games, 0))
+        for game in np.flatnonzero(arena.games["checked"]):
+            times[game].append(k + 1)
+    return np.array([t[0] for t in times]), [np.diff(t) for t in times]
+
+
+def test_checks_come_at_hidden_times_in_standard():
+    firsts, intervals = check_times(dataclasses.replace(STANDARD, steps_per_round=60))
+    assert set(firsts) == {1, 2, 3, 4, 5}
+    assert np.bincount(firsts)[1:].min() > 300 / 5 * 0.6
+    counted = np.bincount(np.concatenate(intervals))
+    assert set(np.flatnonzero(counted)) == {4, 5, 6}
+    assert counted[4:].min() > 0.9 * counted[4:].max()
+
+
+def test_checks_come_every_five_seconds_in_paper():
+    firsts, intervals = check_times(PAPER, games=3)
+    assert set(firsts) == {5}
+    assert set(np.concatenate(intervals)) == {5}
+    assert all(len(i) == 19 for i in intervals), "5, 10, ... 100"
+
+
+def test_a_check_of_the_same_seed_comes_at_the_same_time_whatever_is_played():
+    one, other = begin(STANDARD, 9), begin(STANDARD, 9)
+    rng = np.random.default_rng(3)
+    for _ in range(100):
+        one.step(rng.uniform(-1, 1, (1, 9)), rng.uniform(-1, 1, (1, 9)))
+        other.step(ally(), opponent())
+        assert one.games["next_check"] == other.games["next_check"]
+
+
+def test_what_a_check_hears():
+    """The frequency of the step of the check, and an age that begins at 0 and counts the seconds."""
+    arena = begin(still(first_check_s=(3, 3), check_interval_s=(4, 4)))
+    place(arena, (750, 750, 500))
+    game, ages, known = arena.games, [], []
+    for k in range(8):
+        arena.step(ally(hop=True, preference=to_point(k)), opponent())
+        ages.append(int(game["age_s"][0]))
+        known.append(float(game["known_mhz"][0]))
+    assert ages == [1, 2, 0, 1, 2, 3, 0, 1]
+    assert known[2:6] == [pytest.approx(150 + 2 * 100 / 14)] * 4
+    assert known[6:] == [pytest.approx(150 + 6 * 100 / 14)] * 2
+
+
+def test_a_check_that_hears_nothing_leaves_what_is_known():
+    arena = begin(still(first_check_s=(2, 2), check_interval_s=(2, 2), detection="off"))
+    before = arena.games["known_mhz"][0]
+    flags = []
+    for k in range(5):
+        arena.step(ally(hop=True, preference=to_point(k)), opponent())
+        flags.append(int(arena.games["last_check"][0]))
+    assert flags == [0, -1, -1, -1, -1]
+    assert arena.games["known_mhz"][0] == before
+    assert arena.games["age_s"][0] == 5
+
+
+def test_the_reach_in_the_arena():
+    """Where standard is played an unspread ally is heard nearly everywhere, a spreading one only near by."""
+    assert -12 - loss_db(1300, 250) + 103.0103 > 8
+    assert -12 - loss_db(110, 150) + 76.1979 < 8

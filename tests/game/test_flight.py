@@ -1,0 +1,254 @@
+"""Where both fly: along the arc, round the patrols, after the ally, by waypoints, inside the box."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fpg_bench.game.scenario import PAPER, STANDARD
+
+from .playing import ally, begin, opponent, place, still, wander
+
+CURVE = np.array(PAPER.ally_path_m)
+
+
+def dense_curve(points: np.ndarray, count: int = 200_001) -> tuple[np.ndarray, np.ndarray]:
+    """The curve by de Casteljau at many parameters, and the arc length up to each."""
+    t = np.linspace(0, 1, count)[:, None, None]
+    while len(points.shape) < 3 or points.shape[1] > 1:
+        stack = points if points.ndim == 3 else np.broadcast_to(points, (count, *points.shape))
+        points = (1 - t) * stack[:, :-1] + t * stack[:, 1:]
+    places = points[:, 0]
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
+    return places, along
+
+
+def flown(scenario, steps, speeds) -> np.ndarray:
+    arena = begin(scenario)
+    positions = []
+    for k in range(steps):
+        arena.step(ally(speed=speeds(k)), opponent())
+        positions.append(arena.games["ally_position"][0].copy())
+    return np.array(positions)
+
+
+def test_the_ally_follows_the_arc_there_and_back():
+    """Against the exact curve: 256 chords stay within centimetres of it over several lengths."""
+    places, along = dense_curve(CURVE)
+    length = along[-1]
+    scenario = dataclasses.replace(PAPER, steps_per_round=1000)
+
+    def speeds(k):
+        return np.sin(0.1 * k)
+
+    metres = np.cumsum([7.5 + 2.5 * np.float32(speeds(k)) for k in range(1000)])
+    assert metres[-1] > 3 * length, "it turns round at both ends"
+    on_curve = np.abs((metres + length) % (2 * length) - length)
+    expected = np.array([np.interp(on_curve, along, places[:, axis]) for axis in range(3)]).T
+    found = flown(scenario, 1000, speeds)
+    assert np.linalg.norm(found - expected, axis=1).max() < 0.5
+    assert np.linalg.norm(found[0] - CURVE[0]) == pytest.approx(7.5, abs=1e-3)
+
+
+@pytest.mark.parametrize(("speed", "metres"), [(-1, 5.0), (0, 7.5), (0.5, 8.75), (1, 10.0), (4, 10.0)])
+def test_speed_is_measured_along_the_path(speed, metres):
+    straight = ((0, 0, 0), (500, 0, 0), (1000, 0, 0), (1500, 0, 0))
+    scenario = dataclasses.replace(STANDARD, ally_path_m=straight)
+    found = flown(scenario, 300, lambda k: speed)[:, 0]
+    expected = metres * np.arange(1, 301)
+    np.testing.assert_allclose(found, 1500 - abs(expected % 3000 - 1500), atol=1e-6)
+
+
+def test_speed_is_even_where_the_parameter_is_not():
+    """Control points bunched at one end: still 10 m every second."""
+    bunched = ((0, 0, 0), (10, 0, 0), (20, 0, 0), (1500, 0, 0))
+    scenario = dataclasses.replace(STANDARD, ally_path_m=bunched)
+    np.testing.assert_allclose(np.diff(flown(scenario, 100, lambda k: 1)[:, 0]), 10.0, atol=1e-6)
+
+
+def test_standard_draws_its_curves_in_the_box():
+    arena = begin(STANDARD, games=4000)
+    points = arena.games["control_points"]
+    for axis, (low, high) in enumerate([(0, 1500), (0, 1500), (50, 550)]):
+        drawn = points[:, :, axis]
+        assert drawn.min() >= low
+        assert drawn.max() <= high
+        assert drawn.mean() == pytest.approx((low + high) / 2, rel=0.02)
+        assert drawn.std() == pytest.approx((high - low) / 12**0.5, rel=0.03)
+    assert abs(np.corrcoef(points.reshape(4000, 12).T) - np.eye(12)).max() < 0.08
+    np.testing.assert_allclose(arena.games["ally_position"], points[:, 0], atol=1e-9)
+    starts = arena.games["opponent_position"]
+    np.testing.assert_allclose(starts.mean(axis=0), [750, 750, 300], rtol=0.03)
+    np.testing.assert_allclose(starts.std(axis=0), np.array([1500, 1500, 600]) / 12**0.5, rtol=0.03)
+
+
+def test_paper_flies_one_curve():
+    arena = begin(PAPER, games=5)
+    assert (arena.games["control_points"] == CURVE).all()
+    assert len(np.unique(arena.games["opponent_position"], axis=0)) == 5
+
+
+def patrolled(path: str, steps: int, **changes) -> np.ndarray:
+    scenario = dataclasses.replace(STANDARD, opponent_path=path, steps_per_round=1000, **changes)
+    arena = begin(scenario)
+    positions = [arena.games["opponent_position"][0].copy()]
+    for _ in range(steps):
+        arena.step(ally(), opponent(velocity=(1, 1, 1)))
+        positions.append(arena.games["opponent_position"][0].copy())
+    return np.array(positions) - scenario.patrol_centre_m
+
+
+@pytest.mark.parametrize("path", ["circle", "triangle", "rectangle"])
+def test_patrols_begin_at_plus_x_and_stay_level(path):
+    found = patrolled(path, 300)
+    np.testing.assert_allclose(found[0], [300, 0, 0], atol=1e-9)
+    assert found[3, 1] > 0, "counter-clockwise"
+    assert (found[:, 2] == 0).all()
+    assert np.linalg.norm(found, axis=1).max() <= 300 + 1e-9
+
+
+def test_the_circle():
+    angle = np.arange(301) * 10 / 300
+    expected = 300 * np.array([np.cos(angle), np.sin(angle), 0 * angle]).T
+    np.testing.assert_allclose(patrolled("circle", 300), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(("path", "count"), [("triangle", 3), ("rectangle", 4)])
+def test_the_polygons_are_inscribed_and_flown_at_full_speed(path, count):
+    """A side of 10 steps: every tenth position is a corner, those between lie evenly on the side."""
+    side = 2 * 300 * np.sin(np.pi / count)
+    found = patrolled(path, 10 * count + 5, opponent_speed_m_s=side / 10)
+    angle = 2 * np.pi * np.arange(count + 1) / count
+    corners = 300 * np.array([np.cos(angle), np.sin(angle), 0 * angle]).T
+    np.testing.assert_allclose(found[: 10 * count + 1 : 10], corners, atol=1e-6)
+    steps = np.linalg.norm(np.diff(found, axis=0), axis=1)
+    np.testing.assert_allclose(steps, side / 10, atol=1e-6)
+
+
+def test_a_patrols_next_round_begins_at_its_phase_zero():
+    scenario = dataclasses.replace(STANDARD, opponent_path="circle", rounds_per_match=3)
+    arena = begin(scenario)
+    for _ in range(3):
+        np.testing.assert_allclose(arena.games["opponent_position"][0], [1050, 750, 300], atol=1e-9)
+        for _ in range(7):
+            arena.step(ally(), opponent())
+        arena.reset()
+
+
+def test_pursuit_flies_at_where_the_ally_was():
+    arena = begin(STANDARD, 8)
+    for _ in range(40):
+        target, before = (arena.games[name][0].copy() for name in ("ally_position", "opponent_position"))
+        arena.step(ally(), opponent(velocity=(1, 0, 0)))
+        away = target - before
+        expected = before + away * min(1, 10 / np.linalg.norm(away))
+        np.testing.assert_allclose(arena.games["opponent_position"][0], expected, atol=1e-9)
+
+
+def test_pursuit_stops_at_its_target():
+    arena = begin(still(opponent_path="pursuit"))
+    place(arena, (750, 746, 597))
+    arena.step(ally(), opponent())
+    np.testing.assert_allclose(arena.games["opponent_position"][0], [750, 750, 600], atol=1e-9)
+    arena.step(ally(), opponent())
+    np.testing.assert_allclose(arena.games["opponent_position"][0], [750, 750, 600], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "moved"),
+    [
+        ((0, 0, 0), (0, 0, 0)),
+        ((0.3, 0, 0), (3, 0, 0)),
+        ((0.6, -0.8, 0), (6, -8, 0)),
+        ((1, 1, 1), (10 / 3**0.5,) * 3),
+        ((-5, 0, 0), (-10, 0, 0)),
+        ((0, -1, 1), (0, -(50**0.5), 50**0.5)),
+    ],
+)
+def test_a_learned_velocity_is_at_most_the_greatest_speed(velocity, moved):
+    arena = begin(still())
+    place(arena, (700, 700, 300))
+    arena.step(ally(), opponent(velocity=velocity))
+    found = arena.games["opponent_position"][0] - (700, 700, 300)
+    np.testing.assert_allclose(found, moved, atol=1e-4)
+
+
+def test_the_velocity_is_of_use_on_the_learned_path_only():
+    for path in ("circle", "pursuit", "waypoints"):
+        scenario = dataclasses.replace(STANDARD, opponent_path=path)
+        one, other = begin(scenario), begin(scenario)
+        one.step(ally(), opponent(velocity=(1, 0, 0)))
+        other.step(ally(), opponent(velocity=(-1, 1, 0.5)))
+        np.testing.assert_array_equal(one.games["opponent_position"], other.games["opponent_position"])
+
+
+@pytest.mark.parametrize(("steps", "count"), [(300, 16), (100, 16), (20, 4), (17, 5), (10, 10)])
+def test_waypoints_within_reach_are_met_when_due(steps, count):
+    """Point i at ceil((i + 1) T / n): the first whole second at or after the time at which it is due."""
+    scenario = still(steps_per_round=steps, waypoints=count, opponent_path="waypoints")
+    arena = begin(scenario, 3)
+    rng = np.random.default_rng(0)
+    here, points = arena.games["opponent_position"][0].copy(), []
+    for _ in range(count):
+        here = np.clip(here + rng.uniform(-3, 3, 3), 0, scenario.box_m)
+        points.append(here)
+    arena.set_waypoints(0, np.array(points))
+    met = {-(-(i + 1) * steps // count): i for i in range(count)}
+    for k in range(steps):
+        arena.step(ally(), opponent())
+        if k + 1 in met:
+            np.testing.assert_allclose(arena.games["opponent_position"][0], points[met[k + 1]], atol=1e-6)
+
+
+def test_waypoints_are_flown_evenly_and_no_faster_than_the_greatest_speed():
+    scenario = still(steps_per_round=40, waypoints=2, opponent_path="waypoints")
+    arena = begin(scenario)
+    place(arena, (0, 0, 0))
+    arena.set_waypoints(0, np.array([[100.0, 0, 0], [1000.0, 0, 0]]))
+    x = []
+    for _ in range(40):
+        arena.step(ally(), opponent())
+        x.append(arena.games["opponent_position"][0, 0])
+    np.testing.assert_allclose(np.diff([0, *x[:20]]), 5.0, atol=1e-9)
+    np.testing.assert_allclose(np.diff([100, *x[20:]]), 10.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        (np.zeros((15, 3)), r"expected the shape \(16, 3\), got \(15, 3\)"),
+        (np.full((16, 3), -1.0), r"waypoint 0: \[-1.0, -1.0, -1.0\] lies outside the box"),
+        (np.full((16, 3), np.nan), "waypoint 0"),
+        (np.full((16, 3), 601.0), "waypoint 0"),
+    ],
+)
+def test_bad_waypoints_are_refused(bad, message):
+    arena = begin(dataclasses.replace(STANDARD, opponent_path="waypoints"))
+    with pytest.raises(ValueError, match=message):
+        arena.set_waypoints(0, bad)
+
+
+@pytest.mark.parametrize("path", ["learned", "pursuit", "circle", "waypoints"])
+def test_nobody_leaves_the_box(path):
+    scenario = dataclasses.replace(STANDARD, opponent_path=path, opponent_speed_m_s=200.0)
+    arena = begin(scenario, games=10)
+    for actions in zip(*wander(1, 100, 10), strict=True):
+        arena.step(*actions)
+        for name in ("ally_position", "opponent_position"):
+            assert (arena.games[name] >= 0).all()
+            assert (arena.games[name] <= scenario.box_m).all()
+
+
+def test_several_paths_are_drawn_per_round():
+    scenario = dataclasses.replace(STANDARD, opponent_path=("circle", "pursuit"), rounds_per_match=50)
+    arena = begin(scenario, games=40)
+    drawn = []
+    for _ in range(10):
+        drawn.append(arena.games["path"].copy())
+        arena.reset()
+    drawn = np.array(drawn)
+    assert set(drawn.ravel()) == {0, 3}
+    assert np.mean(drawn == 0) == pytest.approx(0.5, abs=0.1)
+    assert (drawn != drawn[0]).any(), "anew for every round"

@@ -1,0 +1,156 @@
+"""Where the expert knowledge base sends the ally: always one of the points that the rules allow."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import yaml
+
+from fpg_bench.game.knowledge import EXPERT_FILE
+from fpg_bench.game.scenario import STANDARD, Scenario
+
+from .playing import BROADBAND, COMB, NARROWBAND, TONE, ally, at_mhz, begin, opponent, still, to_point
+
+POINT_MHZ = 150 + np.arange(15) * 100 / 14
+TOOTH_MHZ = 400 / 14
+
+
+def chosen(jam_kind: int, jam_mhz: float, point: int, scores=(0, 0, 0, 0), games=400, **changes) -> set[int]:
+    """Where games that differ in their chance alone hop, each from ``point``, after sensing a jammer."""
+    arena = begin(still(**changes), games=games)
+    jam = opponent(jam_kind, tuning=at_mhz(jam_mhz), in_band=True).repeat(games, 0)
+    arena.step(ally(hop=True, preference=to_point(point)).repeat(games, 0), jam)
+    assert (arena.games["point"] == point).all()
+    arena.step(ally(hop=True, expert=True, preference=-1, scores=scores).repeat(games, 0), jam)
+    counts = np.bincount(arena.games["point"], minlength=15)
+    found = set(np.flatnonzero(counts).tolist())
+    assert counts[sorted(found)].min() > 0.4 * games / len(found), "uniform over the candidates"
+    return found
+
+
+def outside(half: float, centre: float, point: int) -> set[int]:
+    """The points farther than a footprint and its guard of 2.5 MHz, but the present one."""
+    return {i for i in range(15) if abs(POINT_MHZ[i] - centre) > half + 2.5 + 1e-6} - {point}
+
+
+@pytest.mark.parametrize("jam_mhz", [150, 173.2, 200, 250])
+@pytest.mark.parametrize("point", [0, 7])
+@pytest.mark.parametrize(("kind", "half"), [(TONE, 2.5), (NARROWBAND, 10)])
+def test_the_hops_away_from_tone_and_narrowband(kind, half, jam_mhz, point):
+    assert chosen(kind, jam_mhz, point) == outside(half, jam_mhz, point)
+
+
+@pytest.mark.parametrize("jam_mhz", [150, 181, 200, 250])
+@pytest.mark.parametrize("point", [2, 8])
+def test_the_hop_between_the_teeth(jam_mhz, point):
+    offset = np.abs(POINT_MHZ[:, None] - jam_mhz - TOOTH_MHZ * np.arange(-4, 5)).min(axis=1)
+    assert chosen(COMB, jam_mhz, point) == set(np.flatnonzero(offset > 5 + 1e-6)) - {point}
+
+
+@pytest.mark.parametrize(
+    ("jam_mhz", "point", "expected"),
+    [
+        (150, 0, {12, 13, 14}),
+        (150, 14, {11, 12, 13}),  # never the present point
+        (250, 5, {0, 1, 2}),
+        (205, 7, {0, 1, 14}),  # 55.0, 47.9 and 45.0 MHz away
+        (230, 0, {1, 2, 3}),
+    ],
+)
+def test_the_farthest_hop_draws_from_three(jam_mhz, point, expected):
+    away = sorted(outside(25, jam_mhz, point), key=lambda i: -abs(POINT_MHZ[i] - jam_mhz))[:3]
+    assert set(away) == expected
+    assert chosen(BROADBAND, jam_mhz, point) == expected
+
+
+def test_points_equally_far_are_candidates_alike():
+    """From 200 MHz points 0 and 14 are 50 MHz away, 1 and 13 both 42.9."""
+    assert chosen(BROADBAND, 200, 0) == {1, 13, 14}
+    found = chosen(BROADBAND, 200, 7)
+    assert found in ({0, 14, 1}, {0, 14, 13})
+
+
+def test_fewer_candidates_than_three():
+    """A band of 60 MHz leaves two points outside the footprint and its guard."""
+    found = chosen(BROADBAND, 200, 7, band_low_mhz=171.5, band_high_mhz=228.5, tuning_span_mhz=0)
+    spacing = 57 / 14
+    points = 171.5 + spacing * np.arange(15)
+    jam = 200.0
+    assert found == {i for i in range(15) if abs(points[i] - jam) > 27.5}
+
+
+def test_no_candidate_at_all_is_any_other_point():
+    found = chosen(BROADBAND, 200, 7, band_low_mhz=180, band_high_mhz=220, frequency_points=15)
+    assert found == set(range(15)) - {7}
+
+
+def test_the_score_of_the_sensed_type_is_one():
+    """A tone is sensed; another strategy needs more than one point to win, ties go to the lowest."""
+    tone = outside(2.5, 200, 7)
+    broad = chosen(BROADBAND, 200, 7)
+    assert chosen(TONE, 200, 7, scores=(0, 0, 0.9, 0)) == tone
+    assert chosen(TONE, 200, 7, scores=(0, 0, 1.0, 0)) == tone, "1 against 1: the lowest index"
+    assert chosen(TONE, 200, 7, scores=(-0.1, 0, 1.0, 0)) == broad
+    assert chosen(COMB, 200, 7, scores=(0, 0, 1.0, 0)) == broad, "1 against 1: the lowest index"
+
+
+def test_before_anything_is_sensed_the_scores_decide():
+    games = 400
+    arena = begin(still(), games=games)
+    arena.step(ally(hop=True, expert=True, scores=(0, 0, 1, 0)).repeat(games, 0), opponent().repeat(games, 0))
+    assert set(arena.games["point"]) <= {0, 1, 2, 12, 13, 14}, "farthest from the middle of the band"
+
+
+def test_a_sensing_error_misleads_the_expert():
+    """What counts is what was sensed, not what was jammed: the wrong type sends it elsewhere."""
+    arena = begin(still(sensing_type_error=1.0), games=300)
+    jam = opponent(BROADBAND, tuning=at_mhz(150), in_band=True).repeat(300, 0)
+    arena.step(ally(hop=True, preference=to_point(14)).repeat(300, 0), jam)
+    arena.step(ally(hop=True, expert=True).repeat(300, 0), jam)
+    assert len(set(arena.games["point"])) > 6
+
+
+@pytest.mark.parametrize("changes", [{"knowledge": "none"}, {}])
+def test_without_knowledge_or_its_gate_the_preference_decides(changes):
+    scenario = dataclasses.replace(STANDARD, **changes)
+    arena = begin(scenario)
+    for point in (3, 11, 3):
+        gate = bool(changes)
+        arena.step(ally(hop=True, expert=gate, preference=to_point(point)), opponent())
+        assert arena.games["point"][0] == point
+
+
+def test_the_expert_never_touches_the_spread_gate():
+    arena = begin(still(sensing_type_error=0))
+    jam = opponent(BROADBAND)
+    for spread in (False, True, False):
+        arena.step(ally(hop=True, expert=True, spread=spread), jam)
+        assert arena.games["spreading"][0] == spread
+
+
+def test_a_knowledge_base_of_ones_own(tmp_path):
+    """Answer broadband with the single farthest point, and keep 30 MHz from a tone."""
+    content = yaml.safe_load(EXPERT_FILE.read_text())
+    content["broadband"]["candidates"] = 1
+    content["tone"]["guard_mhz"] = 30.0
+    path = tmp_path / "mine.yml"
+    path.write_text(yaml.safe_dump(content))
+    assert chosen(BROADBAND, 150, 0, knowledge=path) == {14}
+    assert chosen(TONE, 200, 7, knowledge=path) == outside(2.5 + 27.5, 200, 7)
+
+
+def test_the_package_s_knowledge_base():
+    base = Scenario().knowledge_base
+    assert [entry.strategy for entry in base.entries] == [
+        "fast hop",
+        "pseudo-random hop",
+        "farthest hop",
+        "pseudo-random hop between the teeth",
+    ]
+    assert [entry.half_width_mhz for entry in base.entries] == list(STANDARD.footprint_half_widths_mhz)
+    assert [entry.guard_mhz for entry in base.entries] == [2.5] * 4
+    assert base.entries[3].spacing_mhz == pytest.approx(4 * STANDARD.point_spacing_mhz)
+    assert [entry.spread for entry in base.entries] == [False, False, True, False]
+    assert Scenario(knowledge="none").knowledge_base is None

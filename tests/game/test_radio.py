@@ -1,0 +1,188 @@
+"""Eq. 1-3: levels against numbers worked out by hand, and against the equations as printed."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fpg_bench.game.scenario import PAPER, STANDARD
+
+from .playing import (
+    BROADBAND,
+    COMB,
+    NARROWBAND,
+    TONE,
+    ally,
+    at_mhz,
+    begin,
+    decibel_sum,
+    loss_db,
+    opponent,
+    place,
+    still,
+    to_point,
+)
+
+POWER_DBM = {TONE: 30.0, NARROWBAND: 24.0, BROADBAND: 8.0, COMB: 16.0}  # k of Table 1 times 20 dBm
+NOISE_DBM, SPREAD_NOISE_DBM = -103.0102999566, -76.1978875829  # -170 + 10 log10 5e6 and 2400e6
+TOP = 600.0  # the ally hovers straight above the base station
+
+
+def transmit(base, distance_m, kind=TONE, point=7, jam_mhz=None, spread=False, top=TOP, **changes):
+    """One step: the ally ``top`` m above the base station, the opponent ``distance_m`` away from it."""
+    box = (3000.0, 3000.0, max(top, 600.0))
+    scenario = still(base, (1500, 1500, top), box_m=box, base_station_m=(1500, 1500, 0), **changes)
+    arena = begin(scenario)
+    place(arena, (1500 + distance_m, 1500, top))
+    frequency = 150 + point * 100 / 14
+    jam_mhz = frequency if jam_mhz is None else jam_mhz
+    arena.step(
+        ally(hop=True, preference=to_point(point), spread=spread),
+        opponent(kind, tuning=at_mhz(jam_mhz), in_band=True),
+    )
+    return arena
+
+
+def snr(*arguments, **options) -> float:
+    return float(transmit(*arguments, **options).games["snr_db"][0])
+
+
+def clean(*arguments, **options) -> float:
+    return float(transmit(*arguments, **options).games["clean_snr_db"][0])
+
+
+def test_the_clean_snr_by_hand():
+    """45 dBm - (32.44 + 20 log10 0.6 + 20 log10 200 = 74.0236) + 103.0103 = 73.9867."""
+    assert clean(STANDARD, 500) == pytest.approx(73.986675, abs=1e-6)
+    assert clean(STANDARD, 500, spread=True) == pytest.approx(73.986675 - 26.812412, abs=1e-6)
+
+
+def test_the_jammed_snr_by_hand():
+    """Tone at 200 m: 30 - 64.4812 = -34.4812 dBm; signal 45 - 74.0236 = -29.0236 dBm."""
+    assert snr(STANDARD, 200) == pytest.approx(5.457575, abs=1e-5)
+
+
+@pytest.mark.parametrize("point", [0, 7, 14])
+@pytest.mark.parametrize("kind", POWER_DBM)
+@pytest.mark.parametrize("spread", [False, True])
+def test_the_jammed_snr_is_eq_3_with_one_interference(kind, point, spread):
+    for distance in (5, 50, 500, 1400):
+        frequency = 150 + point * 100 / 14
+        jamming = POWER_DBM[kind] - loss_db(distance, frequency)
+        noise = SPREAD_NOISE_DBM if spread else NOISE_DBM
+        expected = 45 - loss_db(TOP, frequency) - decibel_sum(noise, jamming)
+        found = snr(STANDARD, distance, kind, point, spread=spread)
+        assert found == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", POWER_DBM)
+def test_paper_takes_eq_2_and_3_literally(kind):
+    for distance in (5, 50, 500, 1400):
+        jamming = POWER_DBM[kind] - loss_db(distance, 200)
+        received = 45 - loss_db(TOP, 200) - jamming  # Eq. 2
+        expected = received - decibel_sum(NOISE_DBM, jamming)  # the fraction of Eq. 3, in dB
+        assert snr(PAPER, distance, kind) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("base", [STANDARD, PAPER])
+def test_jamming_that_does_not_cover_does_nothing(base):
+    for kind in (TONE, NARROWBAND, BROADBAND):
+        assert snr(base, 3, kind, jam_mhz=160) == clean(base, 3)
+
+
+def test_spreading_does_not_weaken_jamming():
+    """It enters the noise only, so a strong jammer leaves the same SNR, to 0.01 dB."""
+    assert snr(STANDARD, 10, spread=True) == pytest.approx(snr(STANDARD, 10), abs=0.01)
+
+
+def test_a_distance_below_a_metre_counts_as_a_metre():
+    assert snr(STANDARD, 0) == snr(STANDARD, 0.5) == pytest.approx(snr(STANDARD, 1), abs=1e-9)
+    assert snr(STANDARD, 0) < snr(STANDARD, 1.1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "share"), [(TONE, 0.447), (NARROWBAND, 0.224), (BROADBAND, 0.035), (COMB, 0.089)]
+)
+@pytest.mark.parametrize("top", [200.0, 600.0])
+def test_a_type_breaks_the_link_within_its_share_of_the_base_distance(kind, share, top):
+    exact = 10 ** ((POWER_DBM[kind] - 45 + 8) / 20)
+    assert exact == pytest.approx(share, abs=6e-4)
+    assert snr(STANDARD, exact * top * 0.999, kind, top=top) < 8
+    assert snr(STANDARD, exact * top * 1.001, kind, top=top) > 8
+
+
+@pytest.mark.parametrize(("kind", "metres"), [(TONE, 1420), (NARROWBAND, 712), (BROADBAND, 113), (COMB, 283)])
+def test_in_paper_jamming_from_afar_raises_the_snr(kind, metres):
+    """The anomaly of Eq. 2 and 3 taken together: where J < N/2, S - J - (N and J) lies above S - N."""
+    near = transmit(PAPER, metres * 0.99, kind)
+    far = transmit(PAPER, metres * 1.01, kind)
+    assert near.games["covered"][0]
+    assert far.games["covered"][0]
+    assert near.games["snr_db"][0] < near.games["clean_snr_db"][0]
+    assert near.games["opponent_reward"][0] > 0
+    assert far.games["snr_db"][0] > far.games["clean_snr_db"][0], "covered jamming RAISES the SNR"
+    assert far.games["opponent_reward"][0] < 0, "and costs the opponent"
+
+
+def test_the_snr_lies_where_the_rules_say():
+    """Clean 66-98 dB unspread, 39-71 spread: from the box's far corner to 50 m above the base station."""
+    far, near = math.dist((0, 0, 600), (750, 750, 0)), 50.0
+    assert clean(STANDARD, 9, point=14, top=far) == pytest.approx(66, abs=0.5)
+    assert clean(STANDARD, 9, point=0, top=near) == pytest.approx(98, abs=0.5)
+    assert clean(STANDARD, 9, point=14, top=far, spread=True) == pytest.approx(39, abs=0.5)
+    assert clean(STANDARD, 9, point=0, top=near, spread=True) == pytest.approx(71, abs=0.5)
+
+
+@pytest.mark.parametrize(("base", "spread_mhz"), [(STANDARD, 5), (PAPER, 2400)])
+def test_capacity(base, spread_mhz):
+    """Eq. 3 in Mbit/s: the bandwidth in use in paper, always the unspread one in standard."""
+    for spread, bandwidth in ((False, 5), (True, spread_mhz)):
+        arena = transmit(base, 200, spread=spread)
+        level = arena.games["snr_db"][0]
+        expected = bandwidth * math.log2(1 + 10 ** (level / 10))
+        assert arena.tallies["capacity_mbit_s"][0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_one_fading_draw_for_both_snrs():
+    scenario = dataclasses.replace(STANDARD, ally_speed_m_s=(0, 0), opponent_path="circle")
+    arena, drawn = begin(scenario, games=2000), []
+    signal = arena.games["snr_db"].copy()
+    for _ in range(5):
+        arena.step(ally().repeat(2000, 0), opponent(tuning=1, in_band=True).repeat(2000, 0))
+        free = ~arena.games["covered"]
+        assert (arena.games["snr_db"] == arena.games["clean_snr_db"])[free].all()
+        drawn.extend(arena.games["clean_snr_db"] - signal)
+    mean = sum(drawn) / len(drawn)
+    sd = math.sqrt(sum((x - mean) ** 2 for x in drawn) / len(drawn))
+    assert abs(mean) < 0.05, "five standard errors"
+    assert sd == pytest.approx(1.0, abs=0.04)
+
+
+DISTANCES = st.floats(1.0, 1400.0)
+
+
+@given(
+    near=DISTANCES, farther=st.floats(1.001, 10), kind=st.sampled_from(list(POWER_DBM)), spread=st.booleans()
+)
+def test_farther_jamming_is_weaker(near, farther, kind, spread):
+    far = min(near * farther, 1490.0)
+    if far > near:
+        assert snr(STANDARD, far, kind, spread=spread) > snr(STANDARD, near, kind, spread=spread)
+
+
+@given(low=st.floats(50, 1000), farther=st.floats(1.001, 3), point=st.integers(0, 14))
+def test_a_farther_base_station_is_weaker(low, farther, point):
+    assert clean(STANDARD, 9, point=point, top=low * farther) < clean(STANDARD, 9, point=point, top=low)
+
+
+@given(
+    power=st.floats(-50, 50), more=st.floats(0, 50), distance=DISTANCES, kind=st.sampled_from(list(POWER_DBM))
+)
+def test_more_jamming_power_never_raises_the_snr(power, more, distance, kind):
+    weak = snr(STANDARD, distance, kind, opponent_power_dbm=power)
+    strong = snr(STANDARD, distance, kind, opponent_power_dbm=power + more)
+    assert strong <= weak <= clean(STANDARD, distance)

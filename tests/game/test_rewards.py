@@ -1,0 +1,107 @@
+"""Eq. 4-6, taken apart: each term is read off two steps that differ in it alone."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from fpg_bench.game.scenario import PAPER, STANDARD
+
+from .playing import BROADBAND, TONE, ally, at_mhz, begin, opponent, place, still, to_point
+from .reference import eq4
+
+AWAY = opponent(TONE, tuning=1, in_band=True)
+
+
+def step(base=STANDARD, distance_m=100.0, jam=True, hop=True, kind=TONE, **changes):
+    arena = begin(still(base, **changes))
+    if not hop:
+        arena.games["point"], arena.games["frequency_mhz"] = 7, 200.0
+    place(arena, (750 + distance_m, 750, 600))
+    centre = at_mhz(200) if jam else at_mhz(250)
+    arena.step(ally(hop=hop, preference=to_point(7)), opponent(kind, tuning=centre, in_band=True))
+    return arena.games[0]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "cost"),
+    [(1, 0.5), (5, 2.5), (10, 5), (11, 6), (20, 15), (21, 16.2), (40, 39), (41, 40.5), (60, 69)],
+)
+def test_the_cost_of_spreading_at_the_knots_of_eq_4(seconds, cost):
+    assert eq4(seconds) == pytest.approx(cost)
+    arena = begin(still())
+    for _ in range(seconds):
+        arena.step(ally(spread=True), AWAY)
+    assert arena.games["clean_snr_db"][0] > 30
+    assert arena.games["ally_reward"][0] == pytest.approx(30 - 8 - cost)
+
+
+def test_the_cost_of_spreading_begins_anew_after_a_break():
+    arena = begin(still())
+    costs = []
+    for spread in (True, True, False, True):
+        arena.step(ally(spread=spread), AWAY)
+        costs.append(22 - arena.games["ally_reward"][0])
+    assert costs == pytest.approx([0.5, 1.0, 0.0, 0.5])
+
+
+@pytest.mark.parametrize(("base", "cost"), [(STANDARD, 40), (PAPER, 100)])
+def test_the_cost_of_a_hop(base, cost):
+    stays, hops = step(base, jam=False, hop=False), step(base, jam=False, hop=True)
+    assert stays["ally_reward"] - hops["ally_reward"] == pytest.approx(cost)
+
+
+def test_the_allys_reward_is_capped_in_standard_only():
+    capped, free = step(jam=False, hop=False), step(PAPER, jam=False, hop=False)
+    assert capped["ally_reward"] == 30 - 8
+    assert free["ally_reward"] == pytest.approx(free["snr_db"] - 8)
+    assert free["snr_db"] > 70
+
+
+def test_below_the_cap_the_snr_counts():
+    game = step(distance_m=200.0, hop=False)
+    assert game["snr_db"] == pytest.approx(5.4576, abs=1e-3)
+    assert game["ally_reward"] == pytest.approx(5.4576 - 8, abs=1e-3)
+    assert game["opponent_reward"] == pytest.approx(30 - 5.4576, abs=1e-3)
+
+
+def test_harmless_jamming_is_worth_nothing_in_standard():
+    """Broadband from 900 m lowers the SNR by decibels that nobody misses."""
+    game = step(distance_m=700.0, kind=BROADBAND)
+    assert game["clean_snr_db"] - game["snr_db"] > 20
+    assert game["opponent_reward"] == 0
+    assert step(distance_m=700.0, kind=BROADBAND, snr_cap_db=None)["opponent_reward"] > 20
+
+
+@pytest.mark.parametrize(("base", "reward"), [(STANDARD, 20), (PAPER, 50)])
+@pytest.mark.parametrize(("distance_m", "near"), [(29.999, True), (30.0, False), (30.001, False)])
+def test_being_near_pays(base, reward, distance_m, near):
+    assert step(base, distance_m, jam=False)["opponent_reward"] == pytest.approx(reward * near)
+
+
+def test_near_and_jamming_add_up():
+    game = step(distance_m=20.0)
+    assert game["opponent_reward"] == pytest.approx(20 + 30 - game["snr_db"])
+
+
+def test_alpha_weighs_the_drop():
+    plain, weighed = step(distance_m=100.0), step(distance_m=100.0, snr_drop_weight=2.5)
+    assert weighed["opponent_reward"] == pytest.approx(2.5 * plain["opponent_reward"])
+    assert plain["ally_reward"] == weighed["ally_reward"]
+
+
+def test_paper_rewards_are_the_equations():
+    game = step(PAPER, distance_m=10.0)
+    drop = game["clean_snr_db"] - game["snr_db"]
+    assert game["ally_reward"] == pytest.approx(game["snr_db"] - 8 - 100)
+    assert game["opponent_reward"] == pytest.approx(50 + drop)
+
+
+def test_the_distance_is_that_at_the_end_of_the_step():
+    scenario = dataclasses.replace(still(), opponent_path="pursuit")
+    arena = begin(scenario)
+    place(arena, (750 + 38, 750, 600))
+    arena.step(ally(), AWAY)
+    assert arena.games["distance_m"][0] == pytest.approx(28)
+    assert arena.games["opponent_reward"][0] == pytest.approx(20)

@@ -1,0 +1,239 @@
+"""What a scenario accepts and refuses."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.game.scenario import PAPER, STANDARD, Scenario, ScenarioError, as_scenario, preset
+
+FIELDS = {spec.name: spec for spec in dataclasses.fields(Scenario)}
+
+# One value below and one above what a field takes, or two of the wrong kind.
+REFUSED = {
+    "box_m": [(99, 1500, 600), (1500, 1500, 100_001)],
+    "base_station_m": [(-1, 0, 0), (0, 0, 100_001)],
+    "steps_per_round": [1, 100_001],
+    "rounds_per_match": [0, 10_001],
+    "band_low_mhz": [0.5, 100_001],
+    "band_high_mhz": [0.5, 100_001],
+    "frequency_points": [1, 1001],
+    "path_loss_constant_db": [-1, 201],
+    "minimum_distance_m": [0, 1001],
+    "base_power_dbm": [-101, 101],
+    "opponent_power_dbm": [-101, 101],
+    "noise_density_dbm_hz": [-251, 1],
+    "bandwidth_mhz": [0, 1e6],
+    "spread_bandwidth_mhz": [0, 1e7],
+    "fading_sd_db": [-0.1, 51],
+    "snr_threshold_db": [-51, 101],
+    "snr_model": ["sinrr", 3],
+    "spread_capacity": [1, "yes"],
+    "jamming_types": ["tones", ("tone", "comp"), (), 5],
+    "jamming_coefficients": [(1.5, 1.2, 0.4, -0.1), (11, 1, 1, 1)],
+    "footprint_half_widths_mhz": [(-1, 10, 25, 2.5), (2.5, 10, 25, 1e6)],
+    "comb_spacing_points": [0, 1001],
+    "footprint_tolerance_mhz": [-1e-9, 2],
+    "detection": ["on", None],
+    "first_check_s": [(0, 5), (1, 10_001)],
+    "check_interval_s": [(0, 6), (4, 10_001)],
+    "ally_emission_dbm": [-201, 101],
+    "ally_speed_m_s": [(-1, 10), (5, 1001)],
+    "ally_path_m": ["straight", ((0, 0, 0),) * 3, ((0, 0),) * 4, ((0, 0, -1),) * 4],
+    "ally_path_altitude_m": [(-1, 550), (50, 1e6)],
+    "ally_path_chords": [0, 10_001],
+    "reselect_on_despread": [0, "no"],
+    "knowledge": [3, None],
+    "opponent_path": ["cirle", ("circle", "oval"), (), 7],
+    "opponent_speed_m_s": [-1, 1001],
+    "tuning_span_mhz": [-1, 1e6],
+    "patrol_centre_m": [(-1, 750, 300), (750, 750, 1e6)],
+    "patrol_radius_m": [0.5, 1e6],
+    "waypoints": [0, 1001],
+    "sensing_centre_sd_mhz": [-1, 1001],
+    "sensing_type_error": [-0.1, 1.1],
+    "spreading_scale_s": [0, 1e6],
+    "snr_scale_db": [0, 1e6],
+    "age_scale_s": [0, 1e6],
+    "check_scale_s": [0, 1e6],
+    "snr_cap_db": [-1001, 1001, "none"],
+    "hop_cost": [-1, 1e7],
+    "spread_cost_from_s": [(-1, 10, 20, 40), (0, 10, 20, 1e6)],
+    "spread_cost_per_s": [(-1, 1, 1, 1), (1e5, 1, 1, 1)],
+    "distance_reward": [-1, 1e7],
+    "distance_reward_m": [-1, 1e7],
+    "snr_drop_weight": [-1, 1e5],
+}
+
+
+def items(value) -> list:
+    """A value and all that is in it."""
+    inner = value if isinstance(value, tuple) else ()
+    return [value, *(found for item in inner for found in items(item))]
+
+
+def names(message: str, name: str, value) -> bool:
+    """Whether a message names a field and the value, or the item of it, that is wrong."""
+    return name in message and any(
+        f"{name}: {item!r} is" in message
+        or f"got {item!r}" in message
+        or f"unknown value {item!r}" in message
+        for item in items(value)
+    )
+
+
+def test_every_field_is_tried():
+    assert set(REFUSED) == set(FIELDS)
+
+
+@pytest.mark.parametrize(("name", "value"), [(n, v) for n, values in REFUSED.items() for v in values])
+def test_a_value_out_of_range_is_refused_by_name(name, value):
+    with pytest.raises(ScenarioError) as refused:
+        Scenario(**{name: value})
+    assert names(str(refused.value), name, value)
+    assert "\n" not in str(refused.value)
+
+
+NUMBERS = [name for name, spec in FIELDS.items() if "low" in spec.metadata]
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), "3", None, True])
+def test_what_is_no_finite_number_is_refused_by_name(name, bad):
+    default = FIELDS[name].default
+    value = (*default[:-1], bad) if isinstance(default, tuple) else bad
+    with pytest.raises(ScenarioError, match=name):
+        Scenario(**{name: value})
+
+
+@pytest.mark.parametrize("name", [n for n in NUMBERS if isinstance(FIELDS[n].default, int)])
+def test_whole_numbers_are_whole(name):
+    with pytest.raises(ScenarioError, match=rf"{name}: expected a whole number, got 2\.5"):
+        Scenario(**{name: 2.5})
+
+
+@pytest.mark.parametrize("name", [n for n in NUMBERS if isinstance(FIELDS[n].default, tuple)])
+def test_the_length_of_a_list_is_checked(name):
+    default = FIELDS[name].default
+    for value in (default[:-1], (*default, 1), 5, "abc"):
+        with pytest.raises(ScenarioError, match=f"{name}: expected {len(default)} numbers"):
+            Scenario(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("changes", "both"),
+    [
+        ({"band_low_mhz": 260}, ("band_low_mhz 260.0", "band_high_mhz 250.0")),
+        ({"band_low_mhz": 200, "band_high_mhz": 200}, ("band_low_mhz 200.0", "band_high_mhz 200.0")),
+        ({"ally_speed_m_s": (6, 5)}, ("ally_speed_m_s", "6.0", "5.0")),
+        ({"first_check_s": (6, 5)}, ("first_check_s", "6", "5")),
+        ({"check_interval_s": (7, 5)}, ("check_interval_s", "7", "5")),
+        ({"ally_path_altitude_m": (300, 200)}, ("ally_path_altitude_m", "300.0", "200.0")),
+        ({"ally_path_altitude_m": (50, 700)}, ("ally_path_altitude_m", "700.0", "box_m", "600.0")),
+        ({"base_station_m": (750, 750, 700)}, ("base_station_m", "700.0", "box_m", "600.0")),
+        ({"ally_path_m": ((0, 0, 0),) * 3 + ((9, 9, 601),)}, ("ally_path_m", "601.0", "box_m", "600.0")),
+        ({"ally_path_m": ((1, 2, 3),) * 4}, ("ally_path_m", "(1.0, 2.0, 3.0)")),
+        ({"patrol_radius_m": 800}, ("patrol_centre_m", "patrol_radius_m 800.0", "box_m")),
+        ({"patrol_centre_m": (200, 750, 300)}, ("patrol_centre_m", "patrol_radius_m 300.0", "box_m")),
+        ({"patrol_centre_m": (750, 750, 601)}, ("patrol_centre_m", "601.0", "box_m")),
+        ({"spread_cost_from_s": (1, 10, 20, 40)}, ("spread_cost_from_s", "1.0")),
+        ({"spread_cost_from_s": (0, 20, 10, 40)}, ("spread_cost_from_s", "20.0", "10.0")),
+        ({"steps_per_round": 10}, ("waypoints 16", "steps_per_round 10")),
+    ],
+)
+def test_an_impossible_mix_names_both(changes, both):
+    with pytest.raises(ScenarioError) as refused:
+        Scenario(**changes)
+    for part in both:
+        assert part in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "meant"),
+    [
+        ({"opponent_path": "cirle"}, "circle"),
+        ({"jamming_types": ("tonne",)}, "tone"),
+        ({"snr_model": "papers"}, "paper"),
+        ({"detection": "emision"}, "emission"),
+    ],
+)
+def test_an_unknown_word_suggests_the_nearest(changes, meant):
+    with pytest.raises(ScenarioError, match=f"did you mean '{meant}'"):
+        Scenario(**changes)
+
+
+def test_lists_of_words_are_put_in_order():
+    assert Scenario(jamming_types=["comb", "tone"]).jamming_types == ("tone", "comb")
+    assert Scenario(jamming_types="comb").jamming_types == ("comb",)
+    assert Scenario(opponent_path=["circle"]).opponent_path == "circle"
+    assert Scenario(opponent_path=["circle", "pursuit"]).paths == ("circle", "pursuit")
+
+
+def test_a_scenario_is_frozen():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        STANDARD.hop_cost = 1.0
+
+
+def test_presets():
+    assert preset("standard") == STANDARD == Scenario()
+    assert preset("paper") == PAPER
+    with pytest.raises(ScenarioError, match="unknown scenario 'papr'; did you mean 'paper'"):
+        preset("papr")
+
+
+def test_the_presets_differ_where_the_rules_say_so():
+    changed = {n: getattr(PAPER, n) for n in FIELDS if getattr(PAPER, n) != getattr(STANDARD, n)}
+    assert changed == {
+        "steps_per_round": 100,
+        "snr_model": "paper",
+        "spread_capacity": True,
+        "detection": "link",
+        "first_check_s": (5, 5),
+        "check_interval_s": (5, 5),
+        "check_scale_s": 5.0,
+        "ally_path_m": (
+            (150.0, 200.0, 100.0),
+            (500.0, 1300.0, 350.0),
+            (1000.0, 200.0, 450.0),
+            (1350.0, 1300.0, 150.0),
+        ),
+        "reselect_on_despread": True,
+        "snr_cap_db": None,
+        "hop_cost": 100.0,
+        "distance_reward": 50.0,
+    }
+
+
+def test_the_numbers_of_the_paper():
+    """Tables 1 and 2, and Section 5.1."""
+    for scenario in (STANDARD, PAPER):
+        assert scenario.box_m == (1500, 1500, 600)
+        assert (scenario.band_low_mhz, scenario.band_high_mhz, scenario.frequency_points) == (150, 250, 15)
+        assert scenario.point_spacing_mhz == pytest.approx(100 / 14)
+        assert scenario.jamming_coefficients == (1.5, 1.2, 0.4, 0.8)
+        assert (scenario.bandwidth_mhz, scenario.spread_bandwidth_mhz) == (5, 2400)
+        assert scenario.noise_density_dbm_hz == -170
+        assert (scenario.base_power_dbm, scenario.opponent_power_dbm) == (45, 20)
+        assert scenario.snr_threshold_db == 8
+        assert scenario.opponent_speed_m_s == scenario.ally_speed_m_s[1] == 10
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_every_field_has_a_line_about_it(name):
+    assert len(FIELDS[name].metadata["doc"]) >= 10
+
+
+def test_as_scenario_takes_what_users_write(tmp_path):
+    PAPER.to_yaml(tmp_path / "mine.yml")
+    assert as_scenario(None) is STANDARD
+    assert as_scenario(PAPER) is PAPER
+    assert (
+        as_scenario("paper") == as_scenario(tmp_path / "mine.yml") == as_scenario(str(tmp_path / "mine.yml"))
+    )
+    assert as_scenario("paper", hop_cost=7, knowledge=None) == dataclasses.replace(PAPER, hop_cost=7)
+    with pytest.raises(ScenarioError, match="expected a Scenario, a preset or a YAML file, got 5"):
+        as_scenario(5)
+    with pytest.raises(UserError, match=r"none\.yml"):
+        as_scenario(tmp_path / "none.yml")
