@@ -1,0 +1,124 @@
+"""Bad actions are refused whole; good ones are clipped and left as they were."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.game.arena import ActionError
+from fpg_bench.game.scenario import STANDARD
+
+from .playing import begin, wander
+
+
+def everything(arena) -> list[np.ndarray]:
+    names = ("games", "tallies", "histograms", "segments", "ally_observations", "opponent_observations")
+    return [getattr(arena, name).copy() for name in names]
+
+
+def assert_untouched(arena, before):
+    for was, now in zip(before, everything(arena), strict=True):
+        assert was.tobytes() == now.tobytes()
+
+
+@pytest.mark.parametrize("side", ["ally", "opponent"])
+@pytest.mark.parametrize(("value", "word"), [(np.nan, "nan"), (np.inf, "inf"), (-np.inf, "-inf")])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_an_unusable_number_names_side_game_and_index(side, value, word, dtype):
+    arena = begin(STANDARD, games=5)
+    actions = {"ally": np.zeros((5, 9), dtype), "opponent": np.zeros((5, 9), dtype)}
+    arena.step(*actions.values())
+    before = everything(arena)
+    actions[side][3, 6] = value
+    with pytest.raises(ActionError, match=rf"^{side} action of game 3: index 6 is {word}$"):
+        arena.step(*actions.values())
+    assert_untouched(arena, before)
+    actions[side][3, 6] = 0
+    arena.step(*actions.values())
+
+
+def test_infinities_that_cancel_are_found():
+    arena = begin(STANDARD)
+    bad = np.zeros((1, 9))
+    bad[0, 2], bad[0, 4] = np.inf, -np.inf
+    with pytest.raises(ActionError, match="ally action: index 2 is inf"):
+        arena.step(bad, np.zeros((1, 9)))
+
+
+@pytest.mark.parametrize("side", ["ally", "opponent"])
+@pytest.mark.parametrize(
+    ("bad", "found"),
+    [
+        (np.zeros((2, 8)), r"float64 \(2, 8\)"),
+        (np.zeros((3, 9), np.float32), r"float32 \(3, 9\)"),
+        (np.zeros(9), r"float64 \(9,\)"),
+        (np.zeros((2, 9), int), r"int64 \(2, 9\)"),
+        (np.zeros((2, 9), complex), "complex128"),
+        (np.zeros((2, 9), bool), "bool"),
+        (np.full((2, 9), None), "object"),
+        ([[0.0] * 9] * 2, "list"),
+        (None, "NoneType"),
+    ],
+)
+def test_another_shape_or_kind_is_refused(side, bad, found):
+    arena = begin(STANDARD, games=2)
+    actions = {"ally": np.zeros((2, 9)), "opponent": np.zeros((2, 9))}
+    before = everything(arena)
+    actions[side] = bad
+    with pytest.raises(
+        ActionError, match=rf"{side} actions: expected a float array of shape \(2, 9\), got {found}"
+    ):
+        arena.step(*actions.values())
+    assert_untouched(arena, before)
+
+
+def test_an_action_error_is_a_user_error():
+    assert issubclass(ActionError, UserError)
+
+
+def test_actions_are_clipped_and_the_callers_arrays_left_alone():
+    one, other = begin(STANDARD, games=3), begin(STANDARD, games=3)
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        actions = rng.normal(0, 3, (2, 3, 9)).astype(np.float32)
+        kept = actions.copy()
+        one.step(*actions)
+        assert (actions == kept).all()
+        other.step(*np.clip(actions, -1, 1))
+    assert_untouched(one, everything(other))
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, ">f4"])
+def test_how_an_array_lies_in_memory_does_not_matter(order, dtype):
+    plain, other = begin(STANDARD, games=4), begin(STANDARD, games=4)
+    for a, o in zip(*(x.astype(np.float32) for x in wander(2, 30, 4)), strict=True):
+        plain.step(a, o)
+        other.step(np.asarray(a, dtype, order=order), np.asarray(o, dtype, order=order))
+    assert_untouched(plain, everything(other))
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda arena: pickle.loads(pickle.dumps(arena))])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_copy_of_an_arena_plays_on_by_itself(copied, threads):
+    arena = begin(STANDARD, games=1200, threads=threads)
+    first, second = (x[:20] for x in wander(1, 40, 1200)), (x[20:] for x in wander(1, 40, 1200))
+    for actions in zip(*first, strict=True):
+        arena.step(*actions)
+    twin, before = copied(arena), everything(arena)
+    for actions in zip(*second, strict=True):
+        twin.step(*actions)
+    assert_untouched(arena, before)
+    for actions in zip(*(x[20:] for x in wander(1, 40, 1200)), strict=True):
+        arena.step(*actions)
+    assert_untouched(arena, everything(twin))
+
+
+def test_a_game_takes_less_than_two_kilobytes():
+    arena = begin(STANDARD, games=1000)
+    total = sum(value.nbytes for value in vars(arena).values() if isinstance(value, np.ndarray))
+    assert total / 1000 < 2048

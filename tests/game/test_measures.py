@@ -1,0 +1,217 @@
+"""The tallies and the measures made of them, against a slow count over a whole round's history."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from fpg_bench.game.measures import measures, pool, spectrum_overlap
+from fpg_bench.game.scenario import JAMMING_TYPES, PAPER, STANDARD
+from fpg_bench.game.state import TALLY
+
+from .playing import TONE, ally, at_mhz, begin, opponent, place, play, still, to_point, wander
+
+
+def runs_of(flags: list[bool]) -> list[tuple[int, int]]:
+    """First and one-past-last step of each unbroken run."""
+    padded = np.concatenate([[0], np.asarray(flags, int), [0]])
+    return list(zip(np.flatnonzero(np.diff(padded) == 1), np.flatnonzero(np.diff(padded) == -1), strict=True))
+
+
+def recoveries(records, outage: list[bool]) -> list[tuple[int, bool]]:
+    """For each check that heard: the length of the first outage that begins after it and before or in the
+    step of the next check, and whether the round's end cut it."""
+    checks = [k for k, game in enumerate(records) if game["checked"]]
+    found = []
+    for this, following in zip(checks, [*checks[1:], len(records) - 1], strict=True):
+        heard = records[this]["last_check"] == 1
+        begun = [run for run in runs_of(outage) if this < run[0] <= following]
+        if heard and begun:
+            start, end = begun[0]
+            found.append((end - start, end == len(records)))
+    return found
+
+
+def slow_measures(scenario, records, point_before: int) -> dict[str, float | None]:
+    """Everything from the list of a round's records, as a reader of the definitions would do it."""
+    s, steps = scenario, len(records)
+    outage = [bool(game["snr_db"] < s.snr_threshold_db) for game in records]
+    both = sum(game["covered"] and out for game, out in zip(records, outage, strict=True))
+    covered = sum(game["covered"] for game in records)
+    checks = [game for game in records if game["checked"]]
+    runs = [end - start for start, end in runs_of(outage)]
+    recovered = recoveries(records, outage)
+    points = [point_before, *(game["point"] for game in records)]
+    width = [
+        s.spread_bandwidth_mhz if s.spread_capacity and g["spreading"] else s.bandwidth_mhz for g in records
+    ]
+    rates = [b * math.log2(1 + 10 ** (g["snr_db"] / 10)) for b, g in zip(width, records, strict=True)]
+    grid = s.band_low_mhz + np.arange(s.frequency_points) * s.point_spacing_mhz
+    ours = np.bincount(points[1:], minlength=len(grid)) / steps
+    nearest = [int(np.argmin(abs(grid - game["jamming_mhz"]))) for game in records]
+    theirs = np.bincount(nearest, minlength=len(grid)) / steps
+    found = {
+        "overlap_ratio": covered / steps,
+        "jamming_success_rate": both / steps,
+        "outage": sum(outage) / steps,
+        "success_given_overlap": both / covered if covered else None,
+        "spectrum_overlap": float(np.minimum(ours, theirs).sum()),
+        "detection_rate": sum(g["last_check"] == 1 for g in checks) / len(checks) if checks else None,
+        "outage_longest_s": max(runs, default=0),
+        "outage_mean_s": sum(runs) / len(runs) if runs else None,
+        "time_to_recover_s": sum(t for t, _ in recovered) / len(recovered) if recovered else None,
+        "recoveries_cut": sum(cut for _, cut in recovered),
+        "hop_rate": sum(game["hopped"] for game in records) / steps,
+        "frequency_changes": sum(a != b for a, b in zip(points, points[1:], strict=False)) / steps,
+        "spread_ratio": sum(game["spreading"] for game in records) / steps,
+        "near_ratio": sum(game["distance_m"] < s.distance_reward_m for game in records) / steps,
+        "snr_db": sum(game["snr_db"] for game in records) / steps,
+        "capacity_mbit_s": sum(rates) / steps,
+        "ally_return": sum(game["ally_reward"] for game in records),
+        "opponent_return": sum(game["opponent_reward"] for game in records),
+    }
+    for kind, name in enumerate(JAMMING_TYPES):
+        found[f"share_{name}"] = sum(game["jamming_type"] == kind for game in records) / steps
+    return found
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        STANDARD,
+        PAPER,
+        dataclasses.replace(STANDARD, snr_threshold_db=60, first_check_s=(1, 2), check_interval_s=(2, 9)),
+        dataclasses.replace(PAPER, opponent_path="circle", snr_threshold_db=45, detection="emission"),
+    ],
+    ids=["standard", "paper", "often-out", "paper-often-out"],
+)
+def test_the_measures_of_a_round(scenario, seed):
+    arena = begin(scenario, seed)
+    before = int(arena.games["point"][0])
+    records = [r[0] for r in play(arena, *wander(seed, scenario.steps_per_round))]
+    expected = slow_measures(scenario, records, before)
+    found = measures(pool(arena.tallies[0]), arena.histograms[0])
+    assert found.keys() == expected.keys()
+    for name, value in expected.items():
+        assert found[name] == (None if value is None else pytest.approx(value, rel=1e-9, abs=1e-9)), name
+
+
+def scripted(outages: list[int], hearing: list[int], steps: int) -> dict[str, float | None]:
+    """A round whose outages and checks come where told: the ally hops into a tone to lose its link.
+
+    Checks come every second and hear where the ally does not spread; strong jamming breaks the link.
+    """
+    scenario = still(
+        PAPER, steps_per_round=steps, waypoints=1, first_check_s=(1, 1), check_interval_s=(1, 1),
+        detection="link", snr_model="sinr", reselect_on_despread=False,
+    )  # fmt: skip
+    arena = begin(scenario)
+    place(arena, (750, 750, 595))
+    for k in range(steps):
+        out = k in outages
+        arena.step(
+            ally(hop=True, preference=to_point(7 if out else 0), spread=k not in hearing and not out),
+            opponent(TONE, tuning=at_mhz(200), in_band=True),
+        )
+        assert (arena.games["snr_db"][0] < 8) == out
+    return measures(pool(arena.tallies[0]), arena.histograms[0])
+
+
+def test_outage_runs():
+    found = scripted([1, 2, 3, 6, 9], [], 10)
+    assert found["outage"] == 0.5
+    assert found["outage_longest_s"] == 3
+    assert found["outage_mean_s"] == pytest.approx(5 / 3)
+
+
+def test_a_round_without_outage():
+    found = scripted([], [0, 4], 10)
+    assert found["outage_longest_s"] == 0
+    assert found["outage_mean_s"] is None
+    assert found["time_to_recover_s"] is None
+    assert found["success_given_overlap"] is None
+    assert found["overlap_ratio"] == found["jamming_success_rate"] == 0
+
+
+def test_the_time_to_recover_is_counted_after_a_check_that_heard():
+    """Heard in step 2, out from 3 to 5; the outage of 8 follows a check that did not hear."""
+    found = scripted([3, 4, 5, 8], [2], 10)
+    assert found["time_to_recover_s"] == 3
+    assert found["recoveries_cut"] == 0
+
+
+def test_an_outage_that_began_before_the_check_is_not_its_doing():
+    found = scripted([3, 4], [3], 10)
+    assert found["time_to_recover_s"] is None
+
+
+def test_a_recovery_that_the_rounds_end_cuts():
+    found = scripted([3, 8, 9], [2, 7], 10)
+    assert found["time_to_recover_s"] == 1.5
+    assert found["recoveries_cut"] == 1
+
+
+def test_before_the_first_step_nothing_exists():
+    arena = begin(STANDARD)
+    assert set(measures(pool(arena.tallies[0]), arena.histograms[0]).values()) == {None}
+
+
+def test_rounds_are_pooled_and_never_averaged():
+    """Ratios of sums: a round without overlap weighs nothing in success given overlap."""
+    tallies = np.zeros(2, TALLY)
+    tallies["steps"] = 100, 300
+    tallies["overlap"] = 10, 0
+    tallies["jammed"] = 5, 0
+    tallies["outage"] = 5, 45
+    tallies["outage_runs"] = 1, 9
+    tallies["longest_outage"] = 5, 12
+    tallies["ally_return"] = 10.0, -4.0
+    histogram = np.array([[400, 0], [100, 300]])
+    found = measures(pool(tallies), histogram)
+    assert found["overlap_ratio"] == 10 / 400
+    assert found["success_given_overlap"] == 0.5
+    assert found["outage"] == 50 / 400
+    assert found["outage_mean_s"] == 5
+    assert found["outage_longest_s"] == 12
+    assert found["ally_return"] == 6.0
+    assert found["spectrum_overlap"] == 0.25
+    assert found["detection_rate"] is None
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "overlap"),
+    [
+        ([4, 0, 0], [0, 0, 9], 0),
+        ([1, 1, 2], [2, 2, 4], 1),
+        ([3, 1, 0], [1, 1, 2], 0.5),
+        ([0, 0], [1, 1], None),
+    ],
+)
+def test_spectrum_overlap_by_hand(ours, theirs, overlap):
+    assert spectrum_overlap(np.array([ours, theirs])) == (None if overlap is None else pytest.approx(overlap))
+
+
+def test_the_jammers_histogram_is_by_the_nearest_point():
+    arena = begin(still())
+    spacing = 100 / 14
+    for offset in (-0.49, 0.0, 0.49, 0.51):
+        arena.step(ally(), opponent(tuning=at_mhz(150 + (3 + offset) * spacing), in_band=True))
+    assert arena.histograms[0, 1].nonzero()[0].tolist() == [3, 4]
+    assert arena.histograms[0, 1, 3:5].tolist() == [3, 1]
+
+
+def test_parts_of_a_round_for_the_planner():
+    """Per n-th part: the position in its middle and the mean of the opponent's rewards."""
+    scenario = dataclasses.replace(STANDARD, steps_per_round=50, waypoints=7)
+    arena = begin(scenario)
+    records = [r[0] for r in play(arena, *wander(4, 50))]
+    for i in range(7):
+        part = [k for k in range(50) if k * 7 // 50 == i]
+        reward = np.mean([records[k]["opponent_reward"] for k in part])
+        assert arena.segments[0, i, 3] == pytest.approx(reward)
+        middle = records[part[len(part) // 2]]["opponent_position"]
+        np.testing.assert_allclose(arena.segments[0, i, :3], middle, atol=1e-9)

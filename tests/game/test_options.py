@@ -1,0 +1,149 @@
+"""Every number of the scenario is played: changing it changes a game in which it has a part."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import yaml
+
+from fpg_bench.game.knowledge import EXPERT_FILE
+from fpg_bench.game.scenario import PAPER, STANDARD, Scenario
+
+from .playing import begin, wander
+
+CIRCLE = dataclasses.replace(STANDARD, opponent_path="circle")
+LEARNED = dataclasses.replace(STANDARD, opponent_path="learned")
+PLANNED = dataclasses.replace(STANDARD, opponent_path="waypoints")
+FIXED = dataclasses.replace(STANDARD, ally_path_m=PAPER.ally_path_m)
+
+# field: another value, and where it matters if that is not the standard scenario
+OTHERWISE = {
+    "box_m": ((1500, 1500, 700),),
+    "base_station_m": ((700, 750, 0),),
+    "steps_per_round": (290,),
+    "rounds_per_match": (2,),
+    "band_low_mhz": (149,),
+    "band_high_mhz": (251,),
+    "frequency_points": (16,),
+    "path_loss_constant_db": (32.45,),
+    "minimum_distance_m": (100,),
+    "base_power_dbm": (44,),
+    "opponent_power_dbm": (21,),
+    "noise_density_dbm_hz": (-169,),
+    "bandwidth_mhz": (6,),
+    "spread_bandwidth_mhz": (2300,),
+    "fading_sd_db": (1.1,),
+    "snr_threshold_db": (9,),
+    "snr_model": ("paper",),
+    "spread_capacity": (True,),
+    "jamming_types": (("tone", "comb"),),
+    "jamming_coefficients": ((1.4, 1.2, 0.4, 0.8),),
+    "footprint_half_widths_mhz": ((2.5, 9.0, 25.0, 2.5),),
+    "comb_spacing_points": (3,),
+    "footprint_tolerance_mhz": (1.0,),
+    "detection": ("off",),
+    "first_check_s": ((1, 4),),
+    "check_interval_s": ((4, 7),),
+    "ally_emission_dbm": (-40,),
+    "ally_speed_m_s": ((5, 11),),
+    "ally_path_m": (PAPER.ally_path_m,),
+    "ally_path_altitude_m": ((60, 550),),
+    "ally_path_chords": (255,),
+    "reselect_on_despread": (True,),
+    "knowledge": ("none",),
+    "opponent_path": ("circle",),
+    "opponent_speed_m_s": (9,),
+    "tuning_span_mhz": (40,),
+    "patrol_centre_m": ((740, 750, 300), CIRCLE),
+    "patrol_radius_m": (290, CIRCLE),
+    "waypoints": (15, PLANNED),
+    "sensing_centre_sd_mhz": (1.5,),
+    "sensing_type_error": (0.2,),
+    "spreading_scale_s": (50,),
+    "snr_scale_db": (70,),
+    "age_scale_s": (50,),
+    "check_scale_s": (5,),
+    "snr_cap_db": (None,),
+    "hop_cost": (41,),
+    "spread_cost_from_s": ((0, 9, 20, 40),),
+    "spread_cost_per_s": ((0.4, 1.0, 1.2, 1.5),),
+    "distance_reward": (21,),
+    "distance_reward_m": (60,),
+    "snr_drop_weight": (1.1,),
+}
+GAMES, STEPS = 8, 60
+
+
+def outcome(scenario: Scenario) -> bytes:
+    """All that players and tables get to see of two rounds of a few games."""
+    arena = begin(scenario, games=GAMES)
+    content = []
+    for number in range(2):
+        for game in range(GAMES):
+            corners = np.linspace(0.1, 0.9, scenario.waypoints)[:, None] * scenario.box_m
+            arena.set_waypoints(game, corners)
+        for actions in zip(*wander(number, STEPS, GAMES), strict=True):
+            arena.step(*actions)
+            content += [arena.ally_observations.tobytes(), arena.opponent_observations.tobytes()]
+            content += [arena.games[f"{side}_reward"].tobytes() for side in ("ally", "opponent")]
+        content += [arena.tallies.tobytes(), arena.games["horizon"].tobytes()]
+        arena.reset()
+    return b"".join(content)
+
+
+@pytest.fixture(scope="module")
+def outcomes():
+    """Outcomes already played, by scenario."""
+    return {}
+
+
+def test_every_field_is_tried():
+    assert set(OTHERWISE) == {spec.name for spec in dataclasses.fields(Scenario)}
+
+
+@pytest.mark.parametrize("name", OTHERWISE)
+def test_an_option_changes_the_game(name, outcomes):
+    value, base = (*OTHERWISE[name], STANDARD)[:2]
+    for scenario in (base, changed := dataclasses.replace(base, **{name: value})):
+        if scenario not in outcomes:
+            outcomes[scenario] = outcome(scenario)
+    assert outcomes[base] != outcomes[changed]
+
+
+@pytest.mark.parametrize(
+    ("changes", "base"),
+    [
+        ({"patrol_radius_m": 290}, STANDARD),
+        ({"waypoints": 15}, LEARNED),
+        ({"ally_path_altitude_m": (60, 540)}, FIXED),
+        ({"comb_spacing_points": 3}, dataclasses.replace(STANDARD, jamming_types=("tone",), knowledge="none",
+                                                        sensing_type_error=0)),
+    ],
+)  # fmt: skip
+def test_an_option_without_a_part_changes_nothing(changes, base):
+    assert outcome(base) == outcome(dataclasses.replace(base, **changes))
+
+
+@pytest.mark.parametrize("entry", ["tone", "narrowband", "broadband", "comb"])
+@pytest.mark.parametrize("change", ["half_width_mhz", "guard_mhz", "candidates"])
+def test_every_number_of_a_knowledge_base_changes_the_game(tmp_path, entry, change, outcomes):
+    content = yaml.safe_load(EXPERT_FILE.read_text())
+    if change == "half_width_mhz":
+        content[entry]["spectrum"][change] += 9
+    else:
+        content[entry][change] = 2 if change == "candidates" else 13.0
+    path = tmp_path / "mine.yml"
+    path.write_text(yaml.safe_dump(content))
+    base = dataclasses.replace(STANDARD, sensing_type_error=0.7)
+    outcomes.setdefault(base, outcome(base))
+    assert outcomes[base] != outcome(dataclasses.replace(base, knowledge=path))
+
+
+def test_a_knowledge_base_cannot_be_told_to_spread(tmp_path):
+    """The advice to spread is shown, never followed."""
+    text = EXPERT_FILE.read_text().replace("spread: false", "spread: true")
+    path = tmp_path / "mine.yml"
+    path.write_text(text)
+    assert outcome(STANDARD) == outcome(dataclasses.replace(STANDARD, knowledge=path))
