@@ -22,7 +22,7 @@ def everything(arena) -> list[np.ndarray]:
 
 def assert_untouched(arena, before):
     for was, now in zip(before, everything(arena), strict=True):
-        assert was.tobytes() == now.tobytes()
+        assert (was == now).all()
 
 
 @pytest.mark.parametrize("side", ["ally", "opponent"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -65,7 +66,7 @@ def slow_measures(scenario, records, point_before: int) -> dict[str, float | Non
         "time_to_recover_s": sum(t for t, _ in recovered) / len(recovered) if recovered else None,
         "recoveries_cut": sum(cut for _, cut in recovered),
         "hop_rate": sum(game["hopped"] for game in records) / steps,
-        "frequency_changes": sum(a != b for a, b in zip(points, points[1:], strict=False)) / steps,
+        "frequency_changes": sum(a != b for a, b in itertools.pairwise(points)) / steps,
         "spread_ratio": sum(game["spreading"] for game in records) / steps,
         "near_ratio": sum(game["distance_m"] < s.distance_reward_m for game in records) / steps,
         "snr_db": sum(game["snr_db"] for game in records) / steps,

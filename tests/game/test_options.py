@@ -88,7 +88,10 @@ def outcome(scenario: Scenario) -> bytes:
             arena.step(*actions)
             content += [arena.ally_observations.tobytes(), arena.opponent_observations.tobytes()]
             content += [arena.games[f"{side}_reward"].tobytes() for side in ("ally", "opponent")]
-        content += [arena.tallies.tobytes(), arena.games["horizon"].tobytes()]
+        content += [
+            *(arena.tallies[field].tobytes() for field in arena.tallies.dtype.names),
+            arena.games["horizon"].tobytes(),
+        ]
         arena.reset()
     return b"".join(content)
 
@@ -131,9 +134,9 @@ def test_an_option_without_a_part_changes_nothing(changes, base):
 def test_every_number_of_a_knowledge_base_changes_the_game(tmp_path, entry, change, outcomes):
     content = yaml.safe_load(EXPERT_FILE.read_text())
     if change == "half_width_mhz":
-        content[entry]["spectrum"][change] += 9
+        content[entry]["spectrum"][change] += 60
     else:
-        content[entry][change] = 2 if change == "candidates" else 13.0
+        content[entry][change] = 2 if change == "candidates" else 60.0
     path = tmp_path / "mine.yml"
     path.write_text(yaml.safe_dump(content))
     base = dataclasses.replace(STANDARD, sensing_type_error=0.7)

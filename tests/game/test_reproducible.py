@@ -27,9 +27,10 @@ def actions_of(game_seed: int, steps: int = STEPS) -> tuple[np.ndarray, np.ndarr
 
 
 def fingerprint(arena, game: int) -> bytes:
-    parts = (arena.games, arena.tallies, arena.histograms, arena.segments)
-    seen = (arena.ally_observations, arena.opponent_observations)
-    return b"".join(part[game].tobytes() for part in parts + seen)
+    """Every bit of a game's state, tally and observations (records field by field: padding is nobody's)."""
+    records = [record[game][name] for record in (arena.games, arena.tallies) for name in record.dtype.names]
+    arrays = (arena.histograms, arena.segments, arena.ally_observations, arena.opponent_observations)
+    return b"".join(part.tobytes() for part in [*records, *(array[game] for array in arrays)])
 
 
 def play_batch(scenario, seed: int, games: int, threads: int = 1) -> Arena:
