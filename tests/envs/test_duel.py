@@ -1,0 +1,285 @@
+"""Both sides at once: rounds and matches, chance, plans between rounds; every view shows the same game."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fpg_bench import make_duel
+from fpg_bench.envs.multi_agent import parallel_env
+from fpg_bench.envs.one_sided import OneSided
+from fpg_bench.errors import UserError
+from fpg_bench.planning import Plan
+
+from .playing import ALLY_POLICY, OPPONENT_POLICY, PLANNED, SHORT, STEPS, Tape, same, single_game, tape
+
+GAMES = 3
+
+
+def played(seed, ally, opponent, **options):
+    """What each game of a duel shows of the two sides, two lists of (observation, reward) per game."""
+    games = ally.shape[1]
+    duel = make_duel(games, scenario=SHORT, **options)
+    duel.reset(seeds=seed)
+    shown = [([], []) for _ in range(games)]
+
+    def keep(step, begun):
+        for game, (of_ally, of_opponent) in enumerate(shown):
+            of_ally.append((step.ally_observations[game], None if begun else step.ally_rewards[game]))
+            of_opponent.append(
+                (step.opponent_observations[game], None if begun else step.opponent_rewards[game])
+            )
+
+    keep(duel.present(), True)
+    for k in range(len(ally)):
+        step = duel.step(ally[k], opponent[k])
+        keep(step, False)
+        if step.truncated.all():
+            duel.reset()
+            keep(duel.present(), True)
+    return shown
+
+
+def both_tapes(games=GAMES):
+    """Actions of both sides; the opponent's are the same in every round, as ``Tape`` plays them."""
+    opponent = tape(games, STEPS, seed=1)
+    return tape(games), np.tile(opponent, (3, 1, 1)), opponent
+
+
+def test_game_i_of_a_batch_is_the_duel_seeded_s_plus_i():
+    ally, opponent, _ = both_tapes()
+    together = played(20, ally, opponent)
+    for game in range(GAMES):
+        part = slice(game, game + 1)
+        alone = played(20 + game, ally[:, part], opponent[:, part])[0]
+        assert same(together[game][0], alone[0])
+        assert same(together[game][1], alone[1])
+
+
+@pytest.mark.parametrize("path", ["pursuit", "learned", ["circle", "learned"]])
+def test_the_single_views_of_both_sides_show_the_duel(path):
+    ally, opponent, round_of_opponent = both_tapes(1)
+    of_ally, of_opponent = played(7, ally, opponent, path=path)[0]
+    view = single_game(ALLY_POLICY, 7, ally[:, 0], opponent=Tape(round_of_opponent), path=path)
+    assert same(of_ally, view)
+    swapped_ally, swapped = np.tile(ally[:STEPS], (3, 1, 1)), opponent
+    of_opponent = played(7, swapped_ally, swapped, path=path)[0][1]
+    view = single_game(OPPONENT_POLICY, 7, swapped[:, 0], ally=Tape(ally[:STEPS]), path=path)
+    assert same(of_opponent, view)
+
+
+def test_the_pettingzoo_view_shows_the_duel():
+    ally, opponent, _ = both_tapes(1)
+    of_ally, of_opponent = played(7, ally, opponent)[0]
+    env = parallel_env(scenario=SHORT)
+    shown = {"ally": [], "opponent": []}
+
+    def keep(observations, rewards):
+        for side, shown_to in shown.items():
+            shown_to.append((observations[side], rewards and rewards[side]))
+
+    keep(env.reset(seed=7)[0], None)
+    for k in range(len(ally)):
+        observations, rewards, *_ = env.step({"ally": ally[k, 0], "opponent": opponent[k, 0]})
+        keep(observations, rewards)
+        if not env.agents:
+            keep(env.reset()[0], None)
+    assert same(shown["ally"], of_ally)
+    assert same(shown["opponent"], of_opponent)
+
+
+def test_what_is_handed_out_is_a_copy():
+    ally, opponent, _ = both_tapes()
+    spoilt, clean = make_duel(GAMES, scenario=SHORT), make_duel(GAMES, scenario=SHORT)
+    for duel in (spoilt, clean):
+        duel.reset(seeds=0)
+    for k in range(STEPS):
+        here, there = spoilt.step(ally[k], opponent[k]), clean.step(ally[k], opponent[k])
+        for x, y in zip((*here, spoilt.state()), (*there, clean.state()), strict=True):
+            assert np.array_equal(x, y)
+            x[...] = 1
+
+
+def test_a_round_that_is_over_waits_while_others_go_on():
+    duel = make_duel(2, scenario=SHORT)
+    duel.reset(seeds=0, horizons=np.array([4, STEPS]))
+    rest = np.zeros((2, 9), np.float32)
+    for _ in range(4):
+        step = duel.step(rest, rest)
+    assert step.truncated.tolist() == [True, False]
+    later = duel.step(rest, rest)
+    assert np.array_equal(later.ally_observations[0], step.ally_observations[0])
+    assert not np.array_equal(later.ally_observations[1], step.ally_observations[1])
+    mask = duel.reset(step.truncated)
+    assert mask.tolist() == [True, False]
+    assert duel.arena.games["step"].tolist() == [0, 5]
+
+
+def test_the_state_is_in_range_and_tells_two_games_apart():
+    duel = make_duel(GAMES)
+    duel.reset(seeds=0)
+    state = duel.state()
+    assert state.shape == (GAMES, 54)
+    assert state.dtype == np.float32
+    assert (np.abs(state) <= 1).all()
+    assert len({row.tobytes() for row in state}) == GAMES
+
+
+# Plans between rounds
+
+
+class Diary:
+    """A planner that keeps what it is handed and answers by chance."""
+
+    name, tier = "diary", "history"
+
+    def __init__(self):
+        self.histories, self.positions = [], []
+
+    def plan(self, history, current_position, limits, rng):
+        self.histories.append(history.copy())
+        self.positions.append(current_position.copy())
+        return Plan(rng.uniform(0, limits.box_m, (limits.waypoints, 3)), self.name)
+
+
+def rounds(duel, count, seed=3):
+    """Rounds of random actions: the plans, and the opponent's positions ``(rounds, steps, games, 3)``."""
+    actions, plans, flown = tape(duel.count, STEPS), [], []
+    duel.reset(seeds=seed)
+    for _ in range(count):
+        plans.append([plan.waypoints for plan in duel.plans])
+        track = []
+        for action in actions:
+            duel.step(action, action)
+            track.append(duel.arena.games["opponent_position"].copy())
+        flown.append(track)
+        duel.reset()
+    return np.array(plans), np.array(flown)
+
+
+def test_a_planner_learns_from_the_rounds_of_its_match_and_forgets_with_the_next():
+    diary = Diary()
+    _, flown = rounds(make_duel(1, scenario=dataclasses.replace(SHORT, rounds_per_match=3), planner=diary), 4)
+    assert [len(history) for history in diary.histories] == [0, 1, 2, 0, 1]
+    assert diary.histories[2].shape == (2, 16, 4)
+    # With two steps to a part, its middle is the end of its second step
+    assert np.allclose(diary.histories[2][1, :, :3], flown[1, 1::2, 0])
+    assert np.array_equal(diary.histories[2][0], diary.histories[1][0])
+
+
+def test_a_history_holds_the_mean_reward_of_each_part():
+    diary = Diary()
+    duel = make_duel(1, scenario=SHORT, planner=diary)
+    duel.reset(seeds=0)
+    rewards = [duel.step(action, action).opponent_rewards[0] for action in tape(1, STEPS)]
+    duel.reset()
+    assert diary.histories[1][0, :, 3] == pytest.approx(np.reshape(rewards, (16, 2)).mean(axis=1))
+
+
+def test_rounds_left_early_are_no_part_of_a_history():
+    diary = Diary()
+    duel = make_duel(1, scenario=dataclasses.replace(SHORT, rounds_per_match=9), planner=diary)
+    rest = np.zeros((1, 9), np.float32)
+    duel.reset(seeds=0)
+    duel.step(rest, rest)
+    duel.reset(horizons=np.array([5]))
+    for _ in range(5):
+        duel.step(rest, rest)
+    duel.reset()
+    assert [len(history) for history in diary.histories] == [0, 0, 0]
+
+
+def test_plans_are_the_games_own_chance_whatever_the_batch():
+    together, flown = rounds(make_duel(4, scenario=SHORT, planner="random"), 3)
+    again, _ = rounds(make_duel(4, scenario=SHORT, planner="random"), 3)
+    assert np.array_equal(together, again)
+    alone, _ = rounds(make_duel(1, scenario=SHORT, planner="random"), 3, seed=5)
+    assert np.array_equal(together[:, 2:3], alone)
+    assert len({plan.tobytes() for plan in together.reshape(-1, 16, 3)}) == 12
+    assert flown.min() >= 0
+
+
+def test_the_opponent_flies_the_plan_on_time():
+    duel = make_duel(1, planner="circle")
+    duel.reset(seeds=0)
+    rest = np.zeros((1, 9), np.float32)
+    track = []
+    for _ in range(300):
+        duel.step(rest, rest)
+        track.append(duel.arena.games["opponent_position"][0].copy())
+    plan = duel.plans[0].waypoints
+    due = np.ceil(np.arange(1, 17) * 300 / 16).astype(int) - 1
+    missed = np.linalg.norm(np.array(track)[due] - plan, axis=1)
+    assert plan.std(axis=0)[0] > 100
+    # It starts anywhere and catches up with the circle; whole steps at full speed then cost it 5 m at most
+    assert missed[8:].max() < 5
+    assert (missed[8:] < 1e-6).sum() == 6
+
+
+def test_an_opponent_told_to_hold_stays():
+    _, flown = rounds(make_duel(2, scenario=SHORT, planner="hold"), 1)
+    assert np.abs(flown - flown[:, :1]).max() < 1e-9
+
+
+def test_the_planner_view_plays_ten_rounds_a_match_and_hands_the_plan_over():
+    core = OneSided(PLANNED)
+    core.reset(seeds=0)
+    assert core.scenario.rounds_per_match == 10
+    assert np.array_equal(core.duel.plans[0].waypoints, core.duel.arena.waypoints[0])
+
+
+def test_a_bad_plan_is_refused():
+    class Lost(Diary):
+        def plan(self, *args):
+            return Plan(super().plan(*args).waypoints + 1500, "lost")
+
+    with pytest.raises(UserError, match=r"waypoint 0: .* lies outside the box"):
+        make_duel(1, planner=Lost()).reset(seeds=0)
+
+
+# Strength of the parts
+
+
+def test_a_copy_plays_on_alone():
+    duel = make_duel(2, scenario=SHORT, planner="random")
+    duel.reset(seeds=0)
+    twin = copy.deepcopy(duel)
+    for action in tape(2, STEPS):
+        for x, y in zip(duel.step(action, action), twin.step(action, action), strict=True):
+            assert np.array_equal(x, y)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"path": "waypoints"}, "path 'waypoints' needs a planner"),
+        ({"path": "circle", "planner": "circle"}, "nothing to plan where the path is 'circle'"),
+        ({"planner": "sqare"}, "unknown planner 'sqare'"),
+        ({"games": 0}, "at least 1, got 0"),
+        ({"scenario": "papr"}, "did you mean 'paper'"),
+        ({"jamming_types": "combs"}, "did you mean 'comb'"),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_is_refused(options, message):
+    with pytest.raises(UserError, match=message):
+        make_duel(**options)
+
+
+def test_the_side_of_a_bad_action_is_named():
+    duel = make_duel(2)
+    duel.reset(seeds=0)
+    good, bad = np.zeros((2, 9)), np.zeros((2, 9))
+    bad[1, 5] = np.nan
+    with pytest.raises(UserError, match="opponent action of game 1: index 5 is nan"):
+        duel.step(good, bad)
+    with pytest.raises(UserError, match=r"opponent actions: expected a float array of shape \(2, 9\)"):
+        duel.step(good, bad[:1])
+
+
+def test_the_first_reset_needs_seeds():
+    with pytest.raises(UserError, match="first reset"):
+        make_duel(1).reset()

@@ -1,0 +1,146 @@
+"""The PettingZoo view, by PettingZoo's own tests and the game's contract."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pettingzoo
+import pytest
+
+with warnings.catch_warnings():  # importing PettingZoo's tests warns of PettingZoo's own games
+    warnings.simplefilter("ignore")
+    from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
+
+from fpg_bench.envs.multi_agent import aec_env, parallel_env
+from fpg_bench.errors import UserError
+
+from .playing import REST, SHORT, STEPS, tape
+
+# PettingZoo would like agents to be named player_0 and the like
+pytestmark = pytest.mark.filterwarnings("error", "ignore:We recommend agents to be named")
+
+
+def registered(kind):
+    return pettingzoo.make(kind, "FPG/duel_v0", scenario=SHORT)
+
+
+def test_parallel_api():
+    parallel_api_test(registered("parallel"), 3 * STEPS)
+
+
+def test_aec_api():
+    api_test(registered("aec"), 3 * STEPS)
+
+
+def test_seeds():
+    parallel_seed_test(lambda: parallel_env(scenario=SHORT), 2 * STEPS)
+    seed_test(lambda: aec_env(scenario=SHORT), 2 * STEPS)
+
+
+def test_spaces_are_always_the_same_objects():
+    env = registered("parallel")
+    for side in ("ally", "opponent"):
+        assert env.observation_space(side) is env.observation_space(side)
+        assert env.action_space(side) is env.action_space(side)
+    assert env.possible_agents == ["ally", "opponent"]
+
+
+def test_a_round_ends_by_truncation_with_the_measures_of_both_sides():
+    env = registered("parallel")
+    env.reset(seed=0)
+    total = {"ally": 0.0, "opponent": 0.0}
+    for k in range(STEPS):
+        assert env.agents == ["ally", "opponent"]
+        _, rewards, terminations, truncations, infos = env.step({"ally": REST, "opponent": REST})
+        assert not any(terminations.values())
+        assert all(truncations.values()) == any(truncations.values()) == (k + 1 == STEPS)
+        total = {side: total[side] + rewards[side] for side in total}
+    assert env.agents == []
+    for side, reward in total.items():
+        assert infos[side]["measures"][f"{side}_return"] == pytest.approx(reward)
+    with pytest.raises(UserError, match="the round is over; call reset first"):
+        env.step({"ally": REST, "opponent": REST})
+
+
+def test_taking_turns_is_the_same_game():
+    together, turns = registered("parallel"), registered("aec")
+    together.reset(seed=4)
+    turns.reset(seed=4)
+    for ally, opponent in zip(tape(1, STEPS)[:, 0], tape(1, STEPS, seed=1)[:, 0], strict=True):
+        observations, rewards, *_ = together.step({"ally": ally, "opponent": opponent})
+        turns.step(ally)
+        turns.step(opponent)
+        for side in observations:
+            assert np.array_equal(turns.observe(side), observations[side])
+            assert turns.rewards[side] == rewards[side]
+    assert all(turns.truncations.values())
+
+
+def test_the_state_is_the_full_state():
+    env = registered("parallel")
+    observations, _ = env.reset(seed=0)
+    state = env.state()
+    assert state in env.state_space
+    assert np.array_equal(state[:15], observations["ally"])
+    assert np.array_equal(state[15:30], observations["opponent"])
+    observations["ally"][:] = 5
+    assert np.array_equal(env.state(), state)
+
+
+def test_options_reach_the_game():
+    env = parallel_env(scenario="paper", path="circle", jamming_types=["comb"])
+    assert env.duel.scenario.steps_per_round == 100
+    assert env.duel.scenario.jamming_types == ("comb",)
+    planned = parallel_env(planner="hold")
+    planned.reset(seed=0)
+    assert planned.duel.plans[0].source == "hold"
+
+
+def test_a_new_match_can_be_asked_for():
+    env = registered("parallel")
+    curves = []
+    for options in (None, None, {"new_match": True}):
+        env.reset(seed=1 if not curves else None, options=options)
+        curves.append(env.duel.arena.games["control_points"][0].copy())
+    assert np.array_equal(curves[0], curves[1])
+    assert not np.array_equal(curves[1], curves[2])
+
+
+@pytest.mark.parametrize(
+    ("actions", "message"),
+    [
+        ({"ally": REST}, "opponent: expected a float array"),
+        ({"ally": REST[:4], "opponent": REST}, "ally: expected a float array"),
+        ({"ally": REST, "opponent": REST.astype(int)}, "opponent: expected a float array"),
+        ({"ally": np.full(9, np.nan), "opponent": REST}, "ally action: index 0 is nan"),
+        ({"ally": REST, "opponent": np.append(REST[:8], np.inf)}, "opponent action: index 8 is inf"),
+    ],
+    ids=lambda x: x if isinstance(x, str) else "",
+)
+def test_an_action_that_cannot_be_played_is_refused_by_its_side(actions, message):
+    env = registered("parallel")
+    env.reset(seed=0)
+    with pytest.raises(UserError, match=message) as caught:
+        env.step(actions)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"render_mode": "ansi"}, "'rgb_array' or 'human', got 'ansi'"),
+        ({"path": "waypoints"}, "needs a planner"),
+        ({"scenario": "papper"}, "did you mean 'paper'"),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_is_refused(options, message):
+    with pytest.raises(UserError, match=message):
+        parallel_env(**options)
+
+
+@pytest.mark.parametrize("seed", [-1, 0.5, "1"])
+def test_a_seed_is_a_whole_number_from_0_on(seed):
+    with pytest.raises(UserError, match="seed: expected"):
+        parallel_env().reset(seed=seed)

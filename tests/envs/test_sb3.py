@@ -1,0 +1,327 @@
+"""The SB3 view: same-step autoreset, honest truncations, and everything that SB3 asks of a ``VecEnv``."""
+
+from __future__ import annotations
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.env_checker import check_env
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import (
+    SubprocVecEnv,
+    VecCheckNan,
+    VecFrameStack,
+    VecMonitor,
+    VecNormalize,
+)
+
+from fpg_bench import make_sb3
+from fpg_bench.errors import UserError
+
+from .playing import ALLY, ALLY_POLICY, IDS, OPPONENT_POLICY, PLANNED, SHORT, STEPS, same, single_game, tape
+
+GAMES = 3
+
+
+def small():
+    """For quick models; SB3 writes into the mapping it is handed."""
+    return {"policy_kwargs": {"net_arch": [16]}, "device": "cpu", "seed": 0}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+def make(view_id=ALLY, games=GAMES, **options):
+    return make_sb3(view_id, games, **{"scenario": SHORT, **options})
+
+
+def rest(games=GAMES):
+    return np.zeros((games, 9), np.float32)
+
+
+@pytest.mark.parametrize("view_id", IDS)
+def test_sb3_finds_nothing_to_warn_of_in_the_single_view(view_id):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make(view_id).unwrapped)
+
+
+@pytest.mark.parametrize("view_id", IDS)
+@pytest.mark.parametrize("games", [1, GAMES])
+def test_game_i_seeded_s_is_the_single_game_seeded_s_plus_i(view_id, games):
+    actions = tape(games)
+    env = make(view_id, games, seed=20)
+    shown = [[(observation, None)] for observation in env.reset()]
+    for action in actions:
+        observations, rewards, dones, infos = env.step(action)
+        for game in range(games):
+            last = infos[game]["terminal_observation"] if dones[game] else observations[game]
+            shown[game].append((last, rewards[game]))
+            if dones[game]:
+                shown[game].append((observations[game], None))
+    for game in range(games):
+        assert same(shown[game], single_game(view_id, 20 + game, actions[:, game]))
+
+
+def test_a_rounds_end_is_a_truncation_with_its_last_observation_and_a_monitors_info():
+    env = make(seed=1)
+    env.reset()
+    total = np.zeros(GAMES)
+    for k in range(STEPS):
+        _, rewards, dones, infos = env.step(rest())
+        total += rewards
+        assert dones.all() == dones.any() == (k + 1 == STEPS)
+        assert all(bool(info) == dones[0] for info in infos)
+    for game, info in enumerate(infos):
+        assert info["TimeLimit.truncated"] is True
+        assert info["terminal_observation"] in env.observation_space
+        assert info["episode"]["r"] == pytest.approx(total[game], rel=1e-5)
+        assert info["episode"]["l"] == STEPS
+        assert {"t", "outage", "jamming_success_rate", "hop_rate", "snr_db"} <= info["episode"].keys()
+
+
+def test_what_is_handed_out_is_a_copy():
+    spoilt, clean = make(seed=2), make(seed=2)
+    spoilt.reset()
+    clean.reset()
+    for action in tape(GAMES, 2 * STEPS):
+        here, there = spoilt.step(action), clean.step(action)
+        for x, y in zip(here[:3], there[:3], strict=True):
+            assert np.array_equal(x, y)
+            x[...] = 1
+        for info in here[3]:
+            info.get("terminal_observation", np.empty(0))[...] = 1
+
+
+def test_a_staggered_batch_mixes_phases_by_truncations_of_its_first_rounds():
+    env = make(games=4, seed=0, stagger=True)
+    env.reset()
+    lengths = [[] for _ in range(4)]
+    for _ in range(3 * STEPS):
+        for game, info in enumerate(env.step(rest(4))[3]):
+            if info:
+                assert info["TimeLimit.truncated"]
+                lengths[game].append(info["episode"]["l"])
+    assert [first for first, *_ in lengths] == [STEPS, STEPS * 3 // 4, STEPS // 2, STEPS // 4]
+    assert {length for _, *later in lengths for length in later} == {STEPS}
+
+
+def test_seeds_are_for_the_next_reset():
+    env = make()
+    assert env.seed(5) == [5, 6, 7]
+    first = env.reset()
+    assert not np.array_equal(first, env.reset())
+    env.seed(5)
+    assert np.array_equal(first, env.reset())
+    assert np.array_equal(first, make(seed=5).reset())
+    assert len(env.seed()) == GAMES
+
+
+def test_a_new_match_can_be_asked_for():
+    env = make(seed=5)
+    curves = env.core.duel.arena.games["control_points"]
+    env.reset()
+    first = curves.copy()
+    env.reset()
+    assert np.array_equal(first, curves)
+    env.seed(5)
+    env.reset()
+    env.set_options({"new_match": True})
+    env.reset()
+    assert not np.array_equal(first, curves)
+    with pytest.raises(UserError, match="unknown option 'match'"):
+        env.set_options({"match": True})
+
+
+def test_attributes_and_methods_are_within_reach():
+    env = make(seed=0)
+    env.reset()
+    env.step(rest())
+    assert env.get_attr("scenario") == [SHORT] * GAMES
+    assert env.get_attr("render_mode", indices=[0, 2]) == [None, None]
+    assert [found["hop_rate"] for found in env.env_method("measures", indices=[1])] == [0.0]
+    assert len(env.env_method("advice")) == GAMES
+    env.set_attr("note", "mine")
+    assert env.get_attr("note", 0) == ["mine"]
+    with pytest.raises(ValueError, match="for all 3 games at once"):
+        env.set_attr("note", "yours", indices=[0])
+    with pytest.raises(AttributeError, match="nothing_like_it"):
+        env.get_attr("nothing_like_it")
+    assert env.env_is_wrapped(Monitor) == [True] * GAMES
+    assert env.env_is_wrapped(gymnasium.wrappers.TimeLimit, indices=0) == [False]
+
+
+# SB3's own wrappers and helpers
+
+
+def test_evaluate_policy_reads_whole_rounds_behind_normalisation():
+    env = VecNormalize(make(seed=0), training=False)
+    model = PPO("MlpPolicy", env, n_steps=STEPS, batch_size=32, **small())
+    returns, lengths = evaluate_policy(model, env, n_eval_episodes=4, return_episode_rewards=True)
+    assert lengths == [STEPS] * 4
+    env.seed(0)
+    assert evaluate_policy(model, env, n_eval_episodes=3, return_episode_rewards=True)[0] == returns[:3]
+
+
+def test_wrappers_compose():
+    env = VecCheckNan(VecFrameStack(VecNormalize(make(seed=0)), 4))
+    assert env.reset().shape == (GAMES, 60)
+    for _ in range(STEPS):
+        *_, dones, infos = env.step(rest())
+    assert dones.all()
+    assert infos[0]["terminal_observation"].shape == (60,)
+
+
+def test_a_monitor_of_sb3_writes_what_this_view_writes():
+    with pytest.warns(UserWarning, match="already wrapped"):
+        env = VecMonitor(make(seed=0))
+    plain = make(seed=0)
+    env.reset()
+    plain.reset()
+    for _ in range(STEPS):
+        theirs, ours = env.step(rest())[3], plain.step(rest())[3]
+    for there, here in zip(theirs, ours, strict=True):
+        assert there["episode"]["r"] == pytest.approx(here["episode"]["r"], rel=1e-5)
+        assert there["episode"]["l"] == here["episode"]["l"]
+
+
+def test_evaluation_during_training_keeps_the_best_model(tmp_path):
+    callback = EvalCallback(
+        make(seed=9), n_eval_episodes=2, eval_freq=STEPS, best_model_save_path=str(tmp_path), verbose=0
+    )
+    PPO("MlpPolicy", make(seed=0), n_steps=STEPS, batch_size=32, **small()).learn(2 * STEPS * GAMES, callback)
+    assert np.isfinite(callback.best_mean_reward)
+    assert (tmp_path / "best_model.zip").is_file()
+
+
+def test_single_views_in_processes_play_the_same_game():
+    theirs = make_vec_env(
+        ALLY,
+        2,
+        seed=4,
+        env_kwargs={"scenario": SHORT},
+        vec_env_cls=SubprocVecEnv,
+        vec_env_kwargs={"start_method": "fork"},
+    )
+    ours = make(games=2, seed=4)
+    try:
+        assert np.array_equal(theirs.reset(), ours.reset())
+        for action in tape(2, STEPS + 3):
+            for there, here in zip(theirs.step(action)[:3], ours.step(action)[:3], strict=True):
+                assert np.array_equal(there.astype(np.float32), here.astype(np.float32))
+    finally:
+        theirs.close()
+
+
+@pytest.mark.parametrize("view_id", IDS)
+def test_ppo_learns_a_few_steps_of_every_id(view_id):
+    model = PPO("MlpPolicy", make(view_id), n_steps=STEPS, batch_size=32, n_epochs=2, **small())
+    before = [p.clone() for p in model.policy.parameters()]
+    model.learn(3 * STEPS * GAMES)
+    assert any(not torch.equal(x, y) for x, y in zip(before, model.policy.parameters(), strict=True))
+    assert model.ep_info_buffer[0]["l"] == STEPS
+
+
+@pytest.mark.parametrize("algorithm", [SAC, TD3])
+def test_off_policy_algorithms_learn_a_few_steps(algorithm):
+    model = algorithm("MlpPolicy", make(), learning_starts=100, batch_size=32, buffer_size=1000, **small())
+    model.learn(300)
+    assert model.num_timesteps >= 300
+    ends = model.replay_buffer.dones[: model.replay_buffer.pos].astype(bool)
+    assert ends.any()
+    # A time limit is no end of the game: it must be bootstrapped through
+    assert np.array_equal(model.replay_buffer.timeouts[: model.replay_buffer.pos].astype(bool), ends)
+
+
+def test_training_is_the_same_for_the_same_seed():
+    def weights():
+        model = PPO("MlpPolicy", make(stagger=True), n_steps=STEPS, batch_size=32, n_epochs=1, **small())
+        return torch.cat([p.flatten() for p in model.learn(2 * STEPS * GAMES).policy.parameters()])
+
+    assert torch.equal(weights(), weights())
+
+
+def test_rewards_changed_in_place_by_ppo_do_not_reach_the_game():
+    """PPO adds the bootstrapped value to the rewards it is handed, at every truncation."""
+    env = make(seed=0)
+    model = PPO("MlpPolicy", env, n_steps=STEPS, batch_size=32, n_epochs=1, gamma=0.5, **small())
+    seen = []
+    step = env.step_wait
+
+    def recorded():
+        observations, rewards, dones, infos = step()
+        rewards += 1000
+        seen.extend(info["episode"]["r"] for info in infos if info)
+        return observations, rewards, dones, infos
+
+    env.step_wait = recorded
+    model.learn(2 * STEPS * GAMES)
+    assert len(seen) == 2 * GAMES
+    assert all(abs(r) < 100 * STEPS for r in seen)
+
+
+@pytest.mark.parametrize("view_id", [ALLY_POLICY, OPPONENT_POLICY])
+def test_a_model_of_sb3_plays_the_other_side(view_id):
+    other = "opponent" if view_id == ALLY_POLICY else "ally"
+    trained_on = OPPONENT_POLICY if view_id == ALLY_POLICY else ALLY_POLICY
+    model = PPO("MlpPolicy", make(trained_on), **small())
+    env = make(view_id, seed=0, **{other: [model, "random"]})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert gymnasium.make(view_id, **{other: model}).spec.kwargs[other] is not None
+    env.reset()
+    for action in tape(GAMES, STEPS):
+        *_, dones, _ = env.step(action)
+    assert dones.all()
+
+
+# Bad input
+
+
+def test_an_unknown_id_suggests_the_nearest():
+    with pytest.raises(
+        UserError, match="unknown id 'FPG/AllyVsPlaner-v0'; did you mean 'FPG/AllyVsPlanner-v0'"
+    ):
+        make_sb3("FPG/AllyVsPlaner-v0")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"n_envs": 0}, "at least 1, got 0"),
+        ({"seed": -1}, "seed: expected"),
+        ({"seed": "3"}, "seed: expected"),
+        ({"planner": "none"}, "unknown planner 'none'"),
+    ],
+)
+def test_what_cannot_be_is_refused(options, message):
+    with pytest.raises(UserError, match=message):
+        make_sb3(PLANNED, **options)
+
+
+def test_actions_that_cannot_be_played_are_refused_by_their_game():
+    env = make(seed=0)
+    env.reset()
+    actions = rest()
+    actions[2, 8] = np.nan
+    with pytest.raises(UserError, match="ally action of game 2: index 8 is nan"):
+        env.step(actions)
+    with pytest.raises(UserError, match=r"expected a float array of shape \(3, 9\), got int64"):
+        env.step(np.zeros((GAMES, 9), int))
+
+
+def test_playing_before_the_first_reset_is_refused():
+    with pytest.raises(UserError, match="reset before its first step"):
+        make().step(rest())

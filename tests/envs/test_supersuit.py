@@ -1,0 +1,107 @@
+"""The SuperSuit bridge: a working SB3 ``VecEnv`` of agents, with what SuperSuit gets wrong repaired."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+
+from fpg_bench import make_duel, supersuit_vec_env
+from fpg_bench.errors import UserError
+
+from .playing import REST, SHORT, STEPS, tape
+
+GAMES = 3
+SMALL = {"device": "cpu", "seed": 0}
+
+
+def make(games=GAMES, **options):
+    return supersuit_vec_env(games, **{"scenario": SHORT, **options})
+
+
+def test_a_slot_is_an_agent_and_copy_i_is_the_duel_seeded_s_plus_i():
+    env, duel = make(seed=20), make_duel(GAMES, scenario=SHORT)
+    assert isinstance(env, VecEnv)
+    observations = env.reset()
+    duel.reset(seeds=20)
+    actions = tape(2 * GAMES, 2 * STEPS)
+    for k, action in enumerate(actions):
+        present = duel.present()
+        assert np.array_equal(observations[0::2], present.ally_observations)
+        assert np.array_equal(observations[1::2], present.opponent_observations)
+        observations, rewards, dones, _ = env.step(action)
+        step = duel.step(action[0::2], action[1::2])
+        assert np.array_equal(rewards[0::2], step.ally_rewards.astype(np.float32))
+        assert np.array_equal(rewards[1::2], step.opponent_rewards.astype(np.float32))
+        assert dones.all() == dones.any() == ((k + 1) % STEPS == 0)
+        if dones.all():
+            duel.reset()
+
+
+def test_copies_play_different_games_without_a_seed_too():
+    observations = make().reset()
+    assert len({row.tobytes() for row in observations}) == 2 * GAMES
+
+
+def test_a_rounds_end_is_a_truncation_with_its_last_observation():
+    env = make(seed=0)
+    env.reset()
+    for _ in range(STEPS):
+        observations, _, dones, infos = env.step(np.tile(REST, (2 * GAMES, 1)))
+    for slot, info in enumerate(infos):
+        assert dones[slot]
+        assert info["TimeLimit.truncated"] is True
+        assert not np.array_equal(info["terminal_observation"], observations[slot])
+        side = ("ally", "opponent")[slot % 2]
+        assert info["episode"]["r"] == pytest.approx(info["measures"][f"{side}_return"], rel=1e-4)
+        assert info["episode"]["l"] == STEPS
+
+
+def test_seeds_are_for_the_next_reset():
+    env = make()
+    assert env.seed(5) == [5, 5, 6, 6, 7, 7]
+    first = env.reset()
+    assert not np.array_equal(first, env.reset())
+    env.seed(5)
+    assert np.array_equal(first, env.reset())
+
+
+def test_attributes_and_methods_are_within_reach():
+    env = make(seed=0)
+    env.reset()
+    assert env.get_attr("render_mode") == [None] * 2 * GAMES
+    states = env.env_method("state")
+    assert np.array_equal(states[0], states[1])
+    assert not np.array_equal(states[1], states[2])
+    env.set_attr("note", "mine", indices=[2])
+    assert env.get_attr("note", indices=3) == ["mine"]
+    assert env.env_is_wrapped(VecNormalize) == [False] * 2 * GAMES
+
+
+def test_one_policy_learns_both_sides():
+    model = PPO("MlpPolicy", VecNormalize(make()), n_steps=STEPS, batch_size=64, n_epochs=1, **SMALL)
+    model.learn(2 * STEPS * 2 * GAMES)
+    assert len(model.ep_info_buffer) == 2 * 2 * GAMES
+
+
+def test_time_limits_are_bootstrapped_through():
+    model = SAC("MlpPolicy", make(1), learning_starts=1000, buffer_size=200, **SMALL).learn(2 * (STEPS + 5))
+    ends = model.replay_buffer.dones.astype(bool)
+    assert ends.sum() == 2
+    assert np.array_equal(model.replay_buffer.timeouts.astype(bool), ends)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"games": 0}, "n_envs: expected a whole number of at least 1, got 0"),
+        ({"games": 1.5}, "n_envs: expected a whole number"),
+        ({"seed": -1}, "seed: expected"),
+        ({"path": "waypoints"}, "needs a planner"),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_is_refused(options, message):
+    with pytest.raises(UserError, match=message):
+        make(**options)
