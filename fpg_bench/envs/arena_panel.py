@@ -60,9 +60,9 @@ class ArenaPanel:
         self._jam = self._line(OPPONENT, linewidth=1.3)
         self._circle = self._line(OPPONENT, linewidth=1)
         self._tracks = {side: self._line(colour, linewidth=2.2) for side, colour in _COLOURS.items()}
+        self._distance = self._label(INK)  # under the markers, where they are near
         self._markers = {side: self._marker(side) for side in _COLOURS}
         self._labels = {side: self._label(colour) for side, colour in _COLOURS.items()}
-        self._distance = self._label(INK)
 
     def _line(self, colour: str, **style: Any) -> Line2D:
         (line,) = self._axes.plot([], [], color=colour, animated=True, **style)
