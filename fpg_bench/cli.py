@@ -18,6 +18,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 _DEBUG = False
+_STOPPED = 130
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper or a YAML file")]
 PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]
@@ -170,19 +172,22 @@ def _listed(value: str | None) -> Any:
 def main() -> None:
     """Run the command line; end with one line and a non-zero status on every error."""
     try:
-        sys.exit(app(sys.argv[1:] or ["--help"], standalone_mode=False))
+        status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+        if status == _STOPPED:  # what typer makes of Ctrl-C
+            raise KeyboardInterrupt
+        sys.exit(status)
     except typer.TyperException as error:  # wrong words on the command line
         message = getattr(error, "format_message", error.__str__)()
         _fail(f"{message} (fpg-bench --help)", 2)
     except (typer.Abort, KeyboardInterrupt):
-        _fail("stopped; what was finished is kept", 130)
+        _fail("stopped; what was finished is kept", _STOPPED)
     except UserError as error:
         _fail(str(error), 2)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except OSError as error:
-        full = "; what was finished is kept" if error.errno == errno.ENOSPC else ""
+        full = "; what was finished is kept" if error.errno in _FULL else ""
         where = f"{error.filename}: " if error.filename else ""
         _fail(f"{where}{error.strerror or error}{full}", 1)
     except Exception as error:

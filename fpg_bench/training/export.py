@@ -34,7 +34,8 @@ class _Actor(nn.Module):
     def __init__(self, policy: nn.Module, normalize: VecNormalize | None) -> None:
         super().__init__()
         self.networks = _networks(policy)
-        self.squash = isinstance(policy, SACPolicy) or getattr(policy, "squash_output", False)
+        # TD3's networks end in a tanh of their own.
+        self.squash = not isinstance(policy, TD3Policy) and policy.squash_output
         mean, scale, clip = np.zeros(OBSERVATION_SIZE), np.ones(OBSERVATION_SIZE), np.inf
         if normalize is not None and normalize.norm_obs:
             mean = normalize.obs_rms.mean  # type: ignore[union-attr]

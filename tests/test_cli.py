@@ -1,0 +1,175 @@
+import json
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from fpg_bench.evaluation.rows import RowFile
+
+TINY = """\
+FPG/AllyVsScripted-v0:
+  {policy: MlpPolicy, n_envs: 4, n_timesteps: 1200, n_steps: 300, batch_size: 300, n_epochs: 1}
+"""
+
+
+def fpg(*words, folder=None):
+    return subprocess.run(
+        [sys.executable, "-m", "fpg_bench.cli", *map(str, words)], capture_output=True, text=True, cwd=folder
+    )
+
+
+def test_help_names_every_verb_and_loads_nothing_heavy():
+    code = (
+        "import sys; from fpg_bench.cli import main; sys.argv = ['fpg-bench', '--help']\n"
+        "try: main()\n"
+        "except SystemExit as end: assert not end.code\n"
+        "heavy = {'numba', 'torch', 'stable_baselines3', 'matplotlib', 'onnxruntime'} & set(sys.modules)\n"
+        "sys.exit(str(heavy) if heavy else 0)"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert found.returncode == 0, found.stderr
+    for verb in ("envs", "play", "train", "evaluate", "table"):
+        assert verb in found.stdout
+
+
+def test_envs_lists_every_id():
+    found = fpg("envs")
+    assert found.returncode == 0
+    for view_id in (
+        "AllyVsScripted",
+        "AllyVsPlanner",
+        "OpponentVsScripted",
+        "AllyVsPolicy",
+        "OpponentVsPolicy",
+    ):
+        assert f"FPG/{view_id}-v0" in found.stdout
+
+
+def test_play_prints_a_round_and_writes_a_page(tmp_path):
+    found = fpg("play", "--ally", "expert-spread", "--opponent", "sweep", "--path", "circle", "--seed", 4)
+    assert found.returncode == 0, found.stderr
+    assert "overlap" in found.stdout.lower()
+    found = fpg("play", "--out", tmp_path / "round.html")
+    assert found.returncode == 0, found.stderr
+    assert "<html" in (tmp_path / "round.html").read_text()
+
+
+def test_train_evaluate_table(tmp_path):
+    (tmp_path / "tiny.yml").write_text(TINY)
+    words = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "run", "--hyperparams", "tiny.yml")
+    found = fpg(*words, "--opponent", "tone,comb", folder=tmp_path)
+    assert found.returncode == 0, found.stderr
+    assert "run/agent" in found.stdout
+    words = ("evaluate", "idle", "run/agent", "--panel", "ally-v1", "--rounds", 2, "--out", "results")
+    found = fpg(*words, folder=tmp_path)
+    assert found.returncode == 0, found.stderr
+    assert "idle" in found.stdout
+    assert "ppo" in found.stdout
+    again = fpg(*words, folder=tmp_path)
+    assert again.stdout == found.stdout  # the same rows, nothing played again
+    assert fpg("table", "results", folder=tmp_path).stdout == found.stdout
+    rows = (tmp_path / "results" / "rows.jsonl").read_text().splitlines()
+    assert len(rows) == 2 * 10 * 2
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("evaluate", "exprt"), "did you mean 'expert'"),
+        (("evaluate", "expert", "--panel", "aly-v1"), "did you mean 'ally-v1'"),
+        (("evaluate", "oracle"), "sees the full state"),
+        (("evaluate", "no/such/agent"), "neither a shipped agent nor a folder"),
+        (("evaluate", "expert", "--rounds", "0"), "rounds"),
+        (("train", "ppo", "FPG/AllyVsScriptd-v0", "--out", "x"), "did you mean 'FPG/AllyVsScripted-v0'"),
+        (("train", "pqo", "FPG/AllyVsScripted-v0", "--out", "x"), "did you mean 'ppo'"),
+        (("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x", "--steps", "0"), "steps"),
+        (
+            ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x", "--opponent", "tonne"),
+            "did you mean 'tone'",
+        ),
+        (("play", "--scenario", "papr"), "did you mean 'paper'"),
+        (("play", "--scenario", "nowhere.yml"), "cannot be read"),
+        (("play", "--path", "persuit"), "did you mean 'pursuit'"),
+        (("play", "--seed", "-1"), "seed"),
+        (("play", "--out", "round.xyz"), ".xyz"),
+        (("table", "nowhere"), "cannot be read"),
+        (("trian",), "train"),
+        (("play", "--sed", "1"), "--seed"),
+    ],
+    ids=lambda value: "-".join(value)[:40] if isinstance(value, tuple) else "",
+)
+def test_bad_words_get_one_line_and_a_status(words, message, tmp_path):
+    found = fpg(*words, folder=tmp_path)
+    assert found.returncode == 2
+    (line,) = [line for line in found.stderr.splitlines() if not line.startswith("fpg_bench: compiling")]
+    assert line.startswith("fpg-bench: ")
+    assert message in line
+
+
+def test_debug_shows_the_traceback(tmp_path):
+    found = fpg("--debug", "table", "nowhere", folder=tmp_path)
+    assert found.returncode != 0
+    assert "Traceback" in found.stderr
+
+
+def test_a_file_that_cannot_grow_is_one_line_and_keeps_what_it_holds(tmp_path):
+    words = ("evaluate", "idle", "--rounds", "20", "--out", "results")
+    command = [sys.executable, "-m", "fpg_bench.cli", *words]
+    limit = (30_000, 30_000)  # bytes a file may have: as a disk that is full in the middle of a row
+    found = subprocess.run(
+        command,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit),
+    )
+    assert found.returncode == 1
+    assert found.stderr.count("\n") == 1
+    assert "File too large; what was finished is kept" in found.stderr
+    kept = RowFile(tmp_path / "results" / "rows.jsonl").read()
+    assert 20 <= len(kept) < 200
+    assert subprocess.run(command, cwd=tmp_path, capture_output=True).returncode == 0
+    rows = RowFile(tmp_path / "results" / "rows.jsonl").read()
+    assert rows[: len(kept)] == kept
+    assert len({(row["entry"], row["seed"]) for row in rows}) == len(rows) == 200
+
+
+def test_ctrl_c_while_training_saves_the_model(tmp_path):
+    words = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "run", "--steps", "100000000")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "fpg_bench.cli", *words],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+    )
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("run/events*")) and time.monotonic() < deadline:
+        time.sleep(0.2)
+    time.sleep(1)
+    process.send_signal(signal.SIGINT)
+    error = process.communicate(timeout=60)[1]
+    assert process.returncode == 130, error
+    assert error.splitlines()[-1] == "fpg-bench: stopped; what was finished is kept"
+    assert (tmp_path / "run" / "model.zip").stat().st_size > 0
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["finished"] is False
+
+
+def test_ctrl_c_while_evaluating_keeps_finished_rows(tmp_path):
+    words = ("evaluate", "all-scripted", "--rounds", "3000", "--out", "results")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "fpg_bench.cli", *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
+    rows = tmp_path / "results" / "rows.jsonl"
+    deadline = time.monotonic() + 120
+    while not (rows.exists() and rows.stat().st_size) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    error = process.communicate(timeout=60)[1]
+    assert process.returncode == 130, error
+    whole = rows.read_bytes().splitlines()
+    assert len(whole) >= 3000
+    assert json.loads(whole[0])["entry"] == "tone/pursuit"
