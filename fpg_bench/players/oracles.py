@@ -44,7 +44,11 @@ class OracleAlly:
 
 
 class OracleOpponent:
-    """A single tone on the ally's true frequency, flying straight at it."""
+    """A single tone on the ally's true frequency, flying straight at it.
+
+    An upper bound against allies that hop when they are jammed; one that hops every second has left by
+    the time the tone arrives, and broadband serves better there.
+    """
 
     sees = "state"
 

@@ -1,0 +1,86 @@
+"""The pattern planners: shapes flown on time, holding, chance; and how a planner is named."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.game.arena import Arena
+from fpg_bench.game.scenario import PATROLS, STANDARD
+from fpg_bench.planning import PATTERNS, Limits, as_planner
+
+LIMITS = Limits.of(STANDARD)
+HERE = np.array([1.0, 2.0, 3.0])
+
+
+def planned(name, seed=0, limits=LIMITS, scenario=STANDARD):
+    history = np.zeros((0, limits.waypoints, 4))
+    return as_planner(name, scenario).plan(history, HERE, limits, np.random.default_rng(seed))
+
+
+def test_waypoints_are_due_evenly_and_the_last_at_the_end():
+    assert LIMITS.due_s()[[0, -1]] == pytest.approx([300 / 16, 300])
+    assert np.diff(LIMITS.due_s()) == pytest.approx(300 / 16)
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+def test_a_plan_says_where_it_came_from_and_stays_in_the_box(name):
+    plan = planned(name)
+    assert (plan.source, plan.status) == (name, "ok")
+    assert plan.waypoints.shape == (16, 3)
+    assert (plan.waypoints >= 0).all()
+    assert (plan.waypoints <= STANDARD.box_m).all()
+    assert as_planner(name, STANDARD).tier == "none"
+
+
+@pytest.mark.parametrize("name", PATROLS)
+def test_a_patrol_is_where_the_patrol_of_the_same_name_would_be(name):
+    arena = Arena(dataclasses.replace(STANDARD, opponent_path=name))
+    arena.reset(seeds=0)
+    rest, track = np.zeros((1, 9), np.float32), []
+    for _ in range(300):
+        arena.step(rest, rest)
+        track.append(arena.games["opponent_position"][0].copy())
+    whole = np.arange(3, 16, 4)  # due at whole seconds: 75, 150, 225, 300
+    flown = np.array(track)[LIMITS.due_s()[whole].astype(int) - 1]
+    assert planned(name).waypoints[whole] == pytest.approx(flown, abs=0.5)
+
+
+def test_the_circle_keeps_to_its_radius():
+    away = planned("circle").waypoints - STANDARD.patrol_centre_m
+    assert np.linalg.norm(away[:, :2], axis=1) == pytest.approx(np.full(16, 300.0))
+    assert away[:, 2] == pytest.approx(np.zeros(16))
+
+
+def test_hold_stays_and_random_goes_where_chance_will():
+    assert np.array_equal(planned("hold").waypoints, np.tile(HERE, (16, 1)))
+    assert np.array_equal(planned("random", 1).waypoints, planned("random", 1).waypoints)
+    assert not np.array_equal(planned("random", 1).waypoints, planned("random", 2).waypoints)
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+def test_plans_follow_the_scenario(name):
+    small = dataclasses.replace(STANDARD, waypoints=4, steps_per_round=40, box_m=(1200, 1200, 600))
+    plan = planned(name, limits=Limits.of(small), scenario=small)
+    assert plan.waypoints.shape == (4, 3)
+    assert (plan.waypoints <= small.box_m).all()
+
+
+def test_an_object_with_plan_is_taken_as_it_is():
+    planner = as_planner("hold", STANDARD)
+    assert as_planner(planner, STANDARD) is planner
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ("cirlce", "unknown planner 'cirlce'; did you mean 'circle'"),
+        (3, "a name or an object with plan, got 3"),
+    ],
+)
+def test_what_is_no_planner_is_refused(spec, message):
+    with pytest.raises(UserError, match=message):
+        as_planner(spec, STANDARD)

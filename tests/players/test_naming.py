@@ -1,0 +1,79 @@
+"""One grammar names every player."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.game.scenario import PAPER, STANDARD
+from fpg_bench.players.naming import as_player, player_name
+from fpg_bench.players.oracles import OracleAlly, OracleOpponent
+from fpg_bench.players.scripted import Scripted
+
+
+class Mine:
+    """A player of one's own, made for a scenario."""
+
+    def __init__(self, scenario=None):
+        self.scenario = scenario
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return np.zeros((len(observation), 9), np.float32), None
+
+
+class Plain:
+    predict = Mine.predict
+
+
+def made(scenario):
+    return Mine(scenario)
+
+
+READY = Mine("ready")
+NOT_A_PLAYER = object()
+
+
+def test_scripts_and_oracles_are_told_their_side():
+    for side, oracle in (("ally", OracleAlly), ("opponent", OracleOpponent)):
+        script = as_player("random", side, STANDARD)
+        assert isinstance(script, Scripted)
+        assert script.side == side
+        assert isinstance(as_player("oracle", side, STANDARD), oracle)
+
+
+def test_an_object_with_predict_is_taken_as_it_is():
+    assert as_player(READY, "ally", STANDARD) is READY
+
+
+@pytest.mark.parametrize(("name", "scenario"), [("READY", "ready"), ("Mine", PAPER), ("made", PAPER)])
+def test_an_object_class_or_function_of_a_module(name, scenario):
+    assert as_player(f"{__name__}:{name}", "ally", PAPER).scenario == scenario
+
+
+def test_a_class_that_takes_no_argument():
+    assert isinstance(as_player(f"{__name__}:Plain", "ally", PAPER), Plain)
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ("expret", "unknown ally 'expret'; did you mean 'expert'"),
+        ("tone", "unknown ally 'tone'"),
+        ("no_such_module:x", "No module named 'no_such_module'"),
+        (f"{__name__}:nothing", "no attribute 'nothing'"),
+        (f"{__name__}:NOT_A_PLAYER", "has no predict"),
+        ("ally-scripted/ppo/seed_12345", "seed_12345"),
+        (3, "a player's name or an object with predict, got 3"),
+    ],
+    ids=str,
+)
+def test_what_is_no_player_is_refused_in_one_line(spec, message):
+    with pytest.raises(UserError, match=message) as caught:
+        as_player(spec, "ally", STANDARD)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_player_is_called_by_its_word_or_its_class():
+    assert player_name("expert") == "expert"
+    assert player_name(READY) == "Mine"

@@ -1,0 +1,57 @@
+"""How the scripts fare against each other: orders that the game stands or falls with, 512 rounds each."""
+
+from __future__ import annotations
+
+import dataclasses
+from itertools import pairwise
+
+import pytest
+
+from fpg_bench.game.scenario import JAMMING_TYPES, STANDARD
+from fpg_bench.players.scripted import ALLIES, OPPONENTS
+
+from .playing import mean
+
+
+def test_the_trivial_allies_keep_their_order_against_the_adaptive_pursuer():
+    order = ["random", "idle", "reactive", "expert", "expert-spread"]
+    returns = [mean("ally_return", ally, "adaptive") for ally in order]
+    assert all(worse < better for worse, better in pairwise(returns)), dict(zip(order, returns, strict=True))
+
+
+def test_no_jamming_type_dominates():
+    def success(kind, ally):
+        return mean("jammed", ally, kind)
+
+    assert success("tone", "expert") > success("broadband", "expert")
+    assert success("broadband", "always-hop") > success("tone", "always-hop")
+    best = {
+        ally: max(JAMMING_TYPES, key=lambda kind: success(kind, ally)) for ally in ("expert", "always-hop")
+    }
+    assert best["expert"] != best["always-hop"]
+
+
+@pytest.mark.parametrize("kind", JAMMING_TYPES)
+def test_adaptive_beats_every_single_type_against_the_expert(kind):
+    assert mean("jammed", "expert", "adaptive") > mean("jammed", "expert", kind)
+    assert mean("opponent_return", "expert", "adaptive") > mean("opponent_return", "expert", kind)
+
+
+@pytest.mark.parametrize("kind", ["adaptive", "tone", "narrowband", "comb"])
+def test_an_opponent_without_a_detector_finds_nothing(kind):
+    deaf = dataclasses.replace(STANDARD, detection="off")
+    assert mean("heard", "expert", kind, deaf) == 0
+    assert mean("heard", "expert", kind) > 0
+    assert mean("jammed", "expert", kind, deaf) < 0.1 * mean("jammed", "expert", kind)
+
+
+@pytest.mark.parametrize("opponent", ["adaptive", "tone", "comb"])
+def test_the_oracle_ally_beats_every_script(opponent):
+    best = max(mean("ally_return", ally, opponent) for ally in ALLIES)
+    assert mean("ally_return", "oracle", opponent) > best + 1
+
+
+@pytest.mark.parametrize("ally", ["reactive", "expert", "expert-spread"])
+def test_the_oracle_opponent_beats_every_script_against_allies_that_hop_when_jammed(ally):
+    best = max(mean("opponent_return", ally, opponent) for opponent in OPPONENTS)
+    assert mean("opponent_return", ally, "oracle") > best + 1
