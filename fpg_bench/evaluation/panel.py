@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.files import read_json, read_yaml
@@ -22,15 +24,32 @@ _KEYS = {"side", "scenario", "rounds", "reference", "entries"}
 
 @dataclass(frozen=True)
 class Reference:
-    """What normalises an entry: mean round returns of the random player (0) and the reference (100)."""
+    """What normalises an entry: round returns of the random player (0) and of the reference (100).
 
-    random: float
-    reference: float
-    standard_error: float
+    Both are kept round by round, in the order of the chance seeds: what a round's chance is worth to
+    anybody (a path that is easy to jam, a start far away) is then taken off, not left as noise.
+    """
 
-    def score(self, round_return: float) -> float:
-        """The normalised score of a round's return."""
-        return 100 * (round_return - self.random) / (self.reference - self.random)
+    random: tuple[float, ...]
+    reference: tuple[float, ...]
+
+    def scores(self, returns: np.ndarray) -> np.ndarray:
+        """The normalised scores of round returns ``(n,)`` in the order of the chance seeds.
+
+        Raises:
+            UserError: more rounds than were measured.
+        """
+        n = len(returns)
+        if n > len(self.random):
+            raise UserError(f"{n} rounds of an entry, but its reference scores hold {len(self.random)}")
+        random, reference = np.array(self.random[:n]), np.array(self.reference[:n])
+        return 100 * (returns - random) / (reference.mean() - random.mean())
+
+    @property
+    def standard_errors(self) -> float:
+        """By how many standard errors of their paired difference the reference lies above random."""
+        difference = np.subtract(self.reference, self.random)
+        return float(difference.mean() / difference.std(ddof=1) * np.sqrt(len(difference)))
 
 
 @dataclass(frozen=True)
@@ -76,8 +95,12 @@ class Panel:
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
-def load_panel(name: str) -> Panel:
+def load_panel(name: str, references: bool = True) -> Panel:
     """A panel by its name (``ally-v1``) or from a YAML file of the same form.
+
+    Args:
+        name: the panel's name or file.
+        references: whether to read the scores that normalise it, too.
 
     Raises:
         UserError: no such panel or file, or an entry or value that cannot be played.
@@ -107,7 +130,7 @@ def load_panel(name: str) -> Panel:
     )
     for entry in panel.entries:
         panel.entry_scenario(entry)
-    return dataclasses.replace(panel, references=_references(path, panel))
+    return dataclasses.replace(panel, references=_references(path, panel)) if references else panel
 
 
 def scores_file(path: Path) -> Path:
@@ -132,4 +155,7 @@ def _references(path: Path, panel: Panel) -> dict[str, Reference] | None:
     content = read_json(file, "reference scores")
     if content["panel_hash"] != panel.hash:
         raise UserError(f"{file}: measured for another panel; run scripts/measure_panels.py {panel.name}")
-    return {name: Reference(**scores) for name, scores in content["entries"].items()}
+    return {
+        name: Reference(tuple(scores["random"]), tuple(scores["reference"]))
+        for name, scores in content["entries"].items()
+    }

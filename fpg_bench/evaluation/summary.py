@@ -79,18 +79,17 @@ def _summary(name: str, by_seed: dict[Any, list[Row]], panel: Panel) -> Summary 
 
 
 def _scores(rows: list[Row], panel: Panel) -> np.ndarray | None:
-    """``(entries, evaluation seeds)`` normalised mean returns a match, None where rounds are missing."""
+    """``(entries, matches)`` normalised scores, None where rounds are missing."""
     assert panel.references is not None
     found = []
     for entry in panel.entries:
-        returns: dict[int, list[float]] = {}
-        for row in rows:
-            if row["entry"] == entry.name:
-                returns.setdefault(row["seed"], []).append(row[f"{panel.side}_return"])
-        if sum(map(len, returns.values())) < panel.rounds:
+        played = sorted(
+            (r["seed"], r["round"], r[f"{panel.side}_return"]) for r in rows if r["entry"] == entry.name
+        )
+        if len(played) < panel.rounds:
             return None
-        reference = panel.references[entry.name]
-        found.append([reference.score(float(np.mean(returns[seed]))) for seed in sorted(returns)])
+        scores = panel.references[entry.name].scores(np.array([row[2] for row in played]))
+        found.append(scores.reshape(len({row[0] for row in played}), -1).mean(axis=1))
     return np.array(found)
 
 

@@ -40,16 +40,16 @@ def cells(summary: Summary, side: str) -> list[str]:
     return [
         s.player,
         str(s.training_seeds or "-"),
-        f"{score.value:.1f}",
-        f"[{score.low:.1f}, {score.high:.1f}]{marked}",
-        f"{s.mean:.1f}",
-        f"{s.entries[worst]:.1f} {worst}",
-        f"{s.measures[f'{side}_return']:.0f}",
+        _number(score.value),
+        f"[{_number(score.low)}, {_number(score.high)}]{marked}",
+        _number(s.mean),
+        f"{_number(s.entries[worst])} {worst}",
+        _number(s.measures[f"{side}_return"], digits=0),
     ] + [_number(s.measures[name], factor, digits) for _, name, factor, digits in _MEASURES]
 
 
-def _number(value: float | None, factor: float, digits: int) -> str:
-    return "-" if value is None else f"{value * factor:.{digits}f}"
+def _number(value: float | None, factor: float = 1, digits: int = 1) -> str:
+    return "-" if value is None else f"{round(value * factor, digits) + 0.0:.{digits}f}"  # never -0.0
 
 
 def caption(panel: Panel) -> str:

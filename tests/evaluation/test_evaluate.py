@@ -87,8 +87,8 @@ def test_summary_normalises_and_pools(panel, tmp_path):
     expert = best if best.player == "expert" else other
     mine = [row for row in rows if row["player"] == "expert"]
     name = panel.entries[0].name
-    mean = np.mean([row["ally_return"] for row in mine if row["entry"] == name])
-    assert expert.entries[name] == pytest.approx(panel.references[name].score(mean))
+    returns = np.array([row["ally_return"] for row in mine if row["entry"] == name])
+    assert expert.entries[name] == pytest.approx(panel.references[name].scores(returns).mean())
     assert expert.mean == pytest.approx(np.mean(list(expert.entries.values())))
     assert expert.measures["overlap_ratio"] == sum(r["overlap"] for r in mine) / sum(r["steps"] for r in mine)
     assert expert.measures["ally_return"] == pytest.approx(np.mean([r["ally_return"] for r in mine]))

@@ -1,9 +1,11 @@
 import dataclasses
 
+import numpy as np
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.panel import PANEL_FOLDER, STANDARD_ERRORS, load_panel
+from fpg_bench.evaluation.panel import PANEL_FOLDER, STANDARD_ERRORS, Reference, load_panel
+from fpg_bench.evaluation.runner import play_entry
 
 PANELS = sorted(path.stem for path in PANEL_FOLDER.glob("*.yml"))
 
@@ -12,10 +14,29 @@ PANELS = sorted(path.stem for path in PANEL_FOLDER.glob("*.yml"))
 def test_shipped_panels_tell_random_from_reference(name):
     panel = load_panel(name)
     assert set(panel.references) == {entry.name for entry in panel.entries}
-    for reference in panel.references.values():
-        assert reference.reference - reference.random >= STANDARD_ERRORS * reference.standard_error
-        assert reference.score(reference.random) == 0
-        assert reference.score(reference.reference) == pytest.approx(100)
+    for found in panel.references.values():
+        assert len(found.random) == len(found.reference) >= panel.rounds
+        assert found.standard_errors >= STANDARD_ERRORS
+        assert found.scores(np.array(found.random)) == pytest.approx(0)
+        assert found.scores(np.array(found.reference)).mean() == pytest.approx(100)
+
+
+def test_scores_take_off_what_a_rounds_chance_is_worth():
+    found = Reference(random=(0.0, 100.0, 200.0), reference=(10.0, 110.0, 210.0))
+    assert found.scores(np.array([5.0, 105.0, 205.0])).tolist() == [50.0, 50.0, 50.0]
+    assert found.scores(np.array([5.0])).tolist() == [50.0]
+    with pytest.raises(UserError, match="4 rounds"):
+        found.scores(np.zeros(4))
+
+
+@pytest.mark.parametrize("name", PANELS)
+def test_shipped_references_are_what_is_played(name):
+    panel = load_panel(name)
+    entry = panel.entries[-1]
+    for spec, kept in (("random", "random"), (panel.reference, "reference")):
+        (rows,) = play_entry(spec, panel, entry, 3)
+        played = [row[f"{panel.side}_return"] for row in rows]
+        assert played == pytest.approx(getattr(panel.references[entry.name], kept)[:3], abs=1e-3)
 
 
 def test_hash_speaks_of_what_is_played():
