@@ -62,7 +62,8 @@ class Scripted:
         if len(self._keys) != count:
             self._keys = np.arange(count, dtype=np.uint64)
         actions = np.empty((count, ACTION_SIZE), np.float32)
-        observation = np.require(observation, np.float32, ("C", "W"))
+        if observation.dtype != np.float32 or not observation.flags.carray:  # what is compiled
+            observation = np.require(observation, np.float32, ("C", "A", "W"))
         self._play(self._kind, observation, actions, steps, self._keys, self._scales)
         return actions, steps
 

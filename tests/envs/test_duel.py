@@ -280,6 +280,21 @@ def test_the_side_of_a_bad_action_is_named():
         duel.step(good, bad[:1])
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mask": np.array([True])}, r"a mask of shape \(2,\), got \(1,\)"),
+        ({"horizons": np.array([5, 301])}, "horizons of 1 to 300 steps"),
+        ({"horizons": np.array([0, 300])}, "horizons of 1 to 300 steps"),
+        ({"seeds": [1]}, "a whole number or 2 of them"),
+    ],
+    ids=str,
+)
+def test_a_reset_that_cannot_be_is_refused(options, message):
+    with pytest.raises(UserError, match=message):
+        make_duel(2).reset(**{"seeds": 0, **options})
+
+
 def test_the_first_reset_needs_seeds():
     with pytest.raises(UserError, match="first reset"):
         make_duel(1).reset()
