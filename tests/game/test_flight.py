@@ -215,6 +215,18 @@ def test_waypoints_are_flown_evenly_and_no_faster_than_the_greatest_speed():
     np.testing.assert_allclose(np.diff([100, *x[20:]]), 10.0, atol=1e-9)
 
 
+def test_a_waypoint_that_is_due_between_two_seconds_is_met_at_the_second():
+    """Of 16 points in 300 s the first is due at 18.75 s: flown to evenly in 19 s, and no faster."""
+    arena = begin(still(opponent_path="waypoints"))
+    place(arena, (0, 0, 0))
+    arena.set_waypoints(0, np.full((16, 3), (95.0, 0, 0)))
+    x = []
+    for _ in range(20):
+        arena.step(ally(), opponent())
+        x.append(arena.games["opponent_position"][0, 0])
+    np.testing.assert_allclose(x, [*range(5, 96, 5), 95], atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("bad", "message"),
     [

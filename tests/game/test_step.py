@@ -44,7 +44,8 @@ def test_a_round_is_the_one_that_the_rules_describe(name):
     scenario = VARIANTS[name]
     seed, steps = 11, min(scenario.steps_per_round, 200)
     arena = begin(scenario, seed)
-    planned = np.random.default_rng(0).uniform(0, scenario.box_m, (scenario.waypoints, 3))
+    legs = np.random.default_rng(0).uniform(-100, 100, (scenario.waypoints, 3))  # some within reach, some not
+    planned = np.clip(arena.games["opponent_position"] + np.cumsum(legs, axis=0), 0, scenario.box_m)
     arena.set_waypoints(0, planned)
     expected = ReferenceGame(scenario, seed, waypoints=planned)
     check_observations(arena, expected)
