@@ -68,6 +68,15 @@ def test_speed_is_even_where_the_parameter_is_not():
     np.testing.assert_allclose(np.diff(flown(scenario, 100, lambda k: 1)[:, 0]), 10.0, atol=1e-6)
 
 
+@pytest.mark.xfail(strict=True, reason="beyond four lengths a step the ally stands still")
+def test_a_path_shorter_than_a_step_is_flown_there_and_back():
+    """2 m of path at 8.25 m/s: 8.25 m flown are 0.25 m from the start, on the way out again."""
+    short = ((0, 0, 0), (0.5, 0, 0), (1, 0, 0), (2, 0, 0))
+    scenario = dataclasses.replace(STANDARD, ally_path_m=short)
+    found = flown(scenario, 3, lambda k: 0.3)[:, 0]
+    np.testing.assert_allclose(found, [0.25, 0.5, 0.75], atol=1e-6)
+
+
 def test_standard_draws_its_curves_in_the_box():
     arena = begin(STANDARD, games=4000)
     points = arena.games["control_points"]

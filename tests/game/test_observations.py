@@ -150,8 +150,6 @@ def test_how_wrong_sensing_is():
 
 
 def test_sensing_and_fading_are_independent():
-    arena = begin(STANDARD, games=5000)
-    before = arena.games["snr_db"].copy()
     slow = dataclasses.replace(STANDARD, ally_speed_m_s=(0, 0))
     arena = begin(slow, games=5000)
     before = arena.games["snr_db"].copy()

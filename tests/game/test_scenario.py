@@ -108,6 +108,12 @@ def test_what_is_no_finite_number_is_refused_by_name(name, bad):
         Scenario(**{name: value})
 
 
+@pytest.mark.xfail(strict=True, raises=OverflowError, reason="a whole number beyond floats is not caught")
+def test_a_number_too_large_for_a_float_is_refused_by_name():
+    with pytest.raises(ScenarioError, match="steps_per_round"):
+        Scenario(steps_per_round=10**400)
+
+
 @pytest.mark.parametrize("name", [n for n in NUMBERS if isinstance(FIELDS[n].default, int)])
 def test_whole_numbers_are_whole(name):
     with pytest.raises(ScenarioError, match=rf"{name}: expected a whole number, got 2\.5"):
