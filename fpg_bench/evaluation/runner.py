@@ -65,7 +65,7 @@ def play_panel(
         UserError: the file holds rows of another panel, or of another player under the same name.
     """
     player = as_player(who.spec, panel.side, panel.scenario)
-    head = {"panel": panel.name, "panel_hash": panel.hash[:16], "player": who.name}
+    head: Row = {"panel": panel.name, "panel_hash": panel.hash[:16], "player": who.name}
     head |= {"training_seed": who.training_seed, "fingerprint": who.fingerprint(player)[:16]}
     done = _rounds_done(file, head)
     for entry in panel.entries:

@@ -77,8 +77,7 @@ class OnnxPlayer:
         memory, steps = (None, np.zeros(count, np.int64)) if state is None else state
         feeds = {"observation": np.ascontiguousarray(observation, np.float32)}
         if self._state_size:
-            empty = memory is None
-            memory = np.zeros((count, self._state_size), np.float32) if empty else memory.copy()
+            memory = np.zeros((count, self._state_size), np.float32) if memory is None else memory.copy()
             if episode_start is not None:
                 memory[episode_start] = 0
             feeds["state"] = memory

@@ -43,7 +43,7 @@ def play_ally(kind, observations, actions, steps, keys, scales):
         if kind == REACTIVE:
             hop = snr < scales[_THRESHOLD]
             preference = _draw(keys, i, steps[i], 3)
-        elif kind == EXPERT or kind == EXPERT_SPREAD:
+        elif kind in (EXPERT, EXPERT_SPREAD):
             expert = seen[SENSED_COVERS] > 0.0 and snr < THREATENED_DB
             hop = expert
             spread_s = seen[SPREADING_TIME] * scales[_SPREADING_SCALE]

@@ -7,13 +7,14 @@ import logging
 import tempfile
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import onnx
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecNormalize
 from stable_baselines3.sac.policies import SACPolicy
 from stable_baselines3.td3.policies import TD3Policy
@@ -36,14 +37,16 @@ class _Actor(nn.Module):
         self.networks = _networks(policy)
         # TD3's networks end in a tanh of their own.
         self.squash = not isinstance(policy, TD3Policy) and policy.squash_output
-        mean, scale, clip = np.zeros(OBSERVATION_SIZE), np.ones(OBSERVATION_SIZE), np.inf
+        mean: np.ndarray = np.zeros(OBSERVATION_SIZE)
+        scale: np.ndarray = np.ones(OBSERVATION_SIZE)
+        clip = np.inf
         if normalize is not None and normalize.norm_obs:
-            mean = normalize.obs_rms.mean  # type: ignore[union-attr]
-            scale = np.sqrt(normalize.obs_rms.var + normalize.epsilon)  # type: ignore[union-attr]
+            statistics = cast(RunningMeanStd, normalize.obs_rms)
+            mean, scale = statistics.mean, np.sqrt(statistics.var + normalize.epsilon)
             clip = normalize.clip_obs
         self.clip = clip
-        self.register_buffer("mean", torch.as_tensor(mean, dtype=torch.float32))
-        self.register_buffer("scale", torch.as_tensor(scale, dtype=torch.float32))
+        self.mean = nn.Buffer(torch.as_tensor(mean, dtype=torch.float32))
+        self.scale = nn.Buffer(torch.as_tensor(scale, dtype=torch.float32))
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
         if np.isfinite(self.clip):

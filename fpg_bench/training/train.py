@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -98,7 +99,7 @@ def make_model(algorithm: str, games: VecEnv, parameters: Hyperparameters, seed:
     """
     arguments: dict[str, Any] = {"seed": seed, "device": "cpu", **parameters.algorithm}
     if (sd := arguments.pop("noise_std", None)) is not None and arguments.pop("noise_type", "") == "normal":
-        arguments["action_noise"] = NormalActionNoise([0.0] * ACTION_SIZE, [sd] * ACTION_SIZE)
+        arguments["action_noise"] = NormalActionNoise(np.zeros(ACTION_SIZE), np.full(ACTION_SIZE, sd))
     try:
         if parameters.normalize is not None:
             games = VecNormalize(games, gamma=arguments.get("gamma", 0.99), **parameters.normalize)
@@ -113,7 +114,7 @@ def _learn(model: BaseAlgorithm, budget: int, out: Path, progress: bool) -> floa
     callbacks: list[BaseCallback] = [GameMeasures(), *bar]
     start = time.monotonic()
     try:
-        model.learn(budget, callback=callbacks, log_interval=None if progress else 1)
+        model.learn(budget, callback=callbacks, log_interval=1)
     finally:
         for drawn in bar:
             drawn.close()
