@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from fpg_bench.errors import UserError
 from fpg_bench.game import step as kernel
-from fpg_bench.game.compiling import announce_compilation
 from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import ACTION_SIZE, GAME, OBSERVATION_SIZE, TALLY
@@ -31,7 +31,7 @@ class Arena:
     Attributes:
         games: ``(N,)`` records of dtype ``state.GAME``: the full state.
         tallies: ``(N,)`` records of dtype ``state.TALLY``: what the present round adds up to.
-        histograms: ``(N, 2, points)`` int64, steps per frequency point: the ally's centre, the jammer's.
+        histograms: ``(N, 2, points)`` int32, steps per frequency point: the ally's centre, the jammer's.
         segments: ``(N, waypoints, 4)`` float64: per part of the round, the opponent's position in m in
             its middle and its mean reward; what a path planner may learn from.
         waypoints: ``(N, waypoints, 3)`` float64 in m, flown where the path is ``waypoints``.
@@ -47,14 +47,13 @@ class Arena:
     def __init__(self, scenario: Scenario, games: int = 1, threads: int | None = None) -> None:
         if isinstance(games, bool) or not isinstance(games, int | np.integer) or games < 1:
             raise UserError(f"games: expected a whole number of at least 1, got {games!r}")
-        announce_compilation()
         self.scenario = scenario
         self.count = int(games)
         self.threads = min(2, os.cpu_count() or 1) if threads is None else threads
         self._rules = rules_record(scenario)
         self.games = np.zeros(self.count, GAME)
         self.tallies = np.zeros(self.count, TALLY)
-        self.histograms = np.zeros((self.count, 2, scenario.frequency_points), np.int64)
+        self.histograms = np.zeros((self.count, 2, scenario.frequency_points), np.int32)
         self.segments = np.zeros((self.count, scenario.waypoints, 4))
         self.waypoints = np.zeros((self.count, scenario.waypoints, 3))
         self.ally_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
@@ -67,7 +66,7 @@ class Arena:
 
     def _bind(self) -> None:
         """The kernel's arguments, gathered once: a call is a few hundred nanoseconds."""
-        self._arguments = (
+        self._arguments: tuple[Any, ...] = (
             self.games,
             self.tallies,
             self.histograms,
@@ -150,8 +149,7 @@ class Arena:
             self._pool = ThreadPoolExecutor(self.threads - 1, thread_name_prefix="arena")
         cuts = [self.count * part // self.threads for part in range(self.threads + 1)]
         parts = [
-            self._pool.submit(kernel.play, low, high, *self._arguments)
-            for low, high in zip(cuts[:-2], cuts[1:-1], strict=True)
+            self._pool.submit(kernel.play, low, high, *self._arguments) for low, high in pairwise(cuts[:-1])
         ]
         kernel.play(cuts[-2], cuts[-1], *self._arguments)
         for part in parts:
@@ -166,10 +164,10 @@ class Arena:
             )
             raise ActionError(f"{side} actions: expected a float array of shape {target.shape}, got {found}")
         target[...] = actions
-        bad = kernel.first_unusable(target)
-        if bad >= 0:
+        if not kernel.clip_actions(target.ravel()):
+            target[...] = actions
+            bad, index = np.argwhere(~np.isfinite(target))[0]
             where = f" of game {bad}" if self.count > 1 else ""
-            index = int(np.flatnonzero(~np.isfinite(target[bad]))[0])
             raise ActionError(f"{side} action{where}: index {index} is {target[bad, index]}")
 
     def set_waypoints(self, game: int, waypoints: np.ndarray) -> None:

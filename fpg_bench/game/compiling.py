@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import os
+import shutil
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numba
 import platformdirs
-from numba import config
+from numba.core import config, event
 
 _PACKAGE = Path(__file__).parents[1]
 _SOURCES = ("game", "players")
+_UNUSED_DAYS = 30
+
+
+def source_digest() -> str:
+    """A digest of all that is compiled, and of the version of Numba that compiles it."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for name in _SOURCES:
+        for path in sorted((_PACKAGE / name).glob("*.py")):
+            content = path.read_bytes()
+            digest.update(f"\0{name}/{path.name}\0{len(content)}\0".encode() + content)
+    return digest.hexdigest()[:16]
 
 
 @functools.cache
@@ -25,36 +39,61 @@ def cache_folder() -> Path | None:
     Numba's own cache looks at the file of the compiled function alone and would keep running an
     old version of what that function calls. None where the folder can't be written.
     """
-    digest = hashlib.sha256(numba.__version__.encode())
-    for name in _SOURCES:
-        for path in sorted((_PACKAGE / name).glob("*.py")):
-            digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    root = config.CACHE_DIR or platformdirs.user_cache_dir("fpg_bench")
-    folder = Path(root) / f"compiled-{digest.hexdigest()[:16]}"
+    chosen = getattr(config, "CACHE_DIR", "")  # the environment's NUMBA_CACHE_DIR
+    root = Path(chosen) / "fpg_bench" if chosen else platformdirs.user_cache_path("fpg_bench")
+    folder = root / f"compiled-{source_digest()}"
+    new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        folder.touch()  # in use today
     except OSError:
         return None
+    if new:
+        _remove_unused(root)
     return folder if os.access(folder, os.W_OK) else None
 
 
+def _remove_unused(root: Path) -> None:
+    """Remove what older versions have left: each change of the rules begins a new folder."""
+    for folder in root.glob("compiled-*"):
+        with contextlib.suppress(OSError):  # another process may be removing it too
+            if time.time() - folder.stat().st_mtime > _UNUSED_DAYS * 24 * 3600:
+                shutil.rmtree(folder)
+
+
 def compiled(function: Callable) -> Any:
-    """Compile a function of the game: no fast-math (same bits everywhere), no GIL, cached on disk."""
+    """Compile a function of the game: no fast-math (same bits everywhere), no GIL, cached on disk.
+
+    All of a step is put into one piece of machine code, without Numba's reference counts (``_nrt``):
+    the game allocates nothing, and counting took more time than some of its equations.
+    """
     folder = cache_folder()
-    before = config.CACHE_DIR
-    config.CACHE_DIR = str(folder or "")
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
+    before = getattr(config, "CACHE_DIR", "")
+    config.CACHE_DIR = str(folder or "")  # type: ignore[attr-defined]
     try:
-        return numba.njit(cache=folder is not None, nogil=True, error_model="numpy")(function)
+        return numba.njit(cache=folder is not None, **options)(function)
     finally:
-        config.CACHE_DIR = before
+        config.CACHE_DIR = before  # type: ignore[attr-defined]
 
 
-@functools.cache
-def announce_compilation() -> None:
-    """Say once on standard error that the first use compiles, where nothing is cached yet."""
-    folder = cache_folder()
-    if folder is None or not any(folder.rglob("*.nbi")):
-        where = "it cannot be kept: no writable cache folder" if folder is None else f"kept in {folder}"
-        print(
-            f"fpg_bench: compiling the game, about half a minute, once ({where})", file=sys.stderr, flush=True
-        )
+class _Notice(event.Listener):
+    """Says once on standard error that the game is being compiled, when it is."""
+
+    def __init__(self) -> None:
+        self.given = False
+
+    def on_start(self, started: event.Event) -> None:
+        """A function is not in the cache, and begins to be compiled."""
+        ours = started.data["dispatcher"].py_func.__module__.startswith("fpg_bench.")
+        if ours and not self.given:
+            self.given = True
+            folder = cache_folder()
+            where = "cannot be kept: no writable cache folder" if folder is None else f"kept in {folder}"
+            print(f"fpg_bench: compiling the game, about ten seconds ({where})", file=sys.stderr, flush=True)
+
+    def on_end(self, ended: event.Event) -> None:
+        """Nothing to say."""
+
+
+event.register("numba:compile", _Notice())

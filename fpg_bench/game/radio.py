@@ -20,7 +20,7 @@ def path_loss_db(distance_m, frequency_mhz, rules):
 def power_sum_dbm(a_dbm, b_dbm):
     """The level of two powers together: 10 log10(10^(a/10) + 10^(b/10))."""
     high = max(a_dbm, b_dbm)
-    return high + _DB * math.log1p(math.exp((min(a_dbm, b_dbm) - high) / _DB))
+    return high + _DB * math.log(1.0 + math.exp((min(a_dbm, b_dbm) - high) / _DB))
 
 
 @compiled
@@ -47,4 +47,4 @@ def snr_db(signal_dbm, jamming_dbm, covered, spreading, fading_db, rules):
 def capacity_mbit_s(snr, spreading, rules):
     """Eq. 3: C = B log2(1 + 10^(SNR/10)), B in MHz, so C in Mbit/s."""
     bandwidth = rules.spread_bandwidth if spreading and rules.spread_capacity else rules.bandwidth
-    return bandwidth * math.log1p(math.exp(snr / _DB)) / math.log(2.0)
+    return bandwidth * math.log2(1.0 + math.exp(snr / _DB))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from fpg_bench.game import draws
 from fpg_bench.game.choosing import choose_point, point_mhz
 from fpg_bench.game.compiling import compiled
@@ -20,24 +22,23 @@ from fpg_bench.game.jamming import choose_type, covers, tune_mhz
 from fpg_bench.game.radio import path_loss_db, snr_db
 from fpg_bench.game.rewards import reward
 from fpg_bench.game.sensing import ally_observation, check, opponent_observation, sense
-from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.game.tally import count_step
 
 # The indices of both actions; 3-8 of the ally are read in choosing.py, 6-8 of the opponent in flight.py.
 HOP_GATE, SPREAD_GATE, SPEED = 0, 1, 2
 TUNING, TUNING_REFERENCE = 4, 5
 
+_LOW, _HIGH = np.float32(-1.0), np.float32(1.0)
+
 
 @compiled
-def first_unusable(actions):
-    """The index of the first game whose action holds NaN or infinity, -1 where none does."""
-    for i in range(actions.shape[0]):
-        total = 0.0
-        for j in range(ACTION_SIZE):
-            total += float(actions[i, j])
-        if not math.isfinite(total):
-            return i
-    return -1
+def clip_actions(actions):
+    """Clip a flat array of actions to [-1, 1] in place; False where one of them is NaN or infinite."""
+    usable = True
+    for i in range(actions.size):
+        usable &= math.isfinite(actions[i])
+        actions[i] = min(max(actions[i], _LOW), _HIGH)
+    return usable
 
 
 @compiled
@@ -57,16 +58,13 @@ def play(
 ):
     """Play one step of the games ``first`` to ``last`` - 1, except those whose round is over.
 
-    Actions are clipped in place.
+    The actions were clipped before.
     """
     rules = rules_array[0]
     for i in range(first, last):
         game, ally_action, opponent_action = games[i], ally_actions[i], opponent_actions[i]
         if game.truncated:
             continue
-        for j in range(ACTION_SIZE):
-            ally_action[j] = min(max(ally_action[j], -1.0), 1.0)
-            opponent_action[j] = min(max(opponent_action[j], -1.0), 1.0)
         point_before = game.point
         _choose_jamming(game, opponent_action, rules)
         _choose_frequency(game, ally_action, ally_observations[i], rules)

@@ -1,0 +1,106 @@
+"""The cache of compiled code: every change begins a new one, and only real compiling is announced."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numba
+import pytest
+from numba.core import config
+
+import fpg_bench
+from fpg_bench.game import compiling
+
+PACKAGE = Path(fpg_bench.__file__).parent
+SOURCES = [
+    f"{path.parent.name}/{path.name}"
+    for part in ("game", "players")
+    for path in (PACKAGE / part).glob("*.py")
+]
+
+# One small function is enough to ask what is said; the whole game takes seconds.
+USE = "import numpy; from fpg_bench.game.draws import mix; print(*map(mix, numpy.arange(4, dtype='u8')))"
+NOTICE = "fpg_bench: compiling the game"
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A copy of the compiled sources that a test may change."""
+    for part in ("game", "players"):
+        shutil.copytree(PACKAGE / part, tmp_path / "package" / part)
+    monkeypatch.setattr(compiling, "_PACKAGE", tmp_path / "package")
+    return tmp_path / "package"
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """A cache of its own."""
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "fpg_bench"
+
+
+def use(cache):
+    return subprocess.run(
+        [sys.executable, "-c", USE],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(cache)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_a_change_of_any_source_begins_a_new_folder(package, root, source):
+    before = compiling.cache_folder.__wrapped__()
+    (package / source).write_bytes((package / source).read_bytes() + b"# changed\n")
+    assert compiling.cache_folder.__wrapped__() not in (before, None)
+
+
+def test_a_new_source_or_another_numba_begins_a_new_folder(package, root, monkeypatch):
+    digests = [compiling.source_digest()]
+    (package / "game" / "weather.py").touch()
+    digests.append(compiling.source_digest())
+    monkeypatch.setattr(numba, "__version__", "99.0")
+    digests.append(compiling.source_digest())
+    assert len(set(digests)) == 3
+
+
+def test_unchanged_sources_keep_their_folder(package, root):
+    folder = compiling.cache_folder.__wrapped__()
+    assert folder.parent == root
+    assert compiling.cache_folder.__wrapped__() == folder
+
+
+def test_a_new_folder_removes_what_was_not_used_for_a_month(package, root):
+    ages = {"compiled-old": 31, "compiled-recent": 29, "something-else": 99}
+    for name, days in ages.items():
+        (root / name / "deep").mkdir(parents=True)
+        os.utime(root / name, (time.time() - days * 24 * 3600,) * 2)
+    folder = compiling.cache_folder.__wrapped__()
+    assert {path.name for path in root.iterdir()} == {folder.name, "compiled-recent", "something-else"}
+
+
+def test_a_folder_in_use_is_never_old(package, root):
+    folder = compiling.cache_folder.__wrapped__()
+    os.utime(folder, (0, 0))
+    assert compiling.cache_folder.__wrapped__() == folder
+    assert time.time() - folder.stat().st_mtime < 3600
+
+
+def test_compiling_is_announced_once_and_only_when_it_happens(tmp_path):
+    first, second = use(tmp_path), use(tmp_path)
+    assert first.stderr.count(NOTICE) == 1
+    assert f"kept in {tmp_path / 'fpg_bench'}" in first.stderr
+    assert NOTICE not in second.stderr
+    assert first.stdout == second.stdout
+
+
+def test_an_unwritable_cache_still_plays_and_says_so(tmp_path):
+    (tmp_path / "file").touch()
+    done = use(tmp_path / "file")
+    assert done.stderr.count(NOTICE) == 1
+    assert "cannot be kept: no writable cache folder" in done.stderr
+    assert done.stdout == use(tmp_path).stdout
