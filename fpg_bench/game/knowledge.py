@@ -56,10 +56,14 @@ def load_knowledge(name: str, jamming_types: tuple[str, ...]) -> KnowledgeBase |
     """
     if name == "none":
         return None
-    return _load(EXPERT_FILE if name == "expert" else Path(name), jamming_types)
+    return _expert(jamming_types) if name == "expert" else _load(Path(name), jamming_types)
 
 
-@functools.lru_cache(maxsize=64)
+@functools.cache
+def _expert(jamming_types: tuple[str, ...]) -> KnowledgeBase:
+    return _load(EXPERT_FILE, jamming_types)
+
+
 def _load(path: Path, jamming_types: tuple[str, ...]) -> KnowledgeBase:
     content = read_yaml(path, "knowledge (expert, none or a YAML file)")
     if set(content) != set(jamming_types):

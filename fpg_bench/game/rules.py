@@ -6,16 +6,12 @@ import math
 
 import numpy as np
 
-from fpg_bench.game.scenario import DETECTIONS, JAMMING_TYPES, PATHS, Scenario, ScenarioError
+from fpg_bench.game.scenario import DETECTIONS, JAMMING_TYPES, PATHS, Scenario
 from fpg_bench.game.state import RULES
 
 
 def rules_record(scenario: Scenario) -> np.ndarray:
-    """The rules as a one-element record array of dtype ``state.RULES``.
-
-    Raises:
-        ScenarioError: more paths to draw from than the record holds.
-    """
+    """The rules as a one-element record array of dtype ``state.RULES``."""
     s = scenario
     rules = np.zeros(1, RULES)
     row = rules[0]
@@ -68,8 +64,6 @@ def noise_dbm(density_dbm_hz: float, bandwidth_mhz: float) -> float:
 
 def _fill_paths(row: np.void, scenario: Scenario) -> None:
     paths = scenario.paths
-    if len(paths) > len(row["path"]):
-        raise ScenarioError(f"opponent_path: at most {len(row['path'])} paths to draw from, got {len(paths)}")
     row["paths"] = len(paths)
     row["path"][: len(paths)] = [PATHS.index(name) for name in paths]
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import math
+import numbers
+import os
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from fpg_bench.errors import UserError, nearest
@@ -21,6 +23,7 @@ JAMMING_TYPES = ("tone", "narrowband", "broadband", "comb")
 PATHS = ("circle", "triangle", "rectangle", "pursuit", "learned", "waypoints")
 PATROLS = ("circle", "triangle", "rectangle")
 SNR_MODELS = ("sinr", "paper")
+MOST_PATHS = 16  # that a round may draw from
 DETECTIONS = ("emission", "link", "off")
 
 
@@ -232,12 +235,12 @@ def _checked(spec: dataclasses.Field, value: Any) -> Any:
 
 
 def _checked_number(name: str, value: Any, low: float, high: float, whole: bool) -> Any:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ScenarioError(f"{name}: expected a finite number, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise ScenarioError(f"{name}: expected a number, got {value!r}")
+    if not low <= value <= high:  # NaN too
+        raise ScenarioError(f"{name}: {value!r} is outside [{low:g}, {high:g}]")
     if whole and value != int(value):
         raise ScenarioError(f"{name}: expected a whole number, got {value!r}")
-    if not low <= value <= high:
-        raise ScenarioError(f"{name}: {value!r} is outside [{low:g}, {high:g}]")
     return int(value) if whole else float(value)
 
 
@@ -266,6 +269,8 @@ def _checked_paths(name: str, value: Any) -> str | tuple[str, ...]:
         return _checked_word(name, value, PATHS)
     if not isinstance(value, list | tuple) or not value:
         raise ScenarioError(f"{name}: expected one or more of {', '.join(PATHS)}, got {value!r}")
+    if len(value) > MOST_PATHS:
+        raise ScenarioError(f"{name}: at most {MOST_PATHS} paths to draw from, got {len(value)}")
     words = tuple(_checked_word(name, item, PATHS) for item in value)
     return words[0] if len(words) == 1 else words
 
@@ -288,7 +293,7 @@ def _checked_cap(name: str, value: Any) -> float | None:
 def _checked_knowledge(name: str, value: Any) -> str:
     if not isinstance(value, str | Path):
         raise ScenarioError(f"{name}: expected 'expert', 'none' or a file, got {value!r}")
-    return str(value)
+    return str(value) if value in ("expert", "none") else os.path.abspath(value)
 
 
 _OTHER_CHECKS = {
@@ -326,15 +331,24 @@ def _check_mix(scenario: Scenario) -> None:
             if any(not 0 <= x <= size for x, size in zip(point, s.box_m, strict=True)):
                 extra = f" with patrol_radius_m {r}" if name == "patrol_centre_m" else ""
                 raise ScenarioError(f"{name}{extra}: {point} lies outside box_m {s.box_m}")
-    if s.ally_path_m is not None and len(set(s.ally_path_m)) == 1:
+    if s.ally_path_m is not None and (length := _length_m(s.ally_path_m)) < s.ally_speed_m_s[1]:
         raise ScenarioError(
-            f"ally_path_m: its four control points are all {s.ally_path_m[0]}, a path of no length"
+            f"ally_path_m {s.ally_path_m}: {length:.3g} m long, "
+            f"flown in less than a second at ally_speed_m_s {s.ally_speed_m_s}"
         )
     starts = s.spread_cost_from_s
     if starts[0] != 0 or list(starts) != sorted(starts):
         raise ScenarioError(f"spread_cost_from_s: {starts} must begin at 0 and not fall")
     if s.waypoints > s.steps_per_round:
         raise ScenarioError(f"waypoints {s.waypoints} exceed steps_per_round {s.steps_per_round}")
+
+
+def _length_m(control_points: tuple[tuple[float, ...], ...]) -> float:
+    """The length of a Bezier curve, in 256 chords."""
+    t = np.linspace(0, 1, 257)[:, None]
+    p0, p1, p2, p3 = np.asarray(control_points)
+    curve = (1 - t) ** 3 * p0 + 3 * (1 - t) ** 2 * t * p1 + 3 * (1 - t) * t**2 * p2 + t**3 * p3
+    return float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
 
 
 STANDARD = Scenario()

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from fpg_bench.game.scenario import MOST_PATHS
+
 OBSERVATION_SIZE = 15
 ACTION_SIZE = 9
 TYPES = 4  # jamming types: tone, narrowband, broadband, comb
@@ -136,7 +138,7 @@ RULES = np.dtype(
         ("chords", "i8"),
         ("reselect", "b1"),
         ("paths", "i8"),  # how many a round draws from
-        ("path", "i8", (16,)),  # their indices
+        ("path", "i8", (MOST_PATHS,)),  # their indices
         ("opponent_speed", "f8"),
         ("tuning_span", "f8"),
         ("patrol_centre", "f8", (3,)),

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fpg_bench.game.scenario import PAPER, STANDARD
+from fpg_bench.game.scenario import PAPER, STANDARD, ScenarioError
 
 from .playing import ally, begin, opponent, place, still, wander
 
@@ -68,13 +68,19 @@ def test_speed_is_even_where_the_parameter_is_not():
     np.testing.assert_allclose(np.diff(flown(scenario, 100, lambda k: 1)[:, 0]), 10.0, atol=1e-6)
 
 
-@pytest.mark.xfail(strict=True, reason="beyond four lengths a step the ally stands still")
-def test_a_path_shorter_than_a_step_is_flown_there_and_back():
-    """2 m of path at 8.25 m/s: 8.25 m flown are 0.25 m from the start, on the way out again."""
-    short = ((0, 0, 0), (0.5, 0, 0), (1, 0, 0), (2, 0, 0))
+def test_a_path_of_less_than_a_second_is_refused():
+    short = ((0, 0, 0), (1, 0, 0), (2, 0, 0), (9.9, 0, 0))
+    with pytest.raises(ScenarioError, match=r"9\.9 m long"):
+        dataclasses.replace(STANDARD, ally_path_m=short)
+    dataclasses.replace(STANDARD, ally_path_m=(*short[:3], (10.1, 0, 0)))
+
+
+def test_a_path_of_a_little_more_than_a_second_is_flown_there_and_back():
+    """12 m of path at 8.25 m/s: 8.25 m out, then 4.5 m and 3.75 m back, then out again."""
+    short = ((0, 0, 0), (4, 0, 0), (8, 0, 0), (12, 0, 0))
     scenario = dataclasses.replace(STANDARD, ally_path_m=short)
     found = flown(scenario, 3, lambda k: 0.3)[:, 0]
-    np.testing.assert_allclose(found, [0.25, 0.5, 0.75], atol=1e-6)
+    np.testing.assert_allclose(found, [8.25, 7.5, 0.75], atol=1e-6)
 
 
 def test_standard_draws_its_curves_in_the_box():

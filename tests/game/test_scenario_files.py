@@ -148,9 +148,6 @@ def test_a_relative_knowledge_file_lies_beside_the_scenario(tmp_path, monkeypatc
     assert Scenario.from_yaml("mine/mine.yml").knowledge_base.entries[2].candidates == 2
 
 
-@pytest.mark.xfail(
-    strict=True, reason="to_yaml writes a relative knowledge path, which is then read beside the file"
-)
 def test_a_relative_knowledge_file_survives_being_written_again(tmp_path, monkeypatch):
     folder = tmp_path / "mine"
     folder.mkdir()
@@ -162,9 +159,6 @@ def test_a_relative_knowledge_file_survives_being_written_again(tmp_path, monkey
     assert Scenario.from_yaml("elsewhere/mine.yml").hash == first.hash
 
 
-@pytest.mark.xfail(
-    strict=True, reason="a knowledge file that has changed since is not read again in the same process"
-)
 def test_a_knowledge_file_that_has_changed_is_read_again(tmp_path):
     before = Scenario(knowledge=knowledge(tmp_path, "mine.yml", candidates=2)).hash
     after = Scenario(knowledge=knowledge(tmp_path, "mine.yml", candidates=4)).hash
