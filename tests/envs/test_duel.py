@@ -103,6 +103,15 @@ def test_what_is_handed_out_is_a_copy():
             x[...] = 1
 
 
+def test_what_is_handed_out_is_never_written_again():
+    duel, runs = make_duel(GAMES, scenario=SHORT), []
+    for _ in range(2):
+        duel.reset(seeds=0)
+        runs.append([(*duel.step(action, action), duel.state()) for action in tape(GAMES, STEPS)])
+    for here, there in zip(*runs, strict=True):
+        assert all(np.array_equal(x, y) for x, y in zip(here, there, strict=True))
+
+
 def test_a_round_that_is_over_waits_while_others_go_on():
     duel = make_duel(2, scenario=SHORT)
     duel.reset(seeds=0, horizons=np.array([4, STEPS]))

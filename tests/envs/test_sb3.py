@@ -105,6 +105,17 @@ def test_what_is_handed_out_is_a_copy():
             info.get("terminal_observation", np.empty(0))[...] = 1
 
 
+def test_what_is_handed_out_is_never_written_again():
+    env = make()
+    runs = []
+    for _ in range(2):
+        env.seed(2)
+        env.reset()
+        runs.append([env.step(action) for action in tape(GAMES, STEPS + 2)])
+    for here, there in zip(*runs, strict=True):
+        assert all(np.array_equal(x, y) for x, y in zip(here[:3], there[:3], strict=True))
+
+
 def test_a_staggered_batch_mixes_phases_by_truncations_of_its_first_rounds():
     env = make(games=4, seed=0, stagger=True)
     env.reset()

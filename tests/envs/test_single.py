@@ -203,7 +203,8 @@ def test_every_keyword_changes_the_outcome(view_id, options):
     assert rewards(view_id) != rewards(view_id, **options)
 
 
-def test_threads_change_nothing():
+def test_threads_reach_the_arena_and_change_nothing():
+    assert gymnasium.make(ALLY, threads=1).unwrapped.core.duel.arena.threads == 1
     assert rewards(ALLY, threads=1) == rewards(ALLY, threads=2)
 
 

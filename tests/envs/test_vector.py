@@ -109,6 +109,19 @@ def test_what_is_handed_out_is_a_copy():
             x[...] = 1
 
 
+def test_what_is_handed_out_is_never_written_again():
+    env = make()
+    env.reset(seed=2)
+    actions = tape(GAMES, STEPS + 2)
+    kept = [env.step(action)[:4] for action in actions]
+    env.reset(seed=2)
+    for action, (observations, rewards, _, truncated) in zip(actions, kept, strict=True):
+        again = env.step(action)
+        assert np.array_equal(observations, again[0])
+        assert np.array_equal(rewards, again[1])
+        assert np.array_equal(truncated, again[3])
+
+
 def test_rounds_can_be_begun_in_some_games_alone():
     env = make()
     before = env.reset(seed=2)[0]
