@@ -9,7 +9,8 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.game.arena import Arena
-from fpg_bench.game.scenario import PATHS, preset
+from fpg_bench.game.names import PATHS
+from fpg_bench.game.scenario import preset
 from fpg_bench.planning import PATTERNS, Plan
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.testing import check_planner, check_player, check_scenario

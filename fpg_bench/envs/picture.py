@@ -16,7 +16,7 @@ from matplotlib.text import Text
 from fpg_bench.envs.arena_panel import ALLY, GREY, INK, OPPONENT, SPREADING, ArenaPanel
 from fpg_bench.envs.recording import Recording
 from fpg_bench.envs.time_panels import DistancePanel, SnrPanel, SpectrumPanel
-from fpg_bench.game.scenario import JAMMING_TYPES
+from fpg_bench.game.names import JAMMING_TYPES
 
 WIDTH, HEIGHT = 1120, 640  # multiples of 16, which video encoders want
 _DPI = 100

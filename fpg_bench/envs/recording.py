@@ -6,7 +6,7 @@ import numpy as np
 from numpy.lib.recfunctions import repack_fields
 
 from fpg_bench.game.arena import Arena
-from fpg_bench.game.scenario import PATHS
+from fpg_bench.game.names import PATHS
 from fpg_bench.game.state import GAME
 
 FIELDS = (

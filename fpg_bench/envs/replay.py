@@ -14,7 +14,8 @@ import numpy as np
 
 from fpg_bench.envs.recording import Recording
 from fpg_bench.files import write_whole
-from fpg_bench.game.scenario import JAMMING_TYPES, Scenario
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import Scenario
 
 FORMAT = "fpg-replay/1"
 

@@ -14,7 +14,8 @@ from matplotlib.ticker import NullLocator
 
 from fpg_bench.envs.arena_panel import ALLY, GREY, INK, OPPONENT, PALE, SPREADING
 from fpg_bench.envs.recording import Recording
-from fpg_bench.game.scenario import JAMMING_TYPES, Scenario
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import Scenario
 
 _ROWS = 300
 WINDOW = 120  # steps on the time axis

@@ -11,7 +11,8 @@ import numpy as np
 from fpg_bench.envs.duel import Duel, make_duel
 from fpg_bench.envs.recording import Recording
 from fpg_bench.errors import UserError, nearest
-from fpg_bench.game.scenario import JAMMING_TYPES, Scenario
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.naming import as_player, player_name
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.seat import Seat

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from fpg_bench.game.compiling import compiled
-from fpg_bench.game.scenario import PATHS
+from fpg_bench.game.names import PATHS
 
 CIRCLE, TRIANGLE, RECTANGLE, PURSUIT, LEARNED, WAYPOINTS = range(len(PATHS))
 

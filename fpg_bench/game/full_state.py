@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fpg_bench.game.arena import Arena
-from fpg_bench.game.scenario import PATHS
+from fpg_bench.game.names import PATHS
 from fpg_bench.game.state import OBSERVATION_SIZE
 
 # Where the full state holds what; both observations come first.

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.game.scenario import JAMMING_TYPES
+from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.state import TALLY
 
 _GREATEST = "longest_outage"

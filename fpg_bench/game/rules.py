@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from fpg_bench.game.scenario import DETECTIONS, JAMMING_TYPES, PATHS, Scenario
+from fpg_bench.game.names import DETECTIONS, JAMMING_TYPES, PATHS
+from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import RULES
 
 

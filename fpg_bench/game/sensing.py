@@ -7,8 +7,8 @@ import math
 from fpg_bench.game import draws
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.jamming import covers
+from fpg_bench.game.names import DETECTIONS
 from fpg_bench.game.radio import noise_dbm, path_loss_db
-from fpg_bench.game.scenario import DETECTIONS
 from fpg_bench.game.state import OBSERVATION_SIZE, TYPES
 
 EMISSION, LINK, OFF = range(len(DETECTIONS))
@@ -52,7 +52,7 @@ def hears(game, rules):
 
 @compiled
 def sense(game, centre_error, rules):
-    """The ally's spectrum monitor on the step just played: the centre with an error, the type at times wrong."""
+    """The ally's spectrum monitor on the step just played: centre with an error, type at times wrong."""
     game.sensed_mhz = game.jamming_mhz + rules.sensing_sd * centre_error
     game.sensed_type = game.jamming_type
     chance = draws.uniform(game.round_key, game.step, draws.SENSED_TYPE)

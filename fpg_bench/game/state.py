@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fpg_bench.game.scenario import MOST_PATHS
+from fpg_bench.game.names import MOST_PATHS
 
 OBSERVATION_SIZE = 15
 ACTION_SIZE = 9
@@ -24,7 +24,7 @@ GAME = np.dtype(
         # The round
         ("step", "i8"),
         ("horizon", "i8"),  # the step at which this round is cut
-        ("path", "i8"),  # index into scenario.PATHS
+        ("path", "i8"),  # index into names.PATHS
         ("truncated", "b1"),
         # The ally
         ("control_points", "f8", (4, 3)),
@@ -127,7 +127,7 @@ RULES = np.dtype(
         ("half_width", "f8", (TYPES,)),
         ("tooth_spacing", "f8", (TYPES,)),  # 0: in one piece
         ("tolerance", "f8"),
-        ("detection", "i8"),  # index into scenario.DETECTIONS
+        ("detection", "i8"),  # index into names.DETECTIONS
         ("first_check", "i8", (2,)),
         ("check_interval", "i8", (2,)),
         ("ally_emission", "f8"),

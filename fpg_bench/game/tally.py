@@ -29,7 +29,7 @@ def count_step(game, tally, histogram, point_before, rules):
     tally.ally_return += game.ally_reward
     tally.opponent_return += game.opponent_reward
     histogram[0, game.point] += 1
-    nearest = int(math.floor((game.jamming_mhz - rules.band_low) / rules.point_spacing + 0.5))
+    nearest = math.floor((game.jamming_mhz - rules.band_low) / rules.point_spacing + 0.5)
     histogram[1, min(max(nearest, 0), rules.points - 1)] += 1
     _count_outage(game, tally, outage)
     if game.checked:

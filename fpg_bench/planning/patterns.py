@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from fpg_bench.game.flight import place_on_patrol
+from fpg_bench.game.names import PATHS, PATROLS
 from fpg_bench.game.rules import rules_record
-from fpg_bench.game.scenario import PATHS, PATROLS, Scenario
+from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.planner import Limits, Plan
 
 

@@ -11,7 +11,8 @@ from fpg_bench.envs.recording import Recording
 from fpg_bench.envs.replay import FORMAT, write_replay
 from fpg_bench.envs.watching import watch
 from fpg_bench.errors import UserError
-from fpg_bench.game.scenario import JAMMING_TYPES, Scenario
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import Scenario
 
 SHORT = Scenario(steps_per_round=24, waypoints=4)
 HOSTILE = '</script><script>alert("1")</script> {{data}} & <!-- \u2028'

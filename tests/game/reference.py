@@ -11,7 +11,8 @@ import math
 import numpy as np
 
 from fpg_bench.game import draws
-from fpg_bench.game.scenario import JAMMING_TYPES, Scenario
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import Scenario
 
 
 class Chance:

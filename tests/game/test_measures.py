@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from fpg_bench.game.measures import measures, pool, spectrum_overlap
-from fpg_bench.game.scenario import JAMMING_TYPES, PAPER, STANDARD
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import PAPER, STANDARD
 from fpg_bench.game.state import TALLY
 
 from .playing import TONE, ally, at_mhz, begin, opponent, place, play, still, to_point, wander

@@ -7,7 +7,8 @@ import dataclasses
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.game.scenario import PAPER, STANDARD, Scenario, ScenarioError, as_scenario, preset
+from fpg_bench.game.scenario import PAPER, STANDARD, Scenario, as_scenario, preset
+from fpg_bench.game.validation import ScenarioError
 
 FIELDS = {spec.name: spec for spec in dataclasses.fields(Scenario)}
 

@@ -13,7 +13,8 @@ import yaml
 from fpg_bench.errors import UserError
 from fpg_bench.game import scenario as module
 from fpg_bench.game.knowledge import EXPERT_FILE
-from fpg_bench.game.scenario import PAPER, STANDARD, Scenario, ScenarioError
+from fpg_bench.game.scenario import PAPER, STANDARD, Scenario
+from fpg_bench.game.validation import ScenarioError
 
 # A changed preset is another game: then the rules version and every id must change too.
 HASHES = {

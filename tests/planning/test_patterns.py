@@ -9,7 +9,8 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.game.arena import Arena
-from fpg_bench.game.scenario import PATROLS, STANDARD
+from fpg_bench.game.names import PATROLS
+from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import PATTERNS, Limits, as_planner
 
 LIMITS = Limits.of(STANDARD)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fpg_bench.game.scenario import JAMMING_TYPES, STANDARD
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.player import Player
 from fpg_bench.players.scripted import SCRIPTED, Scripted, player_seeds
 

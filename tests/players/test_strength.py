@@ -7,7 +7,8 @@ from itertools import pairwise
 
 import pytest
 
-from fpg_bench.game.scenario import JAMMING_TYPES, STANDARD
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.scripted import ALLIES, OPPONENTS
 
 from .playing import mean
