@@ -95,16 +95,19 @@ class Arena:
             horizons: ``(N,)`` whole numbers: the step at which this round is cut; None: the scenario's.
 
         Raises:
-            UserError: a seed out of range, or no seeds at the first call.
+            UserError: a seed out of range, a mask of another shape, or a first call that has no seeds or
+                leaves games out.
         """
         mask = np.ones(self.count, bool) if mask is None else np.asarray(mask, bool)
+        if mask.shape != (self.count,):
+            raise UserError(f"mask: expected the shape {(self.count,)}, got {mask.shape}")
+        if not self._begun and not (mask.all() and seeds is not None):
+            raise UserError("the first reset of an arena begins every game and needs seeds")
         games = self.games
         if seeds is not None:
             games["seed"][mask] = check_seeds(seeds, self.count)[mask]
             games["match"][mask] = 0
             games["round"][mask] = 0
-        elif not self._begun:
-            raise UserError("the first reset of an arena needs seeds")
         else:
             games["round"][mask] += 1
             self.next_match(mask & (games["round"] >= self.scenario.rounds_per_match))
