@@ -77,11 +77,7 @@ class Duel:
             UserError: a mask of another shape, a seed or horizon out of range, or no seeds at the first call.
         """
         mask = np.ones(self.count, bool) if mask is None else np.asarray(mask, bool)
-        if mask.shape != (self.count,):
-            raise UserError(f"reset: expected a mask of shape ({self.count},), got {mask.shape}")
-        longest = self.scenario.steps_per_round
-        if horizons is not None and not (np.min(horizons) >= 1 and np.max(horizons) <= longest):
-            raise UserError(f"reset: expected horizons of 1 to {longest} steps, got {horizons!r}")
+        self.arena.check_reset(mask, horizons)
         if self.planner is not None:
             self._remember(mask)
         if seeds is None and new_match:

@@ -12,7 +12,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 from fpg_bench.envs.duel import make_duel
 from fpg_bench.envs.one_sided import action_space, first_seeds, observation_space
-from fpg_bench.envs.single import RENDER_MODES
+from fpg_bench.envs.screen import RENDER_MODES, Screen
 from fpg_bench.errors import UserError
 from fpg_bench.game.arena import ActionError
 from fpg_bench.game.full_state import FULL_STATE_SIZE
@@ -39,8 +39,6 @@ class DuelView(ParallelEnv):
     }
 
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
-        if render_mode is not None and render_mode not in RENDER_MODES:
-            raise UserError(f"render_mode: expected None, 'rgb_array' or 'human', got {render_mode!r}")
         self.duel = make_duel(1, **options)
         self.render_mode = render_mode
         self.possible_agents = list(SIDES)
@@ -50,7 +48,7 @@ class DuelView(ParallelEnv):
         self.state_space = spaces.Box(-1.0, 1.0, (FULL_STATE_SIZE,), np.float32)
         self._actions = {side: np.zeros((1, ACTION_SIZE), np.float32) for side in SIDES}
         self._begun = False
-        self._renderer: Any = None
+        self._screen = Screen(self.duel.arena, render_mode)
 
     def observation_space(self, agent: str) -> spaces.Box:
         """15 numbers in [-1, 1], always the same object."""
@@ -69,8 +67,7 @@ class DuelView(ParallelEnv):
         self.duel.reset(seeds=seeds, new_match=bool((options or {}).get("new_match", False)))
         self._begun = True
         self.agents = list(SIDES)
-        if self.render_mode is not None:
-            self._frame(begin=True)
+        self._screen.record(begin=True)
         return self._observations(), {side: {} for side in SIDES}
 
     def step(self, actions: dict[str, np.ndarray]) -> tuple[dict, dict, dict, dict, dict]:
@@ -90,8 +87,7 @@ class DuelView(ParallelEnv):
             self._actions[side][0] = action
         arena = self.duel.arena
         arena.step(self._actions["ally"], self._actions["opponent"])
-        if self.render_mode is not None:
-            self._frame()
+        self._screen.record()
         over = bool(arena.games["truncated"][0])
         if over:
             self.agents = []
@@ -109,24 +105,13 @@ class DuelView(ParallelEnv):
         """The full state, ``(54,)`` float32."""
         return self.duel.state()[0]
 
-    def _frame(self, begin: bool = False) -> None:
-        if self._renderer is None:
-            from fpg_bench.envs.rendering import Renderer
-
-            self._renderer = Renderer(self.duel.arena, human=self.render_mode == "human")
-        self._renderer.record(begin)
-        if self.render_mode == "human":
-            self._renderer.show()
-
     def render(self) -> np.ndarray | None:
         """The picture of the present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``."""
-        return self._renderer.draw() if self.render_mode == "rgb_array" and self._renderer else None
+        return self._screen.picture()
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        self._screen.close()
 
 
 def parallel_env(**options: Any) -> DuelView:

@@ -8,11 +8,10 @@ import gymnasium
 import numpy as np
 
 from fpg_bench.envs.one_sided import OneSided, action_space, first_seeds, observation_space
+from fpg_bench.envs.screen import RENDER_MODES, Screen
 from fpg_bench.errors import UserError
 from fpg_bench.game.arena import ActionError
 from fpg_bench.game.state import ACTION_SIZE
-
-RENDER_MODES = ("rgb_array", "human")
 
 
 class SingleView(gymnasium.Env):
@@ -31,15 +30,13 @@ class SingleView(gymnasium.Env):
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 10}  # noqa: RUF012
 
     def __init__(self, view_id: str, render_mode: str | None = None, **options: Any) -> None:
-        if render_mode is not None and render_mode not in RENDER_MODES:
-            raise UserError(f"render_mode: expected None, 'rgb_array' or 'human', got {render_mode!r}")
         self.core = OneSided(view_id, 1, **options)
         self.render_mode = render_mode
         self.observation_space = observation_space()
         self.action_space = action_space()
         self._actions = np.zeros((1, ACTION_SIZE), np.float32)
         self._begun = False
-        self._renderer: Any = None
+        self._screen = Screen(self.core.duel.arena, render_mode)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -53,8 +50,7 @@ class SingleView(gymnasium.Env):
         super().reset(seed=seed)
         self.core.reset(seeds=seeds, new_match=wants_new_match(options))
         self._begun = True
-        if self.render_mode is not None:
-            self._frame(begin=True)
+        self._screen.record(begin=True)
         return self.core.observations[0].copy(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -74,8 +70,7 @@ class SingleView(gymnasium.Env):
             raise UserError("step: the round is over; call reset first")
         self._actions[0] = action
         core.step(self._actions)
-        if self.render_mode is not None:
-            self._frame()
+        self._screen.record()
         truncated = bool(core.truncated[0])
         return core.observations[0].copy(), float(core.rewards[0]), False, truncated, self._info()
 
@@ -92,24 +87,13 @@ class SingleView(gymnasium.Env):
         """The measures of the present round so far."""
         return self.core.measures(0)
 
-    def _frame(self, begin: bool = False) -> None:
-        if self._renderer is None:
-            from fpg_bench.envs.rendering import Renderer
-
-            self._renderer = Renderer(self.core.duel.arena, human=self.render_mode == "human")
-        self._renderer.record(begin)
-        if self.render_mode == "human":
-            self._renderer.show()
-
     def render(self) -> np.ndarray | None:
         """The picture of the present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``."""
-        return self._renderer.draw() if self.render_mode == "rgb_array" and self._renderer else None
+        return self._screen.picture()
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        self._screen.close()
 
 
 def wants_new_match(options: dict[str, Any] | None) -> bool:

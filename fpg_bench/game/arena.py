@@ -45,11 +45,13 @@ class Arena:
     """
 
     def __init__(self, scenario: Scenario, games: int = 1, threads: int | None = None) -> None:
-        if isinstance(games, bool) or not isinstance(games, int | np.integer) or games < 1:
-            raise UserError(f"games: expected a whole number of at least 1, got {games!r}")
+        threads = min(2, os.cpu_count() or 1) if threads is None else threads
+        for name, value in (("games", games), ("threads", threads)):
+            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+                raise UserError(f"{name}: expected a whole number of at least 1, got {value!r}")
         self.scenario = scenario
         self.count = int(games)
-        self.threads = min(2, os.cpu_count() or 1) if threads is None else threads
+        self.threads = int(threads)
         self._rules = rules_record(scenario)
         self.games = np.zeros(self.count, GAME)
         self.tallies = np.zeros(self.count, TALLY)
@@ -95,12 +97,11 @@ class Arena:
             horizons: ``(N,)`` whole numbers: the step at which this round is cut; None: the scenario's.
 
         Raises:
-            UserError: a seed out of range, a mask of another shape, or a first call that has no seeds or
-                leaves games out.
+            UserError: a seed or horizon out of range, a mask of another shape, or a first call that has no
+                seeds or leaves games out.
         """
         mask = np.ones(self.count, bool) if mask is None else np.asarray(mask, bool)
-        if mask.shape != (self.count,):
-            raise UserError(f"mask: expected the shape {(self.count,)}, got {mask.shape}")
+        self.check_reset(mask, horizons)
         if not self._begun and not (mask.all() and seeds is not None):
             raise UserError("the first reset of an arena begins every game and needs seeds")
         games = self.games
@@ -120,6 +121,14 @@ class Arena:
         kernel.begin(
             games, mask, self.ally_observations, self.opponent_observations, self.segments, self._rules
         )
+
+    def check_reset(self, mask: np.ndarray, horizons: np.ndarray | None) -> None:
+        """Raise UserError where a mask has another shape or a horizon lies outside the round."""
+        if mask.shape != (self.count,):
+            raise UserError(f"reset: expected a mask of shape ({self.count},), got {mask.shape}")
+        longest = self.scenario.steps_per_round
+        if horizons is not None and not (np.min(horizons) >= 1 and np.max(horizons) <= longest):
+            raise UserError(f"reset: expected horizons of 1 to {longest} steps, got {horizons!r}")
 
     def next_match(self, mask: np.ndarray) -> None:
         """Put the masked games at the first round of their seed's next match (:meth:`reset` begins it)."""

@@ -13,7 +13,9 @@ _GREATEST = "longest_outage"
 
 
 def pool(tallies: np.ndarray) -> dict[str, float]:
-    """Add up records of dtype ``state.TALLY`` (any shape); the longest outage is the greatest."""
+    """Add up records of dtype ``state.TALLY`` (one, or any shape); the longest outage is the greatest."""
+    if isinstance(tallies, np.void):  # one record, as each round's end asks for
+        return dict(zip(TALLY.names or (), tallies.item(), strict=True))
     return {
         name: float(np.max(tallies[name]) if name == _GREATEST else np.sum(tallies[name]))
         for name in TALLY.names or ()

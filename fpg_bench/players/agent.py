@@ -16,13 +16,14 @@ from fpg_bench.game import draws
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.ids import VIEWS
+from fpg_bench.players.keyed import Keyed
 
 AGENT_FORMAT = 1
 MAX_NOISE = 16
 _FIELDS = ("format", "algorithm", "id", "scenario", "training_seed", "training_steps", "policy_sha256")
 
 
-class OnnxPlayer:
+class OnnxPlayer(Keyed):
     """Plays a policy through onnxruntime, one thread, the same bits whatever the batch size.
 
     Inputs ``observation`` (n, 15), optional ``state`` (n, S), optional ``noise`` (n, k), standard normal
@@ -54,13 +55,6 @@ class OnnxPlayer:
         self._state_size = inputs["state"][1] if "state" in inputs else 0
         self._noise_size = inputs["noise"][1] if "noise" in inputs else 0
         self._outputs = ["action", "next_state"] if self._state_size else ["action"]
-        self._keys = np.empty(0, np.uint64)
-
-    def reset(self, mask: np.ndarray, seeds: np.ndarray) -> None:
-        """Take the masked games' seeds for this round's noise."""
-        if len(self._keys) != len(seeds):
-            self._keys = np.zeros(len(seeds), np.uint64)
-        self._keys[mask] = seeds[mask]
 
     def predict(
         self,
@@ -90,10 +84,8 @@ class OnnxPlayer:
         return found[0], (found[1] if self._state_size else None, steps + 1)
 
     def _noise(self, steps: np.ndarray) -> np.ndarray:
-        if len(self._keys) != len(steps):
-            self._keys = np.arange(len(steps), dtype=np.uint64)
         noise = np.empty((len(steps), self._noise_size), np.float32)
-        _fill_noise(noise, self._keys, steps)
+        _fill_noise(noise, self.keys(len(steps)), steps)
         return noise
 
     def __reduce__(self) -> tuple[type[OnnxPlayer], tuple[bytes, dict[str, Any]]]:

@@ -9,12 +9,13 @@ import numpy as np
 from fpg_bench.game import draws
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.players.keyed import Keyed
 from fpg_bench.players.scripts import ALLIES, OPPONENTS, play_ally, play_opponent
 
 SCRIPTED = {"ally": ALLIES, "opponent": OPPONENTS}
 
 
-class Scripted:
+class Scripted(Keyed):
     """A scripted ally or opponent, compiled over a batch; its memory is the round's step count.
 
     Args:
@@ -36,13 +37,6 @@ class Scripted:
                 *scenario.box_m,
             ]
         )
-        self._keys = np.empty(0, np.uint64)
-
-    def reset(self, mask: np.ndarray, seeds: np.ndarray) -> None:
-        """Take the masked games' seeds for this round's draws."""
-        if len(self._keys) != len(seeds):
-            self._keys = np.zeros(len(seeds), np.uint64)
-        self._keys[mask] = seeds[mask]
 
     def predict(
         self,
@@ -59,12 +53,10 @@ class Scripted:
         steps = np.zeros(count, np.int64) if state is None else state.copy()
         if episode_start is not None:
             steps[episode_start] = 0
-        if len(self._keys) != count:
-            self._keys = np.arange(count, dtype=np.uint64)
         actions = np.empty((count, ACTION_SIZE), np.float32)
         if observation.dtype != np.float32 or not observation.flags.carray:  # what is compiled
             observation = np.require(observation, np.float32, ("C", "A", "W"))
-        self._play(self._kind, observation, actions, steps, self._keys, self._scales)
+        self._play(self._kind, observation, actions, steps, self.keys(count), self._scales)
         return actions, steps
 
     def __repr__(self) -> str:
