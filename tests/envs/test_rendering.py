@@ -178,7 +178,7 @@ def test_the_window_shows_the_picture_until_it_is_closed(monkeypatch):
     env.reset(seed=1)
     env.step(np.zeros(9, np.float32))
     shown = pygame.surfarray.array3d(pygame.display.get_surface()).swapaxes(0, 1)
-    np.testing.assert_array_equal(shown, env.unwrapped._renderer.draw())
+    np.testing.assert_array_equal(shown, env.unwrapped._screen._renderer.draw())
     pygame.event.post(pygame.event.Event(pygame.QUIT))
     env.step(np.zeros(9, np.float32))
     assert pygame.display.get_surface() is None
