@@ -104,7 +104,6 @@ def train(
         seed=seed,
         steps=steps,
         hyperparams=hyperparams,
-        progress=sys.stderr.isatty() or sys.stdout.isatty(),
         scenario=scenario,
         opponent=_listed(opponent),
         ally=_listed(ally),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -49,8 +50,9 @@ def evaluate(
     contestants = [contestant(spec, panel.side, panel, name) for spec in specs]
     _claim(out, panel, panel_name)
     file = RowFile(out / "rows.jsonl")
-    for who in contestants:
-        play_panel(who, panel, file, lambda entry, who=who: progress(who, entry))  # type: ignore[misc]
+    with file.locked():
+        for who in contestants:
+            play_panel(who, panel, file, functools.partial(progress, who))
     return summarise(file.read(), panel)
 
 

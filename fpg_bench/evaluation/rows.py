@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -37,6 +39,21 @@ class RowFile:
         self._cut_torn_line()
         with self.path.open("a", encoding="utf-8") as file:
             file.write(text)
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold the file for this process alone.
+
+        Raises:
+            UserError: another process holds it.
+        """
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with self.path.open("a") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise UserError(f"rows {self.path}: another process is writing them") from error
+            yield
 
     def _lines(self) -> Iterator[tuple[Row, int]]:
         """Each whole row and where its line ends in the file."""

@@ -100,9 +100,11 @@ def picture(summaries: Sequence[Summary], panel: Panel, path: Path) -> None:
     axes = figure.subplots()
     for line, s in enumerate(reversed(summaries)):
         colour = "#0072b2" if s.training_seeds else "#7f7f7f"
-        axes.plot(list(s.entries.values()), [line] * len(s.entries), "|", color=colour, alpha=0.45, ms=9)
-        axes.plot([s.score.low, s.score.high], [line, line], color=colour, lw=3, solid_capstyle="butt")
-        axes.plot(s.score.value, line, "o", color=colour, ms=7)
+        axes.plot(list(s.entries.values()), [line] * len(s.entries), "|", color=colour, alpha=0.4, ms=9)
+        around = [[s.score.value - s.score.low], [s.score.high - s.score.value]]
+        axes.errorbar(
+            s.score.value, line, xerr=around, fmt="o", color=colour, ms=4, lw=2, capsize=5, capthick=2
+        )
     axes.set_yticks(range(len(summaries)), [s.player for s in reversed(summaries)])
     axes.set_ylim(-0.6, len(summaries) - 0.4)
     for value in (0, 100):

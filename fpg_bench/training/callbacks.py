@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+import time
+
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
@@ -24,35 +27,40 @@ class GameMeasures(BaseCallback):
 
 
 class TrainingBar(BaseCallback):
-    """A bar with steps, steps per second, time left and the mean return of the last rounds."""
+    """A bar with steps, rate, time left and the last rounds' mean return; lines where none can be drawn."""
 
     def __init__(self, total: int) -> None:
         super().__init__()
         self._total = total
+        self._lines = 0  # tenths of the budget that a line was printed for
         self._progress = Progress(
             TextColumn("training"),
             BarColumn(),
             MofNCompleteColumn(),
-            TextColumn("{task.fields[rate]} steps/s"),
+            TextColumn("{task.fields[said]}"),
             TimeRemainingColumn(),
-            TextColumn("{task.fields[mean]}"),
+            disable=not sys.stdout.isatty(),
         )
 
     def _on_training_start(self) -> None:
-        self._first = self.num_timesteps
-        self._task = self._progress.add_task("", total=self._total, rate="-", mean="")
+        self._first, self._start = self.num_timesteps, time.monotonic()
+        self._task = self._progress.add_task("", total=self._total, said="")
         self._progress.start()
 
     def _on_step(self) -> bool:
-        task = self._progress.tasks[0]
-        rate = (self.num_timesteps - self._first) / task.elapsed if task.elapsed else 0
-        self._progress.update(self._task, completed=self.num_timesteps, rate=f"{rate:,.0f}")
+        self._progress.update(self._task, completed=self.num_timesteps)
         return True
 
     def _on_rollout_end(self) -> None:
+        rate = (self.num_timesteps - self._first) / (time.monotonic() - self._start)
+        said = f"{rate:,.0f} steps/s"
         if self.model.ep_info_buffer:
-            mean = np.mean([info["r"] for info in self.model.ep_info_buffer])
-            self._progress.update(self._task, mean=f"return {mean:,.0f}")
+            said += f", return {np.mean([info['r'] for info in self.model.ep_info_buffer]):,.0f}"
+        self._progress.update(self._task, said=said)
+        tenth = 10 * self.num_timesteps // self._total
+        if self._progress.disable and tenth > self._lines:
+            self._lines = tenth
+            print(f"training: {self.num_timesteps:,} of {self._total:,} steps, {said}", flush=True)
 
     def close(self) -> None:
         """Stop drawing, however training ended."""

@@ -56,7 +56,7 @@ def train(
         seed: the training seed k; games begin at seed k * 10^6.
         steps: the budget over all games; None: the hyper-parameter file's.
         hyperparams: a YAML file of one's own; None: the shipped one.
-        progress: whether to draw a bar.
+        progress: whether to draw a bar, or print lines where standard output is no terminal.
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
 
     Returns:
@@ -83,7 +83,7 @@ def train(
     model.set_logger(configure(str(out), ["tensorboard"]))
     seconds = _learn(model, budget, out, progress)
     about |= {"steps_done": model.num_timesteps, "seconds": round(seconds, 1)}
-    difference = export_agent(model, out / "agent", _agent_about(about))
+    difference = export_agent(model, out / "agent", about)
     rate = round(model.num_timesteps / seconds)
     write_json(
         out / "run.json", about | {"finished": True, "steps_per_s": rate, "largest_difference": difference}
@@ -156,11 +156,6 @@ def _about(
     }
 
 
-def _agent_about(about: dict[str, Any]) -> dict[str, Any]:
-    """What of a run goes with the agent."""
-    return {name: value for name, value in about.items() if name != "side"}
-
-
 def _is_finished(out: Path, about: dict[str, Any]) -> bool:
     """Whether the folder holds this very run, finished; refuses to overwrite any other."""
     if not (out / "run.json").exists():
@@ -168,8 +163,11 @@ def _is_finished(out: Path, about: dict[str, Any]) -> bool:
             raise UserError(f"{out}: is not empty and no run's folder; choose another")
         return False
     found = read_json(out / "run.json", "run")
-    if found.get("command") != about["command"]:
-        raise UserError(f"{out}: holds another run ({found.get('command')}); choose another folder")
+    if any(found.get(key) != about[key] for key in ("command", "hyperparameters", "scenario")):
+        raise UserError(
+            f"{out}: holds another run ({found.get('command')}), or this one with other hyper-parameters; "
+            "choose another folder"
+        )
     if not found.get("finished"):
         raise UserError(f"{out}: holds this run unfinished; delete it, or choose another folder")
     return True

@@ -22,6 +22,15 @@ def test_a_torn_last_line_is_dropped_and_cut_off(tmp_path, torn):
     assert path.read_bytes() == b'{"a":1}\n{"a":2}\n{"a":4}\n'
 
 
+def test_one_process_at_a_time(tmp_path):
+    file, other = RowFile(tmp_path / "rows.jsonl"), RowFile(tmp_path / "rows.jsonl")
+    with file.locked(), pytest.raises(UserError, match="another process"), other.locked():
+        pass
+    with other.locked():
+        other.append([{"a": 1}])
+    assert file.read() == [{"a": 1}]
+
+
 def test_a_broken_line_in_the_middle_is_an_error_that_names_it(tmp_path):
     path = tmp_path / "rows.jsonl"
     path.write_bytes(b'{"a":1}\nnonsense\n{"a":2}\n')

@@ -72,7 +72,11 @@ def test_a_finished_run_is_not_repeated_and_no_other_overwritten(run, tmp_path):
     assert (run / "run.json").read_text() == before
     with pytest.raises(UserError, match="holds another run"):
         train(*arguments, seed=4, **options)
+    (tmp_path / "other.yml").write_text(TINY.replace("[8]", "[9]"))
+    with pytest.raises(UserError, match="other hyper-parameters"):
+        train(*arguments, seed=3, hyperparams=tmp_path / "other.yml", progress=False)
     about = json.loads(before) | {"finished": False}
+    (tmp_path / "other.yml").unlink()
     (tmp_path / "run.json").write_text(json.dumps(about))
     with pytest.raises(UserError, match="unfinished"):
         train("ppo", "FPG/AllyVsScripted-v0", tmp_path, seed=3, **options)
@@ -99,6 +103,7 @@ def test_a_stopped_run_leaves_its_model(tmp_path, monkeypatch):
     assert not json.loads((tmp_path / "run" / "run.json").read_text())["finished"]
 
 
+@pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_shipped_hyperparameters_make_a_model_for_every_id(algorithm):
     for view_id in VIEWS:
