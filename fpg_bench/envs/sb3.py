@@ -17,7 +17,9 @@ from fpg_bench.envs.one_sided import (
     observation_space,
     staggered_horizons,
 )
+from fpg_bench.envs.screen import Screen
 from fpg_bench.envs.single import wants_new_match
+from fpg_bench.errors import UserError
 
 
 class SB3View(VecEnv):
@@ -31,11 +33,17 @@ class SB3View(VecEnv):
         core: the games; see :class:`fpg_bench.envs.one_sided.OneSided`.
         seed: begins the first matches, game i with seed + i; None: by chance.
         stagger: cut the first rounds at evenly spread steps, so that a batch mixes phases.
+        render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
     """
 
-    def __init__(self, core: OneSided, seed: int | None = None, stagger: bool = False) -> None:
+    def __init__(
+        self, core: OneSided, seed: int | None = None, stagger: bool = False, render_mode: str | None = None
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise UserError(f"render_mode: expected None or 'rgb_array', got {render_mode!r}")
         self.core = core
-        self.render_mode: str | None = None
+        self.render_mode = render_mode
+        self._screen = Screen(core.duel.arena, render_mode)
         super().__init__(core.count, observation_space(), action_space())
         self._stagger = stagger
         self._begun = False
@@ -64,6 +72,7 @@ class SB3View(VecEnv):
         self.core.reset(seeds=seeds, new_match=self._new_match, horizons=horizons)
         self._begun, self._next_seeds, self._new_match = True, None, False
         self.reset_infos = [{} for _ in range(self.num_envs)]
+        self._screen.record(begin=True)
         return self.core.observations.copy()
 
     def step_async(self, actions: np.ndarray) -> None:
@@ -81,6 +90,7 @@ class SB3View(VecEnv):
             for game in np.flatnonzero(dones).tolist():
                 infos[game] = self._last_info(game)
             core.reset(dones)
+        self._screen.record(begin=bool(dones[0]))
         return core.observations.copy(), rewards, dones, infos
 
     def _last_info(self, game: int) -> dict[str, Any]:
@@ -96,8 +106,13 @@ class SB3View(VecEnv):
             "episode": episode | measures,
         }
 
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """The picture of the first game, in mode ``rgb_array``."""
+        return [self._screen.picture()]
+
     def close(self) -> None:
-        """Nothing to close."""
+        """Let go of the film."""
+        self._screen.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """The attribute of this view or of its core, once per game asked for."""
@@ -130,7 +145,12 @@ class SB3View(VecEnv):
 
 
 def make_sb3(
-    view_id: str, n_envs: int = 1, seed: int | None = None, stagger: bool = False, **options: Any
+    view_id: str,
+    n_envs: int = 1,
+    seed: int | None = None,
+    stagger: bool = False,
+    render_mode: str | None = None,
+    **options: Any,
 ) -> SB3View:
     """A native SB3 ``VecEnv`` of N games of an id.
 
@@ -139,10 +159,11 @@ def make_sb3(
         n_envs: how many games, N.
         seed: game i begins with a match of seed + i; None: by chance.
         stagger: cut the first rounds at evenly spread steps, so that a batch mixes phases.
+        render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`: ``scenario``, ``opponent`` or
             ``ally``, ``path``, ``planner``, ``knowledge``, ``jamming_types``, ``threads``.
 
     Raises:
         UserError: something unknown, out of range, or impossible together.
     """
-    return SB3View(OneSided(view_id, n_envs, **options), seed, stagger)
+    return SB3View(OneSided(view_id, n_envs, **options), seed, stagger, render_mode)

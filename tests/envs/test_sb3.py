@@ -20,6 +20,7 @@ from stable_baselines3.common.vec_env import (
     VecFrameStack,
     VecMonitor,
     VecNormalize,
+    VecVideoRecorder,
 )
 
 from fpg_bench import make_sb3
@@ -343,3 +344,19 @@ def test_actions_that_cannot_be_played_are_refused_by_their_game():
 def test_playing_before_the_first_reset_is_refused():
     with pytest.raises(UserError, match="reset before its first step"):
         make().step(rest())
+
+
+def test_the_first_game_can_be_filmed(tmp_path):
+    pytest.importorskip("moviepy", reason="moviepy is in the extra video")
+    view = make_sb3(ALLY, n_envs=2, seed=1, render_mode="rgb_array", scenario=SHORT)
+    filmed = VecVideoRecorder(
+        view, str(tmp_path), record_video_trigger=lambda step: step == 0, video_length=25
+    )
+    filmed.reset()
+    for _ in range(26):
+        filmed.step(np.zeros((2, 9), np.float32))
+    filmed.close()
+    (film,) = tmp_path.glob("*.mp4")
+    assert film.stat().st_size > 10_000
+    with pytest.raises(UserError, match="rgb_array"):
+        make_sb3(ALLY, render_mode="human")
