@@ -1,13 +1,13 @@
 # make benchmark: set up and run the main job. make test: set up and run the tests.
 PYTHON ?= python3
-RESULTS ?= results/benchmark
 STEPS ?= 2000000
+RESULTS ?= results/benchmark$(if $(filter 2000000,$(STEPS)),,-$(STEPS))
 BIN = .venv/bin
 
 .PHONY: benchmark test clean
 
 benchmark: .venv/.ready
-	$(BIN)/fpg-bench train ppo FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo
+	$(BIN)/fpg-bench train ppo FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo --restart
 	$(BIN)/fpg-bench evaluate all-scripted $(RESULTS)/ppo/agent --panel ally-v1 --out $(RESULTS)/ally-v1
 
 test: .venv/.ready

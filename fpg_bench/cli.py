@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import pickle
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -26,8 +27,21 @@ PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; se
 PlannerOption = Annotated[str | None, typer.Option(help="who plans the opponent's path between rounds")]
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from fpg_bench import __version__
+
+        typer.echo(__version__)
+        raise typer.Exit
+
+
 @app.callback()
-def _options(debug: Annotated[bool, typer.Option(help="show the traceback of an error")] = False) -> None:
+def _options(
+    debug: Annotated[bool, typer.Option(help="show the traceback of an error")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="print the version", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
     global _DEBUG
     _DEBUG = debug
 
@@ -60,6 +74,7 @@ def play(
     seed: Annotated[int, typer.Option(help="decides the match")] = 0,
     every: Annotated[int, typer.Option(min=1, help="print every n-th step")] = 10,
     out: Annotated[Path | None, typer.Option(help="write .html, .gif or .mp4 instead of text")] = None,
+    overwrite: Annotated[bool, typer.Option(help="replace a file that is there already")] = False,
 ) -> None:
     """Watch one round of a pairing: as text, a film, or an interactive page."""
     from fpg_bench.envs.watching import watch
@@ -73,9 +88,8 @@ def play(
         seed=seed,
         out=out,
         every=every,
+        overwrite=overwrite,
     )
-    if out is not None:
-        typer.echo(f"wrote {out}")
 
 
 @app.command()
@@ -83,6 +97,7 @@ def train(
     algorithm: Annotated[str, typer.Argument(help="ppo, sac or td3")],
     view_id: Annotated[str, typer.Argument(metavar="ID", help="FPG/AllyVsScripted-v0 and the like")],
     out: Annotated[Path, typer.Option(help="the run's folder")],
+    restart: Annotated[bool, typer.Option(help="begin an unfinished run again")] = False,
     seed: Annotated[int, typer.Option(min=0, help="training seed")] = 0,
     steps: Annotated[int | None, typer.Option(help="budget; default: the hyper-parameter file's")] = None,
     hyperparams: Annotated[Path | None, typer.Option(help="a YAML file of your own")] = None,
@@ -104,6 +119,7 @@ def train(
         seed=seed,
         steps=steps,
         hyperparams=hyperparams,
+        restart=restart,
         scenario=scenario,
         opponent=_listed(opponent),
         ally=_listed(ally),
@@ -122,8 +138,10 @@ def evaluate(
     ],
     panel: Annotated[str, typer.Option(help="a panel's name or YAML file")] = "ally-v1",
     out: Annotated[Path, typer.Option(help="the results folder")] = Path("results"),
-    rounds: Annotated[int | None, typer.Option(help="rounds per entry; default: the panel's")] = None,
-    name: Annotated[str | None, typer.Option(help="what the table calls these players")] = None,
+    rounds: Annotated[
+        int | None, typer.Option(help="rounds per entry, 500 at most; default: the panel's")
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="what the table calls the agents named")] = None,
 ) -> None:
     """Play players against a panel; rows that are in the folder already are not played again."""
     from rich.progress import Progress
@@ -141,6 +159,23 @@ def evaluate(
             progress=lambda who, entry: bar.update(task, description=f"{who.name} - {entry.name}"),
         )
     table(out)
+
+
+@app.command()
+def measure_panel(
+    panel: Annotated[str, typer.Argument(help="a panel's name or YAML file")],
+    rounds: Annotated[int, typer.Option(help="rounds per entry")] = 500,
+) -> None:
+    """Measure the scores that normalise a panel and write them beside its file."""
+    from fpg_bench.evaluation.references import measure_panel as measure
+
+    measure(
+        panel,
+        rounds,
+        lambda entry, found: typer.echo(
+            f"{entry.name:24} reference {found.standard_errors:6.1f} standard errors above random"
+        ),
+    )
 
 
 @app.command()
@@ -182,6 +217,10 @@ def main() -> None:
         _fail("stopped; what was finished is kept", _STOPPED)
     except UserError as error:
         _fail(str(error), 2)
+    except (pickle.UnpicklingError, EOFError):
+        from fpg_bench.game.compiling import cache_folder
+
+        _fail(f"compiled code on disk is damaged; delete {cache_folder()} and try again", 1)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)

@@ -13,6 +13,18 @@ import yaml
 from fpg_bench.errors import UserError
 
 
+class _UniqueKeyLoader(yaml.SafeLoader):
+    """YAML's safe loader, which refuses a key that is written twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [key.value for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
+        for key in {key for key in keys if keys.count(key) > 1}:
+            raise yaml.constructor.ConstructorError(
+                None, None, f"the key {key!r} stands there twice", node.start_mark
+            )
+        return super().construct_mapping(node, deep)
+
+
 def read_yaml(path: Path, what: str) -> dict[str, Any]:
     """The mapping in a YAML file, loaded safely.
 
@@ -20,7 +32,7 @@ def read_yaml(path: Path, what: str) -> dict[str, Any]:
         UserError: the file cannot be read, is not YAML, or holds no mapping; ``what`` begins the message.
     """
     try:
-        content = yaml.safe_load(_read(path, what))
+        content = _UniqueKeyLoader(_read(path, what)).get_single_data()
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         if isinstance(error, UserError):
             raise

@@ -1,4 +1,5 @@
 import json
+import os
 import resource
 import signal
 import subprocess
@@ -7,6 +8,7 @@ import time
 
 import pytest
 
+from fpg_bench import __version__
 from fpg_bench.evaluation.rows import RowFile
 
 TINY = """\
@@ -109,6 +111,36 @@ def test_bad_words_get_one_line_and_a_status(words, message, tmp_path):
     assert message in line
 
 
+def test_version_and_measure_panel(tmp_path):
+    assert fpg("--version").stdout.strip() == __version__
+    entries = "entries: [{ally: idle, path: circle}]"
+    head = "side: opponent\nscenario: standard\nrounds: 5\nreference: adaptive\n"
+    (tmp_path / "mine.yml").write_text(head + entries)
+    found = fpg("measure-panel", "mine.yml", "--rounds", "60", folder=tmp_path)
+    assert found.returncode == 0, found.stderr
+    assert "idle/circle" in found.stdout
+    assert (tmp_path / "mine.scores.json").exists()
+
+
+def test_a_player_that_fails_is_named(tmp_path):
+    source = "class Bad:\n    def predict(self, *a, **k):\n        raise RuntimeError('no idea')\n"
+    (tmp_path / "bad.py").write_text(source)
+    found = fpg("evaluate", "bad:Bad", "--out", "results", folder=tmp_path)
+    assert found.returncode == 2
+    assert found.stderr.strip().endswith("ally Bad: its predict failed: RuntimeError: no idea")
+
+
+def test_damaged_compiled_code_says_what_to_delete(tmp_path):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    words = [sys.executable, "-m", "fpg_bench.cli", "play", "--every", "300"]
+    assert subprocess.run(words, env=environment, capture_output=True).returncode == 0
+    for path in tmp_path.rglob("*.nbc"):
+        path.write_bytes(path.read_bytes()[:100])
+    found = subprocess.run(words, env=environment, capture_output=True, text=True)
+    assert found.returncode == 1
+    assert f"delete {tmp_path}" in found.stderr.splitlines()[-1]
+
+
 def test_debug_shows_the_traceback(tmp_path):
     found = fpg("--debug", "table", "nowhere", folder=tmp_path)
     assert found.returncode != 0
@@ -159,7 +191,7 @@ def test_ctrl_c_while_training_saves_the_model(tmp_path):
 
 
 def test_ctrl_c_while_evaluating_keeps_finished_rows(tmp_path):
-    words = ("evaluate", "all-scripted", "--rounds", "3000", "--out", "results")
+    words = ("evaluate", "all-scripted", "--rounds", "500", "--out", "results")
     process = subprocess.Popen(
         [sys.executable, "-m", "fpg_bench.cli", *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True
     )
@@ -171,5 +203,5 @@ def test_ctrl_c_while_evaluating_keeps_finished_rows(tmp_path):
     error = process.communicate(timeout=60)[1]
     assert process.returncode == 130, error
     whole = rows.read_bytes().splitlines()
-    assert len(whole) >= 3000
+    assert len(whole) >= 500
     assert json.loads(whole[0])["entry"] == "tone/pursuit"

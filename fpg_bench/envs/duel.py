@@ -132,6 +132,8 @@ class Duel:
             draws.derived_keys(key, games["round_key"][game : game + 1].copy(), draws.PLANNER_SEED)
             position = games["opponent_position"][game].copy()
             plan = self.planner.plan(history, position, self._limits, np.random.default_rng(key[0]))  # type: ignore[union-attr]
+            if not isinstance(plan, Plan):
+                raise UserError(f"planner {self.planner!r}: plan must give a Plan, got {type(plan).__name__}")
             self.arena.set_waypoints(game, plan.waypoints)
             self.plans[game] = plan
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Sequence
 from typing import Any
@@ -66,8 +67,10 @@ class OneSided:
         knowledge: str | None = None,
         jamming_types: Any = None,
         threads: int | None = None,
+        **unknown: Any,
     ) -> None:
         self.view = view = find_view(view_id)
+        refuse_unknown(unknown, OneSided.__init__)
         named = {"opponent": opponent, "ally": ally}
         if named[view.side] is not None:
             raise UserError(f"{view.side}: in {view.id} you play the {view.side}; name the {view.other_side}")
@@ -139,6 +142,14 @@ class OneSided:
     def measures(self, game: int) -> dict[str, float | None]:
         """The measures of one game's present round so far."""
         return self.duel.measures(game)
+
+
+def refuse_unknown(options: dict[str, Any], function: Any) -> None:
+    """Raise UserError for options that a function does not have, with the nearest that it has."""
+    known = inspect.signature(function).parameters.values()
+    for name in options:
+        hint = nearest(name, (p.name for p in known if p.kind == p.KEYWORD_ONLY))
+        raise UserError(f"unknown option {name!r}{hint}")
 
 
 def staggered_horizons(count: int, steps: int) -> np.ndarray:

@@ -11,7 +11,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import Entry, Panel, load_panel
 from fpg_bench.evaluation.rows import RowFile
 from fpg_bench.evaluation.runner import Contestant, contestant, play_panel
-from fpg_bench.evaluation.summary import Summary, summarise
+from fpg_bench.evaluation.summary import Summary, check_references, summarise
 from fpg_bench.files import read_json, write_json
 from fpg_bench.players.scripted import SCRIPTED
 
@@ -35,7 +35,7 @@ def evaluate(
         panel_name: a panel's name or YAML file.
         out: the results folder; ``rows.jsonl`` grows as rounds end.
         rounds: rounds per entry and training seed; None: the panel's own.
-        name: what rows and tables call the players given; None: their own names.
+        name: what rows and tables call the players given; None: their own names. Not a script's name.
         progress: called before each entry.
 
     Returns:
@@ -46,6 +46,7 @@ def evaluate(
     """
     out = Path(out)
     panel = _with_rounds(load_panel(panel_name), rounds)
+    check_references(panel)
     specs = [s for player in players for s in (SCRIPTED[panel.side] if player == ALL_SCRIPTED else [player])]
     contestants = [contestant(spec, panel.side, panel, name) for spec in specs]
     _claim(out, panel, panel_name)
@@ -79,7 +80,8 @@ def _with_rounds(panel: Panel, rounds: int | None) -> Panel:
 def _claim(out: Path, panel: Panel, panel_name: str) -> None:
     """Say in the folder which panel its rows are of; refuse a folder of another."""
     path = out / "evaluation.json"
-    if path.exists():
+    rows = out / "rows.jsonl"
+    if path.exists() and rows.exists() and rows.stat().st_size:
         found = read_json(path, "results")
         if found.get("panel_hash") != panel.hash:
             raise UserError(

@@ -49,7 +49,8 @@ class Reference:
     def standard_errors(self) -> float:
         """By how many standard errors of their paired difference the reference lies above random."""
         difference = np.subtract(self.reference, self.random)
-        return float(difference.mean() / difference.std(ddof=1) * np.sqrt(len(difference)))
+        error = difference.std(ddof=1) / np.sqrt(len(difference))
+        return float(difference.mean() / error) if error > 0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -105,10 +106,7 @@ def load_panel(name: str, references: bool = True) -> Panel:
     Raises:
         UserError: no such panel or file, or an entry or value that cannot be played.
     """
-    known = [path.stem for path in PANEL_FOLDER.glob("*.yml")]
-    path = Path(name) if name.endswith((".yml", ".yaml")) else PANEL_FOLDER / f"{name}.yml"
-    if name not in known and not path.is_file():
-        raise UserError(f"unknown panel {name!r}{nearest(name, known)}")
+    path = panel_file(name)
     content = read_yaml(path, "panel")
     if set(content) != _KEYS:
         raise UserError(
@@ -128,9 +126,26 @@ def load_panel(name: str, references: bool = True) -> Panel:
         reference=str(content["reference"]),
         entries=_entries(content["entries"], other, path),
     )
-    for entry in panel.entries:
-        panel.entry_scenario(entry)
+    try:
+        for entry in panel.entries:
+            panel.entry_scenario(entry)
+    except UserError as error:
+        raise UserError(f"panel {path}: {error}") from error
     return dataclasses.replace(panel, references=_references(path, panel)) if references else panel
+
+
+def panel_file(name: str) -> Path:
+    """The YAML file of a panel's name, or the file that is named itself.
+
+    Raises:
+        UserError: no such panel or file.
+    """
+    path = Path(name) if name.endswith((".yml", ".yaml")) else PANEL_FOLDER / f"{name}.yml"
+    if not path.is_file():
+        raise UserError(
+            f"unknown panel {name!r}{nearest(name, [p.stem for p in PANEL_FOLDER.glob('*.yml')])}"
+        )
+    return path
 
 
 def scores_file(path: Path) -> Path:
@@ -154,7 +169,7 @@ def _references(path: Path, panel: Panel) -> dict[str, Reference] | None:
         return None
     content = read_json(file, "reference scores")
     if content["panel_hash"] != panel.hash:
-        raise UserError(f"{file}: measured for another panel; run scripts/measure_panels.py {panel.name}")
+        raise UserError(f"{file}: measured for another panel; run fpg-bench measure-panel {path} first")
     return {
         name: Reference(tuple(scores["random"]), tuple(scores["reference"]))
         for name, scores in content["entries"].items()

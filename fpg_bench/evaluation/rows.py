@@ -70,6 +70,8 @@ class RowFile:
                 row = json.loads(line)
             except ValueError as error:
                 raise UserError(f"rows {self.path}: line {number} is no row: {error}") from error
+            if not isinstance(row, dict):
+                raise UserError(f"rows {self.path}: line {number} is no row: {row!r}")
             yield row, end
 
     def _cut_torn_line(self) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +19,7 @@ from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.game.state import TALLY
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import Player
+from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.players.seat import Seat
 
 TALLIES = tuple(TALLY.names or ())
@@ -30,9 +34,14 @@ class Contestant:
     training_seed: int | None = None
 
     def fingerprint(self, player: Player) -> str:
-        """What tells two players of one name apart: an agent's policy hash, else the name's own word."""
+        """What tells two players of one name apart: the hash of a policy or source file, else the word."""
         about = getattr(player, "about", None)
-        return about["policy_sha256"] if isinstance(about, dict) else str(self.spec)
+        if isinstance(about, dict):
+            return str(about["policy_sha256"])
+        module = sys.modules.get(str(self.spec).partition(":")[0])
+        if ":" in str(self.spec) and module is not None and module.__file__ is not None:
+            return hashlib.sha256(Path(module.__file__).read_bytes()).hexdigest()
+        return str(self.spec)
 
 
 def contestant(spec: Any, side: str, panel: Panel, name: str | None = None) -> Contestant:
@@ -42,6 +51,8 @@ def contestant(spec: Any, side: str, panel: Panel, name: str | None = None) -> C
         UserError: no such player, one of the other side, or an oracle.
     """
     player = as_player(spec, side, panel.scenario)
+    if name in SCRIPTED[side] and spec != name:
+        raise UserError(f"name {name!r}: is a script's; call {spec!r} otherwise")
     if getattr(player, "sees", "") == "state":
         raise UserError(f"{side} {spec!r}: sees the full state, which no panel allows")
     about = getattr(player, "about", None)
@@ -80,7 +91,9 @@ def play_panel(
 def _rounds_done(file: RowFile, head: dict[str, Any]) -> dict[str, set[tuple[int, int]]]:
     """Which rounds (seed, round) of each entry the file holds of this contestant."""
     done: dict[str, set[tuple[int, int]]] = {}
-    for row in file.read():
+    for number, row in enumerate(file.read(), 1):
+        if not head.keys() | {"entry", "seed", "round"} <= row.keys():
+            raise UserError(f"rows {file.path}: line {number} is no row of a round")
         if row["panel_hash"] != head["panel_hash"]:
             raise UserError(
                 f"rows {file.path}: hold rows of another panel or scenario "
@@ -90,8 +103,8 @@ def _rounds_done(file: RowFile, head: dict[str, Any]) -> dict[str, set[tuple[int
             continue
         if row["fingerprint"] != head["fingerprint"]:
             raise UserError(
-                f"rows {file.path}: hold rows of another {head['player']!r} (another policy); "
-                "give this one another name or write to another folder"
+                f"rows {file.path}: hold rows of another {head['player']!r} (another policy, or its file has "
+                "changed); give this one another name or write to another folder"
             )
         done.setdefault(row["entry"], set()).add((row["seed"], row["round"]))
     return done

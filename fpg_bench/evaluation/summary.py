@@ -46,15 +46,23 @@ def summarise(rows: list[Row], panel: Panel) -> list[Summary]:
     Raises:
         UserError: the panel has no reference scores.
     """
-    if panel.references is None:
-        raise UserError(
-            f"panel {panel.name}: has no reference scores; measure them with scripts/measure_panels.py"
-        )
+    check_references(panel)
     groups: dict[str, dict[Any, list[Row]]] = {}
     for row in rows:
         groups.setdefault(row["player"], {}).setdefault(row["training_seed"], []).append(row)
     found = [_summary(name, by_seed, panel) for name, by_seed in groups.items()]
     return sorted((s for s in found if s is not None), key=lambda s: -s.score.value)
+
+
+def check_references(panel: Panel) -> None:
+    """Raise UserError where a panel's scores can't be normalised: not measured, or for fewer rounds."""
+    if panel.references is None:
+        raise UserError(f"panel {panel.name}: has no reference scores; run fpg-bench measure-panel first")
+    measured = min(len(reference.random) for reference in panel.references.values())
+    if panel.rounds > measured:
+        raise UserError(
+            f"rounds: at most {measured} on panel {panel.name} (its reference scores), got {panel.rounds}"
+        )
 
 
 def _summary(name: str, by_seed: dict[Any, list[Row]], panel: Panel) -> Summary | None:

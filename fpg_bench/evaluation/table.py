@@ -16,7 +16,6 @@ from fpg_bench.files import write_whole
 _MEASURES = (
     ("overlap %", "overlap_ratio", 100, 1),
     ("jammed %", "jamming_success_rate", 100, 1),
-    ("outage %", "outage", 100, 1),
     ("hops %", "hop_rate", 100, 1),
     ("spread %", "spread_ratio", 100, 1),
     ("within 30 m %", "near_ratio", 100, 1),
@@ -35,7 +34,7 @@ def headings(side: str) -> list[str]:
 def cells(summary: Summary, side: str) -> list[str]:
     """One line of the table."""
     s, score = summary, summary.score
-    marked = " †" if s.training_seeds == 1 else ""
+    marked = " †" if 0 < s.training_seeds < 3 else ""
     worst = min(s.entries, key=lambda name: s.entries[name])
     return [
         s.player,
@@ -56,10 +55,10 @@ def caption(panel: Panel) -> str:
     """What the table's numbers are."""
     return (
         f"Panel {panel.name} ({panel.hash[:12]}), {panel.rounds} rounds per entry and training seed. "
-        f"Score: IQM over the {len(panel.entries)} entries of the normalised return, 0 = random, "
-        f"100 = {panel.reference}. "
+        f"Score: interquartile mean (IQM) over the {len(panel.entries)} entries of the normalised "
+        f"return, 0 = random, 100 = {panel.reference}. "
         "Intervals: 95 %, over training seeds; for scripts over evaluation seeds; "
-        "† one training seed, over rounds."
+        "† fewer than three training seeds (one: over rounds)."
     )
 
 

@@ -185,10 +185,9 @@ class Scenario:
         """
         path = Path(path)
         changes = read_yaml(path, "scenario")
-        start = preset(str(changes.pop("preset", "standard")))
         known = [spec.name for spec in fields(cls)]
         for key in changes:
-            if key not in known:
+            if key not in (*known, "preset"):
                 raise ScenarioError(f"scenario {path}: unknown key {key!r}{nearest(str(key), known)}")
         knowledge = changes.get("knowledge")
         if (
@@ -198,7 +197,7 @@ class Scenario:
         ):
             changes["knowledge"] = str(path.parent / knowledge)
         try:
-            return dataclasses.replace(start, **changes)
+            return dataclasses.replace(preset(str(changes.pop("preset", "standard"))), **changes)
         except ScenarioError as error:
             raise ScenarioError(f"scenario {path}: {error}") from error
 

@@ -38,7 +38,8 @@ def checked(spec: dataclasses.Field, value: Any) -> Any:
 
 def _checked_number(name: str, value: Any, low: float, high: float, whole: bool) -> Any:
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        raise ScenarioError(f"{name}: expected a number, got {value!r}")
+        hint = " (YAML reads 1e2 as a word: write 100.0 or 1.0e+2)" if isinstance(value, str) else ""
+        raise ScenarioError(f"{name}: expected a number, got {value!r}{hint}")
     number: Any = value  # mypy knows no order of numbers.Real
     if not low <= number <= high:  # NaN too
         raise ScenarioError(f"{name}: {value!r} is outside [{low:g}, {high:g}]")
@@ -79,7 +80,7 @@ def _checked_paths(name: str, value: Any) -> str | tuple[str, ...]:
 
 
 def _checked_curve(name: str, value: Any) -> tuple[tuple[float, ...], ...] | None:
-    if value is None:
+    if value is None or value == "none":
         return None
     if not isinstance(value, list | tuple) or len(value) != 4:
         raise ScenarioError(f"{name}: expected four control points or null, got {value!r}")
@@ -90,7 +91,7 @@ def _checked_curve(name: str, value: Any) -> tuple[tuple[float, ...], ...] | Non
 
 
 def _checked_cap(name: str, value: Any) -> float | None:
-    return None if value is None else _checked_number(name, value, -1000, 1000, False)
+    return None if value in (None, "none") else _checked_number(name, value, -1000, 1000, False)
 
 
 def _checked_knowledge(name: str, value: Any) -> str:

@@ -143,7 +143,13 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
     Raises:
         UserError: neither exists.
     """
+    if os.fspath(name).endswith(".zip"):
+        raise UserError(
+            f"agent {os.fspath(name)!r}: SB3's zip holds pickled code; name the run's agent folder"
+        )
     for folder in (Path(name), baselines_folder() / "agents" / name):
+        if (folder / "agent" / "agent.json").is_file():
+            raise UserError(f"agent {os.fspath(name)!r}: is a run's folder; the agent is {folder / 'agent'}")
         if folder.is_dir():
             return folder
     raise UserError(f"agent {os.fspath(name)!r}: neither a shipped agent nor a folder")

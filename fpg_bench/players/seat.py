@@ -58,7 +58,7 @@ class Seat:
         """The side's actions ``(N, 9)`` on the present observations.
 
         Raises:
-            UserError: a player answers with another shape.
+            UserError: a player fails, or answers with another shape.
         """
         actions = self._ask(0)
         for index in range(1, len(self.players)):
@@ -71,13 +71,16 @@ class Seat:
     def _ask(self, index: int) -> np.ndarray:
         player = self.players[index]
         seen = full_state(self._arena) if getattr(player, "sees", "") == "state" else self._observations
-        actions, self._memories[index] = player.predict(
-            seen, self._memories[index], self._starts, self._deterministic
-        )
+        memory = self._memories[index]
+        try:
+            actions, self._memories[index] = player.predict(seen, memory, self._starts, self._deterministic)
+        except Exception as error:  # a player is anybody's code
+            name, kind = type(player).__name__, type(error).__name__
+            raise UserError(f"{self.side} {name}: its predict failed: {kind}: {error}") from error
         shape = getattr(actions, "shape", type(actions).__name__)
         if shape != (self._arena.count, ACTION_SIZE):
             raise UserError(
-                f"{self.side} {player!r}: answered with actions of shape {shape}, "
+                f"{self.side} {type(player).__name__}: answered with actions of shape {shape}, "
                 f"expected {(self._arena.count, ACTION_SIZE)}"
             )
         return actions

@@ -42,6 +42,7 @@ def train(
     steps: int | None = None,
     hyperparams: str | Path | None = None,
     progress: bool = True,
+    restart: bool = False,
     **options: Any,
 ) -> Path:
     """Train an algorithm on an id and export the agent.
@@ -57,6 +58,7 @@ def train(
         steps: the budget over all games; None: the hyper-parameter file's.
         hyperparams: a YAML file of one's own; None: the shipped one.
         progress: whether to draw a bar, or print lines where standard output is no terminal.
+        restart: whether to begin an unfinished run of the folder again, from the start.
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
 
     Returns:
@@ -76,7 +78,7 @@ def train(
     budget = parameters.n_timesteps if steps is None else steps
     games = make_sb3(view_id, parameters.n_envs, training_seed(seed), stagger=True, **options)
     about = _about(algorithm, games, seed, budget, parameters, options)
-    if _is_finished(out, about):
+    if _is_finished(out, about, restart):
         return out / "agent"
     write_json(out / "run.json", about | {"finished": False})
     model = make_model(algorithm, games, parameters, seed)
@@ -156,7 +158,7 @@ def _about(
     }
 
 
-def _is_finished(out: Path, about: dict[str, Any]) -> bool:
+def _is_finished(out: Path, about: dict[str, Any], restart: bool) -> bool:
     """Whether the folder holds this very run, finished; refuses to overwrite any other."""
     if not (out / "run.json").exists():
         if out.exists() and os.listdir(out):
@@ -168,6 +170,8 @@ def _is_finished(out: Path, about: dict[str, Any]) -> bool:
             f"{out}: holds another run ({found.get('command')}), or this one with other hyper-parameters; "
             "choose another folder"
         )
-    if not found.get("finished"):
-        raise UserError(f"{out}: holds this run unfinished; delete it, or choose another folder")
-    return True
+    if not found.get("finished") and not restart:
+        raise UserError(
+            f"{out}: holds this run unfinished; begin it again with --restart, or choose another folder"
+        )
+    return bool(found.get("finished"))

@@ -285,7 +285,7 @@ def test_an_unknown_scenario_key_is_refused_with_the_nearest(tmp_path):
 
 
 def test_an_unknown_keyword_is_named():
-    with pytest.raises(TypeError, match="'oponent'"):
+    with pytest.raises(UserError, match="'oponent'; did you mean 'opponent'"):
         gymnasium.make(ALLY, oponent="tone")
 
 

@@ -130,6 +130,37 @@ def test_evaluate_and_tables(tmp_path):
         evaluate(["expert"], "ally-v1", tmp_path, rounds=3)
 
 
+def test_a_failed_evaluation_claims_no_folder(tmp_path):
+    (tmp_path / "evaluation.json").write_text('{"panel": "opponent-v1", "panel_hash": "0", "rounds": 2}')
+    (tmp_path / "rows.jsonl").touch()
+    assert evaluate(["idle"], "ally-v1", tmp_path, rounds=1)
+
+
+def test_code_that_has_changed_is_not_taken_for_what_was_played(panel, tmp_path, monkeypatch):
+    source = tmp_path / "wobbly.py"
+    source.write_text(
+        "from fpg_bench.players.scripted import Scripted\n\ndef mine(s): return Scripted('ally', 'idle', s)\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    play(panel, tmp_path / "rows.jsonl", "wobbly:mine")
+    play(panel, tmp_path / "rows.jsonl", "wobbly:mine")
+    source.write_text(source.read_text() + "\n# changed\n")
+    with pytest.raises(UserError, match="its file has changed"):
+        play(panel, tmp_path / "rows.jsonl", "wobbly:mine")
+
+
+def test_no_agent_goes_by_the_name_of_a_script(panel):
+    with pytest.raises(UserError, match="is a script's"):
+        contestant("idle", "ally", panel, name="expert")
+
+
+@pytest.mark.parametrize("line", ["[1]", '{"x": 1}'])
+def test_lines_that_are_no_rows(panel, tmp_path, line):
+    (tmp_path / "rows.jsonl").write_text(line + "\n")
+    with pytest.raises(UserError, match="line 1 is no row"):
+        play(panel, tmp_path / "rows.jsonl")
+
+
 def test_opponent_panels_score_the_opponent(tmp_path):
     best, last = evaluate(["adaptive", "random"], "opponent-learned-v1", tmp_path, rounds=2)
     assert best.player == "adaptive"

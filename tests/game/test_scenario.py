@@ -59,7 +59,7 @@ REFUSED = {
     "snr_scale_db": [0, 1e6],
     "age_scale_s": [0, 1e6],
     "check_scale_s": [0, 1e6],
-    "snr_cap_db": [-1001, 1001, "none"],
+    "snr_cap_db": [-1001, 1001, "many"],
     "hop_cost": [-1, 1e7],
     "spread_cost_from_s": [(-1, 10, 20, 40), (0, 10, 20, 1e6)],
     "spread_cost_per_s": [(-1, 1, 1, 1), (1e5, 1, 1, 1)],

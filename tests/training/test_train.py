@@ -80,6 +80,8 @@ def test_a_finished_run_is_not_repeated_and_no_other_overwritten(run, tmp_path):
     (tmp_path / "run.json").write_text(json.dumps(about))
     with pytest.raises(UserError, match="unfinished"):
         train("ppo", "FPG/AllyVsScripted-v0", tmp_path, seed=3, **options)
+    train("ppo", "FPG/AllyVsScripted-v0", tmp_path, seed=3, restart=True, **options)
+    assert json.loads((tmp_path / "run.json").read_text())["finished"]
     with pytest.raises(UserError, match="no run's folder"):
         train("ppo", "FPG/AllyVsScripted-v0", run.parent, seed=3, **options)
 
