@@ -12,9 +12,8 @@ from fpg_bench.evaluation.panel import Panel
 from fpg_bench.evaluation.rows import Row
 from fpg_bench.evaluation.runner import TALLIES
 from fpg_bench.evaluation.statistics import Interval, iqm_interval
-from fpg_bench.game.measures import measures
-
-_GREATEST = "longest_outage"
+from fpg_bench.game.measures import measures, pool
+from fpg_bench.game.state import TALLY
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ def _scores(rows: list[Row], panel: Panel) -> np.ndarray | None:
 
 def _pooled(rows: list[Row]) -> dict[str, float | None]:
     """The measures over all rows; sums pooled, both returns as means a round."""
-    tally = {name: (max if name == _GREATEST else sum)(row[name] for row in rows) for name in TALLIES}
+    tally = pool(np.array([tuple(row[name] for name in TALLIES) for row in rows], TALLY))
     histogram = np.array([[row["ally_points"], row["jam_points"]] for row in rows]).sum(axis=0)
     found = measures(tally, histogram)
     return found | {f"{side}_return": tally[f"{side}_return"] / len(rows) for side in ("ally", "opponent")}
