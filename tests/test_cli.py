@@ -169,15 +169,21 @@ def test_a_file_that_cannot_grow_is_one_line_and_keeps_what_it_holds(tmp_path):
     assert len({(row["entry"], row["seed"]) for row in rows}) == len(rows) == 200
 
 
-def test_ctrl_c_while_training_saves_the_model(tmp_path):
-    words = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "run", "--steps", "100000000")
-    process = subprocess.Popen(
+def started(*words, folder):
+    """The command in a process that hears Ctrl-C, also where the tests run in the background and do not."""
+    return subprocess.Popen(
         [sys.executable, "-m", "fpg_bench.cli", *words],
-        cwd=tmp_path,
+        cwd=folder,
         stderr=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
+
+
+def test_ctrl_c_while_training_saves_the_model(tmp_path):
+    words = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "run", "--steps", "100000000")
+    process = started(*words, folder=tmp_path)
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob("run/events*")) and time.monotonic() < deadline:
         time.sleep(0.2)
@@ -192,9 +198,7 @@ def test_ctrl_c_while_training_saves_the_model(tmp_path):
 
 def test_ctrl_c_while_evaluating_keeps_finished_rows(tmp_path):
     words = ("evaluate", "all-scripted", "--rounds", "500", "--out", "results")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "fpg_bench.cli", *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True
-    )
+    process = started(*words, folder=tmp_path)
     rows = tmp_path / "results" / "rows.jsonl"
     deadline = time.monotonic() + 120
     while not (rows.exists() and rows.stat().st_size) and time.monotonic() < deadline:
