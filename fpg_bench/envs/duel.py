@@ -80,10 +80,7 @@ class Duel:
         self.arena.check_reset(mask, horizons)
         if self.planner is not None:
             self._remember(mask)
-        if seeds is None and new_match:
-            games = self.arena.games
-            games["round"][mask] = self.scenario.rounds_per_match  # past the last: the next match begins
-        self.arena.reset(mask, seeds, horizons)
+        self.arena.reset(mask, seeds, horizons, new_match)
         if self.planner is not None:
             self._plan(mask)
         return mask

@@ -12,10 +12,9 @@ from tqdm import tqdm
 
 from fpg_bench.envs.picture import HEIGHT, WIDTH, Picture
 from fpg_bench.envs.recording import Recording
+from fpg_bench.envs.screen import FRAMES_PER_SECOND
 from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
-
-FRAMES_PER_SECOND = 10
 
 
 def check_mp4() -> None:

@@ -12,7 +12,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 from fpg_bench.envs.duel import make_duel
 from fpg_bench.envs.one_sided import action_space, first_seeds, observation_space
-from fpg_bench.envs.screen import RENDER_MODES, Screen
+from fpg_bench.envs.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen
 from fpg_bench.errors import UserError
 from fpg_bench.game.arena import ActionError
 from fpg_bench.game.full_state import FULL_STATE_SIZE
@@ -34,7 +34,7 @@ class DuelView(ParallelEnv):
     metadata: ClassVar[dict[str, Any]] = {
         "name": "duel_v0",
         "render_modes": list(RENDER_MODES),
-        "render_fps": 10,
+        "render_fps": FRAMES_PER_SECOND,
         "is_parallelizable": True,
     }
 

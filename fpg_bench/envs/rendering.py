@@ -6,10 +6,9 @@ import numpy as np
 
 from fpg_bench.envs.picture import Picture
 from fpg_bench.envs.recording import Recording
+from fpg_bench.envs.screen import FRAMES_PER_SECOND
 from fpg_bench.envs.window import Window
 from fpg_bench.game.arena import Arena
-
-FRAMES_PER_SECOND = 10
 
 
 class Renderer:

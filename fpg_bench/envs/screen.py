@@ -10,6 +10,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.game.arena import Arena
 
 RENDER_MODES = ("rgb_array", "human")
+FRAMES_PER_SECOND = 10  # of windows and films
 
 
 class Screen:

@@ -8,9 +8,9 @@ import gymnasium
 import numpy as np
 
 from fpg_bench.envs.one_sided import OneSided, action_space, first_seeds, observation_space
-from fpg_bench.envs.screen import RENDER_MODES, Screen
+from fpg_bench.envs.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen
 from fpg_bench.errors import UserError
-from fpg_bench.game.arena import ActionError
+from fpg_bench.game.arena import ActionError, described
 from fpg_bench.game.state import ACTION_SIZE
 
 
@@ -27,7 +27,7 @@ class SingleView(gymnasium.Env):
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
     """
 
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 10}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FRAMES_PER_SECOND}  # noqa: RUF012
 
     def __init__(self, view_id: str, render_mode: str | None = None, **options: Any) -> None:
         self.core = OneSided(view_id, 1, **options)
@@ -62,10 +62,9 @@ class SingleView(gymnasium.Env):
         """
         core = self.core
         if not isinstance(action, np.ndarray) or action.shape != (ACTION_SIZE,) or action.dtype.kind != "f":
-            found = (
-                f"{action.dtype} {action.shape}" if isinstance(action, np.ndarray) else type(action).__name__
+            raise ActionError(
+                f"action: expected a float array of shape ({ACTION_SIZE},), got {described(action)}"
             )
-            raise ActionError(f"action: expected a float array of shape ({ACTION_SIZE},), got {found}")
         if not self._begun or core.truncated[0]:
             raise UserError("step: the round is over; call reset first")
         self._actions[0] = action

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import json
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,23 @@ class RowFile:
         Raises:
             UserError: the file cannot be read, or a line that is not the last is not a row.
         """
-        return [row for row, _ in self._lines()]
+        try:
+            data = self.path.read_bytes() if self.path.exists() else b""
+        except OSError as error:
+            raise UserError(f"rows {self.path}: cannot be read: {error.strerror}") from error
+        lines = data.splitlines(keepends=True)
+        if lines and not lines[-1].endswith(b"\n"):
+            lines.pop()  # torn: the run that wrote it was stopped
+        return [self._row(number, line) for number, line in enumerate(lines, 1)]
+
+    def _row(self, number: int, line: bytes) -> Row:
+        try:
+            row = json.loads(line)
+        except ValueError as error:
+            raise UserError(f"rows {self.path}: line {number} is no row: {error}") from error
+        if not isinstance(row, dict):
+            raise UserError(f"rows {self.path}: line {number} is no row: {row!r}")
+        return row
 
     def append(self, rows: Iterable[Row]) -> None:
         """Add rows in one write and flush them; a torn last line is cut off first."""
@@ -55,30 +72,12 @@ class RowFile:
                 raise UserError(f"rows {self.path}: another process is writing them") from error
             yield
 
-    def _lines(self) -> Iterator[tuple[Row, int]]:
-        """Each whole row and where its line ends in the file."""
-        try:
-            data = self.path.read_bytes() if self.path.exists() else b""
-        except OSError as error:
-            raise UserError(f"rows {self.path}: cannot be read: {error.strerror}") from error
-        end = 0
-        for number, line in enumerate(data.splitlines(keepends=True), 1):
-            end += len(line)
-            if not line.endswith(b"\n"):
-                return  # torn: the run that wrote it was stopped
-            try:
-                row = json.loads(line)
-            except ValueError as error:
-                raise UserError(f"rows {self.path}: line {number} is no row: {error}") from error
-            if not isinstance(row, dict):
-                raise UserError(f"rows {self.path}: line {number} is no row: {row!r}")
-            yield row, end
-
     def _cut_torn_line(self) -> None:
-        if not self.path.exists():
+        """Cut off a last line that was not written whole; whole files are only looked at their end."""
+        if not self.path.exists() or not self.path.stat().st_size:
             return
-        data = self.path.read_bytes()
-        whole = data.rfind(b"\n") + 1
-        if whole < len(data):
-            with self.path.open("r+b") as file:
-                file.truncate(whole)
+        with self.path.open("r+b") as file:
+            file.seek(-1, os.SEEK_END)
+            if file.read(1) != b"\n":
+                file.seek(0)
+                file.truncate(file.read().rfind(b"\n") + 1)

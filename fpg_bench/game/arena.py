@@ -86,6 +86,7 @@ class Arena:
         mask: np.ndarray | None = None,
         seeds: Any = None,
         horizons: np.ndarray | None = None,
+        new_match: bool = False,
     ) -> None:
         """Begin rounds: new matches where ``seeds`` are given, else the next round of each match.
 
@@ -95,6 +96,7 @@ class Arena:
             mask: ``(N,)`` bool, the games to begin; None: all.
             seeds: None, or ``(N,)`` whole numbers in [0, 2^63); those of masked games are read.
             horizons: ``(N,)`` whole numbers: the step at which this round is cut; None: the scenario's.
+            new_match: without ``seeds``: leave the present match and begin the seed's next one.
 
         Raises:
             UserError: a seed or horizon out of range, a mask of another shape, or a first call that has no
@@ -111,7 +113,9 @@ class Arena:
             games["round"][mask] = 0
         else:
             games["round"][mask] += 1
-            self.next_match(mask & (games["round"] >= self.scenario.rounds_per_match))
+            over = mask & (new_match | (games["round"] >= self.scenario.rounds_per_match))
+            games["match"][over] += 1
+            games["round"][over] = 0
         games["horizon"][mask] = (
             self.scenario.steps_per_round if horizons is None else np.asarray(horizons)[mask]
         )
@@ -129,11 +133,6 @@ class Arena:
         longest = self.scenario.steps_per_round
         if horizons is not None and not (np.min(horizons) >= 1 and np.max(horizons) <= longest):
             raise UserError(f"reset: expected horizons of 1 to {longest} steps, got {horizons!r}")
-
-    def next_match(self, mask: np.ndarray) -> None:
-        """Put the masked games at the first round of their seed's next match (:meth:`reset` begins it)."""
-        self.games["match"][mask] += 1
-        self.games["round"][mask] = 0
 
     def step(self, ally_actions: np.ndarray, opponent_actions: np.ndarray) -> None:
         """Play one step of every game whose round is not over; the others stay as they are.
@@ -169,12 +168,8 @@ class Arena:
 
     def _load(self, target: np.ndarray, actions: np.ndarray, side: str) -> None:
         if not isinstance(actions, np.ndarray) or actions.dtype.kind != "f" or actions.shape != target.shape:
-            found = (
-                f"{actions.dtype} {actions.shape}"
-                if isinstance(actions, np.ndarray)
-                else type(actions).__name__
-            )
-            raise ActionError(f"{side} actions: expected a float array of shape {target.shape}, got {found}")
+            expected = f"expected a float array of shape {target.shape}"
+            raise ActionError(f"{side} actions: {expected}, got {described(actions)}")
         target[...] = actions
         if not kernel.clip_actions(target.ravel()):
             target[...] = actions
@@ -210,6 +205,12 @@ class Arena:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._bind()
+
+
+def described(actions: Any) -> str:
+    """What was handed over instead of actions, for an error: dtype and shape, else the type."""
+    is_array = isinstance(actions, np.ndarray)
+    return f"{actions.dtype} {actions.shape}" if is_array else type(actions).__name__
 
 
 def check_seeds(seeds: Any, count: int) -> np.ndarray:

@@ -69,11 +69,11 @@ def test_neighbouring_games_never_replay_each_others_matches():
 def test_a_new_match_can_begin_early():
     arena = begin(TEN, games=3)
     before = arena.games["control_points"].copy()
-    arena.next_match(np.array([False, True, False]))
-    arena.reset(np.array([False, True, False]), horizons=None)
+    arena.reset(np.array([False, True, False]), new_match=True)
     changed = (arena.games["control_points"] != before).any(axis=(1, 2))
     assert changed.tolist() == [False, True, False]
     assert arena.games["match"].tolist() == [0, 1, 0]
+    assert arena.games["round"].tolist() == [0, 0, 0]
 
 
 def test_a_seed_begins_its_first_match_again():
