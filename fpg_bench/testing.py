@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.envs.duel import Duel
+from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.planning import Limits, as_planner
+from fpg_bench.planning import TIERS, Limits, Request, as_planner, plan_all
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.scripted import Scripted, player_seeds
@@ -27,7 +28,6 @@ from fpg_bench.players.seat import Seat
 GAMES = 7
 STEPS = 40
 TORCH_TOLERANCE = 1e-4  # torch's last bits move with the batch size
-TIERS = ("none", "history", "ally")
 _SPARRING = {"ally": ("opponent", "adaptive"), "opponent": ("ally", "expert")}
 
 
@@ -62,7 +62,7 @@ def check_planner(planner: Any, scenario: Scenario | str | None = None) -> None:
     """Check that a planner keeps to the contract of :class:`fpg_bench.planning.Planner`.
 
     It must name its tier and answer with finite waypoints ``(n, 3)`` inside the box, the same for the
-    same generator, without and with a history, which it must leave as it is. It plans four times.
+    same generator, without and with a history, which it must leave as it is, alone or in a batch. It plans six times.
 
     Args:
         planner: a planner, or its name.
@@ -252,25 +252,33 @@ def _holds_torch(player: Any) -> bool:
 
 def _check_plan(planner: Any, history: np.ndarray, position: np.ndarray, limits: Limits) -> None:
     past, here = history.copy(), position.copy()
-    waypoints = _planned(planner, past, here, limits)
+    (waypoints,) = _planned(planner, past, here, limits, games=1)
     _require((past == history).all(), "planner: plan changed the history; work on a copy")
     _require((here == position).all(), "planner: plan changed the current position; work on a copy")
-    after = f"after {len(history)} rounds"
-    again = _planned(planner, past, here, limits)
-    _require(
-        (waypoints == again).all(),
-        f"planner: the same generator gave another plan {after}; draw from rng only",
-    )
+    for again in _planned(planner, past, here, limits, games=2):
+        _require(
+            (waypoints == again).all(),
+            f"planner: the same generator gave another plan after {len(history)} rounds; draw from rng only",
+        )
 
 
-def _planned(planner: Any, history: np.ndarray, position: np.ndarray, limits: Limits) -> np.ndarray:
-    """The waypoints of one plan, checked."""
-    after = f"after {len(history)} rounds"
-    plan = planner.plan(history, position, limits, np.random.default_rng(5))
-    _require(
-        hasattr(plan, "waypoints"),
-        f"planner: plan returned {type(plan).__name__}; return a fpg_bench.planning.Plan",
-    )
+def _planned(
+    planner: Any, history: np.ndarray, position: np.ndarray, limits: Limits, games: int
+) -> list[np.ndarray]:
+    """The waypoints of some plans for the same situation, checked."""
+    path = np.linspace(0, limits.box_m, limits.round_s + 1) if planner.tier == "ally" else None
+    requests = [
+        Request(history, position, limits, np.random.default_rng(5), round=len(history), ally_path=path)
+        for _ in range(games)
+    ]
+    try:
+        plans = plan_all(planner, requests)
+    except UserError as error:
+        raise AssertionError(f"{error}; return a fpg_bench.planning.Plan") from error
+    return [_checked_waypoints(plan, limits, f"after {len(history)} rounds") for plan in plans]
+
+
+def _checked_waypoints(plan: Any, limits: Limits, after: str) -> np.ndarray:
     waypoints, shape = np.asarray(plan.waypoints), (limits.waypoints, 3)
     _require(
         waypoints.shape == shape, f"planner: waypoints are {waypoints.shape} {after}; return shape {shape}"

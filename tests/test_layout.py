@@ -21,6 +21,7 @@ FLOORS = {
     "errors": 0,
     "files": 0,
     "ids": 0,
+    "imports": 0,
     "game": 1,
     "players": 2,
     "planning": 2,

@@ -250,7 +250,7 @@ BROKEN_PLANNERS = [
     (Moody, "same generator gave another plan"),
     (Revisionist, "changed the history"),
     (Mover, "changed the current position"),
-    (Naked, "plan returned ndarray; return a fpg_bench.planning.Plan"),
+    (Naked, "plan must give a Plan, got ndarray; return a fpg_bench.planning.Plan"),
     (Tierless, "tier is 'best'; set it to one of none, history, ally"),
 ]
 

@@ -12,7 +12,7 @@ from fpg_bench.game.arena import Arena
 from fpg_bench.game.full_state import full_state
 from fpg_bench.game.measures import measures, pool
 from fpg_bench.game.scenario import Scenario, as_scenario
-from fpg_bench.planning import Limits, Plan, Planner, as_planner
+from fpg_bench.planning import Limits, Plan, Planner, Request, as_planner, plan_all
 
 
 class DuelStep(NamedTuple):
@@ -120,19 +120,29 @@ class Duel:
             self._histories[game].append(self.arena.segments[game].copy())
 
     def _plan(self, mask: np.ndarray) -> None:
-        games = self.arena.games
-        for game in np.flatnonzero(mask).tolist():
-            if games["round"][game] == 0:
-                self._histories[game].clear()
-            history = np.array(self._histories[game]).reshape(-1, self._limits.waypoints, 4)
-            key = np.empty(1, np.uint64)
-            draws.derived_keys(key, games["round_key"][game : game + 1].copy(), draws.PLANNER_SEED)
-            position = games["opponent_position"][game].copy()
-            plan = self.planner.plan(history, position, self._limits, np.random.default_rng(key[0]))  # type: ignore[union-attr]
-            if not isinstance(plan, Plan):
-                raise UserError(f"planner {self.planner!r}: plan must give a Plan, got {type(plan).__name__}")
+        games = np.flatnonzero(mask).tolist()
+        requests = [self._request(game) for game in games]
+        for game, plan in zip(games, plan_all(self.planner, requests), strict=True):
             self.arena.set_waypoints(game, plan.waypoints)
             self.plans[game] = plan
+
+    def _request(self, game: int) -> Request:
+        played = self.arena.games[game]
+        if played["round"] == 0:
+            self._histories[game].clear()
+        key = np.empty(1, np.uint64)
+        draws.derived_keys(key, self.arena.games["round_key"][game : game + 1].copy(), draws.PLANNER_SEED)
+        return Request(
+            history=np.array(self._histories[game]).reshape(-1, self._limits.waypoints, 4),
+            current_position=played["opponent_position"].copy(),
+            limits=self._limits,
+            rng=np.random.default_rng(key[0]),
+            game=game,
+            seed=int(played["seed"]),
+            match=int(played["match"]),
+            round=int(played["round"]),
+            ally_path=self.arena.ally_path(game) if getattr(self.planner, "tier", "") == "ally" else None,
+        )
 
 
 def make_duel(

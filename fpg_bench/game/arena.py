@@ -199,6 +199,16 @@ class Arena:
             raise UserError(f"waypoint {index}: {found} lies outside the box {self.scenario.box_m}")
         self.waypoints[game] = waypoints
 
+    def ally_path(self, game: int) -> np.ndarray:
+        """Where one game's ally is after each second of its round if it flies at full speed.
+
+        Returns:
+            ``(steps_per_round + 1, 3)`` in m, its start first.
+        """
+        path = np.empty((self.scenario.steps_per_round + 1, 3))
+        kernel.trace_ally(path, self.games[game : game + 1].copy(), self._rules)
+        return path
+
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_pool": None, "_arguments": None}
 

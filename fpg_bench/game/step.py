@@ -109,6 +109,19 @@ def _move(game, ally_action, opponent_action, waypoints, rules):
 
 
 @compiled
+def trace_ally(path, games, rules_array):
+    """Fill ``path`` with the ally's places from its round's start on, one a second, at full speed."""
+    game, rules = games[0], rules_array[0]
+    begin_curve(game, rules.chords)
+    for k in range(path.shape[0]):
+        if k > 0:
+            fly_curve(game, rules.ally_speed[1], rules)
+            keep_inside(game.ally_position, rules)
+        for axis in range(3):
+            path[k, axis] = game.ally_position[axis]
+
+
+@compiled
 def _transmit(game, fading, rules):
     """Coverage, fading, and the SNR with and without jamming, at the end positions."""
     f = game.frequency_mhz

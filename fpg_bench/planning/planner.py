@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 
+from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import Scenario
+
+TIERS = ("none", "history", "ally")
 
 
 @dataclass(frozen=True)
@@ -32,11 +37,48 @@ class Limits:
 
 @dataclass(frozen=True)
 class Plan:
-    """Where to fly: ``waypoints`` (n, 3) in m, the planner that it came from, and how it came about."""
+    """Where to fly, and how it came about.
+
+    Attributes:
+        waypoints: ``(n, 3)`` in m, point i due at (i + 1) T / n.
+        source: the planner that it came from.
+        status: ``ok``, or what went wrong on the way (see the LLM planner).
+        tokens: tokens that a language model read and wrote for it; None for other planners.
+        seconds: how long planning took; None: not measured.
+    """
 
     waypoints: np.ndarray
     source: str
     status: str = "ok"
+    tokens: int | None = None
+    seconds: float | None = None
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a planner is asked about one game's next round.
+
+    Attributes:
+        history: ``(rounds, n, 4)``: for each whole round of the match that was played and each n-th part
+            of it, the opponent's position in m in the middle of that part, and its mean reward over it.
+        current_position: ``(3,)`` in m, where the round starts.
+        limits: what the plan must keep to.
+        rng: the game's own chance for this plan.
+        game: the game's index in its batch.
+        seed, match, round: which round of which match it is.
+        ally_path: ``(T + 1, 3)`` in m, where the ally is after each second if it flies at full speed;
+            for planners of the tier ``ally`` alone, None for all others.
+    """
+
+    history: np.ndarray
+    current_position: np.ndarray
+    limits: Limits
+    rng: np.random.Generator
+    game: int = 0
+    seed: int = 0
+    match: int = 0
+    round: int = 0
+    ally_path: np.ndarray | None = None
 
 
 class Planner(Protocol):
@@ -45,6 +87,9 @@ class Planner(Protocol):
     ``tier`` says what the planner knows: ``none``, ``history`` (own past positions and rewards) or
     ``ally`` (the ally's path: an upper bound). Planners of different tiers are never compared without
     saying so.
+
+    A planner that wants all waiting games at once, or more than ``plan`` is told, has
+    ``plan_batch(requests) -> list of Plan`` instead of ``plan`` or beside it; it is then preferred.
     """
 
     name: str
@@ -53,13 +98,28 @@ class Planner(Protocol):
     def plan(
         self, history: np.ndarray, current_position: np.ndarray, limits: Limits, rng: np.random.Generator
     ) -> Plan:
-        """The next round's path.
-
-        Args:
-            history: ``(rounds, n, 4)``: for each past round of the match and each n-th part of it, the
-                opponent's position in m in the middle of that part, and its mean reward over it.
-            current_position: ``(3,)`` in m, where the next round starts.
-            limits: what the plan must keep to.
-            rng: the game's own chance for this plan.
-        """
+        """The next round's path; the arguments are those of :class:`Request`."""
         ...
+
+
+def plan_all(planner: Any, requests: Sequence[Request]) -> list[Plan]:
+    """Ask a planner for the plans of some games, by ``plan_batch`` where it has it.
+
+    Returns:
+        One plan a request, with the seconds that it took (a batch's are shared out evenly).
+
+    Raises:
+        UserError: the planner answers with something else than plans.
+    """
+    start = time.perf_counter()
+    if callable(getattr(planner, "plan_batch", None)):
+        plans = list(planner.plan_batch(requests))
+        if len(plans) != len(requests):
+            raise UserError(f"planner {planner.name}: {len(plans)} plans for {len(requests)} games")
+    else:
+        plans = [planner.plan(r.history, r.current_position, r.limits, r.rng) for r in requests]
+    for plan in plans:
+        if not isinstance(plan, Plan):
+            raise UserError(f"planner {planner!r}: plan must give a Plan, got {type(plan).__name__}")
+    each = (time.perf_counter() - start) / max(len(plans), 1)
+    return [plan if plan.seconds is not None else replace(plan, seconds=each) for plan in plans]

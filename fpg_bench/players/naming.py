@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
 import os
-import sys
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
+from fpg_bench.imports import import_object
 from fpg_bench.players.oracles import ORACLES, OracleAlly, OracleOpponent
 from fpg_bench.players.player import Player
 from fpg_bench.players.scripted import SCRIPTED, Scripted
@@ -39,7 +37,7 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
     if name in ORACLES:
         return OracleAlly(scenario) if side == "ally" else OracleOpponent(scenario)
     if ":" in name:
-        return _imported(name, side, scenario)
+        return import_object(name, side, ("predict",), scenario)
     if "/" in name or Path(name).is_dir():
         from fpg_bench.players.agent import load_agent
 
@@ -50,24 +48,3 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
 def player_name(spec: Any) -> str:
     """What rows and tables call a player: its own word, or its class."""
     return os.fspath(spec) if isinstance(spec, str | os.PathLike) else type(spec).__name__
-
-
-def _imported(name: str, side: str, scenario: Scenario) -> Player:
-    """``package.module:object`` from the user's own code, the present folder included."""
-    module, _, attribute = name.partition(":")
-    if "" not in sys.path:
-        sys.path.insert(0, "")
-    try:
-        found = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
-        raise UserError(f"{side} {name!r}: {error}") from error
-    if isinstance(found, type) or not callable(getattr(found, "predict", None)):
-        found = _made(found, scenario) if callable(found) else found
-    if not callable(getattr(found, "predict", None)):
-        raise UserError(f"{side} {name!r}: has no predict(observation, state, episode_start, deterministic)")
-    return found
-
-
-def _made(maker: Any, scenario: Scenario) -> Any:
-    """What a class or function makes, told the scenario where it takes an argument."""
-    return maker(scenario) if inspect.signature(maker).parameters else maker()
