@@ -62,7 +62,8 @@ def check_planner(planner: Any, scenario: Scenario | str | None = None) -> None:
     """Check that a planner keeps to the contract of :class:`fpg_bench.planning.Planner`.
 
     It must name its tier and answer with finite waypoints ``(n, 3)`` inside the box, the same for the
-    same generator, without and with a history, which it must leave as it is, alone or in a batch. It plans six times.
+    same generator, without and with a history, which it must leave as it is, alone and in a batch. It
+    plans six times.
 
     Args:
         planner: a planner, or its name.
