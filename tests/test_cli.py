@@ -9,7 +9,7 @@ import time
 import pytest
 
 from fpg_bench import __version__
-from fpg_bench.evaluation.rows import RowFile
+from fpg_bench.rows import RowFile
 
 TINY = """\
 FPG/AllyVsScripted-v0:

@@ -22,6 +22,7 @@ FLOORS = {
     "files": 0,
     "ids": 0,
     "imports": 0,
+    "rows": 0,
     "game": 1,
     "players": 2,
     "planning": 2,

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import Entry, Panel, load_panel
-from fpg_bench.evaluation.rows import RowFile
 from fpg_bench.evaluation.runner import Contestant, contestant, play_panel
 from fpg_bench.evaluation.summary import Summary, check_references, summarise
 from fpg_bench.files import read_json, write_json
 from fpg_bench.players.scripted import SCRIPTED
+from fpg_bench.rows import RowFile
 
 ALL_SCRIPTED = "all-scripted"
 

@@ -14,13 +14,13 @@ import numpy as np
 from fpg_bench.envs.duel import Duel
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import Entry, Panel
-from fpg_bench.evaluation.rows import Row, RowFile
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.game.state import TALLY
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import Player
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.players.seat import Seat
+from fpg_bench.rows import Row, RowFile
 
 TALLIES = tuple(TALLY.names or ())
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import Panel
-from fpg_bench.evaluation.rows import Row
 from fpg_bench.evaluation.runner import TALLIES
 from fpg_bench.evaluation.statistics import Interval, iqm_interval
 from fpg_bench.game.measures import measures, pool
 from fpg_bench.game.state import TALLY
+from fpg_bench.rows import Row
 
 
 @dataclass(frozen=True)

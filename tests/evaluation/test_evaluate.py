@@ -8,9 +8,9 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation import runner, table
 from fpg_bench.evaluation.evaluate import evaluate, read_results
 from fpg_bench.evaluation.panel import load_panel
-from fpg_bench.evaluation.rows import RowFile
 from fpg_bench.evaluation.runner import Contestant, contestant, play_entry, play_panel
 from fpg_bench.evaluation.summary import summarise
+from fpg_bench.rows import RowFile
 
 
 @pytest.fixture(scope="module")

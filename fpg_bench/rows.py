@@ -1,4 +1,4 @@
-"""Rows: one JSON line per round played, only ever appended, so that nothing computed is lost."""
+"""Rows: one JSON line per thing that happened, only ever appended, so that nothing computed is lost."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.rows import RowFile
+from fpg_bench.rows import RowFile
 
 
 def test_rows_come_back_in_order(tmp_path):
