@@ -1,0 +1,1 @@
+"""A large language model as planner, behind any OpenAI-compatible server."""
