@@ -1,52 +1,18 @@
-"""The command line: thin verbs over the library, one clear line for every error."""
+"""The verbs of the command line: thin over the library."""
 
 from __future__ import annotations
 
-import errno
-import os
-import pickle
 import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.errors import UserError
-
-app = typer.Typer(
-    help="Benchmark suite for the UAV frequency point game.",
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-_DEBUG = False
-_STOPPED = 130
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-
 ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper or a YAML file")]
 PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]
 PlannerOption = Annotated[str | None, typer.Option(help="who plans the opponent's path between rounds")]
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        from fpg_bench import __version__
-
-        typer.echo(__version__)
-        raise typer.Exit
-
-
-@app.callback()
-def _options(
-    debug: Annotated[bool, typer.Option(help="show the traceback of an error")] = False,
-    version: Annotated[
-        bool, typer.Option("--version", help="print the version", callback=_print_version, is_eager=True)
-    ] = False,
-) -> None:
-    global _DEBUG
-    _DEBUG = debug
-
-
-@app.command()
 def envs() -> None:
     """List the environment ids, what they default to, and their spaces."""
     from fpg_bench.ids import VIEWS
@@ -64,7 +30,6 @@ def envs() -> None:
     )
 
 
-@app.command()
 def play(
     ally: Annotated[str, typer.Option(help="the ally's player")] = "expert",
     opponent: Annotated[str, typer.Option(help="the opponent's player")] = "adaptive",
@@ -92,7 +57,6 @@ def play(
     )
 
 
-@app.command()
 def train(
     algorithm: Annotated[str, typer.Argument(help="ppo, sac or td3")],
     view_id: Annotated[str, typer.Argument(metavar="ID", help="FPG/AllyVsScripted-v0 and the like")],
@@ -131,7 +95,6 @@ def train(
     typer.echo(f"agent: {agent}\nlearning curves: tensorboard --logdir {out}")
 
 
-@app.command()
 def evaluate(
     players: Annotated[
         list[str], typer.Argument(help="scripts, agent folders, shipped agents, or all-scripted")
@@ -161,7 +124,6 @@ def evaluate(
     table(out)
 
 
-@app.command()
 def measure_panel(
     panel: Annotated[str, typer.Argument(help="a panel's name or YAML file")],
     rounds: Annotated[int, typer.Option(help="rounds per entry")] = 500,
@@ -178,7 +140,6 @@ def measure_panel(
     )
 
 
-@app.command()
 def table(folder: Annotated[Path, typer.Argument(help="a results folder")]) -> None:
     """Print a results folder's table, and write it there as Markdown, CSV and a picture."""
     from rich import box
@@ -201,43 +162,3 @@ def table(folder: Annotated[Path, typer.Argument(help="a results folder")]) -> N
 def _listed(value: str | None) -> Any:
     """One word, or a list of several that are separated by commas."""
     return value.split(",") if value is not None and "," in value else value
-
-
-def main() -> None:
-    """Run the command line; end with one line and a non-zero status on every error."""
-    try:
-        status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
-        if status == _STOPPED:  # what typer makes of Ctrl-C
-            raise KeyboardInterrupt
-        sys.exit(status)
-    except typer.TyperException as error:  # wrong words on the command line
-        message = getattr(error, "format_message", error.__str__)()
-        _fail(f"{message} (fpg-bench --help)", 2)
-    except (typer.Abort, KeyboardInterrupt):
-        _fail("stopped; what was finished is kept", _STOPPED)
-    except UserError as error:
-        _fail(str(error), 2)
-    except (pickle.UnpicklingError, EOFError):
-        from fpg_bench.game.compiling import cache_folder
-
-        _fail(f"compiled code on disk is damaged; delete {cache_folder()} and try again", 1)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
-    except OSError as error:
-        full = "; what was finished is kept" if error.errno in _FULL else ""
-        where = f"{error.filename}: " if error.filename else ""
-        _fail(f"{where}{error.strerror or error}{full}", 1)
-    except Exception as error:
-        _fail(f"a bug: {type(error).__name__}: {error} (the traceback: fpg-bench --debug ...)", 1)
-
-
-def _fail(message: str, status: int) -> None:
-    if _DEBUG:
-        raise
-    print("fpg-bench: " + " ".join(message.split()), file=sys.stderr)
-    sys.exit(status)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,81 @@
+"""The command line: thin verbs over the library, one clear line for every error."""
+
+from __future__ import annotations
+
+import errno
+import os
+import pickle
+import sys
+from typing import Annotated
+
+import typer
+
+from fpg_bench.cli import plan, verbs
+from fpg_bench.errors import UserError
+
+app = typer.Typer(
+    help="Benchmark suite for the UAV frequency point game.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+for verb in (verbs.envs, verbs.play, verbs.train, verbs.evaluate, verbs.measure_panel, verbs.table):
+    app.command()(verb)
+app.add_typer(plan.app, name="plan")
+_DEBUG = False
+_STOPPED = 130
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from fpg_bench import __version__
+
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    debug: Annotated[bool, typer.Option(help="show the traceback of an error")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="print the version", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
+    global _DEBUG
+    _DEBUG = debug
+
+
+def main() -> None:
+    """Run the command line; end with one line and a non-zero status on every error."""
+    try:
+        status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+        if status == _STOPPED:  # what typer makes of Ctrl-C
+            raise KeyboardInterrupt
+        sys.exit(status)
+    except typer.TyperException as error:  # wrong words on the command line
+        message = getattr(error, "format_message", error.__str__)()
+        _fail(f"{message} (fpg-bench --help)", 2)
+    except (typer.Abort, KeyboardInterrupt):
+        _fail("stopped; what was finished is kept", _STOPPED)
+    except UserError as error:
+        _fail(str(error), 2)
+    except (pickle.UnpicklingError, EOFError):
+        from fpg_bench.game.compiling import cache_folder
+
+        _fail(f"compiled code on disk is damaged; delete {cache_folder()} and try again", 1)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except OSError as error:
+        full = "; what was finished is kept" if error.errno in _FULL else ""
+        where = f"{error.filename}: " if error.filename else ""
+        _fail(f"{where}{error.strerror or error}{full}", 1)
+    except Exception as error:
+        _fail(f"a bug: {type(error).__name__}: {error} (the traceback: fpg-bench --debug ...)", 1)
+
+
+def _fail(message: str, status: int) -> None:
+    if _DEBUG:
+        raise
+    print("fpg-bench: " + " ".join(message.split()), file=sys.stderr)
+    sys.exit(status)
