@@ -1,0 +1,134 @@
+"""A real llama.cpp server on loopback, with a tiny model of random weights, in a process of its own::
+
+    with LlamaServer() as server:
+        ...  # a client that is pointed at server.url, asking for server.model
+
+Free text from it is garbage, and a JSON schema gives valid but meaningless paths. It is up in half a
+second. Run as a program it writes its address, and serves until its standard input is closed: so it ends
+with the tests, however they end.
+"""
+
+from __future__ import annotations
+
+import itertools
+import string
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+WIDTH, LAYERS, HEAD, FORWARD = 64, 2, 16, 128
+CONTEXT = 32768
+
+
+class LlamaServer:
+    """Serves while the ``with`` block lasts; ``url`` is the base URL, ``model`` the model's name."""
+
+    model = "tiny"
+
+    def __enter__(self) -> LlamaServer:
+        self._process = subprocess.Popen(
+            [sys.executable, __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        assert self._process.stdout is not None
+        self.url = self._process.stdout.readline().strip() + "/v1"
+        assert self.url.startswith("http"), "the llama.cpp server did not come up"
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
+def write_model(path: Path) -> None:
+    """Write a llama of random weights; its vocabulary is all bytes, and pairs so that prompts are short."""
+    import gguf
+    import numpy as np
+
+    writer = gguf.GGUFWriter(path, "llama")
+    _describe(writer)
+    pieces = _add_vocabulary(writer, gguf.TokenType)
+    rng = np.random.default_rng(0)
+    for name, shape in _tensors(pieces).items():
+        norm = name.endswith("norm.weight")
+        writer.add_tensor(name, np.ones(shape, "f4") if norm else rng.normal(0, 0.1, shape).astype("f2"))
+    writer.write_header_to_file()
+    writer.write_kv_data_to_file()
+    writer.write_tensors_to_file()
+    writer.close()
+
+
+def _describe(writer) -> None:
+    writer.add_context_length(CONTEXT)
+    writer.add_embedding_length(WIDTH)
+    writer.add_block_count(LAYERS)
+    writer.add_feed_forward_length(FORWARD)
+    writer.add_head_count(1)
+    writer.add_head_count_kv(1)
+    writer.add_key_length(HEAD)
+    writer.add_value_length(HEAD)
+    writer.add_rope_dimension_count(HEAD)
+    writer.add_layer_norm_rms_eps(1e-5)
+
+
+def _add_vocabulary(writer, kinds) -> int:
+    """Special tokens, bytes, and all pairs of digits, small letters and spaces; returns how many."""
+    pairs = map("".join, itertools.product(string.digits + string.ascii_lowercase + "▁", repeat=2))
+    pieces = [("<unk>", kinds.UNKNOWN), ("<s>", kinds.CONTROL), ("</s>", kinds.CONTROL)]
+    pieces += [(f"<0x{byte:02X}>", kinds.BYTE) for byte in range(256)]
+    pieces += [(pair, kinds.NORMAL) for pair in pairs]
+    writer.add_tokenizer_model("llama")
+    writer.add_token_list([piece for piece, _ in pieces])
+    writer.add_token_types([kind for _, kind in pieces])
+    writer.add_token_scores([0.0] * len(pieces))
+    writer.add_unk_token_id(0)
+    writer.add_bos_token_id(1)
+    writer.add_eos_token_id(2)
+    writer.add_add_space_prefix(False)
+    return len(pieces)
+
+
+def _tensors(pieces: int) -> dict[str, tuple[int, ...]]:
+    shapes: dict[str, tuple[int, ...]] = {
+        "token_embd.weight": (pieces, WIDTH),
+        "output_norm.weight": (WIDTH,),
+        "output.weight": (pieces, WIDTH),
+    }
+    for layer in range(LAYERS):
+        block = {
+            "attn_norm": (WIDTH,),
+            "attn_q": (HEAD, WIDTH),
+            "attn_k": (HEAD, WIDTH),
+            "attn_v": (HEAD, WIDTH),
+            "attn_output": (WIDTH, HEAD),
+            "ffn_norm": (WIDTH,),
+            "ffn_gate": (FORWARD, WIDTH),
+            "ffn_up": (FORWARD, WIDTH),
+            "ffn_down": (WIDTH, FORWARD),
+        }
+        shapes |= {f"blk.{layer}.{name}.weight": shape for name, shape in block.items()}
+    return shapes
+
+
+def serve(path: Path):
+    """A server of the model in a file: on loopback, one thread, one slot, any free port."""
+    import xllamacpp
+
+    params = xllamacpp.CommonParams()
+    params.model.path = str(path)
+    params.model_alias = {LlamaServer.model}
+    params.n_ctx, params.n_parallel = CONTEXT, 1
+    params.cpuparams.n_threads = params.cpuparams_batch.n_threads = 1
+    params.hostnames, params.port = ["127.0.0.1"], 0
+    params.warmup = params.fit_params = params.ui = False
+    params.cache_ram_mib, params.verbosity = 0, -1
+    return xllamacpp.Server(params)
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        model = Path(folder) / "tiny.gguf"
+        write_model(model)
+        server = serve(model)
+    print(server.listening_address, flush=True)
+    sys.stdin.read()
