@@ -6,13 +6,21 @@ import contextlib
 import fcntl
 import json
 import os
+import threading
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from fpg_bench.errors import UserError
 
 Row = dict[str, Any]
+
+# Which files this process holds, and how many of its parts hold each: a match and its planner write to
+# one transcript.
+_LOCKS: dict[tuple[int, Path], IO[str]] = {}
+_HOLDERS: Counter[tuple[int, Path]] = Counter()
+_GUARD = threading.Lock()
 
 
 class RowFile:
@@ -59,18 +67,33 @@ class RowFile:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Hold the file for this process alone.
+        """Hold the file for this process alone; several parts of a process may hold it together.
 
         Raises:
             UserError: another process holds it.
         """
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        with self.path.open("a") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError as error:
-                raise UserError(f"rows {self.path}: another process is writing them") from error
+        held = (os.getpid(), self.path.resolve())
+        with _GUARD:
+            if not _HOLDERS[held]:
+                _LOCKS[held] = self._lock()
+            _HOLDERS[held] += 1
+        try:
             yield
+        finally:
+            with _GUARD:
+                _HOLDERS[held] -= 1
+                if not _HOLDERS[held]:
+                    _LOCKS.pop(held).close()
+
+    def _lock(self) -> IO[str]:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        file = self.path.open("a")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            file.close()
+            raise UserError(f"rows {self.path}: another process is writing them") from error
+        return file
 
     def _cut_torn_line(self) -> None:
         """Cut off a last line that was not written whole; whole files are only looked at their end."""

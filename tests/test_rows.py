@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import pytest
 
 from fpg_bench.errors import UserError
@@ -22,13 +25,40 @@ def test_a_torn_last_line_is_dropped_and_cut_off(tmp_path, torn):
     assert path.read_bytes() == b'{"a":1}\n{"a":2}\n{"a":4}\n'
 
 
+OTHER = """
+import sys
+from pathlib import Path
+from fpg_bench.errors import UserError
+from fpg_bench.rows import RowFile
+file = RowFile(Path(sys.argv[1]))
+try:
+    with file.locked():
+        file.append([{"a": 1}])
+except UserError as error:
+    print(error)
+"""
+
+
+def in_another_process(path):
+    return subprocess.check_output([sys.executable, "-c", OTHER, str(path)], text=True)
+
+
 def test_one_process_at_a_time(tmp_path):
     file, other = RowFile(tmp_path / "rows.jsonl"), RowFile(tmp_path / "rows.jsonl")
-    with file.locked(), pytest.raises(UserError, match="another process"), other.locked():
-        pass
-    with other.locked():
-        other.append([{"a": 1}])
+    with file.locked(), other.locked():
+        assert "another process" in in_another_process(file.path)
+    assert in_another_process(file.path) == ""
     assert file.read() == [{"a": 1}]
+
+
+def test_a_file_stays_held_until_the_last_part_of_a_process_lets_go(tmp_path):
+    first, second = RowFile(tmp_path / "rows.jsonl").locked(), RowFile(tmp_path / "rows.jsonl").locked()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert "another process" in in_another_process(tmp_path / "rows.jsonl")
+    second.__exit__(None, None, None)
+    assert in_another_process(tmp_path / "rows.jsonl") == ""
 
 
 def test_a_broken_line_in_the_middle_is_an_error_that_names_it(tmp_path):
