@@ -1,0 +1,193 @@
+"""Reading waypoints out of whatever a language model writes, without inventing any.
+
+A ladder: strict JSON, the text after the last ``Next directions:``, bracketed triples anywhere. The first
+rung that finds points decides; they are then checked, and the answer says which rule was broken. Nothing
+here backtracks far: every pattern reads a text of any kind in time that grows with its length.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.planning.planner import Limits
+
+READ_CHARS = 200_000  # about 2000 waypoints as indented JSON; a longer answer is not read
+BOX_SLACK = 0.05  # of the box's side: a point this far outside is moved in
+
+Point = tuple[float, ...] | None  # three numbers, or None: something else stood in a point's place
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was read.
+
+    Attributes:
+        waypoints: ``(n, 3)`` in m, inside the box; None: no valid path.
+        rung: what read it: ``json``, ``directions``, ``triples``, or ``none``: no points at all.
+        repaired: points too many were left out, or points just outside the box moved in.
+        problem: the rule that was broken, for the model to mend; None where the path is valid.
+        refused: there are no points, and it sounds like a refusal.
+    """
+
+    waypoints: np.ndarray | None
+    rung: str
+    repaired: bool = False
+    problem: str | None = None
+    refused: bool = False
+
+
+def read_answer(text: str, limits: Limits) -> Answer:
+    """Read the waypoints in a model's answer; never raises, whatever the text.
+
+    Thinking between ``<think>`` tags is left out first. What remains is read up to ``READ_CHARS``
+    characters; a longer one is not valid.
+    """
+    said = _without_thoughts(text).translate(_ASCII).strip()
+    if len(said) > READ_CHARS:
+        problem = f"the answer has {len(said)} characters, but at most {READ_CHARS} are read"
+        return Answer(None, "none", problem=problem)
+    for rung, read in _RUNGS.items():
+        points = read(said)
+        if points is not None:
+            return _checked(points, rung, limits)
+    problem = f"no points found, expected {limits.waypoints}"
+    return Answer(None, "none", problem=problem, refused=bool(_REFUSAL.search(said)))
+
+
+def answer_schema(limits: Limits) -> dict[str, Any]:
+    """The JSON schema of an answer: objects {x, y, z} of whole metres inside the box, exactly n of them.
+
+    Flat, with integers: servers that enforce a schema do not enforce the bounds of other numbers.
+    """
+    sides = {
+        axis: {"type": "integer", "minimum": 0, "maximum": math.floor(side)}
+        for axis, side in zip("xyz", limits.box_m, strict=True)
+    }
+    count = {"minItems": limits.waypoints, "maxItems": limits.waypoints}
+    return _object({"waypoints": {"type": "array", "items": _object(sides), **count}})
+
+
+def _object(properties: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+        "additionalProperties": False,
+    }
+
+
+# Before the ladder
+
+_THINK = re.compile(r"<(/?)think(?:ing)?>", re.IGNORECASE)
+
+# Full-width forms of ASCII, and the brackets, commas, quotes and minus that have none
+_ASCII = {code: code - 0xFEE0 for code in range(0xFF01, 0xFF5F)} | str.maketrans(
+    "【】〔〕〈〉《》、−“”‘’", "[][]<><>,-\"\"''"
+)
+
+
+def _without_thoughts(text: str) -> str:
+    """The text outside think blocks: a lone end closes one that began before the text, a lone start one
+    that goes on to its end."""
+    kept: list[str] = []
+    start, thinking = 0, False
+    for tag in _THINK.finditer(text):
+        if tag[1]:
+            kept = kept if thinking else []
+            start = tag.end()
+        elif not thinking:
+            kept.append(text[start : tag.start()])
+        thinking = not tag[1]
+    return " ".join(kept if thinking else [*kept, text[start:]])  # a space: digits must not join
+
+
+# The rungs: each gives the points that it found, or None for the next rung to try
+
+
+def _from_json(text: str) -> list[Point] | None:
+    """The whole text as JSON, in a code fence or not: the schema's object, or its list alone."""
+    fenced = _FENCE.fullmatch(text)
+    try:
+        # Whole numbers as floats, too: Python refuses to read an int of more than 4300 digits
+        content = json.loads(fenced[1] if fenced else text, parse_int=float, parse_constant=float)
+    except (ValueError, RecursionError):
+        return None
+    items = content.get("waypoints") if isinstance(content, dict) else content
+    if not isinstance(items, list) or not all(isinstance(item, list | dict) for item in items):
+        return None
+    return [_json_point(item) for item in items]
+
+
+def _json_point(item: list[Any] | dict[str, Any]) -> Point:
+    values: list[Any] = [item.get(axis) for axis in "xyz"] if isinstance(item, dict) else item
+    return tuple(values) if len(values) == 3 and all(type(value) is float for value in values) else None
+
+
+def _after_directions(text: str) -> list[Point] | None:
+    ends = [mark.end() for mark in _DIRECTIONS.finditer(text)]
+    return _triples(text[ends[-1] :]) if ends else None
+
+
+def _triples(text: str) -> list[Point] | None:
+    found = [tuple(float(part) for part in match.groups() if part) for match in _TRIPLE.finditer(text)]
+    return list(found) or None
+
+
+_RUNGS: dict[str, Callable[[str], list[Point] | None]] = {
+    "json": _from_json,
+    "directions": _after_directions,
+    "triples": _triples,
+}
+
+# Possessive repeats (++, *+) give nothing back, so a number is read whole and only once
+_NUMBER = r"([-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:e[-+]?[0-9]++)?|[-+]?(?:nan|inf(?:inity)?)\b)"
+_METRES = r"(?:\s*+(?:m|met(?:er|re)s?|米)\b)?"
+_NEXT = r"(?:\s*+[,;]\s*+|\s++)"
+_BRACKETED = _NEXT.join([_NUMBER + _METRES] * 3)
+_LABELLED = _NEXT.join(rf"[\"']?{axis}[\"']?\s*+[=:]\s*+{_NUMBER}{_METRES}" for axis in "xyz")
+# A triple before a colon and a number is a line of the prompt's history, repeated: a place and its reward
+_TRIPLE = re.compile(
+    rf"[\[(<{{]\s*+{_BRACKETED}\s*+[\])>}}](?!\s*+:\s*+[-+]?[0-9])|(?<!\w){_LABELLED}(?!\w)", re.IGNORECASE
+)
+_DIRECTIONS = re.compile(r"next[ _]directions[\"'*`]*+\s*+:", re.IGNORECASE)
+_FENCE = re.compile(r"```(?:json)?\s(.*)```", re.IGNORECASE | re.DOTALL)
+_REFUSAL = re.compile(
+    r"\b(?:can'?t|cannot|won't|unable to|not able to|sorry|refuse|decline|against my)\b"
+    r"|无法|不能|抱歉|对不起|拒绝",
+    re.IGNORECASE,
+)
+
+
+# After the ladder
+
+
+def _checked(points: list[Point], rung: str, limits: Limits) -> Answer:
+    n = limits.waypoints
+    if len(points) < n:
+        return Answer(None, rung, problem=f"expected {n} points, got {len(points)}")
+    asked = points[:n]
+    for number, point in enumerate(asked, 1):
+        problem = _problem(point, limits)
+        if problem is not None:
+            return Answer(None, rung, problem=f"point {number}: {problem}")
+    read = np.array(asked, float)
+    waypoints = np.clip(read, 0.0, limits.box_m) + 0.0  # no -0
+    return Answer(waypoints, rung, repaired=len(points) > n or bool((waypoints != read).any()))
+
+
+def _problem(point: Point, limits: Limits) -> str | None:
+    if point is None:
+        return "expected x, y and z, each a number"
+    for axis, value, side in zip("xyz", point, limits.box_m, strict=True):
+        if not math.isfinite(value):
+            return f"{axis} is not a finite number"
+        if not -BOX_SLACK * side <= value <= (1 + BOX_SLACK) * side:
+            return f"{axis} = {value:g} lies outside the box, 0 to {side:g}"
+    return None

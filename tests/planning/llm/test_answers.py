@@ -1,0 +1,271 @@
+"""The answer ladder: what is read, what is mended, what is refused, and that nothing is invented."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fpg_bench.game.scenario import STANDARD
+from fpg_bench.planning import Limits
+from fpg_bench.planning.llm.answers import READ_CHARS, answer_schema, read_answer
+
+LIMITS = Limits.of(STANDARD)
+FOUR = Limits(STANDARD.box_m, 10.0, 300, 4)
+TWO = Limits(STANDARD.box_m, 10.0, 300, 2)
+PATH = [[10, 20, 30], [40.5, 50, 60], [70, 80, 0], [1500, 0, 600]]
+NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+
+
+def objects(path):
+    return [dict(zip("xyz", point, strict=True)) for point in path]
+
+
+def wide(text):
+    """The text in full-width characters."""
+    return "".join(chr(ord(c) + 0xFEE0) if "!" <= c <= "~" else c for c in text)
+
+
+def narrow(text):
+    """The text with its full-width characters as ASCII."""
+    return "".join(chr(ord(c) - 0xFEE0) if 0xFF01 <= ord(c) <= 0xFF5E else c for c in text)
+
+
+# Every form in which a path may be written, and the rung that reads it
+FORMS = {
+    "schema": (lambda p: json.dumps({"waypoints": objects(p)}), "json"),
+    "schema with lists": (lambda p: json.dumps({"waypoints": p, "why": "it is near"}), "json"),
+    "objects": (lambda p: json.dumps(objects(p), indent=2), "json"),
+    "lists": (lambda p: f"  {json.dumps(p)}\n", "json"),
+    "fenced": (lambda p: f"```json\n{json.dumps({'waypoints': p})}\n```", "json"),
+    "fenced without a language": (lambda p: f"```\n{json.dumps(objects(p))}```\n", "json"),
+    "thought": (lambda p: f"<think>[1, 2, 3] or so</think>{json.dumps(p)}", "json"),
+    "thought before the text began": (lambda p: f"[1, 2, 3] or so</think>\n{json.dumps(p)}", "json"),
+    "thought twice": (lambda p: f"<think>a<think>b</think>c</think>{json.dumps(p)}", "json"),
+    "directions": (lambda p: f"Next directions: {p}", "directions"),
+    "directions after others": (
+        lambda p: f"Next directions: [[1, 2, 3]]? No.\n**next directions:** {p}",
+        "directions",
+    ),
+    "directions as a key": (lambda p: json.dumps({"Next directions": p}), "directions"),
+    "echoed history": (
+        lambda p: f"Positions and Rewards: [1, 2, 3]: 4.5\nNext directions: {p}",
+        "directions",
+    ),
+    "prose": (lambda p: f"I suggest {p[0]}, then {'; '.join(map(str, p[1:]))}. Good luck!", "triples"),
+    "tuples": (lambda p: str([tuple(point) for point in p]), "triples"),
+    "units": (lambda p: "\n".join("[{} m, {}m, {} metres]".format(*point) for point in p), "triples"),
+    "labels": (lambda p: "\n".join("- x={}, y={}, z={}".format(*point) for point in p), "triples"),
+    "labels in brackets": (lambda p: " ".join("(X: {}; Y: {}; Z: {})".format(*o) for o in p), "triples"),
+    "objects in prose": (lambda p: f"Here it is:\n```json\n{json.dumps(objects(p))}\n```", "triples"),
+    "NumPy": (lambda p: str(np.array(p)), "triples"),
+    "full-width": (lambda p: wide(str([tuple(point) for point in p])), "triples"),
+    "Chinese": (lambda p: "、".join("【{}米,{}米,{}米】".format(*point) for point in p), "triples"),
+    "cut in the JSON": (lambda p: json.dumps({"waypoints": p, "why": "it"})[:-4], "triples"),
+    "thought cut short": (lambda p: f"{[tuple(o) for o in p]} <THINK>or (1, 2, 3)?", "triples"),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_path_is_read_in_every_form(form):
+    write, rung = FORMS[form]
+    answer = read_answer(write(PATH), FOUR)
+    assert answer.waypoints is not None, answer.problem
+    assert answer.waypoints.tolist() == PATH
+    assert (answer.rung, answer.repaired, answer.problem, answer.refused) == (rung, False, None, False)
+
+
+coordinates = st.integers(0, 600) | st.floats(0, 600).map(lambda value: round(value, 3))
+points = st.lists(coordinates, min_size=3, max_size=3)
+
+
+@given(st.sampled_from(sorted(set(FORMS) - {"NumPy"})), st.lists(points, min_size=4, max_size=4))
+def test_any_path_is_read_back_exactly(form, path):
+    answer = read_answer(FORMS[form][0](path), FOUR)
+    assert answer.waypoints.tolist() == path
+    assert not answer.repaired
+
+
+def four(**changed):
+    """Four points, some of them another: p0=[1, 2, 3]."""
+    return [changed.get(f"p{i}", point) for i, point in enumerate(PATH)]
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (str(PATH[:3]), "expected 4 points, got 3"),
+        (f"Next directions: {PATH[:2]}", "expected 4 points, got 2"),
+        ('{"waypoints": []}', "expected 4 points, got 0"),
+        (str(four(p1=[1576, 0, 0])), "point 2: x = 1576 lies outside the box, 0 to 1500"),
+        (str(four(p2=[0, -76, 0])), "point 3: y = -76 lies outside the box, 0 to 1500"),
+        (str(four(p3=[0, 0, 631])), "point 4: z = 631 lies outside the box, 0 to 600"),
+        (f"so {four(p0=['6E958', 1, 1])}".replace("'", ""), "point 1: x is not a finite number"),
+        (str(four(p0=[1, "-6E958", 1])).replace("'", ""), "point 1: y is not a finite number"),
+        (json.dumps(four(p0=[float("nan"), 1, 1])), "point 1: x is not a finite number"),
+        (json.dumps(four(p0=[1, 1, float("-inf")])), "point 1: z is not a finite number"),
+        (f"so {four(p3=[float('nan'), 1, 1])}", "point 4: x is not a finite number"),
+        (str(four(p0=["9" * 5000, 1, 1])).replace("'", ""), "point 1: x is not a finite number"),
+        (f"so ({'9' * 5000}, 1, 1), {four()}", "point 1: x is not a finite number"),
+        (json.dumps(four(p0=[True, 1, 1])), "point 1: expected x, y and z, each a number"),
+        (json.dumps(four(p1=[None, 1, 1])), "point 2: expected x, y and z, each a number"),
+        (json.dumps(four(p2=["1", 1, 1])), "point 3: expected x, y and z, each a number"),
+        (json.dumps(four(p3=[1, 1])), "point 4: expected x, y and z, each a number"),
+        (json.dumps(four(p3={"x": 1, "y": 2})), "point 4: expected x, y and z, each a number"),
+        (json.dumps([[PATH] * 3] * 4), "point 1: expected x, y and z, each a number"),
+        ("", "no points found, expected 4"),
+        ("null", "no points found, expected 4"),
+        ('"[1, 2]"', "no points found, expected 4"),
+        ("<html><body>502 Bad Gateway</body></html>", "no points found, expected 4"),
+        (f"<think>{PATH}", "no points found, expected 4"),
+        (f"<think>{PATH}</think>", "no points found, expected 4"),
+        ("[1<think></think>2, 3, 4]" * 4, "no points found, expected 4"),
+        (" ".join(f"{x}, {y}, {z}" for x, y, z in PATH), "no points found, expected 4"),
+        ("[1-2-3] [1.2.3.4] [1,200, 300, 400] [0x1, 2, 3] [1, 2km, 3]", "no points found, expected 4"),
+    ],
+)
+def test_a_broken_answer_names_the_rule(text, problem):
+    answer = read_answer(text, FOUR)
+    assert answer.waypoints is None
+    assert answer.problem == problem
+    assert not answer.repaired
+    assert not answer.refused
+
+
+@pytest.mark.parametrize("form", ["lists", "directions", "tuples"])
+def test_points_too_many_are_left_out(form):
+    answer = read_answer(FORMS[form][0]([*PATH, [99999, 1, 1]]), FOUR)
+    assert answer.waypoints.tolist() == PATH
+    assert answer.repaired
+
+
+@pytest.mark.parametrize(
+    ("point", "inside"),
+    [([1575, 0, 0], [1500, 0, 0]), ([0, -75, 0], [0, 0, 0]), ([-0.1, 3, 630], [0, 3, 600])],
+)
+def test_points_just_outside_the_box_are_moved_in(point, inside):
+    answer = read_answer(str(four(p1=point)), FOUR)
+    assert answer.waypoints[1].tolist() == inside
+    assert answer.waypoints[[0, 2, 3]].tolist() == [PATH[0], PATH[2], PATH[3]]
+    assert answer.repaired
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "I'm sorry, but I can't help with that.",
+        "I can’t assist with jamming.",
+        "<think>They want a path.</think>I cannot plan attacks.",
+        '{"error": "I am unable to do this"}',
+        "抱歉,我无法回答这个问题。",
+    ],
+)
+def test_a_refusal_is_told_from_garbage(text):
+    answer = read_answer(text, FOUR)
+    assert (answer.waypoints, answer.rung, answer.refused) == (None, "none", True)
+
+
+def test_no_refusal_where_there_are_points_or_only_noise():
+    assert read_answer(f"Sorry, I can't do better than {PATH}", FOUR).waypoints.tolist() == PATH
+    assert not read_answer("I can't see why not [1, 2, 3]", FOUR).refused
+    assert not read_answer("candid cantilevers", FOUR).refused
+
+
+@pytest.mark.parametrize(
+    "echo",
+    [
+        "Next directions: [[x1, y1, z1], [x2, y2, z2], ..., [x4, y4, z4]]",
+        '{"waypoints": [{"x": x1, "y": y1, "z": z1}, ..., {"x": x4, "y": y4, "z": z4}]}',
+        "Positions and Rewards: [1, 2, 3]: 4.50\n" * 4,
+        "10,1,2,3,4.50\n" * 4,
+    ],
+)
+def test_an_echo_of_the_prompt_is_no_answer(echo):
+    assert read_answer(echo, FOUR).rung == "none"
+
+
+MEGABYTE = 2**20
+BAD_TEXTS = {
+    "brackets": "[" * 100_000,
+    "nested numbers": "[1, " * 100_000,
+    "nested objects": '{"a": ' * 100_000,
+    "a closed nest": "[" * 99_999 + "1, 2, 3" + "]" * 99_999,
+    "digits": "9" * READ_CHARS,
+    "digits in a triple": f"[{'9' * 60_000}, {'9' * 60_000}, {'9' * 60_000}",
+    "a list of digits": f"[[{'9' * 5000}, 1, 2]" + f", [{'1' * 5000}, 1, 2]" * 30 + "]",
+    "decimals": "[." + "0" * 190_000,
+    "spaces": "[1" + " " * 190_000,
+    "spaces and commas": "[1 , " * 40_000,
+    "labels": "x=1 " * 50_000,
+    "labels with spaces": "x" + " " * 190_000 + "=",
+    "halves of triples": "(1, 2" * 40_000,
+    "labelled halves": "x=1, y=2, " * 20_000,
+    "directions": "next directions: " * 11_000,
+    "directions with stars": "next directions" + "*" * 190_000,
+    "fences": "```json\n" * 25_000,
+    "a fence": "```" + "a" * 190_000,
+    "a megabyte of thoughts": "<think>" * (MEGABYTE // 7),
+    "a megabyte of ends": "</think>" * (MEGABYTE // 8),
+    "a megabyte of both": "<think></think>" * (MEGABYTE // 15),
+    "a megabyte of starts of tags": "<" * MEGABYTE,
+    "a megabyte": "[1, 2, 3], " * (MEGABYTE // 11),
+    "half a surrogate pair": "\ud800 [1, 2",
+    "no characters": "\x00\x1b[2J",
+}
+
+
+@pytest.mark.parametrize("name", BAD_TEXTS)
+def test_bad_texts_are_read_in_a_moment(name):
+    # A pattern that goes back over the text again and again would need minutes here
+    for text in (BAD_TEXTS[name], "so " + BAD_TEXTS[name]):
+        answer = read_answer(text, LIMITS)
+        assert answer.waypoints is None
+        assert answer.problem
+
+
+def test_a_longer_answer_is_not_read_but_long_thoughts_are_left_out():
+    found = read_answer(f"{PATH}{' and so on' * (READ_CHARS // 10)}", FOUR)
+    assert found.problem.endswith(f"at most {READ_CHARS} are read")
+    thoughts = "<think>" + "[1, 2, 3] " * READ_CHARS + "</think>"
+    assert read_answer(f"{thoughts}{PATH}", FOUR).waypoints.tolist() == PATH
+
+
+PIECES = """
+    [ ] ( ) { } , : - . m x= y= z= "x": "y": "z": 1 20 7.5 -3 1620 1e2 6E958 NaN null true sorry ３ ， 【 】
+    <think> </think> ```json ``` {"waypoints":
+"""
+pieces = st.sampled_from(["Next directions:", " ", "\n", "\ud800", "9" * 400, *PIECES.split()])
+metres = st.integers(-40, 1560) | st.floats(-20, 630).map(lambda value: round(value, 3))
+triples = st.tuples(metres, metres, metres).map(str)
+garbled = st.lists(pieces | triples | st.text(max_size=5), max_size=40).map("".join)
+
+
+@given(garbled | st.text() | st.lists(triples, min_size=2, max_size=5).map(" ".join))
+def test_no_text_is_a_crash_and_no_waypoint_is_invented(text):
+    answer = read_answer(text, TWO)
+    assert (answer.waypoints is None) == (answer.problem is not None)
+    if answer.waypoints is None:
+        return
+    assert answer.waypoints.shape == (2, 3)
+    held = {float(found) for found in NUMBER.findall(narrow(text))}
+    for value, side in zip(answer.waypoints.T, LIMITS.box_m, strict=True):
+        unclipped = [v for v in value if not (answer.repaired and v in (0.0, side))]
+        assert set(unclipped) <= held
+
+
+def test_the_schema_asks_for_what_is_read():
+    schema = answer_schema(LIMITS)
+    waypoints = schema["properties"]["waypoints"]
+    assert (waypoints["minItems"], waypoints["maxItems"]) == (16, 16)
+    sides = waypoints["items"]["properties"]
+    assert [sides[axis] for axis in "xyz"] == [
+        {"type": "integer", "minimum": 0, "maximum": side} for side in (1500, 1500, 600)
+    ]
+    corner = {axis: side["maximum"] for axis, side in sides.items()}
+    answer = read_answer(json.dumps({"waypoints": [corner] * 16}), LIMITS)
+    assert (answer.rung, answer.repaired) == ("json", False)
+    assert json.loads(json.dumps(schema)) == schema
