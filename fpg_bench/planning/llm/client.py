@@ -1,0 +1,295 @@
+"""Asking a server of a language model, with a deadline that holds and errors that are told, not raised."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import logging
+import threading
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from fpg_bench.errors import UserError
+from fpg_bench.planning.llm.replies import (
+    LONGEST_BODY,
+    Received,
+    Reply,
+    error_text,
+    one_line,
+    read_reply,
+    without,
+)
+from fpg_bench.planning.llm.servers import Endpoint
+
+DEADLINE_S = 30.0
+_LOG = logging.getLogger(__name__)
+
+# Fields that a server may refuse, and the words by which its error names each. The temperature is left out
+# only where it is named.
+_OPTIONAL = {
+    "response_format": ("response_format", "json_schema", "schema", "grammar"),
+    "seed": ("seed",),
+    "temperature": ("temperature",),
+}
+_UNNAMED = ("response_format", "seed")
+_REFUSING = (400, 422, 500, 501)
+
+# All that leaves this machine beside the body. The openai package would add the kind of machine, and
+# whatever OPENAI_* variables say; by the last of these it knows to hand out the body unread.
+_HEADERS = {
+    "accept",
+    "accept-encoding",
+    "connection",
+    "content-length",
+    "content-type",
+    "host",
+    "user-agent",
+    "x-stainless-raw-response",
+}
+
+
+class Client:
+    """Asks the model behind an endpoint. It may be copied and pickled.
+
+    Args:
+        endpoint: whom to ask.
+        deadline_s: how long a question may take, with all that is tried again for it.
+
+    Attributes:
+        dropped: the fields that this server was found to refuse; they are not sent again.
+
+    Raises:
+        UserError: the ``openai`` package is not installed.
+    """
+
+    def __init__(self, endpoint: Endpoint, deadline_s: float = DEADLINE_S) -> None:
+        _openai()
+        self.endpoint, self.deadline_s = endpoint, deadline_s
+        self.dropped: set[str] = set()
+        self.suspected: set[str] = set()  # by one error of no clear cause
+        self._forget_connections()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_api": None, "_loop": None}
+
+    def _forget_connections(self) -> None:
+        self._api: Any = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    def request_body(
+        self, messages: Sequence[dict[str, str]], seed: int, schema: dict[str, Any] | None = None
+    ) -> dict[str, Any]:
+        """The body of a request; it depends on the arguments and the server's profile alone.
+
+        Args:
+            messages: the talk, each with ``role`` and ``content``.
+            seed: sent where the profile says that the server knows seeds.
+            schema: the JSON schema of the answer, sent in the form that the profile says.
+        """
+        server = self.endpoint.server
+        body = {
+            "model": self.endpoint.model,
+            "messages": list(messages),
+            "temperature": server.temperature,
+            server.max_tokens_field: server.max_tokens,
+        }
+        if server.seed:
+            body["seed"] = seed
+        if schema is not None and server.response_format != "none":
+            body["response_format"] = _response_format(server.response_format, schema)
+        return body
+
+    async def complete(self, body: dict[str, Any]) -> Reply:
+        """Ask once. Whatever the server does, this gives a reply within the deadline.
+
+        A field that the server refuses is left out, now and from now on. A 429 that names a time to wait
+        which fits the deadline is waited for, once.
+        """
+        start = time.perf_counter()
+        talk = _Talk(self, body, start + self.deadline_s)
+        try:
+            reply = await asyncio.wait_for(talk.reply(), self.deadline_s)
+        except TimeoutError:
+            reply = Reply(error="timeout", detail=f"no answer within {self.deadline_s:g} s")
+        if talk.dropped:
+            without_them = f"sent without {', '.join(sorted(talk.dropped))}"
+            reply = dataclasses.replace(reply, detail="; ".join(filter(None, (reply.detail, without_them))))
+        return dataclasses.replace(
+            reply,
+            seconds=time.perf_counter() - start,
+            sent=talk.sent,
+            dropped=tuple(sorted(talk.dropped)),
+            calls=talk.calls,
+        )
+
+    def complete_all(self, bodies: Sequence[dict[str, Any]], concurrency: int = 1) -> list[Reply]:
+        """Ask several times, and wait for all; from any thread, and beside a running event loop.
+
+        Args:
+            bodies: what to send.
+            concurrency: how many questions may be under way at once.
+
+        Returns:
+            The replies in the order of ``bodies``.
+        """
+        future = asyncio.run_coroutine_threadsafe(self._gathered(bodies, concurrency), _background_loop())
+        try:
+            return future.result()
+        except BaseException:  # Ctrl-C: what is under way is given up
+            future.cancel()
+            raise
+
+    async def _gathered(self, bodies: Sequence[dict[str, Any]], concurrency: int) -> list[Reply]:
+        places = asyncio.Semaphore(max(concurrency, 1))
+
+        async def placed(body: dict[str, Any]) -> Reply:
+            async with places:
+                return await self.complete(body)
+
+        return list(await asyncio.gather(*map(placed, bodies)))
+
+    async def send(self, body: dict[str, Any]) -> Received:
+        """Send one request and read what comes, up to ``LONGEST_BODY``; errors of the connection go up."""
+        openai = _openai()
+        try:
+            talk = self._connected().chat.completions.with_streaming_response.create(**body)
+            async with talk as response:
+                data = b""
+                async for part in response.iter_bytes():
+                    data += part
+                    if len(data) >= LONGEST_BODY:
+                        break
+                return Received(response.status_code, data)
+        except openai.APIStatusError as error:
+            wait = error.response.headers.get("retry-after", "")
+            seconds = float(wait) if wait.replace(".", "", 1).isdecimal() else None
+            return Received(error.status_code, error.response.content[:LONGEST_BODY], seconds)
+
+    def _connected(self) -> Any:
+        """The package's client. Its connections belong to one event loop, so each loop gets its own."""
+        loop = asyncio.get_running_loop()
+        if self._loop is not loop:
+            self._api, self._loop = _connect(self.endpoint, self.deadline_s), loop
+        return self._api
+
+
+class _Talk:
+    """All that is sent for one question, until there is a reply."""
+
+    def __init__(self, client: Client, body: dict[str, Any], until: float) -> None:
+        self.client, self.body, self.until = client, body, until
+        self.dropped = {name for name in client.dropped if name in body}
+        self.sent: dict[str, Any] = {}
+        self.calls = 0
+        self.waited = False
+        self.certain = True
+
+    async def reply(self) -> Reply:
+        endpoint = self.client.endpoint
+        while True:
+            self.sent = {name: value for name, value in self.body.items() if name not in self.dropped}
+            self.calls += 1
+            try:
+                received = await self.client.send(self.sent)
+            except Exception as error:  # whatever a server makes the packages below raise
+                return self._unreached(error)
+            reply = read_reply(received, endpoint.key, endpoint.server.refusal_codes)
+            if reply.error == "http" and (await self._waits(received) or self._drops(received, reply)):
+                continue
+            if reply.error is None:
+                self._remember()
+            return reply
+
+    def _unreached(self, error: Exception) -> Reply:
+        if isinstance(error, _openai().APITimeoutError):
+            return Reply(error="timeout", detail=f"no answer within {self.client.deadline_s:g} s")
+        cause = error.__cause__ or error
+        said = without(self.client.endpoint.key, f"{type(cause).__name__}: {cause}".rstrip(": "))
+        return Reply(error="http", detail=one_line(f"no answer from {self.client.endpoint.base_url}: {said}"))
+
+    async def _waits(self, received: Received) -> bool:
+        """Wait as a 429 asks, once, where that leaves time for an answer."""
+        wait = received.retry_after_s
+        if received.status != 429 or wait is None or self.waited:
+            return False
+        if time.perf_counter() + wait >= self.until:
+            return False
+        self.waited = True
+        await asyncio.sleep(wait)
+        return True
+
+    def _drops(self, received: Received, reply: Reply) -> bool:
+        """Leave out the next field that the server may have refused, the one that it names first."""
+        if received.status not in _REFUSING:
+            return False
+        said = error_text(reply.raw)
+        left = [name for name in _OPTIONAL if name in self.sent]
+        named = [name for name in left if any(word in said for word in _OPTIONAL[name])]
+        unnamed = [name for name in left if name in _UNNAMED]
+        self.dropped.update((named or unnamed)[:1])
+        self.certain &= bool(named) or received.status < 500
+        return bool(named or unnamed)
+
+    def _remember(self) -> None:
+        """Note what the server answers without; a 500 may be a passing one, so there at the second time."""
+        client, new = self.client, self.dropped - self.client.dropped
+        if not self.certain:
+            new, suspected = new & client.suspected, new
+            client.suspected |= suspected
+        for name in new:
+            client.dropped.add(name)
+            _LOG.warning("%s refuses %s; it is left out", client.endpoint.base_url, name)
+
+
+def _openai() -> Any:
+    try:
+        import openai
+    except ImportError:
+        raise UserError("the planner llm needs the package openai: pip install 'fpg-bench[llm]'") from None
+    return openai
+
+
+def _connect(endpoint: Endpoint, deadline_s: float) -> Any:
+    """The package's asynchronous client, which reads nothing from the environment but proxies."""
+    openai = _openai()
+
+    async def keep_to_headers(request: Any) -> None:
+        for name in list(request.headers):
+            if name.lower() not in _HEADERS:
+                del request.headers[name]
+        if endpoint.key:
+            request.headers["Authorization"] = f"Bearer {endpoint.key}"
+
+    http = openai.DefaultAsyncHttpxClient(
+        event_hooks={"request": [keep_to_headers]},
+        follow_redirects=False,  # the key goes to the server that it is for, and to no other
+        trust_env=not endpoint.on_this_machine,  # a proxy has no way back to this machine
+        timeout=deadline_s,
+    )
+    return openai.AsyncOpenAI(
+        base_url=endpoint.base_url, api_key="none", max_retries=0, timeout=deadline_s, http_client=http
+    )
+
+
+def _response_format(form: str, schema: dict[str, Any]) -> dict[str, Any]:
+    if form == "json_schema":
+        return {"type": form, "json_schema": {"name": "plan", "strict": True, "schema": schema}}
+    return {"type": "json_object", **({"schema": schema} if form == "json_object_with_schema" else {})}
+
+
+# One thread for all clients of a process: it ends with the process, whatever is under way
+
+_STARTING = threading.Lock()
+_LOOP: tuple[asyncio.AbstractEventLoop, threading.Thread] | None = None
+
+
+def _background_loop() -> asyncio.AbstractEventLoop:
+    global _LOOP
+    with _STARTING:
+        if _LOOP is None or not _LOOP[1].is_alive():  # a forked process has its parent's loop, not its thread
+            loop = asyncio.new_event_loop()
+            thread = threading.Thread(target=loop.run_forever, name="fpg-bench-llm", daemon=True)
+            thread.start()
+            _LOOP = (loop, thread)
+        return _LOOP[0]

@@ -1,0 +1,163 @@
+"""What came back from a server of a language model, good or bad, read into one form."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+ERRORS = ("timeout", "http", "refused", "invalid")
+LONGEST_BODY = 1_000_000  # bytes; the rest is not read
+LONGEST_RAW = 10_000  # characters kept of a body that is no JSON
+LONGEST_DETAIL = 200
+SHORTEST_SECRET = 8  # shorter keys are words such as "none" and "x", which stand in any text
+
+
+@dataclass(frozen=True)
+class Reply:
+    """One answer of a language model, or why there is none. It never holds the key.
+
+    Attributes:
+        text: what the model wrote; None where ``error`` is set.
+        error: None, or one of ``ERRORS``: the deadline passed; no connection, or an error of the server;
+            the model or a filter would not answer; a reply that is no chat completion.
+        detail: one line about the error, and about fields that were left out.
+        raw: the body, as JSON; text, cut, where it is none; None where none came.
+        model: the model that the server says has answered.
+        tokens_in, tokens_out: as the server counts them.
+        seconds: from the question to the answer.
+        sent: the body of the request, as it was last sent.
+        dropped: the fields that were left out of it because the server refuses them.
+        calls: how many requests it took.
+    """
+
+    text: str | None = None
+    error: str | None = None
+    detail: str = ""
+    raw: Any = None
+    model: str | None = None
+    tokens_in: int | None = None
+    tokens_out: int | None = None
+    seconds: float = 0.0
+    sent: dict[str, Any] = field(default_factory=dict)
+    dropped: tuple[str, ...] = ()
+    calls: int = 1
+
+
+@dataclass(frozen=True)
+class Received:
+    """A response as it came: status, the first bytes of its body, and Retry-After in seconds, if given."""
+
+    status: int
+    body: bytes
+    retry_after_s: float | None = None
+
+
+def read_reply(received: Received, secret: str | None, refusal_codes: tuple[int | str, ...]) -> Reply:
+    """Read a response of any kind.
+
+    Args:
+        received: the response.
+        secret: what must not stand in the reply: the key.
+        refusal_codes: the codes of errors that mean a refusal.
+    """
+    text = without(secret, received.body.decode("utf-8", "replace"))
+    try:
+        # Parsed, written and parsed again: an escaped key is found, and what cannot be written is no JSON
+        plain = json.dumps(json.loads(text), allow_nan=False)
+        body = json.loads(without(secret, plain))
+    except (ValueError, RecursionError):
+        body = text[:LONGEST_RAW]
+    if received.status >= 300:
+        return _failed(body, f"HTTP {received.status}{_advice(received.status)}", refusal_codes)
+    if not isinstance(body, dict):
+        what = "a web page" if text.lstrip()[:1] == "<" else _kind(received.body)
+        return Reply(error="invalid", detail=f"the reply is no chat completion but {what}", raw=body)
+    if not body.get("choices"):
+        if body.get("error") or body.get("code"):
+            return _failed(body, "an error in place of an answer", refusal_codes)
+        return Reply(error="invalid", detail="the reply holds no choices", raw=body)
+    return _answered(body)
+
+
+def without(secret: str | None, text: str) -> str:
+    """``text`` with the key struck out, as it is and as JSON writes it; very short keys are left."""
+    if secret is None or len(secret) < SHORTEST_SECRET:
+        return text
+    return text.replace(secret, "***").replace(json.dumps(secret)[1:-1], "***")
+
+
+def one_line(text: str) -> str:
+    """A text on one line, cut where it is long."""
+    line = " ".join(text[: 4 * LONGEST_DETAIL].split())
+    return line if len(line) <= LONGEST_DETAIL else f"{line[: LONGEST_DETAIL - 1]}…"
+
+
+def error_text(body: Any) -> str:
+    """What a server says went wrong, in whichever of the common forms."""
+    if not isinstance(body, dict):
+        return "" if str(body).lstrip()[:1] == "<" else str(body or "")
+    found = body.get("error") or body.get("detail") or body
+    if isinstance(found, dict):
+        found = found.get("message") or found
+    return found if isinstance(found, str) else json.dumps(found)
+
+
+def _answered(body: dict[str, Any]) -> Reply:
+    """A body with choices: the first one's text, or why it has none."""
+    choices = body["choices"]
+    choice = choices[0] if isinstance(choices, list) and isinstance(choices[0], dict) else {}
+    message = choice.get("message") if isinstance(choice.get("message"), dict) else {}
+    told = {"raw": body, "model": _name(body.get("model")), **_tokens(body.get("usage"))}
+    text, finish = _text(message.get("content")), choice.get("finish_reason")
+    if message.get("refusal") or finish == "content_filter":
+        said = message.get("refusal") or "the server's filter held the answer back"
+        return Reply(error="refused", detail=one_line(str(said)), **told)
+    if not text.strip():
+        why = " (cut off at max_tokens)" if finish == "length" else ""
+        return Reply(error="invalid", detail=f"the reply holds no text{why}", **told)
+    return Reply(text=text, **told)
+
+
+def _failed(body: Any, what: str, refusal_codes: tuple[int | str, ...]) -> Reply:
+    said = error_text(body)
+    error = "refused" if _codes(body) & set(refusal_codes) else "http"
+    return Reply(error=error, detail=one_line(f"{what}: {said}" if said else what), raw=body)
+
+
+def _codes(body: Any) -> set[int | str]:
+    """The codes of an error object, wherever they stand."""
+    outer = body if isinstance(body, dict) else {}
+    inner = outer.get("error") if isinstance(outer.get("error"), dict) else {}
+    codes = (part.get(key) for part in (outer, inner) for key in ("code", "type"))
+    return {int(code) if str(code).isdecimal() and len(str(code)) < 10 else str(code) for code in codes}
+
+
+def _advice(status: int) -> str:
+    if status in (401, 403):
+        return ", the key is refused (FPG_LLM_API_KEY)"
+    return ", no such address or model (FPG_LLM_BASE_URL, FPG_LLM_MODEL)" if status == 404 else ""
+
+
+def _kind(body: bytes) -> str:
+    if len(body) >= LONGEST_BODY:
+        return f"more than {LONGEST_BODY} bytes"
+    return "cut or broken JSON" if body.strip() else "empty"
+
+
+def _text(content: Any) -> str:
+    """A message's content: a string, or the texts among its parts. Half a surrogate pair is no text."""
+    if isinstance(content, list):
+        content = "".join(str(part.get("text", "")) for part in content if isinstance(part, dict))
+    return content.encode("utf-8", "replace").decode() if isinstance(content, str) else ""
+
+
+def _name(model: Any) -> str | None:
+    return one_line(model) if isinstance(model, str) and model else None
+
+
+def _tokens(usage: Any) -> dict[str, int | None]:
+    usage = usage if isinstance(usage, dict) else {}
+    counts = (usage.get("prompt_tokens"), usage.get("completion_tokens"))
+    sound = [count if type(count) is int and count >= 0 else None for count in counts]
+    return {"tokens_in": sound[0], "tokens_out": sound[1]}
