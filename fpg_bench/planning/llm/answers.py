@@ -94,13 +94,14 @@ _ASCII = {code: code - 0xFEE0 for code in range(0xFF01, 0xFF5F)} | str.maketrans
 
 
 def _without_thoughts(text: str) -> str:
-    """The text outside think blocks: a lone end closes one that began before the text, a lone start one
-    that goes on to its end."""
+    """The text outside think blocks.
+
+    An end without a start closes what was thought before it, a start without an end goes on to the end.
+    """
     kept: list[str] = []
     start, thinking = 0, False
     for tag in _THINK.finditer(text):
         if tag[1]:
-            kept = kept if thinking else []
             start = tag.end()
         elif not thinking:
             kept.append(text[start : tag.start()])

@@ -140,7 +140,7 @@ def load_prompt(name: str | Path) -> Prompt:
     """
     name = str(name)
     if not name.endswith((".yml", ".yaml")) and name not in PROMPTS:
-        raise UserError(f"unknown prompt {name!r}{nearest(name, PROMPTS)}, or a YAML file")
+        raise UserError(f"prompt {name!r} is neither a profile nor a YAML file{nearest(name, PROMPTS)}")
     path = PROMPT_FOLDER / f"{name}.yml" if name in PROMPTS else Path(name)
     content = read_yaml(path, "prompt")
     _check_keys(content, path)
