@@ -1,0 +1,86 @@
+"""What a run may spend on a language model, and when to stop asking a server that fails."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from fpg_bench.errors import UserError
+from fpg_bench.planning.llm.attempt import Attempt
+
+CALLS = 20_000  # two for each plan of a comparison, and some
+TOKENS = 200_000_000
+SECONDS = 7 * 86_400.0
+FAILURES_IN_A_ROW = 5
+
+FAILURES = ("timeout", "http", "invalid")  # errors of a call that are the server's fault
+_LOG = logging.getLogger(__name__)
+
+
+class Budget:
+    """Caps on calls, tokens and time, and a circuit that opens after five failures in a row.
+
+    Once it is spent or open it stays so: the rest of the run is flown without calls, and a log says so
+    once. Copies of a planner spend from one budget.
+
+    Args:
+        calls: at most so many.
+        tokens: no call after so many, as the server counts them.
+        seconds: no call after so much time in calls.
+
+    Raises:
+        UserError: a cap is no positive number.
+    """
+
+    def __init__(self, calls: float = CALLS, tokens: float = TOKENS, seconds: float = SECONDS) -> None:
+        self.caps = {"calls": calls, "tokens": tokens, "seconds": seconds}
+        for name, cap in self.caps.items():
+            if isinstance(cap, bool) or not isinstance(cap, int | float) or not 0 < cap <= math.inf:
+                raise UserError(f"budget: {name} is {cap!r}; expected a positive number")
+        self.spent: dict[str, float] = dict.fromkeys(self.caps, 0)
+        self.failures = 0
+        self._resumed = self._said = False
+
+    def __deepcopy__(self, memo: Any) -> Budget:
+        return self
+
+    def resume(self, attempts: Iterable[Attempt]) -> None:
+        """Count, once, what a transcript holds from before: a run that goes on is the same run.
+
+        Its failures are forgiven, since whoever goes on may have mended the server.
+        """
+        if not self._resumed:
+            self._resumed = True
+            for attempt in attempts:
+                self.spend(attempt)
+            self.failures = 0
+
+    def refusal(self, under_way: int = 0) -> str | None:
+        """Why no further call may be made, None if one may.
+
+        Args:
+            under_way: calls that are decided on but not spent yet.
+        """
+        why = self._why(under_way)
+        if why is not None and not self._said:
+            self._said = True
+            _LOG.warning("%s; the rest of the run is flown without calls", why)
+        return why
+
+    def _why(self, under_way: int) -> str | None:
+        if self.failures >= FAILURES_IN_A_ROW:
+            return f"the server failed {FAILURES_IN_A_ROW} times in a row"
+        spent = {**self.spent, "calls": self.spent["calls"] + under_way}
+        over = [name for name, cap in self.caps.items() if spent[name] >= cap]
+        return f"the budget of {self.caps[over[0]]:g} {over[0]} is spent" if over else None
+
+    def spend(self, attempt: Attempt) -> None:
+        """Count an attempt; one that made no call costs nothing."""
+        if attempt.error == "budget":
+            return
+        self.spent["calls"] += attempt.calls
+        self.spent["tokens"] += attempt.tokens or 0
+        self.spent["seconds"] += attempt.seconds
+        self.failures = self.failures + 1 if attempt.error in FAILURES else 0

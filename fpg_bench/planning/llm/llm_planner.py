@@ -1,0 +1,254 @@
+"""The planner that asks a large language model, by any OpenAI-compatible server."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.errors import UserError, nearest
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.planning.llm.answers import answer_schema, read_answer
+from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where
+from fpg_bench.planning.llm.budget import CALLS, SECONDS, TOKENS, Budget
+from fpg_bench.planning.llm.client import Client, Reply
+from fpg_bench.planning.llm.prompts import CONTROLS, load_prompt, reask
+from fpg_bench.planning.llm.servers import Endpoint, endpoint_from_environment
+from fpg_bench.planning.llm.transcript import Transcript, place_of
+from fpg_bench.planning.patterns import Patrol
+from fpg_bench.planning.planner import Limits, Plan, Request
+
+DEADLINE_S = 30.0
+
+_RAW_CHARS = 10_000
+_STATUS = {"timeout": "timeout", "http": "http", "refused": "refused", "budget": "budget"}
+
+
+class LLMPlanner:
+    """Asks a language model for each path; where it gives no valid one, the last valid path is flown again.
+
+    An answer that breaks a rule is sent back once, with the rule. After that, or where the call fails, the
+    match's last valid path is held, and the circle before there is any. A plan's status tells: ``ok``;
+    ``repaired`` (points too many or just outside the box); ``reasked`` (valid at the second attempt);
+    ``fallback-`` with what went wrong: ``invalid``, ``refused``, ``timeout``, ``http``, or ``budget``: no
+    call was made, since the budget is spent or the server failed five times in a row.
+
+    The planner can be copied and pickled. A pickle holds no key: it is read from the environment again.
+
+    Args:
+        scenario: what is played.
+        endpoint: the server and the model; None: as the environment says. A replay needs none.
+        prompt: a prompt profile, or a YAML file.
+        control: ``none``, or what the model is kept from: ``shuffled-rewards``, ``no-history``.
+        transcript: the file that keeps what was asked and answered.
+        mode: ``live`` (no transcript), ``record`` (an attempt that is in the transcript is used and not
+            made again, the others are added) or ``replay`` (from the transcript alone, without a server);
+            None: ``record`` where there is a transcript.
+        calls, tokens, seconds: caps on the whole run (see :class:`fpg_bench.planning.llm.budget.Budget`).
+        deadline_s: for each call.
+        concurrency: how many games are asked for at once. Caps may be overrun by the calls under way.
+
+    Raises:
+        UserError: no endpoint, an unknown prompt, control or mode, a cap that is no positive number; while
+            planning: a transcript that holds other requests, or in a replay lacks one.
+    """
+
+    tier = "history"
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        endpoint: Endpoint | None = None,
+        *,
+        prompt: str = "standard",
+        control: str = "none",
+        transcript: str | Path | None = None,
+        mode: str | None = None,
+        calls: float = CALLS,
+        tokens: float = TOKENS,
+        seconds: float = SECONDS,
+        deadline_s: float = DEADLINE_S,
+        concurrency: int = 1,
+    ) -> None:
+        if control not in CONTROLS:
+            raise UserError(f"unknown control {control!r}{nearest(control, CONTROLS)}")
+        if concurrency < 1:
+            raise UserError(f"concurrency is {concurrency}; expected 1 or more")
+        self.scenario = scenario
+        self.name = "llm" if control == "none" else f"llm-{control}"
+        self.prompt, self.control = load_prompt(prompt), control
+        self.transcript = Transcript(transcript, mode or ("live" if transcript is None else "record"))
+        self.budget = Budget(calls, tokens, seconds)
+        self.concurrency = concurrency
+        self._circle = Patrol("circle", scenario)
+        self._last: dict[tuple[int, int, int], np.ndarray] = {}  # by game, seed and match
+        self._client: Client | None = None
+        if self.transcript.mode != "replay":
+            self._client = Client(endpoint or endpoint_from_environment(), deadline_s)
+
+    def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
+        """The plans of some games; they do not depend on one another, nor on ``concurrency``.
+
+        Raises:
+            UserError: the transcript does not fit, see above.
+            OSError: the transcript cannot be written.
+        """
+        if self.transcript.mode == "record":
+            self.budget.resume(self.transcript.attempts())
+        plans: list[Plan] = []
+        for start in range(0, len(requests), self.concurrency):
+            talks = [_Talk(request) for request in requests[start : start + self.concurrency]]
+            self._ask(talks, FIRST)
+            self._ask([talk for talk in talks if talk.attempts[FIRST].asks_again], LAST)
+            plans += [self._plan(talk) for talk in talks]
+        return plans
+
+    def _ask(self, talks: Sequence[_Talk], number: int) -> None:
+        """Make an attempt for each talk: from the transcript, by a call, or none if the budget is spent."""
+        bodies: dict[int, Body] = {}
+        for index, talk in enumerate(talks):
+            body = self._body(talk, number)
+            known = self.transcript.find((*place_of(talk.request), number), body)
+            if known is not None:
+                talk.attempts.append(self._checked(known, talk.request.limits))
+            elif refusal := self.budget.refusal(len(bodies)):
+                none = Attempt(**self._judged(talk, number, None, "budget"), request=None, detail=refusal)
+                talk.attempts.append(self.transcript.add(none, self._circumstances()))
+            else:
+                bodies[index] = body
+        self._call([(talks[index], body) for index, body in bodies.items()], number)
+
+    def _call(self, talks: Sequence[tuple[_Talk, Body]], number: int) -> None:
+        """Call the server, and keep each reply as soon as it is there."""
+        if self._client is None or not talks:
+            return
+        replies = self._client.complete_all([body for _, body in talks], self.concurrency)
+        for (talk, _), reply in zip(talks, replies, strict=True):
+            attempt = self._attempt(talk, number, reply)
+            self.budget.spend(attempt)
+            talk.attempts.append(self.transcript.add(attempt, self._circumstances(reply)))
+
+    # What is asked
+
+    def _body(self, talk: _Talk, number: int) -> Body:
+        messages = self.prompt.messages(talk.request, self.control)
+        if number == LAST:
+            first = talk.attempts[FIRST]
+            problem = read_answer(first.text or "", talk.request.limits).problem
+            messages = reask(messages, first.text or "", problem or "no valid path")
+        if self._client is None:
+            return {"messages": messages}
+        seed = server_seed((*place_of(talk.request), number))
+        return self._client.request_body(messages, seed, answer_schema(talk.request.limits))
+
+    # What comes of it
+
+    def _attempt(self, talk: _Talk, number: int, reply: Reply) -> Attempt:
+        return Attempt(
+            **self._judged(talk, number, reply.text, reply.error),
+            request=reply.sent,
+            detail=reply.detail,
+            calls=reply.calls,
+            seconds=reply.seconds,
+            tokens_in=reply.tokens_in,
+            tokens_out=reply.tokens_out,
+            model=reply.model,
+        )
+
+    def _judged(self, talk: _Talk, number: int, text: str | None, error: str | None) -> dict[str, Any]:
+        request, prompt = talk.request, self.prompt
+        return {
+            "seed": request.seed, "match": request.match, "round": request.round, "attempt": number,
+            "prompt": prompt.name, "prompt_hash": prompt.hash, "control": self.control,
+            "text": text, "error": error, **judge(text, error, request.limits),
+        }  # fmt: skip
+
+    def _circumstances(self, reply: Reply | None = None) -> dict[str, Any]:
+        """What an attempt's line holds for a reader, and a replay does without."""
+        assert self._client is not None
+        raw = None if reply is None else _bounded(reply.raw)
+        server = self._client.endpoint.server.name
+        return {"planner": self.name, "server": server, "versions": _versions(), "raw": raw}
+
+    def _checked(self, attempt: Attempt, limits: Limits) -> Attempt:
+        """An attempt of the transcript, which must still be what its text says."""
+        for name, value in judge(attempt.text, attempt.error, limits).items():
+            if getattr(attempt, name) != value:
+                what = f"is changed: its {name} are not what its text says"
+                raise UserError(self.transcript.complaint(attempt.where, what))
+        return attempt
+
+    def _plan(self, talk: _Talk) -> Plan:
+        request, last = talk.request, talk.attempts[-1]
+        match = (request.game, request.seed, request.match)
+        if request.round == 0:
+            self._last.pop(match, None)  # played once before
+        if last.waypoints is not None:
+            self._last[match] = np.array(last.waypoints)
+            status, source = "reasked" if last.attempt else last.status, "llm"
+        else:
+            status, source = f"fallback-{last.status}", "held" if match in self._last else "circle"
+        return Plan(self._path(match, request), source, status, talk.tokens, talk.seconds)
+
+    def _path(self, match: tuple[int, int, int], request: Request) -> np.ndarray:
+        if match in self._last:
+            return self._last[match].copy()
+        return self._circle.plan(
+            request.history, request.current_position, request.limits, request.rng
+        ).waypoints
+
+
+@dataclass
+class _Talk:
+    """A request, and the attempts at its plan so far."""
+
+    request: Request
+    attempts: list[Attempt] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        return sum(attempt.seconds for attempt in self.attempts)
+
+    @property
+    def tokens(self) -> int | None:
+        """None: calls were made, but the server counted nothing."""
+        counts = [attempt.tokens for attempt in self.attempts if attempt.error != "budget"]
+        known = [count for count in counts if count is not None]
+        return sum(known) if known or not counts else None
+
+
+def judge(text: str | None, error: str | None, limits: Limits) -> dict[str, Any]:
+    """What a reply comes to: the fields ``waypoints``, ``rung`` and ``status`` of an attempt."""
+    if error is not None or text is None:
+        return {"waypoints": None, "rung": "none", "status": _STATUS.get(error or "", "invalid")}
+    answer = read_answer(text, limits)
+    if answer.waypoints is None:
+        return {"waypoints": None, "rung": answer.rung, "status": "refused" if answer.refused else "invalid"}
+    status = "repaired" if answer.repaired else "ok"
+    return {"waypoints": answer.waypoints.tolist(), "rung": answer.rung, "status": status}
+
+
+def server_seed(where: Where) -> int:
+    """The seed that is sent to a server: the same for the same attempt, 31 bits."""
+    digest = hashlib.sha256(" ".join(map(str, where)).encode()).digest()
+    return int.from_bytes(digest[:4], "big") >> 1
+
+
+def _bounded(raw: Any) -> Any:
+    """A raw reply, or the beginning of its text where it is long."""
+    text = raw if isinstance(raw, str) else json.dumps(raw)
+    return raw if len(text) <= _RAW_CHARS else text[:_RAW_CHARS]
+
+
+@cache
+def _versions() -> dict[str, str]:
+    from fpg_bench import __version__
+
+    return {"fpg_bench": __version__, "openai": version("openai")}

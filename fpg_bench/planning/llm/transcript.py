@@ -1,0 +1,173 @@
+"""The transcript of a language model that plans: one JSON line per attempt, so that anybody can replay it.
+
+Only ever appended. Lines have a ``kind``: ``attempt`` (what was asked and answered), ``flown`` (which plan a
+round flew, where planning runs beside the game); others are left as they are.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.errors import UserError
+from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where, alike
+from fpg_bench.planning.planner import Request
+from fpg_bench.rows import Row, RowFile
+
+MODES = ("live", "record", "replay")
+OPTIONAL = ("seed", "response_format")  # fields of a request that a server may refuse, and then go without
+
+Place = tuple[int, int, int]  # seed, match, round
+_LOG = logging.getLogger(__name__)
+
+
+def place_of(request: Request) -> Place:
+    """Which round of which match a request is for: seed, match and round."""
+    return request.seed, request.match, request.round
+
+
+class Transcript:
+    """The attempts at plans, kept in a file or (mode ``live``) nowhere.
+
+    A file is read when it is first needed; one that is written is held for this process from then on. A
+    copy is the same transcript; pickling keeps its name and mode alone.
+
+    Args:
+        path: the file; None in mode ``live``, and only there.
+        mode: ``live``; ``record``: what is in the file is used, the rest is asked for and added;
+            ``replay``: all must be in the file.
+
+    Raises:
+        UserError: an unknown mode, a path where none belongs or none where one does; on first use: no such
+            file to replay, another process writes it, or a line is broken.
+    """
+
+    def __init__(self, path: str | Path | None = None, mode: str = "live") -> None:
+        if mode not in MODES:
+            raise UserError(f"transcript: mode is {mode!r}; choose one of {', '.join(MODES)}")
+        if (path is None) != (mode == "live"):
+            needs = "keeps no file; choose record or replay" if path else "needs the transcript's file"
+            raise UserError(f"transcript: mode {mode} {needs}")
+        self.path = None if path is None else Path(path)
+        self.mode = mode
+        self._attempts: dict[Where, Attempt] | None = None
+        self._flown: dict[Place, Row] = {}
+        self._held = contextlib.ExitStack()
+        self._lock = threading.RLock()  # planning beside the game writes from two threads
+
+    def __deepcopy__(self, memo: Any) -> Transcript:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Transcript, (self.path, self.mode)
+
+    def close(self) -> None:
+        """Let other processes write the file; it is read again when it is next needed."""
+        with self._lock:
+            self._held.close()
+            self._attempts = None
+
+    def attempts(self) -> list[Attempt]:
+        """All attempts, in the order of the file."""
+        return list(self._read().values())
+
+    def find(self, where: Where, body: Body) -> Attempt | None:
+        """The attempt in the transcript, None if there is none yet.
+
+        Args:
+            where: seed, match, round and attempt.
+            body: what would be sent; in a replay the messages are enough. The fields that both have must
+                agree: text outside numbers exactly, numbers within 0.02.
+
+        Raises:
+            UserError: in a replay there is none; or it is the answer to another request.
+        """
+        attempt = self._read().get(where)
+        if attempt is None:
+            if self.mode == "replay":
+                raise UserError(self.complaint(where, "is missing"))
+            return None
+        for name in sorted(body.keys() & (attempt.request or {}).keys() - {*OPTIONAL}):
+            if not alike(body[name], attempt.request[name]):  # type: ignore[index]
+                by = f"prompt {attempt.prompt!r}, control {attempt.control!r}"
+                raise UserError(self.complaint(where, f"was recorded with other {name} ({by})"))
+        return attempt
+
+    def add(self, attempt: Attempt, more: Row) -> Attempt:
+        """Append an attempt, with more to keep in its line; gives the one that is kept.
+
+        Two games that are alike may ask for the same: the first answer counts.
+
+        Raises:
+            OSError: the line cannot be written; nothing that was there is lost.
+        """
+        with self._lock:
+            kept = self._read().get(attempt.where)
+            if self.path is None or kept is not None:
+                return kept or attempt
+            RowFile(self.path).append([{**attempt.row(), **more}])
+            return self._read().setdefault(attempt.where, attempt)
+
+    def decided(self, request: Request) -> Attempt | None:
+        """The attempt that decided a request's plan; None: there is none, or it was cut short."""
+        attempts, place = self._read(), place_of(request)
+        first = attempts.get((*place, FIRST))
+        return attempts.get((*place, LAST)) if first is not None and first.asks_again else first
+
+    def flown(self, request: Request) -> Row | None:
+        """The line that says which plan the round of a request flew; None: there is none yet.
+
+        Raises:
+            UserError: there is none in a replay.
+        """
+        with self._lock:
+            self._read()
+            line = self._flown.get(place_of(request))
+        if line is None and self.mode == "replay":
+            raise UserError(self.complaint(place_of(request), "has no line that says what was flown"))
+        return line
+
+    def add_flown(self, rows: Sequence[Row]) -> None:
+        """Append which plans some rounds flew; each row holds ``seed``, ``match`` and ``round``."""
+        with self._lock:
+            self._read()
+            if self.path is not None and rows:
+                RowFile(self.path).append({"kind": "flown", **row} for row in rows)
+                self._flown |= {_place(row): row for row in rows}
+
+    def complaint(self, where: Sequence[int], what: str) -> str:
+        """An error's text that names an attempt of this transcript, or a round."""
+        names = ("seed", "match", "round", "attempt")
+        named = ", ".join(f"{name} {value}" for name, value in zip(names, where, strict=False))
+        mend = "repeat what was recorded" if self.mode == "replay" else "record into a new file"
+        return f"transcript {self.path}: {named} {what}; {mend}"
+
+    def _read(self) -> dict[Where, Attempt]:
+        with self._lock:
+            if self._attempts is None:
+                self._attempts = {} if self.path is None else self._load(self.path)
+            return self._attempts
+
+    def _load(self, path: Path) -> dict[Where, Attempt]:
+        if self.mode == "record":
+            self._held.enter_context(RowFile(path).locked())
+        elif not path.is_file():
+            raise UserError(f"transcript {path}: no such file to replay")
+        found: dict[Where, Attempt] = {}
+        for number, row in enumerate(RowFile(path).read(), 1):
+            if row.get("kind") == "flown":
+                self._flown[_place(row)] = row
+            elif row.get("kind") == "attempt":
+                attempt = Attempt.of(row, f"transcript {path}: line {number}")
+                found.setdefault(attempt.where, attempt)
+                if row.get("key") != attempt.key:
+                    _LOG.warning("transcript %s: line %d: not the key of its request", path, number)
+        return found
+
+
+def _place(row: Row) -> Place:
+    return row["seed"], row["match"], row["round"]
