@@ -138,16 +138,23 @@ def load_prompt(name: str | Path) -> Prompt:
     Raises:
         UserError: no such profile or file, or a key, value or placeholder that cannot be used.
     """
-    name = str(name)
-    if not name.endswith((".yml", ".yaml")) and name not in PROMPTS:
-        raise UserError(f"prompt {name!r} is neither a profile nor a YAML file{nearest(name, PROMPTS)}")
-    path = PROMPT_FOLDER / f"{name}.yml" if name in PROMPTS else Path(name)
+    path = prompt_file(name)
     content = read_yaml(path, "prompt")
     _check_keys(content, path)
     rounds = content.pop("rounds")
     for key, text in content.items():
         _check_text(text, _NAMES.get(key), f"prompt {path}: {key}")
     return Prompt(path.stem, **(content | _rounds(rounds, path)))
+
+
+def prompt_file(name: str | Path) -> Path:
+    """The YAML file of a prompt profile, by its name or as it is; raises as :func:`load_prompt` does."""
+    name = str(name)
+    if name in PROMPTS:
+        return PROMPT_FOLDER / f"{name}.yml"
+    if not name.endswith((".yml", ".yaml")):
+        raise UserError(f"prompt {name!r} is neither a profile nor a YAML file{nearest(name, PROMPTS)}")
+    return Path(name)
 
 
 # Checks of a profile
