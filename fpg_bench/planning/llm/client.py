@@ -5,21 +5,12 @@ from __future__ import annotations
 import asyncio
 import dataclasses
 import logging
-import threading
 import time
 from collections.abc import Sequence
 from typing import Any
 
-from fpg_bench.errors import UserError
-from fpg_bench.planning.llm.replies import (
-    LONGEST_BODY,
-    Received,
-    Reply,
-    error_text,
-    one_line,
-    read_reply,
-    without,
-)
+from fpg_bench.planning.llm.connection import Connection, background_loop
+from fpg_bench.planning.llm.replies import Received, Reply, error_text, one_line, read_reply, without
 from fpg_bench.planning.llm.servers import Endpoint
 
 DEADLINE_S = 30.0
@@ -34,19 +25,6 @@ _OPTIONAL = {
 }
 _UNNAMED = ("response_format", "seed")
 _REFUSING = (400, 422, 500, 501)
-
-# All that leaves this machine beside the body. The openai package would add the kind of machine, and
-# whatever OPENAI_* variables say; by the last of these it knows to hand out the body unread.
-_HEADERS = {
-    "accept",
-    "accept-encoding",
-    "connection",
-    "content-length",
-    "content-type",
-    "host",
-    "user-agent",
-    "x-stainless-raw-response",
-}
 
 
 class Client:
@@ -64,18 +42,10 @@ class Client:
     """
 
     def __init__(self, endpoint: Endpoint, deadline_s: float = DEADLINE_S) -> None:
-        _openai()
         self.endpoint, self.deadline_s = endpoint, deadline_s
+        self.connection = Connection(endpoint, deadline_s)
         self.dropped: set[str] = set()
         self.suspected: set[str] = set()  # by one error of no clear cause
-        self._forget_connections()
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_api": None, "_loop": None}
-
-    def _forget_connections(self) -> None:
-        self._api: Any = None
-        self._loop: asyncio.AbstractEventLoop | None = None
 
     def request_body(
         self, messages: Sequence[dict[str, str]], seed: int, schema: dict[str, Any] | None = None
@@ -123,55 +93,41 @@ class Client:
             calls=talk.calls,
         )
 
-    def complete_all(self, bodies: Sequence[dict[str, Any]], concurrency: int = 1) -> list[Reply]:
+    def complete_all(
+        self,
+        bodies: Sequence[dict[str, Any]],
+        concurrency: int = 1,
+        keep: Callable[[int, Reply], Any] = lambda index, reply: None,
+    ) -> list[Reply]:
         """Ask several times, and wait for all; from any thread, and beside a running event loop.
 
         Args:
             bodies: what to send.
             concurrency: how many questions may be under way at once.
+            keep: told each reply as soon as it is there, with its index in ``bodies``; in another thread.
 
         Returns:
             The replies in the order of ``bodies``.
         """
-        future = asyncio.run_coroutine_threadsafe(self._gathered(bodies, concurrency), _background_loop())
+        future = asyncio.run_coroutine_threadsafe(self._gathered(bodies, concurrency), background_loop())
         try:
             return future.result()
         except BaseException:  # Ctrl-C: what is under way is given up
             future.cancel()
             raise
 
-    async def _gathered(self, bodies: Sequence[dict[str, Any]], concurrency: int) -> list[Reply]:
+    async def _gathered(
+        self, bodies: Sequence[dict[str, Any]], concurrency: int, keep: Callable[[int, Reply], Any]
+    ) -> list[Reply]:
         places = asyncio.Semaphore(max(concurrency, 1))
 
-        async def placed(body: dict[str, Any]) -> Reply:
+        async def placed(index: int, body: dict[str, Any]) -> Reply:
             async with places:
-                return await self.complete(body)
+                reply = await self.complete(body)
+            keep(index, reply)
+            return reply
 
-        return list(await asyncio.gather(*map(placed, bodies)))
-
-    async def send(self, body: dict[str, Any]) -> Received:
-        """Send one request and read what comes, up to ``LONGEST_BODY``; errors of the connection go up."""
-        openai = _openai()
-        try:
-            talk = self._connected().chat.completions.with_streaming_response.create(**body)
-            async with talk as response:
-                data = b""
-                async for part in response.iter_bytes():
-                    data += part
-                    if len(data) >= LONGEST_BODY:
-                        break
-                return Received(response.status_code, data)
-        except openai.APIStatusError as error:
-            wait = error.response.headers.get("retry-after", "")
-            seconds = float(wait) if wait.replace(".", "", 1).isdecimal() else None
-            return Received(error.status_code, error.response.content[:LONGEST_BODY], seconds)
-
-    def _connected(self) -> Any:
-        """The package's client. Its connections belong to one event loop, so each loop gets its own."""
-        loop = asyncio.get_running_loop()
-        if self._loop is not loop:
-            self._api, self._loop = _connect(self.endpoint, self.deadline_s), loop
-        return self._api
+        return list(await asyncio.gather(*(placed(*pair) for pair in enumerate(bodies))))
 
 
 class _Talk:
@@ -191,7 +147,7 @@ class _Talk:
             self.sent = {name: value for name, value in self.body.items() if name not in self.dropped}
             self.calls += 1
             try:
-                received = await self.client.send(self.sent)
+                received = await self.client.connection.send(self.sent)
             except Exception as error:  # whatever a server makes the packages below raise
                 return self._unreached(error)
             reply = read_reply(received, endpoint.key, endpoint.server.refusal_codes)
@@ -202,7 +158,7 @@ class _Talk:
             return reply
 
     def _unreached(self, error: Exception) -> Reply:
-        if isinstance(error, _openai().APITimeoutError):
+        if isinstance(error, TimeoutError):
             return Reply(error="timeout", detail=f"no answer within {self.client.deadline_s:g} s")
         cause = error.__cause__ or error
         said = without(self.client.endpoint.key, f"{type(cause).__name__}: {cause}".rstrip(": "))
@@ -242,54 +198,7 @@ class _Talk:
             _LOG.warning("%s refuses %s; it is left out", client.endpoint.base_url, name)
 
 
-def _openai() -> Any:
-    try:
-        import openai
-    except ImportError:
-        raise UserError("the planner llm needs the package openai: pip install 'fpg-bench[llm]'") from None
-    return openai
-
-
-def _connect(endpoint: Endpoint, deadline_s: float) -> Any:
-    """The package's asynchronous client, which reads nothing from the environment but proxies."""
-    openai = _openai()
-
-    async def keep_to_headers(request: Any) -> None:
-        for name in list(request.headers):
-            if name.lower() not in _HEADERS:
-                del request.headers[name]
-        if endpoint.key:
-            request.headers["Authorization"] = f"Bearer {endpoint.key}"
-
-    http = openai.DefaultAsyncHttpxClient(
-        event_hooks={"request": [keep_to_headers]},
-        follow_redirects=False,  # the key goes to the server that it is for, and to no other
-        trust_env=not endpoint.on_this_machine,  # a proxy has no way back to this machine
-        timeout=deadline_s,
-    )
-    return openai.AsyncOpenAI(
-        base_url=endpoint.base_url, api_key="none", max_retries=0, timeout=deadline_s, http_client=http
-    )
-
-
 def _response_format(form: str, schema: dict[str, Any]) -> dict[str, Any]:
     if form == "json_schema":
         return {"type": form, "json_schema": {"name": "plan", "strict": True, "schema": schema}}
     return {"type": "json_object", **({"schema": schema} if form == "json_object_with_schema" else {})}
-
-
-# One thread for all clients of a process: it ends with the process, whatever is under way
-
-_STARTING = threading.Lock()
-_LOOP: tuple[asyncio.AbstractEventLoop, threading.Thread] | None = None
-
-
-def _background_loop() -> asyncio.AbstractEventLoop:
-    global _LOOP
-    with _STARTING:
-        if _LOOP is None or not _LOOP[1].is_alive():  # a forked process has its parent's loop, not its thread
-            loop = asyncio.new_event_loop()
-            thread = threading.Thread(target=loop.run_forever, name="fpg-bench-llm", daemon=True)
-            thread.start()
-            _LOOP = (loop, thread)
-        return _LOOP[0]

@@ -126,14 +126,19 @@ class LLMPlanner:
         self._call([(talks[index], body) for index, body in bodies.items()], number)
 
     def _call(self, talks: Sequence[tuple[_Talk, Body]], number: int) -> None:
-        """Call the server, and keep each reply as soon as it is there."""
+        """Call the server, and keep each reply as soon as it is there: a run may be killed at any time."""
         if self._client is None or not talks:
             return
-        replies = self._client.complete_all([body for _, body in talks], self.concurrency)
-        for (talk, _), reply in zip(talks, replies, strict=True):
-            attempt = self._attempt(talk, number, reply)
-            self.budget.spend(attempt)
-            talk.attempts.append(self.transcript.add(attempt, self._circumstances(reply)))
+        made: dict[int, Attempt] = {}
+
+        def keep(index: int, reply: Reply) -> None:
+            attempt = self._attempt(talks[index][0], number, reply)
+            made[index] = self.transcript.add(attempt, self._circumstances(reply))
+
+        self._client.complete_all([body for _, body in talks], self.concurrency, keep)
+        for index, (talk, _) in enumerate(talks):
+            self.budget.spend(made[index])
+            talk.attempts.append(made[index])
 
     # What is asked
 
