@@ -6,7 +6,7 @@ import asyncio
 import dataclasses
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from fpg_bench.planning.llm.connection import Connection, background_loop
@@ -109,7 +109,8 @@ class Client:
         Returns:
             The replies in the order of ``bodies``.
         """
-        future = asyncio.run_coroutine_threadsafe(self._gathered(bodies, concurrency), background_loop())
+        work = self._gathered(bodies, concurrency, keep)
+        future = asyncio.run_coroutine_threadsafe(work, background_loop())
         try:
             return future.result()
         except BaseException:  # Ctrl-C: what is under way is given up
