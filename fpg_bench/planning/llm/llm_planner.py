@@ -19,7 +19,7 @@ from fpg_bench.planning.llm.answers import answer_schema, read_answer
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where
 from fpg_bench.planning.llm.budget import CALLS, SECONDS, TOKENS, Budget
 from fpg_bench.planning.llm.client import Client, Reply
-from fpg_bench.planning.llm.prompts import CONTROLS, load_prompt, reask
+from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt, reask
 from fpg_bench.planning.llm.servers import Endpoint, endpoint_from_environment
 from fpg_bench.planning.llm.transcript import Transcript, place_of
 from fpg_bench.planning.patterns import Patrol
@@ -45,7 +45,7 @@ class LLMPlanner:
     Args:
         scenario: what is played.
         endpoint: the server and the model; None: as the environment says. A replay needs none.
-        prompt: a prompt profile, or a YAML file.
+        prompt: a prompt profile, its name or a YAML file of one.
         control: ``none``, or what the model is kept from: ``shuffled-rewards``, ``no-history``.
         transcript: the file that keeps what was asked and answered.
         mode: ``live`` (no transcript), ``record`` (an attempt that is in the transcript is used and not
@@ -67,7 +67,7 @@ class LLMPlanner:
         scenario: Scenario,
         endpoint: Endpoint | None = None,
         *,
-        prompt: str = "standard",
+        prompt: str | Prompt = "standard",
         control: str = "none",
         transcript: str | Path | None = None,
         mode: str | None = None,
@@ -83,7 +83,8 @@ class LLMPlanner:
             raise UserError(f"concurrency is {concurrency}; expected 1 or more")
         self.scenario = scenario
         self.name = "llm" if control == "none" else f"llm-{control}"
-        self.prompt, self.control = load_prompt(prompt), control
+        self.prompt = prompt if isinstance(prompt, Prompt) else load_prompt(prompt)
+        self.control = control
         self.transcript = Transcript(transcript, mode or ("live" if transcript is None else "record"))
         self.budget = Budget(calls, tokens, seconds)
         self.concurrency = concurrency
