@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 ERRORS = ("timeout", "http", "refused", "invalid")
 LONGEST_BODY = 1_000_000  # bytes; the rest is not read
+DEEPEST_BODY = 50  # brackets within brackets
 LONGEST_RAW = 10_000  # characters kept of a body that is no JSON
 LONGEST_DETAIL = 200
 SHORTEST_SECRET = 8  # shorter keys are words such as "none" and "x", which stand in any text
@@ -66,6 +67,8 @@ def read_reply(received: Received, secret: str | None, refusal_codes: tuple[int 
         # Parsed, written and parsed again: an escaped key is found, and what cannot be written is no JSON
         plain = json.dumps(json.loads(text), allow_nan=False)
         body = json.loads(without(secret, plain))
+        if _depth(body) > DEEPEST_BODY:  # whoever writes it down would run out of stack
+            raise ValueError
     except (ValueError, RecursionError):
         body = text[:LONGEST_RAW]
     if received.status >= 300:
@@ -106,17 +109,17 @@ def error_text(body: Any) -> str:
 def _answered(body: dict[str, Any]) -> Reply:
     """A body with choices: the first one's text, or why it has none."""
     choices = body["choices"]
-    choice = choices[0] if isinstance(choices, list) and isinstance(choices[0], dict) else {}
-    message = choice.get("message") if isinstance(choice.get("message"), dict) else {}
-    told = {"raw": body, "model": _name(body.get("model")), **_tokens(body.get("usage"))}
-    text, finish = _text(message.get("content")), choice.get("finish_reason")
+    choice = _object(choices[0] if isinstance(choices, list) else None)
+    message, finish = _object(choice.get("message")), choice.get("finish_reason")
+    reply = Reply(raw=body, model=_name(body.get("model")), **_tokens(body.get("usage")))
     if message.get("refusal") or finish == "content_filter":
         said = message.get("refusal") or "the server's filter held the answer back"
-        return Reply(error="refused", detail=one_line(str(said)), **told)
+        return replace(reply, error="refused", detail=one_line(str(said)))
+    text = _text(message.get("content"))
     if not text.strip():
         why = " (cut off at max_tokens)" if finish == "length" else ""
-        return Reply(error="invalid", detail=f"the reply holds no text{why}", **told)
-    return Reply(text=text, **told)
+        return replace(reply, error="invalid", detail=f"the reply holds no text{why}")
+    return replace(reply, text=text)
 
 
 def _failed(body: Any, what: str, refusal_codes: tuple[int | str, ...]) -> Reply:
@@ -126,11 +129,11 @@ def _failed(body: Any, what: str, refusal_codes: tuple[int | str, ...]) -> Reply
 
 
 def _codes(body: Any) -> set[int | str]:
-    """The codes of an error object, wherever they stand."""
-    outer = body if isinstance(body, dict) else {}
-    inner = outer.get("error") if isinstance(outer.get("error"), dict) else {}
-    codes = (part.get(key) for part in (outer, inner) for key in ("code", "type"))
-    return {int(code) if str(code).isdecimal() and len(str(code)) < 10 else str(code) for code in codes}
+    """The codes of an error object, wherever they stand; numbers written as words are numbers."""
+    outer = _object(body)
+    codes = [part.get(key) for part in (outer, _object(outer.get("error"))) for key in ("code", "type")]
+    words = [str(code) for code in codes]
+    return {int(word) if word.isdecimal() and len(word) < 10 else word for word in words}
 
 
 def _advice(status: int) -> str:
@@ -156,8 +159,20 @@ def _name(model: Any) -> str | None:
     return one_line(model) if isinstance(model, str) and model else None
 
 
-def _tokens(usage: Any) -> dict[str, int | None]:
-    usage = usage if isinstance(usage, dict) else {}
-    counts = (usage.get("prompt_tokens"), usage.get("completion_tokens"))
-    sound = [count if type(count) is int and count >= 0 else None for count in counts]
-    return {"tokens_in": sound[0], "tokens_out": sound[1]}
+def _tokens(usage: Any) -> dict[str, Any]:
+    counts = {"tokens_in": "prompt_tokens", "tokens_out": "completion_tokens"}
+    told = {name: _object(usage).get(key) for name, key in counts.items()}
+    return {name: count if type(count) is int and count >= 0 else None for name, count in told.items()}
+
+
+def _object(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _depth(value: Any) -> int:
+    level, depth = [value], 0
+    while level:
+        lists = [list(item.values()) if isinstance(item, dict) else item for item in level]
+        level = [part for parts in lists if isinstance(parts, list) for part in parts]
+        depth += 1
+    return depth

@@ -70,7 +70,8 @@ def load_server(name: str) -> Server:
         if key not in known:
             raise UserError(f"server {path}: unknown key {key!r}{nearest(str(key), known)}")
     try:
-        return Server(path.stem, **{key: _CHECKS[key](key, value) for key, value in content.items()})
+        checked: dict[str, Any] = {key: _CHECKS[key](key, value) for key, value in content.items()}
+        return Server(path.stem, **checked)
     except UserError as error:
         raise UserError(f"server {path}: {error}") from error
 
