@@ -40,7 +40,8 @@ class RowFile:
             UserError: the file cannot be read, or a line that is not the last is not a row.
         """
         try:
-            data = self.path.read_bytes() if self.path.exists() else b""
+            there = self.path.exists() and not self.path.is_char_device()  # a device may never end
+            data = self.path.read_bytes() if there else b""
         except OSError as error:
             raise UserError(f"rows {self.path}: cannot be read: {error.strerror}") from error
         lines = data.splitlines(keepends=True)

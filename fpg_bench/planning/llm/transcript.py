@@ -160,7 +160,7 @@ class Transcript:
         found: dict[Where, Attempt] = {}
         for number, row in enumerate(RowFile(path).read(), 1):
             if row.get("kind") == "flown":
-                self._flown[_place(row)] = row
+                self._flown[_checked_place(row, f"transcript {path}: line {number}")] = row
             elif row.get("kind") == "attempt":
                 attempt = Attempt.of(row, f"transcript {path}: line {number}")
                 found.setdefault(attempt.where, attempt)
@@ -171,3 +171,11 @@ class Transcript:
 
 def _place(row: Row) -> Place:
     return row["seed"], row["match"], row["round"]
+
+
+def _checked_place(row: Row, where: str) -> Place:
+    for name in ("seed", "match", "round", "planned_round", "plan"):
+        kind = {"plan": str, "planned_round": int | None}.get(name, int)
+        if name not in row or not isinstance(row[name], kind):
+            raise UserError(f"{where} is no round flown: {name} is missing or changed")
+    return _place(row)

@@ -1,0 +1,72 @@
+"""Small hands for the tests of the LLM planner: short matches, texts that hold a path, requests."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+
+from fpg_bench.envs.duel import make_duel
+from fpg_bench.game.scenario import STANDARD
+from fpg_bench.planning import Limits, Plan, Request
+from fpg_bench.planning.llm.llm_planner import LLMPlanner
+from fpg_bench.planning.llm.servers import Endpoint, load_server
+
+STEPS, ROUNDS = 32, 4
+SHORT = dataclasses.replace(
+    STANDARD, steps_per_round=STEPS, rounds_per_match=ROUNDS, opponent_path="waypoints"
+)
+LIMITS = Limits.of(SHORT)
+KEY = "sk-a-key-that-nobody-may-see"
+BAD = "I would fly to the north."
+
+
+def path(shift: int = 0) -> np.ndarray:
+    """A path in whole metres; another for each ``shift``."""
+    return np.array([[100 + 10 * i + shift, 200 + shift, 150] for i in range(16)], float)
+
+
+def path_text(shift: int = 0) -> str:
+    """The path as a model writes it."""
+    points = [{"x": int(x), "y": int(y), "z": int(z)} for x, y, z in path(shift)]
+    return json.dumps({"waypoints": points})
+
+
+def endpoint(server, profile: str = "generic") -> Endpoint:
+    """Where a server answers; its model is called ``tiny``."""
+    return Endpoint(server.url, "tiny", KEY, load_server(profile))
+
+
+def planner(server=None, **options) -> LLMPlanner:
+    """A planner that asks a server of the tests; None: that replays."""
+    return LLMPlanner(SHORT, None if server is None else endpoint(server), **options)
+
+
+def request(round: int = 0, seed: int = 1, match: int = 0, game: int = 0, reward: float = 0.5) -> Request:
+    """A request after so many rounds, all alike."""
+    history = np.zeros((round, 16, 4))
+    history[..., :3], history[..., 3] = path(), reward
+    rng = np.random.default_rng([seed, match, round])
+    return Request(history, np.array([700.0, 800.0, 90.0]), LIMITS, rng, game, seed, match, round)
+
+
+def play(with_planner, rounds: int = ROUNDS, games: int = 1, seed: int = 5) -> tuple[list[Plan], np.ndarray]:
+    """A match with resting players: the plans, round by round, and the state of every step."""
+    duel, rest = make_duel(games, scenario=SHORT, planner=with_planner), np.zeros((games, 9))
+    plans, states = [], []
+    for index in range(rounds):
+        duel.reset(seeds=seed if index == 0 else None)
+        plans += duel.plans
+        for _ in range(STEPS):
+            duel.step(rest, rest)
+            states.append(duel.state())
+    return plans, np.array(states)
+
+
+def assert_same(first: tuple[list[Plan], np.ndarray], second: tuple[list[Plan], np.ndarray]) -> None:
+    """Two matches are identical to the bit, and so is what is said of their plans."""
+    assert np.array_equal(first[1], second[1])
+    for x, y in zip(first[0], second[0], strict=True):
+        assert np.array_equal(x.waypoints, y.waypoints)
+        assert dataclasses.replace(x, waypoints=None) == dataclasses.replace(y, waypoints=None)

@@ -1,0 +1,118 @@
+"""The budget: what a run may spend, and when a server that fails is left alone."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.planning.llm.attempt import Attempt
+from fpg_bench.planning.llm.budget import Budget
+
+CALLED = Attempt(
+    *(0, 0, 0, 0, {}, "text", None, "", None, "none", "invalid", "standard", "", "none"),
+    calls=1,
+    seconds=2.0,
+    tokens_in=30,
+    tokens_out=20,
+)
+
+
+def called(error=None, **changes):
+    return dataclasses.replace(CALLED, error=error, **changes)
+
+
+def test_a_fresh_budget_refuses_nothing():
+    assert Budget().refusal() is None
+
+
+@pytest.mark.parametrize(
+    ("caps", "calls", "named"),
+    [
+        ({"calls": 3}, 3, "3 calls"),
+        ({"tokens": 149}, 3, "149 tokens"),
+        ({"tokens": 150}, 3, "150 tokens"),
+        ({"seconds": 5.5}, 3, "5.5 seconds"),
+        ({"calls": 1, "seconds": 5.5}, 1, "1 calls"),
+    ],
+)
+def test_a_cap_that_is_reached_ends_the_calls(caps, calls, named):
+    budget = Budget(**caps)
+    for _ in range(calls):
+        assert budget.refusal() is None
+        budget.spend(CALLED)
+    assert named in budget.refusal()
+
+
+def test_calls_that_are_decided_on_count_before_they_are_made():
+    assert Budget(calls=3).refusal(2) is None
+    assert Budget(calls=3).refusal(3) is not None
+
+
+def test_all_that_a_call_took_counts():
+    budget = Budget(calls=4)
+    budget.spend(called(calls=4))
+    assert budget.refusal() is not None
+
+
+def test_tokens_that_a_server_does_not_count_are_none():
+    budget = Budget(tokens=1)
+    budget.spend(called(tokens_in=None, tokens_out=None))
+    assert budget.refusal() is None
+
+
+def test_an_attempt_without_a_call_costs_nothing():
+    budget = Budget(calls=1, tokens=1, seconds=1)
+    budget.spend(called("budget"))
+    assert budget.refusal() is None
+
+
+@pytest.mark.parametrize("error", ["timeout", "http", "invalid"])
+def test_five_failures_in_a_row_open_the_circuit_and_it_stays_open(error):
+    budget = Budget()
+    for _ in range(5):
+        assert budget.refusal() is None
+        budget.spend(called(error))
+    assert "failed 5 times in a row" in budget.refusal()
+
+
+@pytest.mark.parametrize("error", [None, "refused"])
+def test_an_answer_of_any_kind_closes_the_row(error):
+    budget = Budget()
+    for attempt in [*[called("http")] * 4, called(error), *[called("http")] * 4]:
+        budget.spend(attempt)
+    assert budget.refusal() is None
+
+
+def test_the_end_is_logged_once(caplog):
+    budget = Budget(calls=1)
+    budget.spend(CALLED)
+    for _ in range(3):
+        budget.refusal()
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert "1 calls is spent; the rest of the run is flown without calls" in caplog.text
+
+
+def test_what_was_spent_before_a_run_was_stopped_counts_once_and_its_failures_do_not():
+    budget = Budget(calls=11)
+    for _ in range(2):
+        budget.resume([called("http")] * 5 + [called("budget")] * 5 + [CALLED] * 4 + [called("http")])
+    assert budget.refusal() is None
+    budget.spend(called("http"))
+    assert "11 calls" in budget.refusal()
+
+
+def test_copies_spend_from_one_budget():
+    budget = Budget(calls=1)
+    copy.deepcopy(budget).spend(CALLED)
+    assert budget.refusal() is not None
+
+
+@pytest.mark.parametrize("cap", [0, -1, math.nan, "many", None, True])
+@pytest.mark.parametrize("name", ["calls", "tokens", "seconds"])
+def test_a_cap_that_is_no_positive_number_is_refused(name, cap):
+    with pytest.raises(UserError, match=f"budget: {name} is"):
+        Budget(**{name: cap})

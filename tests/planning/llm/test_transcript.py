@@ -1,0 +1,240 @@
+"""The transcript: what is written comes back exactly, and what does not fit is refused by name."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import json
+import pickle
+import subprocess
+import sys
+
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.planning.llm.attempt import Attempt, alike
+from fpg_bench.planning.llm.transcript import Transcript
+
+from .playing import path, request
+
+BODY = {
+    "model": "tiny",
+    "messages": [{"role": "user", "content": "At 3,100,200 the reward was 0.25, now plan"}],
+    "temperature": 0.7,
+    "seed": 5,
+}
+ATTEMPT = Attempt(
+    *(1, 2, 3, 0, BODY, "the text \ud800 ü", None, ""),
+    *((path() / 3).tolist(), "json", "ok", "standard", "ab12", "none"),
+    calls=2,
+    seconds=0.1 + 0.2,
+    tokens_in=10,
+    model="tiny-v2",
+)
+
+
+def with_content(text):
+    return {**BODY, "messages": [{"role": "user", "content": text}]}
+
+
+@pytest.fixture
+def file(tmp_path):
+    return tmp_path / "deep" / "transcript.jsonl"
+
+
+@pytest.fixture
+def recorded(file):
+    transcript = Transcript(file, "record")
+    transcript.add(ATTEMPT, {"raw": {"choices": []}, "versions": {"openai": "3"}})
+    transcript.close()
+    return file
+
+
+@pytest.mark.parametrize("mode", ["record", "replay"])
+def test_an_attempt_comes_back_to_the_last_bit(recorded, mode):
+    assert Transcript(recorded, mode).find(ATTEMPT.where, BODY) == ATTEMPT
+
+
+def test_a_line_holds_what_a_reader_wants_to_know(recorded):
+    (line,) = map(json.loads, recorded.read_text().splitlines())
+    assert line["kind"] == "attempt"
+    assert line["key"] == ATTEMPT.key
+    assert (line["request"], line["tokens_in"], line["tokens_out"]) == (BODY, 10, None)
+    assert line["raw"] == {"choices": []}
+    assert line["versions"] == {"openai": "3"}
+
+
+def test_a_key_tells_requests_rounds_and_attempts_apart():
+    others = [dataclasses.replace(ATTEMPT, request=with_content("x"))]
+    others += [dataclasses.replace(ATTEMPT, **{name: 7}) for name in ("seed", "match", "round", "attempt")]
+    assert len({ATTEMPT.key, *(other.key for other in others)}) == 6
+    assert len(ATTEMPT.key) == 64
+
+
+def test_what_is_not_there_is_none_in_a_record_and_refused_by_name_in_a_replay(recorded):
+    where = (1, 2, 4, 1)
+    assert Transcript(recorded, "record").find(where, BODY) is None
+    with pytest.raises(UserError, match="seed 1, match 2, round 4, attempt 1 is missing"):
+        Transcript(recorded, "replay").find(where, BODY)
+
+
+@pytest.mark.parametrize(
+    ("content", "fits"),
+    [
+        ("At 3,100,200 the reward was 0.25, now plan", True),
+        ("At 3,100,200 the reward was 0.26, now plan", True),
+        ("At 3,100,200 the reward was 0.28, now plan", False),
+        ("At 3,101,200 the reward was 0.25, now plan", False),
+        ("At 3,100,200 the reward was -0.25, now plan", False),
+        ("At 3,100,200 the reward was 0.25, 1 now plan", False),
+        ("At 3,100,200 the reward is 0.25, now plan", False),
+    ],
+)
+@pytest.mark.parametrize("mode", ["record", "replay"])
+def test_a_request_fits_where_its_text_is_the_same_and_its_numbers_are_near(recorded, mode, content, fits):
+    transcript, body = Transcript(recorded, mode), with_content(content)
+    if fits:
+        assert transcript.find(ATTEMPT.where, body) == ATTEMPT
+    else:
+        with pytest.raises(UserError, match=r"seed 1, match 2, round 3, attempt 0 .*other messages"):
+            transcript.find(ATTEMPT.where, body)
+
+
+def test_endless_numbers_are_compared_too():
+    assert alike("9" * 5000, "9" * 5000)
+    assert not alike("9" * 5000, "9" * 4999 + "8")
+
+
+@pytest.mark.parametrize("change", [{"model": "tiny-2"}, {"temperature": 0.71}])
+def test_a_request_to_another_model_does_not_fit(recorded, change):
+    with pytest.raises(UserError, match=f"other {next(iter(change))}.*into a new file"):
+        Transcript(recorded, "record").find(ATTEMPT.where, {**BODY, **change})
+
+
+def test_fields_that_a_server_may_refuse_do_not_count(recorded):
+    found = Transcript(recorded, "record").find(ATTEMPT.where, {**BODY, "seed": 6, "response_format": {}})
+    assert found == ATTEMPT
+
+
+def test_a_replay_knows_only_the_messages(recorded):
+    assert Transcript(recorded, "replay").find(ATTEMPT.where, {"messages": BODY["messages"]}) == ATTEMPT
+
+
+def test_the_key_is_advice(recorded, caplog):
+    recorded.write_text(recorded.read_text().replace(ATTEMPT.key, "0" * 64))
+    assert Transcript(recorded, "replay").find(ATTEMPT.where, BODY) == ATTEMPT
+    assert "line 1" in caplog.text
+
+
+@pytest.mark.parametrize("name", ["text", "seed", "waypoints", "seconds", "request"])
+@pytest.mark.parametrize("damage", ["lost", "changed"])
+def test_a_damaged_line_is_named(recorded, name, damage):
+    line = json.loads(recorded.read_text())
+    line[name] = True if name in ("text", "waypoints", "request") else "7"
+    if damage == "lost":
+        del line[name]
+    recorded.write_text("{}\n" + json.dumps(line) + "\n")
+    with pytest.raises(UserError, match=f"line 2 is no attempt: {name} is missing or changed"):
+        Transcript(recorded, "replay").find(ATTEMPT.where, BODY)
+
+
+def test_lines_of_another_kind_stay(recorded):
+    other = '{"kind": "round", "round":0}\n'
+    with recorded.open("a") as out:
+        out.write(other)
+    transcript = Transcript(recorded, "record")
+    transcript.add(dataclasses.replace(ATTEMPT, round=4), {})
+    assert recorded.read_text().splitlines()[1] + "\n" == other
+    assert [attempt.round for attempt in Transcript(recorded, "replay").attempts()] == [3, 4]
+
+
+def test_a_line_that_was_cut_off_is_asked_for_again(recorded):
+    whole = recorded.read_bytes()
+    recorded.write_bytes(whole + whole.replace(b'"round":3', b'"round":4')[:-20])
+    transcript = Transcript(recorded, "record")
+    assert transcript.find((1, 2, 4, 0), BODY) is None
+    transcript.add(dataclasses.replace(ATTEMPT, round=5), {})
+    assert [attempt.round for attempt in Transcript(recorded, "replay").attempts()] == [3, 5]
+
+
+def test_the_first_of_two_answers_to_the_same_counts(recorded):
+    transcript = Transcript(recorded, "record")
+    assert transcript.add(dataclasses.replace(ATTEMPT, text="another"), {}) == ATTEMPT
+    assert len(recorded.read_text().splitlines()) == 1
+
+
+def test_live_keeps_nothing():
+    transcript = Transcript()
+    assert transcript.add(ATTEMPT, {}) == ATTEMPT
+    assert transcript.find(ATTEMPT.where, BODY) is None
+
+
+@pytest.mark.parametrize(
+    ("path", "mode", "message"),
+    [
+        ("x.jsonl", "live", "mode live keeps no file"),
+        (None, "record", "mode record needs the transcript's file"),
+        (None, "replay", "mode replay needs the transcript's file"),
+        ("x.jsonl", "again", "choose one of live, record, replay"),
+    ],
+)
+def test_a_mode_that_cannot_be_is_refused(path, mode, message):
+    with pytest.raises(UserError, match=message):
+        Transcript(path, mode)
+
+
+def test_nothing_to_replay_is_said(file):
+    with pytest.raises(UserError, match="no such file to replay"):
+        Transcript(file, "replay").attempts()
+
+
+def test_a_copy_is_the_same_transcript_and_a_pickle_opens_it_again(recorded):
+    transcript = Transcript(recorded, "record")
+    twin = copy.deepcopy(transcript)
+    transcript.add(dataclasses.replace(ATTEMPT, round=4), {})
+    assert len(twin.attempts()) == 2
+    assert len(pickle.loads(pickle.dumps(transcript)).attempts()) == 2
+
+
+def test_two_processes_do_not_record_into_one_file(recorded):
+    code = "import sys; from fpg_bench.planning.llm.transcript import Transcript as T;"
+    code += "print(len(T(sys.argv[1], sys.argv[2]).attempts()))"
+    first = Transcript(recorded, "record")
+    first.attempts()
+
+    def other(mode):
+        return subprocess.run(
+            [sys.executable, "-c", code, str(recorded), mode], capture_output=True, text=True
+        ).stderr
+
+    assert "another process is writing" in other("record")
+    assert other("replay") == ""
+    first.close()
+    assert other("record") == ""
+
+
+def test_a_full_disk_is_an_error_and_not_a_loss():
+    transcript = Transcript("/dev/full", "record")
+    with pytest.raises(OSError, match="No space"):
+        transcript.add(ATTEMPT, {})
+    assert transcript.attempts() == []
+
+
+@pytest.mark.parametrize("name", ["seed", "plan", "planned_round"])
+def test_a_damaged_line_of_a_round_flown_is_named(file, name):
+    line = {"kind": "flown", "seed": 1, "match": 0, "round": 0, "plan": "held", "planned_round": None}
+    file.parent.mkdir()
+    file.write_text(json.dumps({**line, name: 0.5}) + "\n")
+    with pytest.raises(UserError, match=f"line 1 is no round flown: {name} is missing or changed"):
+        Transcript(file, "replay").flown(request(0))
+
+
+def test_what_was_flown_comes_back(file):
+    transcript = Transcript(file, "record")
+    lines = [{"seed": 1, "match": 0, "round": r, "plan": "held", "planned_round": None} for r in (0, 1)]
+    transcript.add_flown(lines)
+    again = Transcript(file, "replay")
+    assert again.flown(request(1)) == {"kind": "flown", **lines[1]}
+    with pytest.raises(UserError, match="seed 1, match 0, round 2 has no line"):
+        again.flown(request(2))
+    assert transcript.flown(request(2)) is None
