@@ -2,11 +2,167 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
 import typer
+
+from fpg_bench.cli.verbs import ScenarioOption
+from fpg_bench.errors import UserError
+
+if TYPE_CHECKING:
+    from fpg_bench.envs.matches import Round
 
 app = typer.Typer(help="Plan the opponent's path between the rounds of a match.")
 
+ServerOption = Annotated[str | None, typer.Option(help="the language model's server profile or YAML file")]
 
-@app.callback()
-def _options() -> None:
-    pass
+
+@app.command()
+def run(
+    planner: Annotated[str, typer.Option(help="who plans: a name, llm, or package.module:object")] = (
+        "interceptor"
+    ),
+    ally: Annotated[str, typer.Option(help="the ally's player")] = "expert",
+    opponent: Annotated[str, typer.Option(help="who jams for the opponent")] = "adaptive",
+    scenario: ScenarioOption = None,
+    seed: Annotated[int, typer.Option(help="decides the match")] = 0,
+    rounds: Annotated[int, typer.Option(min=1, help="rounds of the match")] = 10,
+    out: Annotated[Path | None, typer.Option(help="a folder, or a file that ends in .jsonl")] = None,
+    prompt: Annotated[str | None, typer.Option(help="llm: standard, paper or a YAML file")] = None,
+    control: Annotated[str | None, typer.Option(help="llm: none, shuffled-rewards or no-history")] = None,
+    server: ServerOption = None,
+    calls: Annotated[int | None, typer.Option(min=1, help="llm: most calls")] = None,
+    tokens: Annotated[int | None, typer.Option(min=1, help="llm: most tokens, read and written")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0, help="llm: most seconds of planning")] = None,
+    deadline: Annotated[float | None, typer.Option(min=0, help="llm: seconds that a call may take")] = None,
+) -> None:
+    """Play one match of a planner, draw its paths, and keep it in a file; a stopped one goes on."""
+    from fpg_bench.envs.match_picture import draw_match
+    from fpg_bench.envs.matches import run_match
+
+    options: dict[str, Any] = {"prompt": prompt, "control": control, "server": server, "calls": calls}
+    options |= {"tokens": tokens, "seconds": seconds, "deadline_s": deadline}
+    llm = {name: value for name, value in options.items() if value is not None}
+    name = planner if control in (None, "none") else f"{planner}-{control}"
+    file, picture = _targets(out, f"{name}-{ally}-{seed}")
+    with _shown(rounds) as progress:
+        played = run_match(
+            planner,
+            ally,
+            opponent,
+            scenario=scenario,
+            seed=seed,
+            rounds=rounds,
+            out=file,
+            llm=llm,
+            progress=progress,
+        )
+    title = f"{name} against {ally}, seed {seed}"
+    draw_match(played, picture, title)
+    _print_table(played, title)
+    typer.echo(f"written: {file}, {picture}")
+
+
+@app.command()
+def replay(file: Annotated[Path, typer.Argument(help="what plan run has written")]) -> None:
+    """Repeat a match from its file, without network, and check that it is identical to the bit."""
+    from fpg_bench.envs.matches import replay_match
+
+    match, played = replay_match(file)
+    _print_table(played, f"{match.planner} against {match.ally}, seed {match.seed}")
+    typer.echo(f"identical: {len(played)} rounds of {file}")
+
+
+@app.command()
+def probe(
+    server: ServerOption = None,
+    deadline: Annotated[float, typer.Option(min=0.1, help="seconds that each question may take")] = 30,
+) -> None:
+    """Try the language model that the environment names: what its server honours."""
+    from rich.console import Console
+
+    from fpg_bench.planning.llm import probe as probing
+    from fpg_bench.planning.llm.servers import endpoint_from_environment
+
+    endpoint = endpoint_from_environment(server)
+    console = Console(soft_wrap=True, highlight=False)
+    console.print(f"{endpoint.model} at {endpoint.base_url}, profile {endpoint.server.name}", markup=False)
+    signs = {True: "yes", False: "no", None: "-"}
+    findings = probing.probe(
+        endpoint,
+        deadline,
+        lambda found: console.print(f"{found.what:24} {signs[found.ok]:4} {found.detail}", markup=False),
+    )
+    if not findings[0].ok:
+        raise UserError(f"nothing answers at {endpoint.base_url}: {findings[0].detail}")
+
+
+def _targets(out: Path | None, name: str) -> tuple[Path, Path]:
+    """Where the match and its picture go."""
+    folder = Path("runs", "plan", name.replace("/", "_").replace(":", "_")) if out is None else out
+    if folder.suffix == ".jsonl":
+        return folder, folder.with_suffix(".png")
+    return folder / "match.jsonl", folder / "paths.png"
+
+
+@contextlib.contextmanager
+def _shown(rounds: int) -> Iterator[Callable[[int, Round | None], None]]:
+    """What a match shows while it is played: a moving line on a terminal, else a line per round."""
+    from rich.console import Console
+
+    console = Console()
+    with console.status("") if console.is_terminal else contextlib.nullcontext() as moving:
+        last = ""
+
+        def progress(index: int, played: Round | None) -> None:
+            nonlocal last
+            if played is not None:
+                last = f"round {index}: {played.reward_per_step:+.2f} a step, {played.row['status']}"
+                if moving is None:
+                    typer.echo(last)
+            elif moving is not None:
+                moving.update(f"planning round {index} of {rounds}  {last}")
+
+        yield progress
+
+
+def _print_table(rounds: list[Round], title: str) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    radius = rounds[0].recording.scenario.distance_reward_m
+    headings = ["round", "reward/step", f"within {radius:g} m %", "jammed %", "status", "source"]
+    table = Table(*headings, "tokens", "planning s", box=box.SIMPLE_HEAD, title=title)
+    for column in table.columns:
+        column.justify = "left" if column.header in ("status", "source") else "right"
+    rows = [played.row for played in rounds]
+    for row in rows:
+        table.add_row(str(row["round"]), *_numbers([row]), row["status"], row["source"], *_costs([row]))
+    table.add_section()
+    table.add_row("all", *_numbers(rows), _valid(rows), "", *_costs(rows))
+    console = Console()
+    console.print(table) if console.width >= 100 else Console(width=100).print(table)
+
+
+def _numbers(rows: list[dict[str, Any]]) -> list[str]:
+    """Reward per step, and the shares of time near the ally and of jamming, of rounds put together."""
+    steps, reward, near, jammed = (
+        sum(row[name] for row in rows) for name in ("steps", "opponent_return", "near", "jammed")
+    )
+    return [f"{reward / steps:+.2f}", f"{100 * near / steps:.1f}", f"{100 * jammed / steps:.1f}"]
+
+
+def _costs(rows: list[dict[str, Any]]) -> list[str]:
+    counted = [row["tokens"] for row in rows if row["tokens"] is not None]
+    return [str(sum(counted)) if counted else "-", f"{sum(row['seconds'] for row in rows):.3f}"]
+
+
+def _valid(rows: list[dict[str, Any]]) -> str:
+    """How many plans were valid, where a language model gave any of them or should have."""
+    fallen = sum(row["status"].startswith("fallback") for row in rows)
+    asked = fallen or any(row["source"] == "llm" for row in rows)
+    return f"{len(rows) - fallen} of {len(rows)} valid" if asked else ""
