@@ -6,6 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import Entry, Panel, load_panel
@@ -16,6 +17,7 @@ from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.rows import RowFile
 
 ALL_SCRIPTED = "all-scripted"
+ROWS, ABOUT = "rows.jsonl", "evaluation.json"  # the files of a results folder
 
 
 def evaluate(
@@ -49,8 +51,8 @@ def evaluate(
     check_references(panel)
     specs = [s for player in players for s in (SCRIPTED[panel.side] if player == ALL_SCRIPTED else [player])]
     contestants = [contestant(spec, panel.side, panel, name) for spec in specs]
-    _claim(out, panel, panel_name)
-    file = RowFile(out / "rows.jsonl")
+    claim(out, panel_name, panel.hash, rounds=panel.rounds)
+    file = RowFile(out / ROWS)
     with file.locked():
         for who in contestants:
             play_panel(who, panel, file, functools.partial(progress, who))
@@ -64,11 +66,11 @@ def read_results(folder: str | Path) -> tuple[list[Summary], Panel]:
         UserError: no results folder, or one of a panel that is not this version's.
     """
     folder = Path(folder)
-    about = read_json(folder / "evaluation.json", "results")
+    about = read_json(folder / ABOUT, "results")
     panel = _with_rounds(load_panel(about["panel"]), about["rounds"])
     if panel.hash != about["panel_hash"]:
         raise UserError(f"results {folder}: played under another version of {about['panel']}; evaluate again")
-    return summarise(RowFile(folder / "rows.jsonl").read(), panel), panel
+    return summarise(RowFile(folder / ROWS).read(), panel), panel
 
 
 def _with_rounds(panel: Panel, rounds: int | None) -> Panel:
@@ -77,16 +79,26 @@ def _with_rounds(panel: Panel, rounds: int | None) -> Panel:
     return panel if rounds is None else dataclasses.replace(panel, rounds=rounds)
 
 
-def _claim(out: Path, panel: Panel, panel_name: str) -> None:
-    """Say in the folder which panel its rows are of; refuse a folder of another."""
-    path = out / "evaluation.json"
-    rows = out / "rows.jsonl"
-    if path.exists() and rows.exists() and rows.stat().st_size:
-        found = read_json(path, "results")
-        if found.get("panel_hash") != panel.hash:
-            raise UserError(
-                f"results {out}: hold rows of {found.get('panel')} with {found.get('rounds')} rounds, or of "
-                f"another version of it, not of {panel.name} with {panel.rounds}; choose another folder"
-            )
+def claim(out: Path, panel_name: str, panel_hash: str, **size: int) -> None:
+    """Say in a folder which panel its rows are of, and how many rounds or matches it has.
+
+    Raises:
+        UserError: it holds rows of another panel.
+    """
+    path = out / ABOUT
+    rows = out / ROWS
+    about = {"panel": panel_name, "panel_hash": panel_hash, **size}
+    if not (path.exists() and rows.exists() and rows.stat().st_size):
+        write_json(path, about)
         return
-    write_json(path, {"panel": panel_name, "panel_hash": panel.hash, "rounds": panel.rounds})
+    found = read_json(path, "results")
+    if found.get("panel_hash") != panel_hash:
+        raise UserError(
+            f"results {out}: hold rows of {_sized(found)}, or of another version of it, "
+            f"not of {_sized(about)}; choose another folder"
+        )
+
+
+def _sized(about: dict[str, Any]) -> str:
+    sizes = [f"{about[key]} {key}" for key in ("rounds", "matches") if key in about]
+    return f"{about.get('panel')} with {' and '.join(sizes)}"

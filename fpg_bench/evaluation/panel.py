@@ -19,6 +19,7 @@ from fpg_bench.players.player import SIDES
 
 PANEL_FOLDER = Path(__file__).with_name("panels")
 STANDARD_ERRORS = 10.0
+PLANNER_SIDE = "planner"  # what a panel of planners says instead of a side
 _KEYS = {"side", "scenario", "rounds", "reference", "entries"}
 
 
@@ -108,21 +109,17 @@ def load_panel(name: str, references: bool = True) -> Panel:
     """
     path = panel_file(name)
     content = read_yaml(path, "panel")
-    if set(content) != _KEYS:
-        raise UserError(
-            f"panel {path}: expected the keys {', '.join(sorted(_KEYS))}, got {', '.join(map(str, content))}"
-        )
+    if content.get("side") == PLANNER_SIDE:
+        raise UserError(f"panel {name}: compares planners; write fpg-bench plan compare --panel {name}")
+    check_keys(content, _KEYS, path)
     if content["side"] not in SIDES:
         raise UserError(f"panel {path}: side: expected ally or opponent, got {content['side']!r}")
-    rounds = content["rounds"]
-    if isinstance(rounds, bool) or not isinstance(rounds, int) or rounds < 1:
-        raise UserError(f"panel {path}: rounds: expected a whole number above 0, got {rounds!r}")
     other = "opponent" if content["side"] == "ally" else "ally"
     panel = Panel(
         name=path.stem,
         side=content["side"],
         scenario=as_scenario(content["scenario"]),
-        rounds=rounds,
+        rounds=whole_number(content, "rounds", path),
         reference=str(content["reference"]),
         entries=_entries(content["entries"], other, path),
     )
@@ -146,6 +143,22 @@ def panel_file(name: str) -> Path:
             f"unknown panel {name!r}{nearest(name, [p.stem for p in PANEL_FOLDER.glob('*.yml')])}"
         )
     return path
+
+
+def check_keys(content: dict[str, Any], keys: set[str], path: Path) -> None:
+    """Raise UserError where a panel's file holds other keys than these."""
+    if set(content) != keys:
+        raise UserError(
+            f"panel {path}: expected the keys {', '.join(sorted(keys))}, got {', '.join(map(str, content))}"
+        )
+
+
+def whole_number(content: dict[str, Any], key: str, path: Path) -> int:
+    """The whole number above 0 that a panel's file holds under a key; raises UserError for all else."""
+    value = content[key]
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise UserError(f"panel {path}: {key}: expected a whole number above 0, got {value!r}")
+    return value
 
 
 def scores_file(path: Path) -> Path:

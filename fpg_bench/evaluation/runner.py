@@ -38,10 +38,14 @@ class Contestant:
         about = getattr(player, "about", None)
         if isinstance(about, dict):
             return str(about["policy_sha256"])
-        module = sys.modules.get(str(self.spec).partition(":")[0])
-        if ":" in str(self.spec) and module is not None and module.__file__ is not None:
-            return hashlib.sha256(Path(module.__file__).read_bytes()).hexdigest()
-        return str(self.spec)
+        return code_fingerprint(str(self.spec))
+
+
+def code_fingerprint(name: str) -> str:
+    """The hash of the file that ``package.module:object`` came from; the name itself where there is none."""
+    module = sys.modules.get(name.partition(":")[0])
+    file = getattr(module, "__file__", None) if ":" in name else None
+    return name if file is None else hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
 def contestant(spec: Any, side: str, panel: Panel, name: str | None = None) -> Contestant:
@@ -78,7 +82,7 @@ def play_panel(
     player = as_player(who.spec, panel.side, panel.scenario)
     head: Row = {"panel": panel.name, "panel_hash": panel.hash[:16], "player": who.name}
     head |= {"training_seed": who.training_seed, "fingerprint": who.fingerprint(player)[:16]}
-    done = _rounds_done(file, head)
+    done = rounds_done(file, head, who=("player", "training_seed"), entry="entry")
     for entry in panel.entries:
         progress(entry)
         known = done.get(entry.name, set())
@@ -88,25 +92,37 @@ def play_panel(
                 file.append({**head, "entry": entry.name, **row} for row in fresh)
 
 
-def _rounds_done(file: RowFile, head: dict[str, Any]) -> dict[str, set[tuple[int, int]]]:
-    """Which rounds (seed, round) of each entry the file holds of this contestant."""
+def rounds_done(
+    file: RowFile, head: dict[str, Any], who: tuple[str, ...], entry: str
+) -> dict[str, set[tuple[int, int]]]:
+    """Which rounds (seed, round) of each entry the file holds of a contestant.
+
+    Args:
+        file: the rows.
+        head: what all rows of this contestant say.
+        who: the keys of the head that name the contestant.
+        entry: the key that names what it is played against.
+
+    Raises:
+        UserError: a line that is no such row, or rows of another panel or another contestant of this name.
+    """
     done: dict[str, set[tuple[int, int]]] = {}
     for number, row in enumerate(file.read(), 1):
-        if not head.keys() | {"entry", "seed", "round"} <= row.keys():
+        if not head.keys() | {entry, "seed", "round"} <= row.keys():
             raise UserError(f"rows {file.path}: line {number} is no row of a round")
         if row["panel_hash"] != head["panel_hash"]:
             raise UserError(
                 f"rows {file.path}: hold rows of another panel or scenario "
                 f"({row['panel']} {row['panel_hash']}); write to another folder"
             )
-        if (row["player"], row["training_seed"]) != (head["player"], head["training_seed"]):
+        if any(row[key] != head[key] for key in who):
             continue
         if row["fingerprint"] != head["fingerprint"]:
             raise UserError(
-                f"rows {file.path}: hold rows of another {head['player']!r} (another policy, or its file has "
+                f"rows {file.path}: hold rows of another {head[who[0]]!r} (another policy, or its file has "
                 "changed); give this one another name or write to another folder"
             )
-        done.setdefault(row["entry"], set()).add((row["seed"], row["round"]))
+        done.setdefault(row[entry], set()).add((row["seed"], row["round"]))
     return done
 
 
@@ -137,11 +153,14 @@ def play_round(duel: Duel, ally: Seat, opponent: Seat, seeds: Any = None) -> Non
         duel.arena.step(ally.act(), opponent.act())
 
 
-def _row(duel: Duel, game: int) -> Row:
-    """One round: its chance, the sums of its tally, and the steps per frequency point of both sides."""
-    arena = duel.arena
-    played = arena.games[game]
+def tally_row(duel: Duel, game: int) -> Row:
+    """What happened in one game's round: its chance and the sums of its tally."""
+    played, tally = duel.arena.games[game], duel.arena.tallies[game]
     row: Row = {"seed": int(played["seed"]), "round": int(played["round"])}
-    row |= {name: arena.tallies[name][game].item() for name in TALLIES}
-    row["ally_points"], row["jam_points"] = arena.histograms[game].tolist()
-    return row
+    return row | dict(zip(TALLIES, tally.item(), strict=True))
+
+
+def _row(duel: Duel, game: int) -> Row:
+    """One round of an entry: its tally, and the steps per frequency point of both sides."""
+    ally_points, jam_points = duel.arena.histograms[game].tolist()
+    return tally_row(duel, game) | {"ally_points": ally_points, "jam_points": jam_points}

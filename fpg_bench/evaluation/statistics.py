@@ -58,7 +58,10 @@ def iqm_interval(scores: np.ndarray, trained: bool) -> Interval:
 
 def _bootstrap_rounds(scores: np.ndarray) -> tuple[float, float]:
     """The interval of the IQM of ``(entries, evaluation seeds)`` over whole evaluation seeds."""
-    seeds = scores.shape[1]
-    weights = np.random.default_rng(0).multinomial(seeds, np.full(seeds, 1 / seeds), BOOTSTRAPS) / seeds
-    low, high = np.percentile(iqm(weights @ scores.T), (2.5, 97.5))
+    low, high = np.percentile(iqm(resampled(scores.shape[1]) @ scores.T), (2.5, 97.5))
     return float(low), float(high)
+
+
+def resampled(units: int) -> np.ndarray:
+    """``(BOOTSTRAPS, units)``: how much each of the units weighs in each resampling, always the same."""
+    return np.random.default_rng(0).multinomial(units, np.full(units, 1 / units), BOOTSTRAPS) / units

@@ -39,15 +39,16 @@ def cells(summary: Summary, side: str) -> list[str]:
     return [
         s.player,
         str(s.training_seeds or "-"),
-        _number(score.value),
-        f"[{_number(score.low)}, {_number(score.high)}]{marked}",
-        _number(s.mean),
-        f"{_number(s.entries[worst])} {worst}",
-        _number(s.measures[f"{side}_return"], digits=0),
-    ] + [_number(s.measures[name], factor, digits) for _, name, factor, digits in _MEASURES]
+        number(score.value),
+        f"[{number(score.low)}, {number(score.high)}]{marked}",
+        number(s.mean),
+        f"{number(s.entries[worst])} {worst}",
+        number(s.measures[f"{side}_return"], digits=0),
+    ] + [number(s.measures[name], factor, digits) for _, name, factor, digits in _MEASURES]
 
 
-def _number(value: float | None, factor: float = 1, digits: int = 1) -> str:
+def number(value: float | None, factor: float = 1, digits: int = 1) -> str:
+    """A number of a table; a dash where there is none."""
     return "-" if value is None else f"{round(value * factor, digits) + 0.0:.{digits}f}"  # never -0.0
 
 
@@ -64,9 +65,14 @@ def caption(panel: Panel) -> str:
 
 def markdown(summaries: Sequence[Summary], panel: Panel) -> str:
     """The table as Markdown."""
-    lines = [headings(panel.side), ["---"] * len(headings(panel.side))]
-    lines += [cells(summary, panel.side) for summary in summaries]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + f"\n\n{caption(panel)}\n"
+    lines = [cells(summary, panel.side) for summary in summaries]
+    return as_markdown(headings(panel.side), lines, caption(panel))
+
+
+def as_markdown(names: list[str], lines: Sequence[list[str]], below: str) -> str:
+    """A table of Markdown with these columns and lines, and a caption below."""
+    whole = [names, ["---"] * len(names), *lines]
+    return "\n".join("| " + " | ".join(line) + " |" for line in whole) + f"\n\n{below}\n"
 
 
 def as_csv(summaries: Sequence[Summary], panel: Panel) -> str:

@@ -1,0 +1,129 @@
+"""Language models under comparison: recorded as they are asked, replayed from what was recorded."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.planner_panel import PlannerPanel
+from fpg_bench.evaluation.planner_runner import Contender
+from fpg_bench.files import read_json, write_json, write_whole
+from fpg_bench.planning import PLANNERS
+from fpg_bench.planning.llm.budget import Budget
+from fpg_bench.planning.llm.llm_planner import LLMPlanner
+from fpg_bench.planning.llm.prompts import CONTROLS, load_prompt, prompt_file
+from fpg_bench.planning.llm.servers import endpoint_from_environment
+from fpg_bench.planning.llm.transcript import Transcript
+
+# What each name keeps from the model
+LLM_CONTROLS = {"llm" if control == "none" else f"llm-{control}": control for control in CONTROLS}
+
+_ABOUT, _PROMPT = "planner.json", "prompt.yml"  # lie beside a planner's transcripts, one for each ally
+_DECIDING = ("model", "control", "prompt_hash")
+_CAPS = ("calls", "tokens", "seconds")
+
+
+def asked(name: str, panel: PlannerPanel, folder: Path, options: Mapping[str, Any]) -> Contender:
+    """A language model that is asked and recorded; what its transcripts hold is not asked again.
+
+    Args:
+        name: one of ``LLM_CONTROLS``.
+        panel: what it will play.
+        folder: where its transcripts grow.
+        options: those of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, whose caps hold for all
+            allies together, and ``server``, the profile of its endpoint.
+
+    Raises:
+        UserError: no endpoint, no such prompt, or a folder with transcripts of another model or prompt.
+    """
+    control, rest = LLM_CONTROLS[name], dict(options)
+    endpoint = endpoint_from_environment(rest.pop("server", None))
+    prompt = rest.pop("prompt", "standard")
+    about = {"model": endpoint.model, "server": endpoint.server.name, "control": control}
+    about |= {"prompt": prompt, "prompt_hash": load_prompt(prompt).hash}
+    budget = _budget(folder, {cap: rest.pop(cap) for cap in _CAPS if cap in rest})
+
+    def make(ally: str) -> LLMPlanner:
+        _claim(folder, about)
+        path = folder / _file(ally)
+        planner = LLMPlanner(
+            panel.scenario, endpoint, prompt=prompt, control=control, transcript=path, mode="record", **rest
+        )
+        planner.budget = budget
+        return planner
+
+    return Contender(name, LLMPlanner.tier, _fingerprint(about), make)
+
+
+def replayed(folder: Path, panel: PlannerPanel) -> list[Contender]:
+    """The language models whose transcripts lie in a folder, as they were recorded; no server is asked.
+
+    Args:
+        folder: holds a folder for each planner, whose name is what rows call it.
+        panel: what they played.
+
+    Raises:
+        UserError: no transcripts there, or a planner that goes by the name of another.
+    """
+    found = sorted(path.parent for path in folder.glob(f"*/{_ABOUT}"))
+    if not found:
+        raise UserError(f"transcripts {folder}: hold no planner; name the folder transcripts of a comparison")
+    for path in found:
+        if path.name in PLANNERS and path.name not in LLM_CONTROLS:
+            raise UserError(f"transcripts {path}: a planner of the package has this name; rename the folder")
+    return [_replayed(path, panel) for path in found]
+
+
+def _replayed(folder: Path, panel: PlannerPanel) -> Contender:
+    about = _about(folder)
+
+    def make(ally: str) -> LLMPlanner:
+        prompt, path = str(folder / _PROMPT), folder / _file(ally)
+        return LLMPlanner(
+            panel.scenario, prompt=prompt, control=about["control"], transcript=path, mode="replay"
+        )
+
+    return Contender(folder.name, LLMPlanner.tier, _fingerprint(about), make)
+
+
+def _claim(folder: Path, about: dict[str, Any]) -> None:
+    """Say beside transcripts whose they are, and keep the prompt; refuse those of another."""
+    if (folder / _ABOUT).exists():
+        known = _about(folder)
+        for key in _DECIDING:
+            if known[key] != about[key]:
+                raise UserError(
+                    f"transcripts {folder}: recorded with {key} {known[key]}, not {about[key]}; choose "
+                    "another folder"
+                )
+        return
+    write_whole(folder / _PROMPT, prompt_file(about["prompt"]).read_bytes())
+    write_json(folder / _ABOUT, about)
+
+
+def _about(folder: Path) -> dict[str, Any]:
+    about = read_json(folder / _ABOUT, "transcripts")
+    if not all(isinstance(about.get(key), str) for key in _DECIDING):
+        raise UserError(f"transcripts {folder / _ABOUT}: expected the keys {', '.join(_DECIDING)}")
+    return about
+
+
+def _fingerprint(about: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps([about[key] for key in _DECIDING]).encode()).hexdigest()
+
+
+def _budget(folder: Path, caps: Mapping[str, float]) -> Budget:
+    """One budget for all allies, from which everything that is recorded already is taken."""
+    budget = Budget(**caps)
+    recorded = [Transcript(path, "replay") for path in sorted(folder.glob("*.jsonl"))]
+    budget.resume(attempt for transcript in recorded for attempt in transcript.attempts())
+    return budget
+
+
+def _file(ally: str) -> str:
+    """The transcript of the matches against an ally, whose name may be a path."""
+    return f"{ally.replace('/', '-').replace(':', '-')}.jsonl"
