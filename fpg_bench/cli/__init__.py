@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli import plan, verbs
+from fpg_bench.cli import compare, plan, verbs
 from fpg_bench.errors import UserError
 
 app = typer.Typer(
@@ -20,6 +20,7 @@ app = typer.Typer(
 )
 for verb in (verbs.envs, verbs.play, verbs.train, verbs.evaluate, verbs.measure_panel, verbs.table):
     app.command()(verb)
+plan.app.command()(compare.compare)
 app.add_typer(plan.app, name="plan")
 _DEBUG = False
 _STOPPED = 130

@@ -142,18 +142,24 @@ def measure_panel(
 
 def table(folder: Annotated[Path, typer.Argument(help="a results folder")]) -> None:
     """Print a results folder's table, and write it there as Markdown, CSV and a picture."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
     from fpg_bench.evaluation import table as tables
     from fpg_bench.evaluation.evaluate import read_results
 
     summaries, panel = read_results(folder)
     tables.write_table(summaries, panel, folder)
-    drawn = Table(*tables.headings(panel.side), box=box.SIMPLE_HEAD, caption=tables.caption(panel))
-    for summary in summaries:
-        drawn.add_row(*tables.cells(summary, panel.side))
+    lines = [tables.cells(summary, panel.side) for summary in summaries]
+    print_results(tables.headings(panel.side), lines, tables.caption(panel), folder)
+
+
+def print_results(names: list[str], lines: list[list[str]], below: str, folder: Path) -> None:
+    """Print a results folder's table, its caption, and what was written."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    drawn = Table(*names, box=box.SIMPLE_HEAD, caption=below)
+    for line in lines:
+        drawn.add_row(*line)
     console = Console()
     console.print(drawn) if console.width >= 160 else Console(width=200).print(drawn)
     console.print(f"written: {folder}/table.md, table.csv, table.png")
