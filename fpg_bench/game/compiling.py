@@ -18,7 +18,7 @@ import platformdirs
 from numba.core import config, event
 
 _PACKAGE = Path(__file__).parents[1]
-_SOURCES = ("game", "players")
+_SOURCES = ("game", "players", "planning")
 _UNUSED_DAYS = 30
 
 

@@ -110,6 +110,15 @@ def _fly_to(position, target, metres):
 
 
 @compiled
+def fly_waypoints(position, waypoints, step, horizon, speed):
+    """Move toward the waypoint that is next, so as to be there when it is due: i at (i + 1) T / n."""
+    n = waypoints.shape[0]
+    due = (step * n) // horizon
+    seconds = -((-(due + 1) * horizon) // n) - step
+    _fly_to(position, waypoints[due], min(speed, distance_m(position, waypoints[due]) / seconds))
+
+
+@compiled
 def fly_opponent(game, action, waypoints, rules):
     """Move the opponent one second; the ally must not have moved yet (pursuit aims at its start)."""
     position, speed, step = game.opponent_position, rules.opponent_speed, game.step
@@ -122,11 +131,7 @@ def fly_opponent(game, action, waypoints, rules):
         for axis in range(3):
             position[axis] += speed * action[6 + axis] / max(1.0, length)
     else:
-        n, horizon = rules.waypoints, rules.steps
-        due = (step * n) // horizon
-        seconds = -((-(due + 1) * horizon) // n) - step  # until waypoint i is due at (i + 1) T / n
-        target = waypoints[due]
-        _fly_to(position, target, min(speed, distance_m(position, target) / seconds))
+        fly_waypoints(position, waypoints, step, rules.steps, speed)
     keep_inside(position, rules)
 
 

@@ -1,0 +1,100 @@
+"""Planners of the tier ``ally``: they see the path that the ally flies at full speed. Upper bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from fpg_bench.game.compiling import compiled
+from fpg_bench.game.flight import distance_m, fly_waypoints
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.planning.interception import chase_waypoints
+from fpg_bench.planning.planner import Plan, Request
+
+_STEPS_M = (80.0, 40.0, 20.0, 10.0, 5.0)
+_SWEEPS = 3
+_COVERED = 0.3  # how often a jammed frequency is the ally's, about
+
+
+class Chaser:
+    """``pursuit`` flies at the ally, ``lead-pursuit`` to where it can first be met, then along with it."""
+
+    tier = "ally"
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
+        """The chase that starts where each round does."""
+        return [Plan(_chased(r, self.name == "lead-pursuit"), self.name) for r in requests]
+
+
+class Optimised:
+    """Improves a lead pursuit: waypoint after waypoint, while the reward to be expected grows.
+
+    That reward is the distance reward (Eq. 6) and the SNR drop of a tone that covers the ally in a fixed
+    share of the seconds; how the ally hops is not known.
+    """
+
+    name, tier = "optimised", "ally"
+
+    def __init__(self, scenario: Scenario) -> None:
+        drop = _COVERED * scenario.snr_drop_weight * 20 / math.log(10)
+        self._rules = np.array([scenario.distance_reward, max(scenario.distance_reward_m, 1.0), drop])
+
+    def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
+        """The improved chase that starts where each round does."""
+        return [Plan(self._improved(request), self.name) for request in requests]
+
+    def _improved(self, request: Request) -> np.ndarray:
+        waypoints = _chased(request, lead=True)
+        improve(
+            waypoints,
+            request.ally_path,
+            request.current_position,
+            request.limits.speed_m_s,
+            np.array(request.limits.box_m, float),
+            self._rules,
+            np.array(_STEPS_M),
+            np.empty(3),
+        )
+        return waypoints
+
+
+def _chased(request: Request, lead: bool) -> np.ndarray:
+    assert request.ally_path is not None, "planners of the tier ally are shown the ally's path"
+    return chase_waypoints(request.ally_path, request.current_position, request.limits, lead)
+
+
+@compiled
+def expected_return(waypoints, path, start, speed, rules, position):
+    """What flying the waypoints is worth against an ally on ``path`` (T + 1, 3); ``rules``: E, R in m, s."""
+    value = 0.0
+    for axis in range(3):
+        position[axis] = start[axis]
+    for k in range(path.shape[0] - 1):
+        fly_waypoints(position, waypoints, k, path.shape[0] - 1, speed)
+        distance = distance_m(position, path[k + 1])
+        near = distance / rules[1]
+        value += rules[0] / (1.0 + near**8) - rules[2] * math.log(max(distance, rules[1] / 3.0))
+    return value
+
+
+@compiled
+def improve(waypoints, path, start, speed, box, rules, steps, position):
+    """Move single waypoints along single axes by ever smaller steps, as long as it pays; in place."""
+    best = expected_return(waypoints, path, start, speed, rules, position)
+    for attempt in range(steps.shape[0] * _SWEEPS):
+        step = steps[attempt // _SWEEPS]
+        for i in range(waypoints.shape[0] * 6):
+            w, axis = i // 6, i % 3
+            before = waypoints[w, axis]
+            moved = before + (step if i % 6 < 3 else -step)
+            waypoints[w, axis] = min(max(moved, 0.0), box[axis])
+            value = expected_return(waypoints, path, start, speed, rules, position)
+            if value > best:
+                best = value
+            else:
+                waypoints[w, axis] = before
