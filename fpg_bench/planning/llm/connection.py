@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import threading
 from typing import Any
 
@@ -22,6 +23,8 @@ _HEADERS = {
     "user-agent",
     "x-stainless-raw-response",
 }
+
+_WIRE_LOGS = ("httpcore", "httpcore2", "httpx", "httpx2")
 
 
 class Connection:
@@ -87,6 +90,8 @@ def _openai() -> Any:
 def _connect(endpoint: Endpoint, timeout_s: float) -> Any:
     """The package's asynchronous client, which takes nothing from the environment but proxies."""
     openai = _openai()
+    for name in _WIRE_LOGS:  # they show headers that a server sends back, and it may send back the key
+        logging.getLogger(name).setLevel(logging.WARNING)
 
     async def keep_to_headers(request: Any) -> None:
         for name in list(request.headers):

@@ -168,5 +168,5 @@ def _settings(server: Server, seed: bool, form: str) -> Finding:
         return Finding("profile", True, f"{best}, as {server.name} has it")
     profiles = map(load_server, SERVERS)
     fitting = [other.name for other in profiles if (other.seed, other.response_format) == (seed, form)]
-    choose = f"set FPG_LLM_SERVER to {', '.join(fitting)} or a YAML file of your own"
+    choose = f"set FPG_LLM_SERVER to one of {', '.join([*fitting, 'a YAML file of your own'])}"
     return Finding("profile", None, f"{best} would suit, {server.name} has it otherwise: {choose}")

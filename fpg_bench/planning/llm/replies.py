@@ -74,7 +74,7 @@ def read_reply(received: Received, secret: str | None, refusal_codes: tuple[int 
     if received.status >= 300:
         return _failed(body, f"HTTP {received.status}{_advice(received.status)}", refusal_codes)
     if not isinstance(body, dict):
-        what = "a web page" if text.lstrip()[:1] == "<" else _kind(received.body)
+        what = _kind(received.body) if isinstance(body, str) else "other JSON"
         return Reply(error="invalid", detail=f"the reply is no chat completion but {what}", raw=body)
     if not body.get("choices"):
         if body.get("error") or body.get("code"):
@@ -145,6 +145,8 @@ def _advice(status: int) -> str:
 def _kind(body: bytes) -> str:
     if len(body) >= LONGEST_BODY:
         return f"more than {LONGEST_BODY} bytes"
+    if body.lstrip()[:1] == b"<":
+        return "a web page"
     return "cut or broken JSON" if body.strip() else "empty"
 
 
