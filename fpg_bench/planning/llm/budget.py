@@ -74,7 +74,7 @@ class Budget:
             return f"the server failed {FAILURES_IN_A_ROW} times in a row"
         spent = {**self.spent, "calls": self.spent["calls"] + under_way}
         over = [name for name, cap in self.caps.items() if spent[name] >= cap]
-        return f"the budget of {self.caps[over[0]]:g} {over[0]} is spent" if over else None
+        return f"the cap on {over[0]}, {self.caps[over[0]]:,}, is reached" if over else None
 
     def spend(self, attempt: Attempt) -> None:
         """Count an attempt; one that made no call costs nothing."""
@@ -83,4 +83,5 @@ class Budget:
         self.spent["calls"] += attempt.calls
         self.spent["tokens"] += attempt.tokens or 0
         self.spent["seconds"] += attempt.seconds
-        self.failures = self.failures + 1 if attempt.error in FAILURES else 0
+        if self.failures < FAILURES_IN_A_ROW:
+            self.failures = self.failures + 1 if attempt.error in FAILURES else 0

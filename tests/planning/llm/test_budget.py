@@ -32,11 +32,11 @@ def test_a_fresh_budget_refuses_nothing():
 @pytest.mark.parametrize(
     ("caps", "calls", "named"),
     [
-        ({"calls": 3}, 3, "3 calls"),
-        ({"tokens": 149}, 3, "149 tokens"),
-        ({"tokens": 150}, 3, "150 tokens"),
-        ({"seconds": 5.5}, 3, "5.5 seconds"),
-        ({"calls": 1, "seconds": 5.5}, 1, "1 calls"),
+        ({"calls": 3}, 3, "calls, 3,"),
+        ({"tokens": 149}, 3, "tokens, 149,"),
+        ({"tokens": 150}, 3, "tokens, 150,"),
+        ({"seconds": 5.5}, 3, "seconds, 5.5,"),
+        ({"calls": 1, "seconds": 5.5}, 1, "calls, 1,"),
     ],
 )
 def test_a_cap_that_is_reached_ends_the_calls(caps, calls, named):
@@ -77,6 +77,8 @@ def test_five_failures_in_a_row_open_the_circuit_and_it_stays_open(error):
         assert budget.refusal() is None
         budget.spend(called(error))
     assert "failed 5 times in a row" in budget.refusal()
+    budget.spend(CALLED)  # it was under way
+    assert budget.refusal() is not None
 
 
 @pytest.mark.parametrize("error", [None, "refused"])
@@ -93,7 +95,7 @@ def test_the_end_is_logged_once(caplog):
     for _ in range(3):
         budget.refusal()
     assert [record.levelname for record in caplog.records] == ["WARNING"]
-    assert "1 calls is spent; the rest of the run is flown without calls" in caplog.text
+    assert "the cap on calls, 1, is reached; the rest of the run is flown without calls" in caplog.text
 
 
 def test_what_was_spent_before_a_run_was_stopped_counts_once_and_its_failures_do_not():
@@ -102,7 +104,7 @@ def test_what_was_spent_before_a_run_was_stopped_counts_once_and_its_failures_do
         budget.resume([called("http")] * 5 + [called("budget")] * 5 + [CALLED] * 4 + [called("http")])
     assert budget.refusal() is None
     budget.spend(called("http"))
-    assert "11 calls" in budget.refusal()
+    assert "calls, 11," in budget.refusal()
 
 
 def test_copies_spend_from_one_budget():

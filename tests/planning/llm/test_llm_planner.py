@@ -1,0 +1,460 @@
+"""The LLM planner: what it asks and does with the answers, what it spends, keeps, copies and hides."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import json
+import logging
+import pickle
+import re
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import traceback
+
+import numpy as np
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.planning.llm.llm_planner import LLMPlanner, server_seed
+from fpg_bench.testing import check_planner
+
+from .fault_server import (
+    FaultServer,
+    answer,
+    close_socket,
+    cut_json,
+    error_object,
+    html,
+    late,
+    ok,
+    refusal,
+    reject_field,
+    status,
+)
+from .playing import BAD, KEY, ROUNDS, SHORT, assert_same, endpoint, path, path_text, planner, play, request
+
+GOOD = ok(path_text())
+
+
+def asked(server):
+    """The texts of the last messages that a server was sent."""
+    return [received.body["messages"][-1]["content"] for received in server.requests]
+
+
+def statuses(plans):
+    return [plan.status for plan in plans]
+
+
+# Answers
+
+
+def test_a_valid_answer_is_flown():
+    with FaultServer([ok(path_text(7))]) as server:
+        (plan,) = planner(server).plan_batch([request()])
+    assert np.array_equal(plan.waypoints, path(7))
+    assert (plan.source, plan.status, plan.tokens) == ("llm", "ok", 18)
+    assert plan.seconds > 0
+
+
+def test_an_invalid_answer_is_sent_back_once_with_the_rule():
+    with FaultServer([ok("Next directions: [[1, 2, 3]]"), ok(path_text(3))]) as server:
+        (plan,) = planner(server).plan_batch([request()])
+        first, second = (received.body["messages"] for received in server.requests)
+    assert (plan.status, plan.tokens) == ("reasked", 36)
+    assert np.array_equal(plan.waypoints, path(3))
+    assert second[: len(first)] == first
+    assert [message["role"] for message in second[len(first) :]] == ["assistant", "user"]
+    assert "expected 16 points, got 1" in second[-1]["content"]
+
+
+def test_a_repaired_answer_is_told_from_a_good_one():
+    with FaultServer([ok(f"Next directions: {np.vstack([path(), path()]).tolist()}")]) as server:
+        (plan,) = planner(server).plan_batch([request()])
+    assert plan.status == "repaired"
+    assert np.array_equal(plan.waypoints, path())
+
+
+@pytest.mark.parametrize(
+    ("behaviours", "calls", "expected"),
+    [
+        ([ok(BAD)], 2, "fallback-invalid"),
+        ([ok("I'm sorry, I can't help with that.")], 2, "fallback-refused"),
+        ([refusal()], 1, "fallback-refused"),
+        ([status(500)], 1, "fallback-http"),
+        ([ok(BAD), status(500)], 2, "fallback-http"),
+        ([late(60, path_text())], 1, "fallback-timeout"),
+    ],
+)
+def test_without_a_valid_answer_the_circle_is_flown_and_the_status_says_why(behaviours, calls, expected):
+    deadline = 0.3 if expected == "fallback-timeout" else 30.0
+    with FaultServer(behaviours) as server:
+        (plan,) = planner(server, deadline_s=deadline).plan_batch([request()])
+        assert len(server.requests) == calls
+    assert (plan.source, plan.status) == ("circle", expected)
+    centre = np.array(SHORT.patrol_centre_m)
+    assert np.linalg.norm((plan.waypoints - centre)[:, :2], axis=1) == pytest.approx(np.full(16, 300.0))
+
+
+def test_the_last_valid_path_is_held_in_its_match_and_game_alone():
+    with FaultServer([GOOD, ok(path_text(5)), ok(BAD)]) as server:
+        asking = planner(server)
+        asking.plan_batch([request(0), request(1)])
+        here, other_match, other_seed, other_game = asking.plan_batch(
+            [request(2), request(2, match=1), request(2, seed=2), request(2, game=1)]
+        )
+    assert here.source == "held"
+    assert np.array_equal(here.waypoints, path(5))
+    assert {plan.source for plan in (other_match, other_seed, other_game)} == {"circle"}
+
+
+def test_a_match_that_is_played_again_begins_with_the_circle():
+    with FaultServer([GOOD, ok(BAD)]) as server:
+        asking = planner(server)
+        plans = [asking.plan_batch([request(index)])[0] for index in (0, 1, 0, 1)]
+    assert [plan.source for plan in plans] == ["llm", "held", "circle", "circle"]
+
+
+def test_what_is_done_with_a_plan_does_not_change_the_next():
+    with FaultServer([GOOD, ok(BAD)]) as server:
+        asking = planner(server)
+        asking.plan_batch([request(0)])[0].waypoints[:] = 0
+        asking.plan_batch([request(1)])[0].waypoints[:] = 0
+        (plan,) = asking.plan_batch([request(2)])
+    assert np.array_equal(plan.waypoints, path())
+
+
+# What is asked
+
+
+def test_a_request_holds_what_the_profile_says():
+    with FaultServer([GOOD]) as server:
+        planner(server).plan_batch([request()])
+        LLMPlanner(SHORT, endpoint(server, "llama.cpp")).plan_batch([request()])
+        plain, rich = (set(received.body) for received in server.requests)
+    assert plain == {"model", "messages", "temperature", "max_tokens"}
+    assert rich - plain == {"seed", "response_format"}
+
+
+def test_a_seed_for_the_server_is_its_attempt_s_own_and_fits_31_bits():
+    wheres = [(s, m, r, a) for s in (0, 2**62) for m in (0, 1) for r in range(10) for a in (0, 1)]
+    seeds = [server_seed(where) for where in wheres]
+    assert len(set(seeds)) == len(seeds)
+    assert all(0 <= seed < 2**31 for seed in seeds)
+    assert server_seed((5, 0, 0, 0)) == 1237686955  # transcripts of other versions hold it
+
+
+@pytest.mark.parametrize("control", ["none", "shuffled-rewards", "no-history"])
+def test_a_control_is_part_of_the_name(control):
+    with FaultServer([GOOD]) as server:
+        asking = planner(server, control=control)
+        asking.plan_batch([request(3)])
+        (text,) = asked(server)
+    assert asking.name == ("llm" if control == "none" else f"llm-{control}")
+    assert asking.tier == "history"
+    assert ("0.50" in text) == (control != "no-history")
+
+
+def test_it_keeps_to_the_contract_of_planners():
+    with FaultServer([GOOD]) as server:
+        check_planner(planner(server), SHORT)
+    with FaultServer([ok(BAD)]) as server:
+        check_planner(planner(server), SHORT)
+
+
+@pytest.mark.parametrize("concurrency", [2, 5])
+def test_plans_do_not_depend_on_how_many_games_are_asked_for_at_once(tmp_path, concurrency):
+    def said(body):  # a path, or none, that depends on what is asked
+        shift = sum(map(ord, json.dumps(body["messages"]))) % 50
+        return BAD if shift % 3 == 0 else path_text(shift)
+
+    with FaultServer([answer(said)]) as server:
+        first = play(planner(server, transcript=tmp_path / "1.jsonl"), games=5)
+        second = play(planner(server, transcript=tmp_path / "n.jsonl", concurrency=concurrency), games=5)
+    again = play(planner(transcript=tmp_path / "n.jsonl", mode="replay"), games=5)
+    assert_same(second, again)
+    assert np.array_equal(first[1], second[1])
+    assert statuses(first[0]) == statuses(second[0])
+    assert {"ok", "reasked", "fallback-invalid"} & set(statuses(first[0])) > {"ok"}
+
+
+def test_games_are_asked_for_together():
+    together = threading.Barrier(3, timeout=10)
+
+    def said(body):
+        together.wait()
+        return path_text()
+
+    with FaultServer([answer(said)]) as server:
+        plans = planner(server, concurrency=3).plan_batch([request(game=i, seed=i) for i in range(3)])
+    assert statuses(plans) == ["ok"] * 3
+
+
+# Budget
+
+
+@pytest.mark.parametrize("cap", [{"calls": 2}, {"tokens": 36}, {"tokens": 19}])
+def test_a_spent_budget_ends_the_calls_and_the_path_is_held(tmp_path, caplog, cap):
+    file = tmp_path / "transcript.jsonl"
+    with FaultServer([ok(path_text(1)), ok(path_text(2))]) as server:
+        played = play(planner(server, transcript=file, **cap))
+        assert len(server.requests) == 2
+    assert statuses(played[0]) == ["ok", "ok", "fallback-budget", "fallback-budget"]
+    assert np.array_equal(played[0][-1].waypoints, path(2))
+    assert (played[0][-1].source, played[0][-1].tokens) == ("held", 0)
+    assert len(caplog.records) == 1
+    assert_same(played, play(planner(transcript=file, mode="replay")))
+
+
+def test_time_is_capped_too():
+    with FaultServer([GOOD]) as server:
+        played, _ = play(planner(server, seconds=1e-6))
+    assert statuses(played) == ["ok", *["fallback-budget"] * 3]
+
+
+def test_a_call_s_second_attempt_is_under_the_budget_too(tmp_path):
+    file = tmp_path / "transcript.jsonl"
+    with FaultServer([ok(BAD)]) as server:
+        played = play(planner(server, transcript=file, calls=1))
+        assert len(server.requests) == 1
+    assert statuses(played[0]) == ["fallback-budget"] * ROUNDS
+    assert_same(played, play(planner(transcript=file, mode="replay")))
+
+
+def test_a_field_that_is_refused_costs_a_call():
+    with FaultServer([reject_field("seed", path_text())]) as server:
+        asking = LLMPlanner(SHORT, endpoint(server, "llama.cpp"), calls=3)
+        played, _ = play(asking)
+        assert len(server.requests) == 3
+    assert statuses(played) == ["ok", "ok", "fallback-budget", "fallback-budget"]
+
+
+@pytest.mark.parametrize(("concurrency", "failures"), [(1, 5), (3, 6)])
+def test_after_five_failures_in_a_row_the_server_is_left_alone(tmp_path, concurrency, failures):
+    file = tmp_path / "transcript.jsonl"
+    failing = [status(500), close_socket(), status(401), error_object(), html(), cut_json()]
+    with FaultServer([*[GOOD] * 3, *failing[:failures], GOOD]) as server:
+        played = play(planner(server, transcript=file, concurrency=concurrency), games=3)
+        assert len(server.requests) == 3 + failures
+    found = statuses(played[0])
+    assert found[:3] == ["ok"] * 3
+    assert set(found[3 : 3 + failures]) == {"fallback-http", "fallback-invalid"}
+    assert found[3 + failures :] == ["fallback-budget"] * (9 - failures)
+    assert_same(played, play(planner(transcript=file, mode="replay"), games=3))
+
+
+# Record and replay
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """A transcript of a match with good, repaired, bad and no answers, and the match."""
+    file = tmp_path / "transcript.jsonl"
+    behaviours = [ok(BAD), ok(path_text(1)), ok(BAD), refusal(), status(500), ok(path_text(2) + "!")]
+    with FaultServer(behaviours) as server:
+        return file, play(planner(server, transcript=file))
+
+
+def test_a_replay_is_identical_without_a_server_or_a_key(recorded):
+    file, played = recorded
+    assert statuses(played[0]) == ["reasked", "fallback-refused", "fallback-http", "ok"]
+    before = file.read_bytes()
+    assert_same(played, play(planner(transcript=file, mode="replay")))
+    assert file.read_bytes() == before
+
+
+def test_a_recorded_match_calls_nothing_again(recorded):
+    file, played = recorded
+    with FaultServer([GOOD]) as server:
+        assert_same(played, play(planner(server, transcript=file)))
+        assert not server.requests
+
+
+def changed_lines(lines, change):
+    rows = [json.loads(line) for line in lines]
+    change(rows)
+    return "".join(json.dumps(row) + "\n" for row in rows)
+
+
+def set_field(index, name, value):
+    return lambda rows: rows[index].update({name: value})
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (lambda rows: rows.pop(0), "round 0, attempt 0 is missing"),
+        (lambda rows: rows.pop(1), "round 0, attempt 1 is missing"),
+        (lambda rows: rows.pop(5), "round 3, attempt 0 is missing"),
+        (set_field(1, "text", path_text(1).replace("201", "202")), "round 0, attempt 1 is changed"),
+        (set_field(0, "text", path_text()), "round 0, attempt 0 is changed"),
+        (set_field(0, "text", "Next directions: [[1, 2, 3]]"), "round 0, attempt 0 is changed"),
+        (set_field(1, "waypoints", path(9).tolist()), "round 0, attempt 1 is changed"),
+        (set_field(1, "status", "repaired"), "round 0, attempt 1 is changed"),
+        (set_field(4, "error", "timeout"), "round 2, attempt 0 is changed"),
+        (set_field(5, "request", {"messages": []}), "round 3, attempt 0 was recorded with other messages"),
+    ],
+)
+def test_a_replay_of_a_missing_or_changed_entry_is_refused_by_name(recorded, change, named):
+    file, _ = recorded
+    file.write_text(changed_lines(file.read_text().splitlines(), change))
+    with pytest.raises(UserError, match=f"seed 5, match 0, {named}"):
+        play(planner(transcript=file, mode="replay"))
+
+
+@pytest.mark.parametrize("options", [{"prompt": "paper"}, {"control": "no-history"}])
+def test_a_replay_with_another_prompt_is_told_the_recorded_one(recorded, options):
+    with pytest.raises(UserError, match="prompt 'standard', control 'none'"):
+        play(planner(transcript=recorded[0], mode="replay", **options))
+
+
+def test_a_replay_of_another_match_is_refused(recorded):
+    with pytest.raises(UserError, match="seed 6, match 0, round 0, attempt 0 is missing"):
+        play(planner(transcript=recorded[0], mode="replay"), seed=6)
+
+
+def test_a_record_with_another_model_is_refused(recorded):
+    with FaultServer([GOOD]) as server:
+        asking = planner(server, transcript=recorded[0])
+        line = recorded[0].read_text().replace('"model":"tiny"', '"model":"huge"')
+        recorded[0].write_text(line)
+        with pytest.raises(UserError, match=r"other model .*into a new file"):
+            play(asking)
+        assert not server.requests
+
+
+RUN = """
+import sys
+from tests.planning.llm.playing import SHORT, play
+from fpg_bench.planning.llm.llm_planner import LLMPlanner
+play(LLMPlanner(SHORT, transcript=sys.argv[1], concurrency=int(sys.argv[2])), games=int(sys.argv[2]))
+"""
+
+
+@pytest.mark.parametrize("games", [1, 3])
+def test_a_killed_run_goes_on_and_calls_nothing_twice(tmp_path, monkeypatch, games):
+    file, reached, go = tmp_path / "transcript.jsonl", threading.Event(), threading.Event()
+    numbers, killed = itertools.count(), []
+
+    def said(body):
+        number = next(numbers)
+        if number == 3 * games - 1:  # all others that are under way are answered and kept, this one is not
+            killed.append(body)
+            while len(file.read_text().splitlines()) < number:
+                go.wait(0.01)
+            reached.set()
+            go.wait(60)
+        return BAD if (games, number) == (1, 0) else path_text(len(json.dumps(body)) % 40)
+
+    with FaultServer([answer(said)]) as server:
+        monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
+        monkeypatch.setenv("FPG_LLM_MODEL", "tiny")
+        command = [sys.executable, "-c", RUN, str(file), str(games)]
+        with subprocess.Popen(command) as run:
+            assert reached.wait(60)
+            run.send_signal(signal.SIGKILL)
+        go.set()
+        answered = [received.body for received in server.requests if received.body not in killed]
+        lines = file.read_bytes()
+        subprocess.run(command, check=True)
+        later = [received.body for received in server.requests[len(answered) + 1 :]]
+    assert killed[0] in later
+    assert not [body for body in later if body in answered]
+    assert file.read_bytes().startswith(lines)
+    attempts = [json.loads(line) for line in file.read_text().splitlines()]
+    assert len(attempts) == len(answered) + len(later)
+    play(planner(transcript=file, mode="replay"), games=games)
+
+
+def test_a_full_disk_ends_the_run_and_loses_nothing(tmp_path):
+    file, soft_hard = tmp_path / "transcript.jsonl", resource.getrlimit(resource.RLIMIT_FSIZE)
+    with FaultServer([GOOD]) as server:
+        asking = planner(server, transcript=file)
+        asking.plan_batch([request(0)])
+        kept = file.read_bytes()
+        resource.setrlimit(resource.RLIMIT_FSIZE, (len(kept) + 100, soft_hard[1]))
+        try:
+            with pytest.raises(OSError, match="too large"):
+                asking.plan_batch([request(1)])
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, soft_hard)
+        assert file.read_bytes()[: len(kept)] == kept
+        asking.plan_batch([request(1)])
+    assert [json.loads(line)["round"] for line in file.read_text().splitlines()] == [0, 1]
+
+
+# Copies and secrets
+
+
+def test_a_copy_goes_on_by_itself(tmp_path):
+    with FaultServer([GOOD, ok(BAD)]) as server:
+        asking = planner(server)
+        asking.plan_batch([request(0)])
+        twin = copy.deepcopy(asking)
+        asking.plan_batch([request(0, match=1)])
+        assert np.array_equal(twin.plan_batch([request(1)])[0].waypoints, path())
+        assert server.requests[-1].headers["authorization"] == f"Bearer {KEY}"
+
+
+def test_a_pickle_holds_no_key_and_finds_it_in_the_environment(monkeypatch):
+    with FaultServer([GOOD]) as server:
+        asking = planner(server)
+        asking.plan_batch([request(0)])
+        data = pickle.dumps(asking)
+        monkeypatch.setenv("FPG_LLM_API_KEY", "another-key")
+        (plan,) = pickle.loads(data).plan_batch([request(1)])
+        assert server.requests[-1].headers["authorization"] == "Bearer another-key"
+    assert plan.status == "ok"
+    assert KEY.encode() not in data
+
+
+@pytest.mark.parametrize(
+    "behaviour",
+    [
+        GOOD,
+        ok(f"the key is {KEY}"),
+        status(401, body={"error": {"message": f"Incorrect API key provided: {KEY}"}}),
+        status(500),
+        close_socket(),
+        close_socket(20),
+        late(60, KEY),
+    ],
+)
+def test_the_key_is_nowhere(tmp_path, caplog, behaviour):
+    file, caught = tmp_path / "transcript.jsonl", ""
+    with FaultServer([behaviour]) as server, caplog.at_level(logging.DEBUG):
+        asking = planner(server, transcript=file, deadline_s=0.5)
+        plans = asking.plan_batch([request()])
+        file.write_text(re.sub('"content":"', '"content":"x', file.read_text()))
+        asking.transcript.close()
+        try:
+            asking.plan_batch([request()])
+        except UserError:
+            caught = traceback.format_exc()
+    assert "other messages" in caught
+    seen = [file.read_text(), caplog.text, caught, repr(asking), repr(vars(asking)), repr(plans)]
+    assert not [text for text in seen if KEY in text]
+
+
+def test_without_an_endpoint_it_says_what_to_set():
+    with pytest.raises(UserError, match="FPG_LLM_BASE_URL") as error:
+        LLMPlanner(SHORT)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"prompt": "standrad"}, "did you mean 'standard'"),
+        ({"control": "shuffled"}, "did you mean 'shuffled-rewards'"),
+        ({"mode": "again"}, "choose one of live, record, replay"),
+        ({"calls": 0}, "calls is 0"),
+        ({"concurrency": 0}, "concurrency is 0"),
+    ],
+)
+def test_an_option_that_cannot_be_is_refused(options, message):
+    with FaultServer([GOOD]) as server, pytest.raises(UserError, match=message):
+        planner(server, **options)
