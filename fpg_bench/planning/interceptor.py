@@ -68,7 +68,7 @@ class Interceptor:
     def _draw_library(self) -> None:
         """Curves as the rules draw them, three in four at full speed."""
         rng = np.random.default_rng(0)
-        self._library = rng.uniform(*self._bounds, (LIBRARY, curve_fit.PARAMETERS))
+        self._library = rng.uniform(self._bounds[0], self._bounds[1], (LIBRARY, curve_fit.PARAMETERS))
         self._library[LIBRARY // 4 :, curve_fit.SPEED] = self._bounds[1, curve_fit.SPEED]
         self._library_places = np.stack([self._trace(curve, self._times) for curve in self._library])
 

@@ -1,0 +1,195 @@
+"""The interceptor: the fit of a curve to rewards, and what it is worth in the game."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+
+from fpg_bench.game.scenario import STANDARD, preset
+from fpg_bench.planning import curve_fit, interceptor
+from fpg_bench.planning.interceptor import Interceptor
+from tests.planning.playing import LIMITS, PLANNED, play, request
+
+BASE = np.array(STANDARD.base_station_m)
+MIDDLES_S = np.array([10, 29, 48, 66, 85, 104, 123, 141, 160, 179, 198, 216, 235, 254, 273, 291.0])
+
+
+def curves(count, seed=7):
+    """Curves as the rules draw them, at full speed."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform([0, 0, 50], [1500, 1500, 550], (count, 4, 3))
+    return np.column_stack([points.reshape(count, 12), np.full(count, 10.0)])
+
+
+def there_and_back(curve, seconds):
+    """Where the ally of a curve is, by a fine polyline (not the code that is tested)."""
+    t = np.linspace(0, 1, 4001)[:, None]
+    p = curve[:12].reshape(4, 3)
+    line = (1 - t) ** 3 * p[0] + 3 * t * (1 - t) ** 2 * p[1] + 3 * t**2 * (1 - t) * p[2] + t**3 * p[3]
+    length = np.append(0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+    flown = np.asarray(seconds) * curve[12] % (2 * length[-1])
+    flown = np.minimum(flown, 2 * length[-1] - flown)
+    return np.column_stack([np.interp(flown, length, line[:, axis]) for axis in range(3)])
+
+
+def history(curve, rounds, seed=3, slope=3.0, noise=0.0):
+    """What an opponent that flies anywhere earns from an ally on a curve, by the model."""
+    rng = np.random.default_rng(seed)
+    own = rng.uniform(0, STANDARD.box_m, (rounds, 16, 3))
+    ally = there_and_back(curve, MIDDLES_S)
+    distance, base = (np.linalg.norm(ally - place, axis=-1) for place in (own, BASE))
+    rewards = 2.0 + slope * np.log(base / distance) + 20.0 / (1 + (distance / 30) ** 4)
+    return np.concatenate([own, (rewards + noise * rng.normal(size=rewards.shape))[..., None]], axis=-1)
+
+
+def errors_m(planner, curve, past):
+    (fit,) = planner.fit([past])
+    return np.linalg.norm(there_and_back(fit[0][0], MIDDLES_S) - there_and_back(curve, MIDDLES_S), axis=1)
+
+
+@pytest.fixture(scope="module")
+def planner():
+    return Interceptor(PLANNED)
+
+
+# The fit
+
+
+@pytest.mark.parametrize("curve", curves(4), ids=range(4))
+def test_places_on_a_curve_are_measured_along_it_there_and_back(planner, curve):
+    seconds = np.linspace(0, 900, 50)
+    found = planner._trace(curve, seconds)
+    assert np.abs(found - there_and_back(curve, seconds)).max() < 8  # 32 chords instead of 4000
+
+
+def test_the_regression_finds_the_line_that_made_the_rewards():
+    curve = curves(1)[0]
+    past = history(curve, 5, slope=4.5).reshape(-1, 4)
+    ratios, rewards, line = np.zeros(80), np.zeros(80), np.zeros(3)
+    rules = np.array([*BASE, 20.0, 30.0])
+    squares = curve_fit.regress(there_and_back(curve, MIDDLES_S), past, rules, ratios, rewards, line)
+    assert line[1] == pytest.approx(4.5, rel=0.05)  # distances are blurred by 30 m
+    assert squares / 80 < 0.05
+    past[:, 3] *= -1
+    squares = curve_fit.regress(there_and_back(curve, MIDDLES_S), past, rules, ratios, rewards, line)
+    assert line[1] == 0  # the reward never falls as the opponent comes closer
+
+
+@pytest.mark.parametrize("curve", curves(3), ids=range(3))
+def test_the_derivatives_are_those_of_differences(planner, curve):
+    n, chords = 16, curve_fit.CHORDS
+    corners, lengths = np.zeros((chords + 1, 3)), np.zeros(chords + 1)
+    growth, slopes, places = np.zeros((chords + 1, 12)), np.zeros((n, 3, 13)), np.zeros((n, 3))
+    curve_fit.trace(curve, planner._times, planner._bernstein, places, corners, lengths)
+    curve_fit._differentiate(curve, planner._times, planner._bernstein, corners, lengths, growth, slopes)
+    for p in range(13):
+        step = np.zeros(13)
+        step[p] = 1e-4
+        up, down = (planner._trace(curve + sign * step, planner._times) for sign in (1, -1))
+        assert slopes[:, :, p] == pytest.approx((up - down) / 2e-4, abs=1e-5)
+
+
+def test_a_fit_finds_the_curve_where_rewards_hold_no_noise(planner):
+    missed = [np.median(errors_m(planner, curve, history(curve, 6))) for curve in curves(8)]
+    assert np.median(missed) < 15
+    assert (np.array(missed) < 60).sum() >= 6
+
+
+def test_more_rounds_mean_smaller_errors(planner):
+    def missed(rounds):
+        return np.mean([errors_m(planner, c, history(c, rounds, noise=0.8)).mean() for c in curves(12)])
+
+    assert missed(9) < 0.6 * missed(2)
+
+
+def test_a_fit_says_what_share_of_the_rewards_it_explains(planner):
+    curve = curves(1)[0]
+    shares = [planner.fit([history(curve, 8, noise=noise)])[0][1] for noise in (0.0, 2.0, 100.0)]
+    assert shares[0] > 0.95
+    assert shares[0] > shares[1] > shares[2]
+    assert shares[2] < 0.4
+
+
+def test_a_slower_ally_is_found_too(planner):
+    slow = curves(6)
+    slow[:, 12] = 8.0
+    missed = [np.median(errors_m(planner, curve, history(curve, 7))) for curve in slow]
+    assert np.median(missed) < 40
+
+
+# The plans
+
+
+def test_the_first_round_flies_the_circle(planner):
+    (plan,) = planner.plan_batch([request(np.zeros((0, 16, 4)))])
+    assert plan.source == "circle"
+
+
+def test_a_plan_depends_on_the_history_alone(planner):
+    """Not on what was planned before, the batch, or whether earlier fits are still remembered."""
+    pasts = [history(curve, 4, seed=s, noise=0.5) for s, curve in enumerate(curves(3))]
+    together = [plan.waypoints for plan in planner.plan_batch([request(past) for past in pasts])]
+    fresh = Interceptor(PLANNED)
+    for past, waypoints in zip(reversed(pasts), reversed(together), strict=True):
+        for rounds in range(1, 4):
+            fresh.plan_batch([request(past[:rounds])])
+        assert np.array_equal(fresh.plan_batch([request(past)])[0].waypoints, waypoints)
+    mixed = Interceptor(PLANNED).plan_batch([request(pasts[0][:2]), request(pasts[1]), request(pasts[0])])
+    assert np.array_equal(mixed[2].waypoints, together[0])
+
+
+def test_it_forgets_old_matches_and_plans_the_same_again(monkeypatch):
+    monkeypatch.setattr(interceptor, "_MOST_REMEMBERED", 2)
+    planner = Interceptor(PLANNED)
+    past = history(curves(1)[0], 3, noise=0.5)
+    first = planner.plan_batch([request(past)])[0].waypoints
+    for seed in range(4):
+        planner.plan_batch([request(history(curves(1)[0], 2, seed=seed))])
+    assert len(planner._fits) <= 2
+    assert np.array_equal(planner.plan_batch([request(past)])[0].waypoints, first)
+
+
+def test_it_flies_to_meet_the_ally_that_it_has_found(planner):
+    curve = curves(5)[3]
+    past = history(curve, 9)
+    (plan,) = planner.plan_batch([request(past)])
+    missed = np.linalg.norm(plan.waypoints - there_and_back(curve, LIMITS.due_s()), axis=1)
+    assert (missed[-6:] < 60).all()
+
+
+def test_a_fixed_curve_of_the_scenario_is_no_part_of_what_it_knows():
+    past = history(curves(1)[0], 3)
+    scenarios = [preset("paper"), dataclasses.replace(preset("paper"), ally_path_m=None)]
+    plans = [Interceptor(scenario).plan_batch([request(past)])[0] for scenario in scenarios]
+    assert np.array_equal(plans[0].waypoints, plans[1].waypoints)
+
+
+@pytest.mark.parametrize("reward", [0.0, 5.0, 1e6])
+def test_rewards_that_tell_nothing_still_give_a_plan(planner, reward):
+    past = history(curves(1)[0], 2)
+    past[..., 3] = reward
+    waypoints = planner.plan_batch([request(past)])[0].waypoints
+    assert np.isfinite(waypoints).all()
+
+
+def test_it_can_be_copied_and_pickled(planner):
+    past = history(curves(1)[0], 2)
+    plan = planner.plan_batch([request(past)])[0].waypoints
+    for twin in (copy.deepcopy(planner), pickle.loads(pickle.dumps(planner))):
+        assert np.array_equal(twin.plan_batch([request(past)])[0].waypoints, plan)
+
+
+# In the game
+
+
+@pytest.mark.parametrize(("ally", "gain"), [("idle", 8.0), ("expert", 2.5)])
+def test_it_learns_over_a_match_and_leaves_fixed_shapes_far_behind(ally, gain):
+    learned, _ = play(Interceptor(PLANNED), ally, games=40)
+    fixed, _ = play("circle", ally, games=40, rounds=1)
+    late, early = learned[-3:].mean(axis=0), learned[:3].mean(axis=0)
+    assert (late - fixed[0]).mean() > gain
+    assert (late > early).mean() > 0.8

@@ -1,0 +1,116 @@
+"""Planners that see the ally's path: chases, and a path improved step by step."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fpg_bench.game.arena import Arena
+from fpg_bench.planning import plan_all
+from fpg_bench.planning.interception import chase
+from fpg_bench.planning.sighted import Chaser, Optimised, expected_return
+from tests.planning.playing import LIMITS, PLANNED, play, request
+
+NO_HISTORY = np.zeros((0, 16, 4))
+START = np.array([100.0, 200.0, 300.0])
+
+
+def straight(speed=6.0):
+    """An ally that flies along y at x = 700, 200 m above the ground."""
+    seconds = np.arange(301.0)
+    return np.column_stack([np.full(301, 700.0), 100 + speed * seconds, np.full(301, 200.0)])
+
+
+def tracked(path, lead, start=START, speed=10.0):
+    track = np.zeros_like(path)
+    chase(path, start, speed, lead, track)
+    return track
+
+
+@pytest.mark.parametrize("lead", [False, True])
+def test_a_chase_starts_where_the_round_does_and_never_flies_too_fast(lead):
+    track = tracked(straight(), lead)
+    assert np.array_equal(track[0], START)
+    assert np.linalg.norm(np.diff(track, axis=0), axis=1).max() <= 10 + 1e-9
+
+
+def test_with_a_lead_it_meets_the_ally_at_the_first_moment_at_which_it_can():
+    path = straight()
+    away = np.linalg.norm(path - START, axis=1)
+    first = int(np.argmax(away <= 10.0 * np.arange(301)))
+    distance = np.linalg.norm(tracked(path, True) - path, axis=1)
+    assert 0 < first < 150
+    assert distance[:first].min() > 1e-6
+    assert distance[first:].max() < 1e-6
+
+
+def test_without_a_lead_it_meets_the_ally_later():
+    path = straight()
+    near = [np.argmax(np.linalg.norm(tracked(path, lead) - path, axis=1) < 30) for lead in (True, False)]
+    assert 0 < near[0] < near[1]
+
+
+def test_it_does_not_move_from_an_ally_that_stands_where_it_starts():
+    path = np.tile(START, (301, 1))
+    assert np.array_equal(tracked(path, True), path)
+
+
+def test_planners_of_the_tier_ally_are_shown_what_an_ally_at_full_speed_flies():
+    arena = Arena(dataclasses.replace(PLANNED, opponent_path="pursuit"), games=3)
+    arena.reset(seeds=5)
+    shown = arena.ally_path(2)
+    before = arena.games.copy()
+    full_speed = np.zeros((3, 9), np.float32)
+    full_speed[:, 2] = 1.0
+    flown = [arena.games["ally_position"][2].copy()]
+    assert np.array_equal(before, arena.games)  # looking changes nothing
+    for _ in range(300):
+        arena.step(full_speed, full_speed)
+        flown.append(arena.games["ally_position"][2].copy())
+    assert np.array_equal(shown, np.array(flown))
+
+
+def test_other_tiers_are_not_shown_it():
+    class Curious:
+        name, tier, seen = "curious", "history", []
+
+        def plan_batch(self, requests):
+            self.seen += [r.ally_path for r in requests]
+            return Chaser("pursuit").plan_batch([request(NO_HISTORY, START, ally_path=straight())])
+
+    play(planner := Curious(), games=1, rounds=2)
+    assert planner.seen == [None, None]
+
+
+def test_an_improved_path_is_worth_more_and_stays_in_the_box():
+    rng = np.random.default_rng(1)
+    planner, gains = Optimised(PLANNED), []
+    for _ in range(4):
+        corners = rng.uniform(0, LIMITS.box_m, (4, 3))
+        path = np.column_stack([np.interp(np.arange(301), [0, 100, 200, 300], x) for x in corners.T])
+        asked = [request(NO_HISTORY, rng.uniform(0, LIMITS.box_m), ally_path=path)]
+        worth = [
+            expected_return(
+                plan_all(p, asked)[0].waypoints,
+                path,
+                asked[0].current_position,
+                10.0,
+                planner._rules,
+                np.empty(3),
+            )
+            for p in (Chaser("lead-pursuit"), planner)
+        ]
+        waypoints = planner.plan_batch(asked)[0].waypoints
+        assert ((waypoints >= 0) & (waypoints <= LIMITS.box_m)).all()
+        gains.append(worth[1] - worth[0])
+    assert min(gains) > 0
+
+
+def test_the_bounds_are_in_their_order():
+    near = {}
+    for planner in (Chaser("pursuit"), Chaser("lead-pursuit"), Optimised(PLANNED)):
+        rewards, _ = play(planner, games=40, rounds=1)
+        near[planner.name] = rewards.mean()
+    assert near["pursuit"] < near["lead-pursuit"] < near["optimised"]
