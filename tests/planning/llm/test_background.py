@@ -1,0 +1,368 @@
+"""Planning beside the game: who flies what and when, what is dropped, how it ends, and its replay."""
+
+from __future__ import annotations
+
+import copy
+import json
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.planning import Plan
+from fpg_bench.planning.llm.background import Beside
+
+from .fault_server import FaultServer, answer, ok
+from .playing import BAD, ROUNDS, SHORT, endpoint, path, path_text, planner, play, request
+
+
+class Slow:
+    """Plans when it is let: ``release`` lets it finish one batch and waits until it has."""
+
+    name, tier, scenario = "slow", "history", SHORT
+
+    def __init__(self, error=None, **attributes):
+        self.batches, self.error = [], error
+        self.begun, self.go, self.done = (threading.Semaphore(0) for _ in range(3))
+        self.__dict__.update(attributes)
+
+    def plan_batch(self, requests):
+        if self.batches:
+            self.done.release()  # the batch before has been handed over
+        self.batches.append([(r.game, r.seed, r.match, r.round) for r in requests])
+        self.begun.release()
+        assert self.go.acquire(timeout=30)
+        if self.error is not None:
+            raise self.error
+        return [Plan(path(r.round), "slow") for r in requests]
+
+
+def settle(beside):
+    """Wait until the thread of a planner that waits for nothing has ended."""
+    for thread in threading.enumerate():
+        if thread.name == beside.name:
+            thread.join(30)
+
+
+def finish(beside, slow, batches=1):
+    """Let the planner make so many batches, the last it has."""
+    for _ in range(batches):
+        slow.go.release()
+    settle(beside)
+
+
+def begin(slow):
+    """Wait until the planner has begun with another batch."""
+    assert slow.begun.acquire(timeout=30)
+
+
+def told(plan):
+    return plan.source, plan.status
+
+
+def test_the_plan_that_is_ready_is_flown_and_until_then_the_present_path():
+    slow = Slow()
+    beside = Beside(slow)
+    (first,) = beside.plan_batch([request(0)])
+    begin(slow)
+    (second,) = beside.plan_batch([request(1)])
+    assert told(first) == told(second) == ("circle", "held")
+    assert np.array_equal(first.waypoints, second.waypoints)
+    finish(beside, slow, 2)
+    (third,) = beside.plan_batch([request(2)])
+    assert told(third) == ("slow", "ok")
+    assert np.array_equal(third.waypoints, path(1))
+    (fourth,) = beside.plan_batch([request(3)])
+    assert told(fourth) == ("held", "held")
+    assert np.array_equal(fourth.waypoints, path(1))
+    slow.go.release()
+
+
+def test_only_the_newest_request_of_a_game_waits_and_the_game_that_waited_longest_is_first():
+    slow = Slow(concurrency=1)
+    beside = Beside(slow)
+    beside.plan_batch([request(0, game=0)])
+    begin(slow)
+    beside.plan_batch([request(0, game=1)])
+    for index in (1, 2):
+        beside.plan_batch([request(index, game=0), request(index, game=1)])
+    finish(beside, slow, 3)
+    assert slow.batches == [[(0, 1, 0, 0)], [(1, 1, 0, 2)], [(0, 1, 0, 2)]]
+
+
+@pytest.mark.parametrize(("attributes", "sizes"), [({}, [1, 4]), ({"concurrency": 3}, [1, 3, 1])])
+def test_a_planner_gets_as_many_games_as_it_plans_at_once(attributes, sizes):
+    slow = Slow(**attributes)
+    beside = Beside(slow)
+    beside.plan_batch([request(0)])
+    begin(slow)
+    beside.plan_batch([request(0, game=game) for game in range(1, 5)])
+    finish(beside, slow, 3)
+    assert [len(batch) for batch in slow.batches] == sizes
+
+
+@pytest.mark.parametrize("change", [{"match": 1}, {"seed": 2}])
+def test_what_was_planned_for_a_match_that_has_ended_is_not_flown(change):
+    slow = Slow()
+    beside = Beside(slow)
+    beside.plan_batch([request(0)])
+    begin(slow)
+    beside.plan_batch([request(1)])  # waits, and is dropped
+    beside.plan_batch([request(0, **change)])
+    finish(beside, slow, 2)
+    asked = request(1, **change)
+    (plan,) = beside.plan_batch([asked])
+    assert told(plan) == ("slow", "ok")
+    assert np.array_equal(plan.waypoints, path(0))
+    assert slow.batches == [[(0, 1, 0, 0)], [(0, asked.seed, asked.match, 0)]]
+    slow.go.release()
+
+
+def test_a_plan_that_comes_after_its_match_is_not_flown():
+    slow = Slow()
+    beside = Beside(slow)
+    beside.plan_batch([request(0)])
+    finish(beside, slow)
+    (plan,) = beside.plan_batch([request(0, match=1)])
+    assert told(plan) == ("circle", "held")
+    slow.go.release()
+
+
+def test_nothing_is_asked_for_after_a_match_s_last_round():
+    slow = Slow()
+    beside = Beside(slow)
+    beside.plan_batch([request(ROUNDS - 1)])
+    settle(beside)
+    assert slow.batches == []
+
+
+@pytest.mark.parametrize("error", [UserError("no such thing"), OSError("disk full"), KeyError("a bug")])
+def test_an_error_of_the_planner_comes_up_at_the_next_round(error):
+    slow = Slow(error)
+    beside = Beside(slow)
+    beside.plan_batch([request(0)])
+    finish(beside, slow)
+    for _ in range(2):
+        with pytest.raises(UserError, match="planner slow failed beside the game") as caught:
+            beside.plan_batch([request(1)])
+        assert caught.value.__cause__ is error
+
+
+def test_it_has_the_planner_s_tier_and_says_that_it_cannot_be_repeated():
+    beside = Beside(Slow())
+    assert (beside.name, beside.tier, beside.repeatable) == ("slow-beside", "history", False)
+    with pytest.raises(UserError, match="needs the scenario"):
+        Beside(Slow(scenario=None))
+
+
+def test_copies_begin_anew_and_go_on_by_themselves(tmp_path):
+    with FaultServer([ok(path_text())]) as server:
+        first = Beside(planner(server))
+        first.plan_batch([request(0)])
+        settle(first)
+        for beside in (copy.deepcopy(first), pickle.loads(pickle.dumps(first))):
+            assert told(beside.plan_batch([request(1)])[0]) == ("circle", "held")
+            settle(beside)
+            assert told(beside.plan_batch([request(2)])[0]) == ("llm", "ok")
+        assert told(first.plan_batch([request(1)])[0]) == ("llm", "ok")
+
+
+# Transcript
+
+
+class Uneven:
+    """Answers that come fast or slowly, good or bad, as a generator says."""
+
+    def __init__(self, seed):
+        self.rng = np.random.default_rng(seed)
+
+    def __call__(self, body):
+        time.sleep(float(self.rng.choice([0.0, 0.02, 0.05])))
+        return BAD if self.rng.random() < 0.4 else path_text(int(self.rng.integers(100)))
+
+
+class Settled:
+    """A planner beside the game that has always finished when a round starts, or only as often as said."""
+
+    def __init__(self, beside, share=1.0):
+        self.beside, self.share, self.rng = beside, share, np.random.default_rng(0)
+        self.name, self.tier = beside.name, beside.tier
+
+    def plan_batch(self, requests):
+        time.sleep(0.01)
+        if self.rng.random() < self.share:
+            settle(self.beside)
+        return self.beside.plan_batch(requests)
+
+
+def flown(file):
+    lines = map(json.loads, file.read_text().splitlines())
+    return [line for line in lines if line["kind"] == "flown"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_replay_flies_the_same_without_a_server_or_a_thread(tmp_path, seed):
+    file = tmp_path / "transcript.jsonl"
+    with FaultServer([answer(Uneven(seed))]) as server:
+        beside = Beside(planner(server, transcript=file, concurrency=2))
+        played = play(Settled(beside, 0.3), rounds=3 * ROUNDS, games=3)
+        settle(beside)
+    assert len(flown(file)) == 9 * ROUNDS
+    before = file.read_bytes()
+    again = Beside(planner(transcript=file, mode="replay"))
+    assert again.repeatable
+    threads = threading.active_count()
+    replayed = play(again, rounds=3 * ROUNDS, games=3)
+    assert threading.active_count() <= threads
+    assert np.array_equal(played[1], replayed[1])
+    for x, y in zip(played[0], replayed[0], strict=True):
+        assert np.array_equal(x.waypoints, y.waypoints)
+        assert (x.source, x.status, x.tokens) == (y.source, y.status, y.tokens)
+    assert file.read_bytes() == before
+    assert any(line["planned_round"] is not None for line in flown(file))
+
+
+def test_a_plan_that_was_never_flown_may_be_held(tmp_path):
+    file, go, texts = tmp_path / "transcript.jsonl", threading.Event(), iter([path_text(9)])
+
+    def said(body):
+        go.wait(30)
+        return next(texts, BAD)
+
+    class Third(Settled):  # two rounds start before the first answer comes
+        def plan_batch(self, requests):
+            self.share = requests[0].round // 2
+            if self.share:
+                go.set()
+            return super().plan_batch(requests)
+
+    with FaultServer([answer(said)]) as server:
+        played = play(Third(Beside(planner(server, transcript=file))), rounds=3)
+    assert [plan.source for plan in played[0]] == ["circle", "circle", "held"]
+    assert np.array_equal(played[0][2].waypoints, path(9))
+    assert [line["planned_round"] for line in flown(file)] == [None, None, 1]
+    replayed = play(Beside(planner(transcript=file, mode="replay")), rounds=3)
+    assert np.array_equal(played[1], replayed[1])
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """A transcript in which round 0 flew the circle, and each round after it the plan of the one before."""
+    file = tmp_path / "transcript.jsonl"
+    with FaultServer([ok(path_text(index)) for index in range(ROUNDS)]) as server:
+        beside = Beside(planner(server, transcript=file))
+        played = play(Settled(beside))
+    return file, played
+
+
+def test_the_transcript_says_which_plan_each_round_flew(recorded):
+    lines = list(map(json.loads, recorded[0].read_text().splitlines()))
+    keys = [line["key"] for line in lines if line["kind"] == "attempt"]
+    assert [line["plan"] for line in flown(recorded[0])] == ["circle", *keys]
+    assert [line["planned_round"] for line in flown(recorded[0])] == [None, 0, 1, 2]
+    assert len(keys) == ROUNDS - 1
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (lambda lines: [x for x in lines if x.get("planned_round") != 1], "round 2 has no line"),
+        (lambda lines: [x for x in lines if "key" not in x or x["round"] != 1], "round 2 flew .* not there"),
+        (lambda lines: [{**x, "plan": "held"} if x["round"] == 0 else x for x in lines], "round 0 flew"),
+        (
+            lambda lines: [{**x, "text": path_text(50)} if "text" in x else x for x in lines],
+            "round 0, attempt 0 is changed",
+        ),
+    ],
+)
+def test_a_replay_of_a_missing_or_changed_line_is_refused_by_name(recorded, change, named):
+    file, _ = recorded
+    lines = change([json.loads(line) for line in file.read_text().splitlines()])
+    file.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    with pytest.raises(UserError, match=f"seed 5, match 0, {named}"):
+        play(Beside(planner(transcript=file, mode="replay")))
+
+
+def test_a_transcript_of_planning_between_rounds_is_refused(tmp_path):
+    file = tmp_path / "transcript.jsonl"
+    with FaultServer([ok(path_text())]) as server:
+        play(planner(server, transcript=file))
+    with pytest.raises(UserError, match="no line that says what was flown"):
+        play(Beside(planner(transcript=file, mode="replay")))
+
+
+RUN = """
+import sys, time
+from tests.planning.llm.playing import SHORT, play
+from fpg_bench.planning.llm.background import Beside
+from fpg_bench.planning.llm.llm_planner import LLMPlanner
+beside = Beside(LLMPlanner(SHORT, transcript=sys.argv[1] if len(sys.argv) > 1 else None))
+"""
+
+
+def environment(monkeypatch, server):
+    monkeypatch.setenv("FPG_LLM_BASE_URL", endpoint(server).base_url)
+    monkeypatch.setenv("FPG_LLM_MODEL", "tiny")
+
+
+def test_a_killed_run_flies_what_it_flew_and_goes_on(tmp_path, monkeypatch):
+    file, rounds, reached, go = (
+        tmp_path / "transcript.jsonl",
+        10 * ROUNDS,
+        threading.Event(),
+        threading.Event(),
+    )
+    bodies = []
+
+    def said(body):
+        bodies.append(body)
+        if len(bodies) == 3:
+            reached.set()
+            go.wait(60)
+        return BAD if len(bodies) % 3 == 1 else path_text(len(bodies))
+
+    slowly = "play(type('P', (), {'name': 'llm', 'tier': 'history', 'plan_batch': lambda self, r: "
+    slowly += f"(time.sleep(0.02), beside.plan_batch(r))[1]}})(), rounds={rounds})"
+    command = [sys.executable, "-c", RUN + slowly, str(file)]
+    with FaultServer([answer(said)]) as server:
+        environment(monkeypatch, server)
+        with subprocess.Popen(command) as run:
+            assert reached.wait(60)
+            run.send_signal(signal.SIGKILL)
+        go.set()
+        before = flown(file)
+        subprocess.run(command, check=True)
+    assert 0 < len(before) < rounds
+    assert flown(file)[: len(before)] == before
+    assert len(flown(file)) == rounds
+    play(Beside(planner(transcript=file, mode="replay")), rounds=rounds)
+
+
+@pytest.mark.parametrize("ending", ["end", "error", "interrupt"])
+def test_a_program_ends_while_a_call_is_under_way(monkeypatch, ending):
+    asked, go = threading.Event(), threading.Event()
+
+    def said(body):
+        asked.set()
+        go.wait(60)
+        return path_text()
+
+    then = {"end": "time.sleep(1)", "error": "time.sleep(1); 1 / 0", "interrupt": "time.sleep(60)"}[ending]
+    with FaultServer([answer(said)]) as server:
+        environment(monkeypatch, server)
+        command = [sys.executable, "-c", RUN + "play(beside, rounds=1); " + then]
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
+            assert asked.wait(30)
+            if ending == "interrupt":
+                run.send_signal(signal.SIGINT)
+            _, errors = run.communicate(timeout=30)  # the call would take twice as long
+            go.set()
+    said_last = {"end": "", "error": "ZeroDivisionError", "interrupt": "KeyboardInterrupt"}[ending]
+    assert (said_last in errors) if said_last else errors == ""
+    assert (run.returncode == 0) == (ending == "end")
