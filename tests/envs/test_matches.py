@@ -1,0 +1,437 @@
+"""A match of a planner: its file, going on, and being repeated to the bit."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import sys
+
+import numpy as np
+import pytest
+from planning.llm.fault_server import FaultServer, close_socket, ok, refusal, status
+
+from fpg_bench import make_duel
+from fpg_bench.envs.match_picture import MOST, draw_match
+from fpg_bench.envs.matches import replay_match, run_match
+from fpg_bench.errors import UserError
+from fpg_bench.game.scenario import STANDARD
+from fpg_bench.planning.llm.llm_planner import LLMPlanner
+from fpg_bench.players.naming import as_player
+from fpg_bench.players.seat import Seat
+
+KEY = "sk-not-to-be-seen-5093"
+SHORT = dataclasses.replace(STANDARD, steps_per_round=32)
+ROUNDS = 3
+
+
+def path_text(x: int) -> str:
+    """An answer of a language model, told apart by its x."""
+    return json.dumps({"waypoints": [{"x": x, "y": 700 + i, "z": 300} for i in range(16)]})
+
+
+def lines(file):
+    return [json.loads(line) for line in file.read_text().splitlines()]
+
+
+def write(file, rows):
+    file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+
+
+def untimed(rows):
+    """Rows without what depends on the clock."""
+    return [{key: value for key, value in row.items() if key != "seconds"} for row in rows]
+
+
+def play(file, planner="random", ally="expert", opponent="adaptive", **changes):
+    return run_match(
+        planner, ally, opponent, **{"scenario": SHORT, "rounds": ROUNDS, "out": file, "seed": 5, **changes}
+    )
+
+
+@pytest.fixture
+def file(tmp_path):
+    return tmp_path / "somewhere" / "match.jsonl"
+
+
+@pytest.fixture
+def environment(monkeypatch):
+    """An environment in which a server of language models can be configured."""
+    for name in os.environ:
+        if name.startswith("FPG_LLM_"):
+            monkeypatch.delenv(name)
+
+    def configure(server):
+        monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
+        monkeypatch.setenv("FPG_LLM_MODEL", "some-model")
+        monkeypatch.setenv("FPG_LLM_API_KEY", KEY)
+
+    return configure
+
+
+@pytest.mark.parametrize("planner", ["circle", "random", "hold"])
+def test_a_match_is_repeated_to_the_bit(planner, file):
+    played = play(file, planner)
+    before = file.read_bytes()
+    match, again = replay_match(file)
+    assert (match.planner, match.seed, match.rounds) == (planner, 5, ROUNDS)
+    assert [x.row for x in again] == [x.row for x in played]
+    for x, y in zip(played, again, strict=True):
+        assert (x.recording.frames == y.recording.frames).all()
+    assert file.read_bytes() == before
+
+
+def test_the_rounds_are_those_of_the_duel_with_that_planner(file):
+    played = play(file, "circle", "expert-spread", "tone")
+    duel = make_duel(scenario=dataclasses.replace(SHORT, rounds_per_match=ROUNDS), planner="circle")
+    seats = [
+        Seat(side, [as_player(name, side, duel.scenario)], duel.arena)
+        for side, name in (("ally", "expert-spread"), ("opponent", "tone"))
+    ]
+    for index, found in enumerate(played):
+        mask = duel.reset(seeds=5 if index == 0 else None)
+        for seat in seats:
+            seat.begin(mask)
+        while not duel.arena.games["truncated"].all():
+            duel.step(*(seat.act() for seat in seats))
+        assert found.measures == duel.measures(0)
+        assert found.row["waypoints"] == duel.plans[0].waypoints.tolist()
+        assert found.reward_per_step == duel.measures(0)["opponent_return"] / 32
+    assert [row["kind"] for row in lines(file)] == ["run", "round", "round", "round"]
+
+
+def test_without_a_file_nothing_is_kept(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert len(play(None)) == ROUNDS
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("torn", ["", '{"kind":"round","se'])
+def test_a_stopped_match_goes_on(torn, file, tmp_path):
+    def stop(index, played):
+        if index == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        play(file, progress=stop)
+    kept = lines(file)
+    assert [row.get("round") for row in kept] == [None, 0, 1]
+    with pytest.raises(UserError, match="round 2 is missing"):
+        replay_match(file)
+    with file.open("a") as end:
+        end.write(torn)
+    seen = []
+    play(file, progress=lambda index, played: seen.append((index, played is None)))
+    assert seen == [(index, first) for index in range(ROUNDS) for first in (True, False)]
+    assert lines(file)[:3] == kept
+    play(tmp_path / "unbroken.jsonl")
+    assert untimed(lines(file)) == untimed(lines(tmp_path / "unbroken.jsonl"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"planner": "circle"}, "planner"),
+        ({"ally": "idle"}, "ally"),
+        ({"opponent": "tone"}, "opponent"),
+        ({"seed": 6}, "seed"),
+        ({"rounds": 4}, "rounds"),
+        ({"scenario": dataclasses.replace(SHORT, hop_cost=3.0)}, "scenario"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_file_of_another_match_is_refused_and_left(changes, word, file):
+    play(file)
+    before = file.read_bytes()
+    with pytest.raises(UserError, match=f"is another match, {word}.* name another file") as error:
+        play(file, **changes)
+    assert "\n" not in str(error.value)
+    assert file.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"seed": -1}, "seed"),
+        ({"seed": 2.5}, "seed"),
+        ({"rounds": 0}, "rounds_per_match"),
+        ({"planner": "circel"}, "did you mean 'circle'"),
+        ({"ally": "exprt"}, "did you mean 'expert'"),
+        ({"planner": "circle", "llm": {"prompt": "paper"}}, "prompt: is for the planner 'llm'"),
+    ],
+    ids=lambda value: value[:12] if isinstance(value, str) else "",
+)
+def test_a_wrong_word_writes_nothing(changes, word, file):
+    with pytest.raises(UserError, match=word):
+        play(file, **changes)
+    assert not file.exists()
+
+
+def changed_digit(rows):
+    rows[2]["waypoints"][3][1] += 1e-9
+
+
+def another_tally(rows):
+    rows[3]["ally_return"] = np.nextafter(rows[3]["ally_return"], np.inf)
+
+
+def another_step(rows):
+    rows[1]["steps_sha256"] = "0" * 64
+
+
+def another_status(rows):
+    rows[1]["status"] = "repaired"
+
+
+def another_ally(rows):
+    rows[0]["ally"] = "random"
+
+
+def another_seed(rows):
+    rows[0]["seed"] = 6
+
+
+def another_rule(rows):
+    rows[0]["scenario"]["hop_cost"] = 3.0
+
+
+def unknown_rule(rows):
+    rows[0]["scenario"]["hop_price"] = 3.0
+
+
+def lost_middle(rows):
+    del rows[2]
+
+
+def lost_end(rows):
+    del rows[3]
+
+
+def doubled(rows):
+    rows.insert(2, rows[1])
+
+
+def lost_head(rows):
+    del rows[0]
+
+
+@pytest.mark.parametrize(
+    ("tamper", "message"),
+    [
+        (changed_digit, r"round 1 differs: waypoints\[3\]\[1\] is .* in the file, .* now"),
+        (another_tally, "round 2 differs: ally_return"),
+        (another_step, "round 0 differs: steps_sha256"),
+        (another_status, "round 0 differs: status is 'repaired' in the file, 'ok' now"),
+        (another_ally, "round 0 differs"),
+        (another_seed, "round 0 differs: seed is 5 in the file, 6 now"),
+        (another_rule, "its scenario is not the one it was played in"),
+        (unknown_rule, "its scenario cannot be played: .*hop_price"),
+        (lost_middle, "round 1 is missing; in its place stands round 2"),
+        (lost_end, "round 2 is missing"),
+        (doubled, "round 1 is missing; in its place stands round 0"),
+        (lost_head, "holds no match"),
+    ],
+)
+def test_a_changed_or_missing_line_is_named(tamper, message, file):
+    play(file)
+    rows = lines(file)
+    tamper(rows)
+    write(file, rows)
+    with pytest.raises(UserError, match=message) as error:
+        replay_match(file)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("content", ["", "no rows\n", "[]\n", '{"kind": "run"}\n', '{"panel": "ally-v1"}\n'])
+def test_other_files_are_no_matches(content, file):
+    file.parent.mkdir()
+    file.write_text(content)
+    with pytest.raises(UserError, match=str(file)):
+        replay_match(file)
+    if content:
+        with pytest.raises(UserError, match=str(file)):
+            play(file)
+        assert file.read_text() == content
+
+
+def test_no_file_is_no_match(file):
+    with pytest.raises(UserError, match="no such file"):
+        replay_match(file)
+
+
+# With a language model
+
+BEHAVIOURS = (
+    ok(path_text(100)),
+    ok("I would rather not say."),
+    ok(path_text(300)),
+    status(500),
+    refusal(),
+    close_socket(),
+    ok(path_text(700)),
+)
+STATUSES = ["ok", "reasked", "fallback-http", "fallback-refused", "fallback-http", "ok"]
+
+
+def ask(file, **changes):
+    return play(file, "llm", rounds=len(STATUSES), **changes)
+
+
+def test_a_language_models_match_is_repeated_without_it(environment, file, monkeypatch):
+    with FaultServer(BEHAVIOURS) as server:
+        environment(server)
+        played = ask(file)
+        assert len(server.requests) == len(BEHAVIOURS)
+    monkeypatch.delenv("FPG_LLM_BASE_URL")
+    monkeypatch.delenv("FPG_LLM_MODEL")
+    before = file.read_bytes()
+    _, again = replay_match(file)
+    assert [x.row for x in again] == [x.row for x in played]
+    assert [x.row["status"] for x in played] == STATUSES
+    assert [x.row["waypoints"][0][0] for x in played] == [100, 300, 300, 300, 300, 700]
+    assert file.read_bytes() == before
+    assert KEY.encode() not in before
+
+
+@pytest.mark.parametrize("stop_at", range(1, 6))
+def test_going_on_asks_nothing_twice(stop_at, environment, file, tmp_path):
+    def stop(index, played):
+        if (index, played) == (stop_at, None):
+            raise KeyboardInterrupt
+
+    with FaultServer(BEHAVIOURS) as server:
+        environment(server)
+        with pytest.raises(KeyboardInterrupt):
+            ask(file, progress=stop)
+        asked = len(server.requests)
+        assert 0 < asked < len(BEHAVIOURS)
+        ask(file)
+        assert len(server.requests) == len(BEHAVIOURS)
+        ask(file)
+        assert len(server.requests) == len(BEHAVIOURS)
+    _, again = replay_match(file)
+    assert [x.row["status"] for x in again] == STATUSES
+
+
+def attempts(rows):
+    return [row for row in rows if row["kind"] == "attempt"]
+
+
+def reply_digit(rows):
+    row = attempts(rows)[0]
+    row["text"] = row["text"].replace('"y": 701', '"y": 702')
+    assert "702" in row["text"]
+
+
+def reply_and_path_digit(rows):
+    reply_digit(rows)
+    attempts(rows)[0]["waypoints"][1][1] = 702.0
+
+
+def question_digit(rows):
+    row = attempts(rows)[1]
+    message = row["request"]["messages"][-1]
+    assert "1500" in message["content"]
+    message["content"] = message["content"].replace("1500", "1501")
+
+
+def lost_attempt(rows):
+    rows.remove(attempts(rows)[2])
+
+
+@pytest.mark.parametrize(
+    ("tamper", "named"),
+    [
+        (reply_digit, "round 0, attempt 0"),
+        (reply_and_path_digit, "round 0 differs"),
+        (question_digit, "round 1, attempt 0"),
+        (lost_attempt, "round 1, attempt 1 is missing"),
+    ],
+)
+def test_a_changed_or_missing_attempt_is_named(tamper, named, environment, file):
+    with FaultServer(BEHAVIOURS) as server:
+        environment(server)
+        ask(file)
+    rows = lines(file)
+    tamper(rows)
+    write(file, rows)
+    with pytest.raises(UserError, match=named):
+        replay_match(file)
+
+
+def test_the_file_holds_a_prompt_of_ones_own(environment, file, tmp_path):
+    prompt = tmp_path / "mine.yml"
+    prompt.write_text(
+        "about: mine\nuser: 'Fly from ($x, $y, $z). $history'\nrow: '$x $y $z $reward'\n"
+        "rounds: {first: 1, best: 1, latest: 1}\n"
+    )
+    with FaultServer([ok(path_text(100))]) as server:
+        environment(server)
+        play(file, "llm-no-history", llm={"prompt": str(prompt)})
+        text = server.requests[-1].body["messages"][-1]["content"]
+        assert text.startswith("Fly from (")
+    prompt.unlink()
+    match, _ = replay_match(file)
+    assert match.planner == "llm-no-history"
+    rows = lines(file)
+    rows[0]["llm"]["prompt"]["user"] = "Fly! $history"
+    write(file, rows)
+    with pytest.raises(UserError, match="round 0, attempt 0"):
+        replay_match(file)
+    del rows[0]["llm"]["prompt"]["user"]
+    write(file, rows)
+    with pytest.raises(UserError, match="does not tell the prompt"):
+        replay_match(file)
+
+
+def test_another_model_does_not_go_on(environment, file, monkeypatch):
+    with FaultServer(BEHAVIOURS) as server:
+        environment(server)
+        ask(file)
+        monkeypatch.setenv("FPG_LLM_MODEL", "another-model")
+        with pytest.raises(UserError, match=r"llm\.model is 'some-model' in the file, 'another-model' now"):
+            ask(file)
+        assert len(server.requests) == len(BEHAVIOURS)
+
+
+def test_what_is_missing_in_the_environment_is_said_before_anything_is_written(environment, file):
+    with pytest.raises(UserError, match="FPG_LLM_BASE_URL"):
+        ask(file)
+    assert not file.exists()
+
+
+def test_a_planner_whose_file_would_not_tell_all_is_refused(environment, file):
+    with FaultServer(BEHAVIOURS) as server:
+        environment(server)
+        planner = LLMPlanner(SHORT)
+        with pytest.raises(UserError, match="name it 'llm'"):
+            play(file, planner)
+        assert play(None, planner, rounds=1)[0].row["status"] == "ok"
+
+
+def test_a_planner_of_ones_own_by_name(file, tmp_path, monkeypatch):
+    (tmp_path / "matches_mine.py").write_text(
+        "import numpy as np\nfrom fpg_bench.planning import Plan\n"
+        "class Mine:\n"
+        "    name, tier = 'mine', 'history'\n"
+        "    def plan(self, history, current_position, limits, rng):\n"
+        "        return Plan(rng.uniform(0, limits.box_m, (limits.waypoints, 3)), self.name)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    played = play(file, "matches_mine:Mine")
+    assert lines(file)[0]["planner"] == "matches_mine:Mine"
+    assert [x.row for x in replay_match(file)[1]] == [x.row for x in played]
+    sys.modules.pop("matches_mine")
+
+
+# The picture
+
+
+@pytest.mark.parametrize(("rounds", "rows"), [(1, 1), (5, 1), (6, 2), (MOST + 7, MOST // 5)])
+def test_the_picture_has_a_panel_per_round_and_a_bound(rounds, rows, tmp_path):
+    from matplotlib.image import imread
+
+    played = play(None, rounds=rounds)
+    draw_match(played, tmp_path / "paths.png", "a match")
+    height = imread(tmp_path / "paths.png").shape[0]
+    assert height == pytest.approx((3.7 * rows + 0.7) * 110, abs=2)

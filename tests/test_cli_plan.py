@@ -1,0 +1,207 @@
+"""``fpg-bench plan run``, ``replay`` and ``probe``, each as a user starts it."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from planning.llm.fault_server import FaultServer, error_object, late, ok, reject_field, status
+
+KEY = "sk-not-to-be-seen-7741"
+COMMAND = (sys.executable, "-m", "fpg_bench.cli", "plan")
+SHORT = "steps_per_round: 32\n"
+LLM = ("--planner", "llm", "--scenario", "short.yml", "--rounds", "3", "--out", "out")
+
+
+def path_text(x=100):
+    return json.dumps({"waypoints": [{"x": x, "y": 700, "z": 300}] * 16})
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "short.yml").write_text(SHORT)
+    return tmp_path
+
+
+def environment(server=None):
+    known = {name: value for name, value in os.environ.items() if not name.startswith("FPG_LLM_")}
+    named = {} if server is None else {"FPG_LLM_BASE_URL": server.url, "FPG_LLM_MODEL": "some-model"}
+    return {**known, **named, "FPG_LLM_API_KEY": KEY}
+
+
+def plan(*words, folder, server=None):
+    found = subprocess.run(
+        [*COMMAND, *map(str, words)], capture_output=True, text=True, cwd=folder, env=environment(server)
+    )
+    assert KEY not in found.stdout + found.stderr
+    return found
+
+
+def error_line(found):
+    (line,) = [line for line in found.stderr.splitlines() if not line.startswith("fpg_bench: compiling")]
+    return line
+
+
+def lines(file):
+    return [json.loads(line) for line in file.read_text().splitlines()]
+
+
+def test_run_shows_keeps_and_draws_a_match_and_replay_repeats_it(folder):
+    words = ("run", "--planner", "circle", "--ally", "idle", "--scenario", "short.yml", "--seed", 4)
+    found = plan(*words, "--rounds", 3, folder=folder)
+    assert found.returncode == 0, found.stderr
+    rows = lines(folder / "runs" / "plan" / "circle-idle-4" / "match.jsonl")
+    for row in rows[1:]:
+        reward = f"{row['opponent_return'] / 32:+.2f}"
+        assert f"round {row['round']}: {reward} a step, ok" in found.stdout
+        cells = [
+            str(row["round"]),
+            reward,
+            f"{100 * row['near'] / 32:.1f}",
+            f"{100 * row['jammed'] / 32:.1f}",
+        ]
+        assert [*cells, "ok", "circle", "-"] in [line.split()[:7] for line in found.stdout.splitlines()]
+    assert (folder / "runs/plan/circle-idle-4/paths.png").read_bytes().startswith(b"\x89PNG")
+    again = plan("replay", "runs/plan/circle-idle-4/match.jsonl", folder=folder)
+    assert again.returncode == 0, again.stderr
+    assert again.stdout.splitlines()[-1] == "identical: 3 rounds of runs/plan/circle-idle-4/match.jsonl"
+    table = found.stdout[found.stdout.index("circle against idle") :].splitlines()[:-1]
+    assert [line.strip() for line in table] == [
+        line.strip() for line in again.stdout[again.stdout.index("circle against idle") :].splitlines()[:-1]
+    ]
+
+
+def test_a_language_models_match_goes_on_and_is_repeated_without_it(folder):
+    with FaultServer([ok(path_text()), ok("no idea"), ok(path_text(200)), status(500)]) as server:
+        found = plan("run", *LLM, folder=folder, server=server)
+        assert found.returncode == 0, found.stderr
+        assert "2 of 3 valid" in found.stdout
+        assert server.requests[0].headers["authorization"] == f"Bearer {KEY}"
+        again = plan("run", *LLM, folder=folder, server=server)
+        assert again.stdout == found.stdout
+        assert len(server.requests) == 4
+        found = plan("run", *LLM, "--prompt", "paper", folder=folder, server=server)
+        assert found.returncode == 2
+        assert "llm.prompt.name is 'standard' in the file, 'paper' now" in error_line(found)
+    found = plan("replay", "out/match.jsonl", folder=folder)
+    assert found.returncode == 0, found.stderr
+    assert "fallback-http" in found.stdout
+    file = folder / "out" / "match.jsonl"
+    assert all(KEY.encode() not in path.read_bytes() for path in folder.rglob("*") if path.is_file())
+    text = file.read_text()
+    assert text.count('\\"x\\": 200') == 32  # the reply and the raw body
+    file.write_text(text.replace('\\"x\\": 200', '\\"x\\": 201'))
+    found = plan("replay", "out/match.jsonl", folder=folder)
+    assert found.returncode == 2
+    assert "round 1, attempt 1 is changed" in error_line(found)
+    file.write_text("".join(text.splitlines(keepends=True)[:-1]))
+    found = plan("replay", "out/match.jsonl", folder=folder)
+    assert found.returncode == 2
+    assert "round 2 is missing" in error_line(found)
+
+
+def test_options_of_the_language_model_reach_it(folder):
+    with FaultServer([ok(path_text())]) as server:
+        words = ("--control", "no-history", "--server", "vllm", "--calls", "2", "--out", "other.jsonl")
+        found = plan("run", *LLM[:-2], *words, folder=folder, server=server)
+        assert found.returncode == 0, found.stderr
+        assert len(server.requests) == 2
+        assert "seed" in server.requests[0].body
+    assert "llm-no-history against expert" in found.stdout
+    assert "fallback-budget" in found.stdout
+    assert lines(folder / "other.jsonl")[0]["llm"]["server"] == "vllm"
+    assert (folder / "other.png").exists()
+    with FaultServer([late(30, path_text())]) as server:
+        words = ("--deadline", "0.2", "--seconds", "0.2", "--out", "late")
+        found = plan("run", *LLM[:-2], *words, folder=folder, server=server)
+    assert found.returncode == 0, found.stderr
+    assert "fallback-timeout" in found.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("run", "--planner", "circel"), "did you mean 'circle'"),
+        (("run", "--planner", "circle", "--prompt", "paper"), "prompt: is for the planner 'llm'"),
+        (("run", "--planner", "circle", "--rounds", "0"), "--rounds"),
+        (("run", "--planner", "llm"), "FPG_LLM_BASE_URL"),
+        (("replay", "nowhere.jsonl"), "no such file"),
+        (("probe",), "FPG_LLM_BASE_URL"),
+        ((), "Missing command"),
+    ],
+    ids=lambda value: "-".join(value)[:40] if isinstance(value, tuple) else "",
+)
+def test_bad_words_get_one_line_and_a_status(words, message, folder):
+    found = plan(*words, folder=folder)
+    assert found.returncode == 2
+    assert error_line(found).startswith("fpg-bench: ")
+    assert message in error_line(found)
+    assert [path.name for path in folder.iterdir()] == ["short.yml"]
+
+
+def test_probe_tells_what_a_server_honours(folder):
+    with FaultServer([reject_field("response_format", "hello")]) as server:
+        found = plan("probe", "--deadline", "5", folder=folder, server=server)
+    assert found.returncode == 0, found.stderr
+    seen = {line.split()[0]: line.split()[1] for line in found.stdout.splitlines()[1:]}
+    assert seen["answer"] == "yes"
+    assert seen["json_schema"] == "no"
+
+
+@pytest.mark.parametrize("behaviour", [status(401), error_object(), None])
+def test_probe_says_that_nothing_answers(behaviour, folder):
+    with FaultServer([behaviour or ok("")]) as server:
+        if behaviour is None:
+            server.__exit__()
+        found = plan("probe", "--deadline", "5", folder=folder, server=server)
+    assert found.returncode == 2
+    assert error_line(found).startswith(f"fpg-bench: nothing answers at {server.url}: ")
+
+
+def test_ctrl_c_keeps_what_was_finished_and_the_next_run_goes_on(folder):
+    with FaultServer([ok(path_text()), late(60, path_text())]) as server:
+        process = subprocess.Popen(
+            [*COMMAND, "run", *LLM],
+            cwd=folder,
+            env=environment(server),
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )
+        deadline = time.monotonic() + 120
+        while len(server.requests) < 2 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        error = process.communicate(timeout=20)[1]  # long before the server answers
+        assert process.returncode == 130, error
+        assert error.splitlines()[-1] == "fpg-bench: stopped; what was finished is kept"
+        assert [row["kind"] for row in lines(folder / "out" / "match.jsonl")] == ["run", "attempt", "round"]
+        server.behaviours = [ok(path_text(x)) for x in range(10)]
+        found = plan("run", *LLM, folder=folder, server=server)
+        assert found.returncode == 0, found.stderr
+        assert len(server.requests) == 4
+    kinds = [row["kind"] for row in lines(folder / "out" / "match.jsonl")]
+    assert kinds == ["run"] + ["attempt", "round"] * 3
+
+
+def test_a_terminal_sees_what_is_being_planned(folder):
+    mine, theirs = pty.openpty()
+    words = ("run", "--planner", "circle", "--scenario", "short.yml", "--rounds", "40")
+    process = subprocess.Popen(
+        [*COMMAND, *words], cwd=folder, stdout=theirs, stderr=subprocess.DEVNULL, env=environment()
+    )
+    os.close(theirs)
+    shown = b""
+    try:
+        while part := os.read(mine, 65536):
+            shown += part
+    except OSError:  # the other end is closed
+        pass
+    os.close(mine)
+    assert process.wait() == 0
+    assert b"planning round" in shown
+    assert b"circle against expert" in shown
