@@ -80,10 +80,11 @@ def test_a_planner_far_from_the_bound_never_comes_near_it(panel):
 
 def test_intervals_are_over_whole_matches(panel):
     """Allies and rounds of one match go together, so that more of them tell nothing new about matches."""
-    lucky = found(
-        panel, rows("lucky", lambda *at: chance(*at) + (at[1] == 0) * (8 if at[0] == "idle" else 2))
-    )
-    score = lucky["lucky"].all
+
+    def lucky(ally, match, k):
+        return chance(ally, match, k) + (match == 0) * (8 if ally == "idle" else 2)
+
+    score = found(panel, rows("lucky", lucky))["lucky"].all
     assert score.value == pytest.approx(25)
     assert (score.low, score.high) == (pytest.approx(0), pytest.approx(75))  # none, three of four matches
     assert score.over == "match seeds"

@@ -1,0 +1,279 @@
+"""Planners side by side, from a panel's file to the table; language models on loopback, then replayed."""
+
+import csv
+import json
+import shutil
+import subprocess
+import sys
+
+import pytest
+from planning.llm.fault_server import FaultServer, answer, ok, status
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.compare import compare, read_comparison
+from fpg_bench.evaluation.planner_table import write_planner_table
+from fpg_bench.rows import RowFile
+
+KEY = "sk-never-to-be-seen-3141592653"
+MATCHES, ROUNDS, ALLIES = 2, 3, ("idle", "expert")
+PLANS = MATCHES * ROUNDS * len(ALLIES)
+CHASER = """\
+from fpg_bench.planning import Plan
+
+class Chaser:
+    name, tier = "chaser", "ally"
+
+    def plan_batch(self, requests):
+        due = [r.limits.due_s().astype(int) for r in requests]
+        return [Plan(r.ally_path[at], "chaser") for r, at in zip(requests, due)]
+"""
+PANEL = f"""\
+side: planner
+scenario: short.yml
+rounds_per_match: {ROUNDS}
+matches: {MATCHES}
+opponent: adaptive
+allies: [{", ".join(ALLIES)}]
+last_rounds: 2
+zero: random
+bound: chasing:Chaser
+"""
+PATH = json.dumps({"waypoints": [{"x": 700, "y": 40 * k, "z": 300} for k in range(16)]})
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "chasing.py").write_text(CHASER)
+    (tmp_path / "mine.yml").write_text(PANEL)
+    (tmp_path / "short.yml").write_text("steps_per_round: 64\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    for name in ("BASE_URL", "MODEL", "API_KEY", "SERVER"):
+        monkeypatch.delenv(f"FPG_LLM_{name}", raising=False)
+    return tmp_path
+
+
+@pytest.fixture
+def asks(monkeypatch):
+    """Point the environment at a server."""
+
+    def point(server, model="toy"):
+        monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
+        monkeypatch.setenv("FPG_LLM_MODEL", model)
+        monkeypatch.setenv("FPG_LLM_API_KEY", KEY)
+
+    return point
+
+
+def rows_of(folder, planner):
+    rows = [row for row in RowFile(folder / "rows.jsonl").read() if row["planner"] == planner]
+    return [{name: value for name, value in row.items() if name != "planner"} for row in rows]
+
+
+# Planners that ask nobody
+
+
+def test_planners_side_by_side_and_their_table(folder):
+    found = compare(["hold", "circle"], "mine.yml", "out")
+    assert {s.planner for s in found} == {"random", "chasing:Chaser", "hold", "circle"}
+    assert found[0].planner == "chasing:Chaser"
+    again, panel = read_comparison("out")
+    assert again == found
+    write_planner_table(found, panel, folder / "out")
+    text = (folder / "out" / "table.md").read_text()
+    assert text.splitlines()[2].startswith("| chasing:Chaser | ally | ")
+    assert "never" in text
+    assert "not to be compared" in text
+    best, *others = csv.DictReader((folder / "out" / "table.csv").open())
+    assert (float(best["score_all"]), best["rounds_to_bound"], best["valid"]) == (pytest.approx(100), "1", "")
+    assert {f"score_last {ally}" for ally in ALLIES} <= best.keys()
+    assert {f"round_{k}_low" for k in range(1, ROUNDS + 1)} <= best.keys()
+    assert len(others) == 3
+    assert (folder / "out" / "table.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_more_planners_join_a_folder_and_nothing_is_played_twice(folder):
+    compare(["hold"], "mine.yml", "out")
+    before = (folder / "out" / "rows.jsonl").read_bytes()
+    played = []
+    compare(["hold", "circle"], "mine.yml", "out", progress=lambda who, *_: played.append(who.name))
+    assert set(played) == {"circle"}
+    assert (folder / "out" / "rows.jsonl").read_bytes().startswith(before)
+
+
+def test_all_are_those_that_ask_no_language_model(folder, monkeypatch):
+    known = ("circle", "random", "hold", "llm", "llm-no-history")
+    monkeypatch.setattr("fpg_bench.evaluation.compare.PLANNERS", known)
+    found = compare(["all", "circle"], "mine.yml", "out")
+    assert {s.planner for s in found} == {"chasing:Chaser", "circle", "random", "hold"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("opponent: adaptive", "opponent: adaptiv", "did you mean 'adaptive'"),
+        ("[idle, expert]", "[idle, expertt]", "did you mean 'expert'"),
+        ("zero: random", "zero: randm", "did you mean 'random'"),
+    ],
+)
+def test_what_a_panel_names_is_looked_for_before_anything_is_played(folder, old, new, message):
+    (folder / "mine.yml").write_text(PANEL.replace(old, new))
+    with pytest.raises(UserError, match=message):
+        compare(["hold"], "mine.yml", "out")
+    assert not (folder / "out").exists()
+
+
+def test_a_folder_of_another_size_is_refused(folder):
+    compare(["hold"], "mine.yml", "out")
+    with pytest.raises(UserError, match=r"rows of mine.yml with 2 matches.* with 3 matches; choose another"):
+        compare(["hold"], "mine.yml", "out", matches=3)
+    with pytest.raises(UserError, match="matches: expected a whole number above 0, got 0"):
+        compare(["hold"], "mine.yml", "out", matches=0)
+
+
+# Language models
+
+
+def test_a_language_model_is_recorded_and_replayed_without_a_server(folder, asks):
+    with FaultServer([ok(PATH), ok("I would rather fly a loop.")]) as server:
+        asks(server)
+        compare(["llm"], "mine.yml", "out", llm={"concurrency": 1})
+    found = {s.planner: s for s in compare(["llm"], "mine.yml", "out", llm={"concurrency": 1})}
+    assert found["llm"].valid == pytest.approx(1 / PLANS)
+    assert found["llm"].tokens > 0
+    assert found["random"].valid is None
+
+    shutil.copytree(folder / "out" / "transcripts" / "llm", folder / "kept" / "toy-model")
+    replayed = {s.planner: s for s in compare([], "mine.yml", "again", transcripts="kept")}
+    assert replayed["toy-model"].last == found["llm"].last
+    assert rows_of(folder / "again", "toy-model") == rows_of(folder / "out", "llm")
+
+
+class Stop(Exception):
+    pass
+
+
+def stop_at(*place):
+    """A run that is stopped when a planner has played so many rounds against an ally."""
+
+    def stop(who, ally, rounds):
+        if (who.name, ally, rounds) == place:
+            raise Stop
+
+    return stop
+
+
+def test_a_stopped_run_goes_on_and_calls_nothing_twice(folder, asks):
+    with FaultServer([ok(PATH)]) as server:
+        asks(server)
+        with pytest.raises(Stop):
+            compare(["llm"], "mine.yml", "out", progress=stop_at("llm", "expert", 2))
+        assert len(server.requests) == PLANS - MATCHES
+        compare(["llm"], "mine.yml", "out")
+        assert len(server.requests) == PLANS
+
+
+def test_caps_hold_for_all_allies_together_and_over_stops(folder, asks):
+    with FaultServer([ok(PATH)]) as server:
+        asks(server)
+        with pytest.raises(Stop):
+            compare(
+                ["llm"], "mine.yml", "out", llm={"calls": PLANS - 2}, progress=stop_at("llm", "expert", 0)
+            )
+        compare(["llm"], "mine.yml", "out", llm={"calls": PLANS - 2})
+        assert len(server.requests) == PLANS - 2
+    statuses = [row["status"] for row in rows_of(folder / "out", "llm")]
+    assert statuses == ["ok"] * (PLANS - 2) + ["fallback-budget"] * 2
+
+
+def test_controls_and_prompts_of_ones_own_are_recorded_as_such(folder, asks):
+    from fpg_bench.planning.llm.prompts import prompt_file
+
+    (folder / "mine-prompt.yml").write_bytes(prompt_file("paper").read_bytes())
+    with FaultServer([answer(lambda body: PATH)]) as server:
+        asks(server)
+        compare(["llm-no-history"], "mine.yml", "out", llm={"prompt": "mine-prompt.yml"})
+        texts = {json.dumps(request.body["messages"]) for request in server.requests}
+    assert len(texts) == MATCHES  # nothing that a round or an ally showed: the match's start alone
+    (folder / "mine-prompt.yml").unlink()
+    found = compare([], "mine.yml", "again", transcripts="out/transcripts")
+    assert "llm-no-history" in {s.planner for s in found}
+
+
+def test_another_model_or_prompt_is_not_taken_for_the_one_recorded(folder, asks):
+    with FaultServer([ok(PATH)]) as server:
+        asks(server)
+        compare(["llm"], "mine.yml", "out")
+        asks(server, model="another")
+        with pytest.raises(UserError, match="hold rows of another 'llm'"):
+            compare(["llm"], "mine.yml", "out")
+        (folder / "out" / "rows.jsonl").unlink()
+        with pytest.raises(UserError, match="recorded with model toy, not another"):
+            compare(["llm"], "mine.yml", "out")
+
+
+def test_transcripts_of_other_matches_are_refused(folder, asks):
+    with FaultServer([ok(PATH)]) as server:
+        asks(server)
+        compare(["llm"], "mine.yml", "out")
+    with pytest.raises(UserError, match=r"round 0, attempt 0 is missing"):
+        compare([], "mine.yml", "more", matches=3, transcripts="out/transcripts")
+
+
+def test_folders_that_hold_no_transcripts(folder):
+    (folder / "kept").mkdir()
+    with pytest.raises(UserError, match="hold no planner"):
+        compare([], "mine.yml", "out", transcripts="kept")
+    (folder / "kept" / "circle").mkdir()
+    (folder / "kept" / "circle" / "planner.json").write_text("{}")
+    with pytest.raises(UserError, match="a planner of the package has this name"):
+        compare([], "mine.yml", "out", transcripts="kept")
+
+
+def test_a_model_without_an_endpoint_is_no_model(folder):
+    with pytest.raises(UserError, match="FPG_LLM_BASE_URL"):
+        compare(["llm"], "mine.yml", "out")
+    assert not (folder / "out").exists()
+
+
+def test_the_key_is_nowhere(folder, asks):
+    with FaultServer([status(401), ok(PATH)]) as server:
+        asks(server)
+        compare(["llm"], "mine.yml", "out")
+        assert KEY in server.requests[0].headers["authorization"]
+    for path in (folder / "out").rglob("*"):
+        assert path.is_dir() or KEY.encode() not in path.read_bytes()
+
+
+# The command
+
+
+def fpg(*words, folder):
+    return subprocess.run(
+        [sys.executable, "-m", "fpg_bench.cli", *map(str, words)], capture_output=True, text=True, cwd=folder
+    )
+
+
+def test_the_command_prints_and_writes_the_table(folder):
+    found = fpg(
+        "plan", "compare", "circle", "--panel", "mine.yml", "--matches", 1, "--out", "out", folder=folder
+    )
+    assert found.returncode == 0, found.stderr
+    assert "chasing:Chaser" in found.stdout
+    assert "circle" in found.stdout
+    assert {"table.md", "table.csv", "table.png"} <= {path.name for path in (folder / "out").iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("plan", "compare", "circel", "--panel", "mine.yml"), "did you mean 'circle'"),
+        (("plan", "compare", "llm", "--panel", "mine.yml"), "FPG_LLM_MODEL"),
+        (("evaluate", "idle", "--panel", "planner-v1"), "fpg-bench plan compare --panel planner-v1"),
+    ],
+)
+def test_what_cannot_be_compared_is_said_in_one_line(folder, words, message):
+    found = fpg(*words, folder=folder)
+    assert found.returncode == 2
+    assert message in found.stderr
+    assert len(found.stderr.strip().splitlines()) == 1
