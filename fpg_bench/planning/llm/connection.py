@@ -24,7 +24,7 @@ _HEADERS = {
     "x-stainless-raw-response",
 }
 
-_WIRE_LOGS = ("httpcore", "httpcore2", "httpx", "httpx2")
+_WIRE_LOGS = ("openai", "httpx", "httpx2", "httpcore", "httpcore2")
 
 
 class Connection:
