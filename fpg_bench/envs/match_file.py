@@ -69,6 +69,7 @@ class MatchFile:
         self.path = path
         self._file = RowFile(path)
         self.locked = self._file.locked
+        self._versions = ""  # how those that wrote the file differ from the present ones
 
     def begin(self, match: Match) -> list[Row]:
         """Write the header, or check that it is this match's; gives the rounds that are there already.
@@ -114,12 +115,16 @@ class MatchFile:
         """
         difference = _difference(known, _as_written(played), but=_UNTIMED)
         if difference:
-            raise UserError(f"match {self.path}: round {played['round']} differs: {difference}")
+            raise UserError(
+                f"match {self.path}: round {played['round']} differs: {difference}{self._versions}"
+            )
 
     def _header(self, rows: list[Row]) -> Row:
         head = rows[0] if rows else {}
         if head.get("kind") != RUN or any(not isinstance(head.get(key), kind) for key, kind in _TOLD.items()):
             raise UserError(f"match {self.path}: holds no match; name a file that plan run has written")
+        other = _difference(head.get("versions"), versions(), "versions")
+        self._versions = f"; {other}" if other else ""
         return head
 
     def _match(self, head: Row) -> Match:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -94,7 +95,7 @@ def run_match(
     if path is None:
         return list(_rounds(match, pilot, players, None, [], progress))
     file = MatchFile(path)
-    with file.locked():
+    with file.locked(), contextlib.closing(pilot.transcript) if told else contextlib.nullcontext():
         return list(_rounds(match, pilot, players, file, file.begin(match), progress))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import fcntl
 import json
 import os
 import sys
@@ -259,6 +260,18 @@ def test_no_file_is_no_match(file):
         replay_match(file)
 
 
+def test_a_difference_under_other_versions_says_so(file):
+    play(file)
+    rows = lines(file)
+    rows[0]["versions"]["fpg_bench"] = "0.0.1"
+    write(file, rows)
+    assert replay_match(file)  # other versions alone are no difference
+    another_tally(rows)
+    write(file, rows)
+    with pytest.raises(UserError, match=r"round 2 differs.*; versions\.fpg_bench is '0\.0\.1' in the file"):
+        replay_match(file)
+
+
 # With a language model
 
 BEHAVIOURS = (
@@ -311,6 +324,20 @@ def test_going_on_asks_nothing_twice(stop_at, environment, file, tmp_path):
         assert len(server.requests) == len(BEHAVIOURS)
     _, again = replay_match(file)
     assert [x.row["status"] for x in again] == STATUSES
+
+
+@pytest.mark.parametrize("planner", ["circle", "llm"])
+def test_a_match_that_ends_lets_go_of_its_file(planner, environment, file):
+    def hold(index, played):
+        if index == 1:
+            with file.open() as other, pytest.raises(BlockingIOError):
+                fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    with FaultServer([ok(path_text(100))]) as server:
+        environment(server)
+        play(file, planner, progress=hold)
+    with file.open() as other:
+        fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def attempts(rows):
