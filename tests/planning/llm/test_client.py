@@ -278,6 +278,21 @@ def test_no_more_questions_are_under_way_than_allowed(concurrency):
     assert most == concurrency
 
 
+def test_each_reply_is_told_as_soon_as_it_is_there_and_trouble_with_it_goes_up():
+    def disk_full(index, reply):
+        raise OSError("no space left")
+
+    slow_first = faults.answer(lambda body: time.sleep(0.3 * (body["seed"] == 0)) or str(body["seed"]))
+    with FaultServer([slow_first]) as fake:
+        asked, told = client(fake.url, "vllm"), []
+        bodies = [asked.request_body(TALK, seed) for seed in range(3)]
+        asked.complete_all(bodies, 3, lambda index, reply: told.append((index, reply.text)))
+        with pytest.raises(OSError, match="no space left"):
+            asked.complete_all(bodies, 1, disk_full)
+    assert sorted(told) == [(0, "0"), (1, "1"), (2, "2")]
+    assert told[-1] == (0, "0")
+
+
 def test_it_works_beside_a_running_event_loop_in_threads_and_awaited():
     with FaultServer([ok("Hello.")]) as fake:
         asked = client(fake.url)
