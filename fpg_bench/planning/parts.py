@@ -40,7 +40,7 @@ def waypoints_through(places: np.ndarray, start: np.ndarray, limits: Limits) -> 
     _slacken(path, longest)
     for i in range(1, len(path)):  # what is left over: each point waits for the one before
         step = path[i] - path[i - 1]
-        path[i] = path[i - 1] + step * min(1.0, longest / max(np.linalg.norm(step), 1e-9))
+        path[i] = path[i - 1] + step * min(1.0, longest / max(float(np.linalg.norm(step)), 1e-9))
     return np.clip(path[1:], 0, limits.box_m)
 
 
