@@ -14,7 +14,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.llm.transcript import Transcript, place_of
 from fpg_bench.planning.patterns import Patrol
-from fpg_bench.planning.planner import Plan, Planner, Request, plan_all
+from fpg_bench.planning.planner import Plan, Request, plan_all
 from fpg_bench.rows import Row
 
 
@@ -33,14 +33,14 @@ class Beside:
     It serves one batch of games. A copy begins with nothing planned.
 
     Args:
-        planner: who plans.
+        planner: who plans, by ``plan`` or ``plan_batch``.
         scenario: what is played; None: the planner's own.
 
     Raises:
         UserError: no scenario.
     """
 
-    def __init__(self, planner: Planner, scenario: Scenario | None = None) -> None:
+    def __init__(self, planner: Any, scenario: Scenario | None = None) -> None:
         played = scenario or getattr(planner, "scenario", None)
         if played is None:
             raise UserError(f"planner {planner.name}: beside the game it needs the scenario; pass it, too")
@@ -50,7 +50,6 @@ class Beside:
         self.repeatable = self._transcript.mode == "replay"
         self._circle = Patrol("circle", played)
         self._games: dict[int, _Game] = {}
-        self._planning = threading.Lock()  # held while the planner plans
         self._lock = threading.Lock()  # guards what the thread and the caller share, which is:
         self._waiting: dict[int, Request] = {}  # by game, the one that has waited longest first
         self._ready: dict[int, tuple[Request, Plan]] = {}
@@ -125,8 +124,7 @@ class Beside:
     def _work(self) -> None:
         try:
             while requests := self._next():
-                with self._planning:
-                    plans = plan_all(self.planner, requests)
+                plans = plan_all(self.planner, requests)
                 with self._lock:
                     pairs = zip(requests, plans, strict=True)
                     self._ready |= {request.game: (request, plan) for request, plan in pairs}
@@ -148,32 +146,18 @@ class Beside:
         """What the transcript says that the round flew; None: it says nothing."""
         line = self._transcript.flown(request)
         if line is None:
-            self._again(game, request.round)
             return None
+        game.past[request.round] = request
+        asked = game.past.get(line["planned_round"])
         plan: Plan | None = game.held()
         key: str | None = game.held().source
         if line["planned_round"] is not None:
-            plan, key = self._again(game, line["planned_round"])
-        game.unplanned.append(request)
+            key = None if asked is None else self._key(asked)
+            plan = None if asked is None or key is None else plan_all(self.planner, [asked])[0]
         if plan is None or line["plan"] != key:
             what = f"flew the plan {line['plan']} of round {line['planned_round']}, which is not there"
             raise UserError(self._transcript.complaint(place_of(request), what))
         return plan
-
-    def _again(self, game: _Game, last: int) -> tuple[Plan | None, str | None]:
-        """Plan again what the transcript's run had planned up to a round's request; gives the last one.
-
-        Requests that it never came to are passed over. Those whose plans were not flown are not: they may
-        have been held later.
-        """
-        plan, key = None, None
-        while game.unplanned and game.unplanned[0].round <= last:
-            request = game.unplanned.pop(0)
-            key = self._key(request)
-            if key is not None:
-                with self._planning:
-                    (plan,) = plan_all(self.planner, [request])
-        return (plan, key) if key is not None else (None, None)
 
     def _key(self, request: Request) -> str | None:
         """The key of the attempt that decided a request's plan, None where no transcript holds it."""
@@ -183,12 +167,12 @@ class Beside:
 
 @dataclass
 class _Game:
-    """What a game flies in its present match, and the requests of a transcript's rounds not planned yet."""
+    """What a game flies in its present match, and its requests so far in rounds that a transcript knows."""
 
     match: tuple[int, int]
     path: np.ndarray
     planned: bool = False
-    unplanned: list[Request] = field(default_factory=list)
+    past: dict[int, Request] = field(default_factory=dict)
 
     def held(self) -> Plan:
         return Plan(self.path.copy(), "held" if self.planned else "circle", "held")

@@ -89,7 +89,6 @@ class LLMPlanner:
         self.budget = Budget(calls, tokens, seconds)
         self.concurrency = concurrency
         self._circle = Patrol("circle", scenario)
-        self._last: dict[tuple[int, int, int], np.ndarray] = {}  # by game, seed and match
         self._client: Client | None = None
         if self.transcript.mode != "replay":
             self._client = Client(endpoint or endpoint_from_environment(), deadline_s)
@@ -193,22 +192,20 @@ class LLMPlanner:
 
     def _plan(self, talk: _Talk) -> Plan:
         request, last = talk.request, talk.attempts[-1]
-        match = (request.game, request.seed, request.match)
-        if request.round == 0:
-            self._last.pop(match, None)  # played once before
         if last.waypoints is not None:
-            self._last[match] = np.array(last.waypoints)
-            status, source = "reasked" if last.attempt else last.status, "llm"
+            status = "reasked" if last.attempt == LAST else last.status
+            return Plan(np.array(last.waypoints), "llm", status, talk.tokens, talk.seconds)
+        # From the transcript, so that a run that goes on, and a replay, hold the same
+        held = self.transcript.last_valid(request)
+        if held is None:
+            source, path = "circle", self._circle_of(request)
         else:
-            status, source = f"fallback-{last.status}", "held" if match in self._last else "circle"
-        return Plan(self._path(match, request), source, status, talk.tokens, talk.seconds)
+            source, path = "held", np.array(self._checked(held, request.limits).waypoints)
+        return Plan(path, source, f"fallback-{last.status}", talk.tokens, talk.seconds)
 
-    def _path(self, match: tuple[int, int, int], request: Request) -> np.ndarray:
-        if match in self._last:
-            return self._last[match].copy()
-        return self._circle.plan(
-            request.history, request.current_position, request.limits, request.rng
-        ).waypoints
+    def _circle_of(self, request: Request) -> np.ndarray:
+        here, limits = request.current_position, request.limits
+        return self._circle.plan(request.history, here, limits, request.rng).waypoints
 
 
 @dataclass

@@ -7,9 +7,11 @@ round flew, where planning runs beside the game); others are left as they are.
 from __future__ import annotations
 
 import contextlib
+import copy
 import logging
 import threading
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +36,7 @@ class Transcript:
     """The attempts at plans, kept in a file or (mode ``live``) nowhere.
 
     A file is read when it is first needed; one that is written is held for this process from then on. A
-    copy is the same transcript; pickling keeps its name and mode alone.
+    copy shares its file; pickling keeps name and mode alone.
 
     Args:
         path: the file; None in mode ``live``, and only there.
@@ -55,12 +57,17 @@ class Transcript:
         self.path = None if path is None else Path(path)
         self.mode = mode
         self._attempts: dict[Where, Attempt] | None = None
+        self._valid: dict[tuple[int, int], dict[int, Attempt]] = {}  # by seed and match, then by round
         self._flown: dict[Place, Row] = {}
         self._held = contextlib.ExitStack()
         self._lock = threading.RLock()  # planning beside the game writes from two threads
 
     def __deepcopy__(self, memo: Any) -> Transcript:
-        return self
+        if self.path is not None:
+            return self
+        twin = Transcript()
+        twin._valid = copy.deepcopy(self._valid)
+        return twin
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Transcript, (self.path, self.mode)
@@ -70,6 +77,8 @@ class Transcript:
         with self._lock:
             self._held.close()
             self._attempts = None
+            self._valid.clear()
+            self._flown.clear()
 
     def attempts(self) -> list[Attempt]:
         """All attempts, in the order of the file."""
@@ -107,16 +116,29 @@ class Transcript:
         """
         with self._lock:
             kept = self._read().get(attempt.where)
-            if self.path is None or kept is not None:
-                return kept or attempt
-            RowFile(self.path).append([{**attempt.row(), **more}])
-            return self._read().setdefault(attempt.where, attempt)
+            if kept is not None:
+                return kept
+            if self.path is None:
+                self._valid.pop((attempt.seed, attempt.match - 1), None)  # that match is over
+            else:
+                RowFile(self.path).append([{**attempt.row(), **more}])
+                self._read()[attempt.where] = attempt
+            self._note_path(attempt)
+            return attempt
 
     def decided(self, request: Request) -> Attempt | None:
         """The attempt that decided a request's plan; None: there is none, or it was cut short."""
         attempts, place = self._read(), place_of(request)
         first = attempts.get((*place, FIRST))
         return attempts.get((*place, LAST)) if first is not None and first.asks_again else first
+
+    def last_valid(self, request: Request) -> Attempt | None:
+        """The latest attempt of a request's match, before its round, that came to a path; None: none did."""
+        with self._lock:
+            self._read()
+            valid = self._valid.get((request.seed, request.match), {})
+            rounds = [number for number in valid if number < request.round]
+            return valid[max(rounds)] if rounds else None
 
     def flown(self, request: Request) -> Row | None:
         """The line that says which plan the round of a request flew; None: there is none yet.
@@ -146,6 +168,12 @@ class Transcript:
         mend = "repeat what was recorded" if self.mode == "replay" else "record into a new file"
         return f"transcript {self.path}: {named} {what}; {mend}"
 
+    def _note_path(self, attempt: Attempt) -> None:
+        rounds = self._valid.setdefault((attempt.seed, attempt.match), {})
+        rounds.pop(attempt.round, None)
+        if attempt.waypoints is not None:
+            rounds[attempt.round] = replace(attempt, request=None)  # which is long, and not needed
+
     def _read(self) -> dict[Where, Attempt]:
         with self._lock:
             if self._attempts is None:
@@ -163,7 +191,8 @@ class Transcript:
                 self._flown[_checked_place(row, f"transcript {path}: line {number}")] = row
             elif row.get("kind") == "attempt":
                 attempt = Attempt.of(row, f"transcript {path}: line {number}")
-                found.setdefault(attempt.where, attempt)
+                if found.setdefault(attempt.where, attempt) is attempt:
+                    self._note_path(attempt)
                 if row.get("key") != attempt.key:
                     _LOG.warning("transcript %s: line %d: not the key of its request", path, number)
         return found

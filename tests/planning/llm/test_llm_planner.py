@@ -99,16 +99,19 @@ def test_without_a_valid_answer_the_circle_is_flown_and_the_status_says_why(beha
     assert np.linalg.norm((plan.waypoints - centre)[:, :2], axis=1) == pytest.approx(np.full(16, 300.0))
 
 
-def test_the_last_valid_path_is_held_in_its_match_and_game_alone():
+@pytest.mark.parametrize("mode", ["live", "record"])
+def test_the_last_valid_path_is_held_in_its_match_alone(tmp_path, mode):
+    file = tmp_path / "transcript.jsonl" if mode == "record" else None
     with FaultServer([GOOD, ok(path_text(5)), ok(BAD)]) as server:
-        asking = planner(server)
+        asking = planner(server, transcript=file)
         asking.plan_batch([request(0), request(1)])
-        here, other_match, other_seed, other_game = asking.plan_batch(
-            [request(2), request(2, match=1), request(2, seed=2), request(2, game=1)]
+        here, later, other_seed, other_match = asking.plan_batch(
+            [request(2), request(3), request(2, seed=2), request(2, match=1)]
         )
-    assert here.source == "held"
+    assert here.source == later.source == "held"
     assert np.array_equal(here.waypoints, path(5))
-    assert {plan.source for plan in (other_match, other_seed, other_game)} == {"circle"}
+    assert np.array_equal(later.waypoints, path(5))
+    assert {plan.source for plan in (other_match, other_seed)} == {"circle"}
 
 
 def test_a_match_that_is_played_again_begins_with_the_circle():
