@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from cmaes import CMA
 
 from fpg_bench.planning.parts import first_places, recent, waypoints_through
 from fpg_bench.planning.planner import Limits, Plan
@@ -47,6 +46,8 @@ def _candidate(middle: np.ndarray, flown: np.ndarray, seed: int) -> np.ndarray:
         flown: ``(rounds, parts, 4)``: places with rewards, of this part and its neighbours.
         seed: of the candidate.
     """
+    from cmaes import CMA  # brings scipy along, too slow to load for those who plan otherwise
+
     bounds = np.array([[0, _SPREAD]] * 3)
     search = CMA(mean=middle, sigma=1.0, bounds=bounds, seed=seed, population_size=_POPULATION)
     for rounds in range(1, len(flown) + 1):
