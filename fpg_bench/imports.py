@@ -33,7 +33,7 @@ def import_object(name: str, what: str, methods: Sequence[str], scenario: Any) -
     except (ImportError, AttributeError) as error:
         raise UserError(f"{what} {name!r}: {error}") from error
     if isinstance(found, type) or not has_any(found, methods):
-        found = _made(found, scenario) if callable(found) else found
+        found = made(found, scenario) if callable(found) else found
     if not has_any(found, methods):
         raise UserError(f"{what} {name!r}: has no {' or '.join(methods)}")
     return found
@@ -44,5 +44,6 @@ def has_any(thing: Any, methods: Sequence[str]) -> bool:
     return any(callable(getattr(thing, method, None)) for method in methods)
 
 
-def _made(maker: Any, scenario: Any) -> Any:
+def made(maker: Any, scenario: Any) -> Any:
+    """What a class or function makes, told the scenario if it takes an argument."""
     return maker(scenario) if inspect.signature(maker).parameters else maker()

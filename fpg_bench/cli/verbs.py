@@ -70,6 +70,9 @@ def train(
     ally: Annotated[str | None, typer.Option(help="against whom; several, separated by commas")] = None,
     path: PathOption = None,
     planner: PlannerOption = None,
+    transcript: Annotated[
+        Path | None, typer.Option(help="fly the plans of another run's language model, without a server")
+    ] = None,
     knowledge: Annotated[str | None, typer.Option(help="expert, none or a YAML file")] = None,
     jamming_types: Annotated[str | None, typer.Option(help="allowed types, separated by commas")] = None,
 ) -> None:
@@ -84,6 +87,7 @@ def train(
         steps=steps,
         hyperparams=hyperparams,
         restart=restart,
+        transcript=transcript,
         scenario=scenario,
         opponent=_listed(opponent),
         ally=_listed(ally),

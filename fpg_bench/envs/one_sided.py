@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -43,7 +44,8 @@ class OneSided:
         opponent, ally: the other side's player (its name, or in ``...VsPolicy`` views any object with
             ``predict``), or a list to draw from per round.
         path: how the opponent flies, or a list to draw from per round.
-        planner: who plans the opponent's path (planner views).
+        planner: who plans the opponent's path (planner views): a name, an object, or a function or class
+            that makes one, told the scenario.
         knowledge, jamming_types: shorthand for the scenario's fields of these names.
 
     Attributes:
@@ -109,7 +111,7 @@ class OneSided:
         side = self.view.other_side
         if self.view.scripted and not (isinstance(spec, str) and spec in SCRIPTED[side]):
             hint = nearest(str(spec), SCRIPTED[side]) if isinstance(spec, str) else ""
-            policy = self.view.id.replace("Scripted", "Policy").replace("Planner", "Policy")
+            policy = re.sub("Scripted|Planner|LLM", "Policy", self.view.id)
             raise UserError(f"{side}: {spec!r} is no script{hint} ({policy} plays against anyone)")
         return as_player(spec, side, self.scenario)
 

@@ -17,7 +17,7 @@ from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning import curve_fit
 from fpg_bench.planning.interception import chase_waypoints
 from fpg_bench.planning.patterns import Patrol
-from fpg_bench.planning.planner import Limits, Plan, Request
+from fpg_bench.planning.planner import BatchPlanner, Plan, Request
 
 CURVES = 24  # refined in each fit
 KEPT = 16  # of them come from the fit of the round before
@@ -27,7 +27,7 @@ SPEED_SD_M_S = 1.0
 _MOST_REMEMBERED = 4096
 
 
-class Interceptor:
+class Interceptor(BatchPlanner):
     """Flies to meet the ally on the path that explains the rewards best; the first round flies the circle.
 
     A plan depends on the history alone: fits of shorter histories are remembered, and made again where
@@ -71,12 +71,6 @@ class Interceptor:
         self._library = rng.uniform(self._bounds[0], self._bounds[1], (LIBRARY, curve_fit.PARAMETERS))
         self._library[LIBRARY // 4 :, curve_fit.SPEED] = self._bounds[1, curve_fit.SPEED]
         self._library_places = np.stack([self._trace(curve, self._times) for curve in self._library])
-
-    def plan(
-        self, history: np.ndarray, current_position: np.ndarray, limits: Limits, rng: np.random.Generator
-    ) -> Plan:
-        """The plan for one game; see :class:`fpg_bench.planning.planner.Planner`."""
-        return self.plan_batch([Request(history, current_position, limits, rng)])[0]
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
         """The plans for some games, all fitted together."""

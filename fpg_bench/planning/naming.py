@@ -2,35 +2,66 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.imports import has_any, import_object
+from fpg_bench.imports import has_any, import_object, made
+from fpg_bench.planning.interceptor import Interceptor
 from fpg_bench.planning.patterns import PATTERNS, pattern
 from fpg_bench.planning.planner import Planner
+from fpg_bench.planning.sighted import CHASERS, Chaser, Optimised
 
-PLANNERS = (*PATTERNS,)
+# The language model's planner, and what its controls keep from the model
+LLM_CONTROLS = MappingProxyType(
+    {"llm": "none", "llm-shuffled-rewards": "shuffled-rewards", "llm-no-history": "no-history"}
+)
 _METHODS = ("plan", "plan_batch")
 
 
+def _chaser(name: str, scenario: Scenario) -> Chaser:
+    return Chaser(name)
+
+
+def _language_model(name: str, scenario: Scenario) -> Any:
+    from fpg_bench.planning.llm.llm_planner import LLMPlanner
+
+    return LLMPlanner(scenario, control=LLM_CONTROLS[name])
+
+
+_MAKERS: dict[str, Callable[[Scenario], Any]] = {
+    **{name: partial(pattern, name) for name in PATTERNS},
+    "interceptor": Interceptor,
+    **{name: partial(_language_model, name) for name in LLM_CONTROLS},
+    **{name: partial(_chaser, name) for name in CHASERS},
+    "optimised": Optimised,
+}
+PLANNERS = tuple(_MAKERS)
+
+
 def as_planner(spec: Any, scenario: Scenario) -> Planner:
-    """The planner that ``spec`` names, or is.
+    """The planner that ``spec`` names, makes, or is.
 
     Args:
-        spec: one of ``PLANNERS``, ``package.module:object`` (a planner, or a class or function that makes
-            one, told the scenario if it takes an argument), or an object with ``plan`` or ``plan_batch``.
+        spec: one of ``PLANNERS``; ``package.module:object`` (a planner, or a class or function that makes
+            one, told the scenario if it takes an argument); such a class or function; or an object with
+            ``plan`` or ``plan_batch``.
         scenario: what is played.
 
     Raises:
-        UserError: no such planner, or an object without ``plan`` or ``plan_batch``.
+        UserError: no such planner, an object without ``plan`` or ``plan_batch``, or a language model and
+            no endpoint configured.
     """
-    if not isinstance(spec, str):
-        if not has_any(spec, _METHODS):
-            raise UserError(f"planner: expected a name or an object with plan, got {spec!r}")
-        return spec
-    if ":" in spec:
+    if isinstance(spec, str) and ":" in spec:
         return import_object(spec, "planner", _METHODS, scenario)
-    if spec not in PLANNERS:
-        raise UserError(f"unknown planner {spec!r}{nearest(spec, PLANNERS)}")
-    return pattern(spec, scenario)
+    if isinstance(spec, str):
+        if spec not in _MAKERS:
+            raise UserError(f"unknown planner {spec!r}{nearest(spec, PLANNERS)}")
+        return _MAKERS[spec](scenario)
+    planner = made(spec, scenario) if callable(spec) else spec
+    if not has_any(planner, _METHODS):
+        raise UserError(f"planner: expected a name or an object with plan, got {spec!r}")
+    return planner

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -31,8 +32,8 @@ class Limits:
         return cls(s.box_m, s.opponent_speed_m_s, s.steps_per_round, s.waypoints)
 
     def due_s(self) -> np.ndarray:
-        """``(waypoints,)``: the second at which each point is due, (i + 1) T / n."""
-        return (np.arange(self.waypoints) + 1) * self.round_s / self.waypoints
+        """``(waypoints,)``: the whole second at which each point is due, (i + 1) T / n rounded up."""
+        return np.ceil((np.arange(self.waypoints) + 1) * self.round_s / self.waypoints)
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,8 @@ class Planner(Protocol):
     ``ally`` (the ally's path: an upper bound). Planners of different tiers are never compared without
     saying so.
 
-    A planner that wants all waiting games at once, or more than ``plan`` is told, has
-    ``plan_batch(requests) -> list of Plan`` instead of ``plan`` or beside it; it is then preferred.
+    A planner that wants all waiting games at once, or more than ``plan`` is told, has ``plan_batch``, too
+    or alone: see :class:`BatchPlanner`.
     """
 
     name: str
@@ -100,6 +101,23 @@ class Planner(Protocol):
     ) -> Plan:
         """The next round's path; the arguments are those of :class:`Request`."""
         ...
+
+
+class BatchPlanner(ABC):
+    """A planner that is asked for all waiting games at once."""
+
+    name: str
+    tier: str
+
+    @abstractmethod
+    def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
+        """One plan for each request; none may depend on the others."""
+
+    def plan(
+        self, history: np.ndarray, current_position: np.ndarray, limits: Limits, rng: np.random.Generator
+    ) -> Plan:
+        """The plan for one game, of which no more is known than this."""
+        return self.plan_batch([Request(history, current_position, limits, rng)])[0]
 
 
 def plan_all(planner: Any, requests: Sequence[Request]) -> list[Plan]:

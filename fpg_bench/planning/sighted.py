@@ -7,18 +7,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fpg_bench.errors import UserError
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.flight import distance_m, fly_waypoints
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.interception import chase_waypoints
-from fpg_bench.planning.planner import Plan, Request
+from fpg_bench.planning.planner import BatchPlanner, Plan, Request
 
+CHASERS = ("pursuit", "lead-pursuit")
 _STEPS_M = (80.0, 40.0, 20.0, 10.0, 5.0)
 _SWEEPS = 3
 _COVERED = 0.3  # how often a jammed frequency is the ally's, about
 
 
-class Chaser:
+class Chaser(BatchPlanner):
     """``pursuit`` flies at the ally, ``lead-pursuit`` to where it can first be met, then along with it."""
 
     tier = "ally"
@@ -31,7 +33,7 @@ class Chaser:
         return [Plan(_chased(r, self.name == "lead-pursuit"), self.name) for r in requests]
 
 
-class Optimised:
+class Optimised(BatchPlanner):
     """Improves a lead pursuit: waypoint after waypoint, while the reward to be expected grows.
 
     That reward is the distance reward (Eq. 6) and the SNR drop of a tone that covers the ally in a fixed
@@ -42,7 +44,8 @@ class Optimised:
 
     def __init__(self, scenario: Scenario) -> None:
         drop = _COVERED * scenario.snr_drop_weight * 20 / math.log(10)
-        self._rules = np.array([scenario.distance_reward, max(scenario.distance_reward_m, 1.0), drop])
+        near_m = max(scenario.distance_reward_m, 1.0)
+        self._rules = np.array([scenario.distance_reward, near_m, drop, scenario.minimum_distance_m])
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
         """The improved chase that starts where each round does."""
@@ -64,13 +67,14 @@ class Optimised:
 
 
 def _chased(request: Request, lead: bool) -> np.ndarray:
-    assert request.ally_path is not None, "planners of the tier ally are shown the ally's path"
+    if request.ally_path is None:
+        raise UserError("planners of the tier ally need Request.ally_path: ask them through plan_batch")
     return chase_waypoints(request.ally_path, request.current_position, request.limits, lead)
 
 
 @compiled
 def expected_return(waypoints, path, start, speed, rules, position):
-    """What flying the waypoints is worth against an ally on ``path`` (T + 1, 3); ``rules``: E, R in m, s."""
+    """What flying the waypoints is worth against an ally on ``path`` (T + 1, 3); ``rules``: see above."""
     value = 0.0
     for axis in range(3):
         position[axis] = start[axis]
@@ -78,7 +82,7 @@ def expected_return(waypoints, path, start, speed, rules, position):
         fly_waypoints(position, waypoints, k, path.shape[0] - 1, speed)
         distance = distance_m(position, path[k + 1])
         near = distance / rules[1]
-        value += rules[0] / (1.0 + near**8) - rules[2] * math.log(max(distance, rules[1] / 3.0))
+        value += rules[0] / (1.0 + near**8) - rules[2] * math.log(max(distance, rules[3]))
     return value
 
 

@@ -28,6 +28,7 @@ from fpg_bench.ids import find_view
 from fpg_bench.training.callbacks import GameMeasures, TrainingBar
 from fpg_bench.training.export import export_agent
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
+from fpg_bench.training.language_model import TRANSCRIPT, training_planner
 
 _CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
 _PACKAGES = ("fpg-bench", "stable-baselines3", "torch", "gymnasium", "numpy", "numba", "onnx", "onnxruntime")
@@ -43,12 +44,16 @@ def train(
     hyperparams: str | Path | None = None,
     progress: bool = True,
     restart: bool = False,
+    transcript: str | Path | None = None,
     **options: Any,
 ) -> Path:
     """Train an algorithm on an id and export the agent.
 
     The folder then holds ``run.json``, ``model.zip``, the TensorBoard log and ``agent/`` (``agent.json``,
     ``policy.onnx``). A finished run is not repeated; a stopped one leaves ``model.zip`` as it was then.
+
+    A language model plans beside the game: each round flies the newest plan that is there. How far that is
+    behind depends on the server's speed, so ``transcript.jsonl`` keeps what each round flew.
 
     Args:
         algorithm: ``ppo``, ``sac`` or ``td3``.
@@ -59,6 +64,7 @@ def train(
         hyperparams: a YAML file of one's own; None: the shipped one.
         progress: whether to draw a bar, or print lines where standard output is no terminal.
         restart: whether to begin an unfinished run of the folder again, from the start.
+        transcript: of a run with a language model: fly its plans again, without a server.
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
 
     Returns:
@@ -76,10 +82,13 @@ def train(
     if steps is not None and steps < 1:
         raise UserError(f"steps: expected a whole number above 0, got {steps}")
     budget = parameters.n_timesteps if steps is None else steps
-    games = make_sb3(view_id, parameters.n_envs, training_seed(seed), stagger=True, **options)
-    about = _about(algorithm, games, seed, budget, parameters, options)
+    planner = training_planner(options.get("planner") or find_view(view_id).planner, out, transcript)
+    played = options | {"planner": planner}
+    games = make_sb3(view_id, parameters.n_envs, training_seed(seed), stagger=True, **played)
+    about = _about(algorithm, games, seed, budget, parameters, options | {"transcript": transcript})
     if _is_finished(out, about, restart):
         return out / "agent"
+    (out / TRANSCRIPT).unlink(missing_ok=True)
     write_json(out / "run.json", about | {"finished": False})
     model = make_model(algorithm, games, parameters, seed)
     model.set_logger(configure(str(out), ["tensorboard"]))

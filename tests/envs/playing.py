@@ -11,7 +11,7 @@ import numpy as np
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.ids import VIEWS
 
-IDS = tuple(VIEWS)
+IDS = tuple(name for name, view in VIEWS.items() if view.planner != "llm")  # that needs an endpoint
 ALLY, PLANNED, OPPONENT, ALLY_POLICY, OPPONENT_POLICY = IDS
 STEPS = 32
 # Short rounds, two to a match: three of them show a round, a match and the seed's next match.

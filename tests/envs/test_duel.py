@@ -231,9 +231,7 @@ def test_the_opponent_flies_the_plan_on_time():
     due = np.ceil(np.arange(1, 17) * 300 / 16).astype(int) - 1
     missed = np.linalg.norm(np.array(track)[due] - plan, axis=1)
     assert plan.std(axis=0)[0] > 100
-    # It starts anywhere and catches up with the circle; whole steps at full speed then cost it 5 m at most
-    assert missed[8:].max() < 5
-    assert (missed[8:] < 1e-6).sum() == 6
+    assert missed[8:].max() < 1e-6  # it starts anywhere and catches up with the circle
 
 
 def test_an_opponent_told_to_hold_stays():

@@ -1,0 +1,66 @@
+"""Training against a language model that plans beside the game, on a server of the tests."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.training.train import train
+from tests.planning.llm.fault_server import FaultServer, ok
+from tests.planning.llm.playing import path_text
+
+LLM = "FPG/AllyVsLLM-v0"
+TINY = f"""\
+{LLM}: &tiny
+  policy: MlpPolicy
+  n_envs: 2
+  n_timesteps: 3600
+  n_steps: 300
+  batch_size: 300
+  n_epochs: 1
+  policy_kwargs: {{net_arch: [8]}}
+FPG/AllyVsPlanner-v0: *tiny
+"""
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    (tmp_path / "tiny.yml").write_text(TINY)
+    return {"hyperparams": tmp_path / "tiny.yml", "progress": False}
+
+
+def lines(path, kind):
+    return [row for row in map(json.loads, path.read_text().splitlines()) if row["kind"] == kind]
+
+
+def test_a_run_keeps_what_each_round_flew_and_is_repeated_from_that_without_a_server(
+    tmp_path, tiny, monkeypatch
+):
+    with FaultServer([ok(path_text(shift)) for shift in range(40)]) as server:
+        monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
+        monkeypatch.setenv("FPG_LLM_MODEL", "tiny")
+        agent = train("ppo", LLM, tmp_path / "live", **tiny)
+    monkeypatch.delenv("FPG_LLM_BASE_URL")
+    transcript = tmp_path / "live" / "transcript.jsonl"
+    flown = lines(transcript, "flown")
+    assert len(flown) == 2 * 7  # the first of seven rounds of two games are cut
+    assert any(line["planned_round"] is not None for line in flown)
+    assert 0 < len(lines(transcript, "attempt")) == len(server.requests)
+
+    again = train("ppo", LLM, tmp_path / "again", transcript=transcript, **tiny)
+    assert (again / "policy.onnx").read_bytes() == (agent / "policy.onnx").read_bytes()
+    assert not (tmp_path / "again" / "transcript.jsonl").exists()
+
+
+def test_without_an_endpoint_it_says_what_to_set(tmp_path, tiny, monkeypatch):
+    monkeypatch.delenv("FPG_LLM_BASE_URL", raising=False)
+    with pytest.raises(UserError, match="FPG_LLM_BASE_URL"):
+        train("ppo", LLM, tmp_path / "run", **tiny)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_transcript_belongs_to_a_language_model(tmp_path, tiny):
+    with pytest.raises(UserError, match="nothing to replay where the planner is 'interceptor'"):
+        train("ppo", "FPG/AllyVsPlanner-v0", tmp_path / "run", transcript=tmp_path / "x.jsonl", **tiny)
