@@ -16,6 +16,7 @@ from fpg_bench.rows import Row, RowFile
 
 RUN, ROUND = "run", "round"
 _TOLD = {"planner": str, "ally": str, "opponent": str, "seed": int, "scenario": dict, "scenario_hash": str}
+_SHOWN = 80  # characters of a value in an error
 _UNTIMED = "seconds"  # how long planning took is no part of what a replay repeats
 
 
@@ -47,7 +48,7 @@ class Match:
         scenario = {spec.name: getattr(self.scenario, spec.name) for spec in fields(self.scenario)}
         row: Row = {"kind": RUN, "planner": self.planner, "ally": self.ally, "opponent": self.opponent}
         row |= {"seed": self.seed, "rounds": self.rounds, "llm": self.llm, "versions": versions()}
-        row |= {"scenario_hash": self.scenario.hash, "scenario": scenario}
+        row |= {"scenario": scenario, "scenario_hash": self.scenario.hash}
         return _as_written(row)
 
 
@@ -114,6 +115,8 @@ class MatchFile:
             UserError: it was not; the round and the first difference are named.
         """
         difference = _difference(known, _as_written(played), but=_UNTIMED)
+        if not isinstance(known.get(_UNTIMED), int | float):
+            difference = difference or f"{_UNTIMED} is {known.get(_UNTIMED)!r}"
         if difference:
             raise UserError(
                 f"match {self.path}: round {played['round']} differs: {difference}{self._versions}"
@@ -132,11 +135,8 @@ class MatchFile:
             scenario = Scenario(**head["scenario"])
         except (TypeError, UserError) as error:
             raise UserError(f"match {self.path}: its scenario cannot be played: {error}") from error
-        if scenario.hash != head["scenario_hash"]:
-            raise UserError(
-                f"match {self.path}: its scenario is not the one it was played in "
-                f"({scenario.hash[:12]}, not {head['scenario_hash'][:12]})"
-            )
+        if (scenario.hash, scenario.rounds_per_match) != (head["scenario_hash"], head.get("rounds")):
+            raise UserError(f"match {self.path}: its scenario is not the one it was played in")
         named = {key: head[key] for key in ("planner", "ally", "opponent", "seed")}
         return Match(scenario=scenario, llm=head.get("llm"), **named)
 
@@ -164,4 +164,9 @@ def _difference(known: Any, now: Any, where: str = "", but: str = "") -> str:
     if isinstance(known, list) and isinstance(now, list) and len(known) == len(now):
         pairs = enumerate(zip(known, now, strict=True))
         return next(filter(None, (_difference(*pair, f"{where}[{i}]") for i, pair in pairs)), "")
-    return "" if known == now else f"{where} is {known!r} in the file, {now!r} now"
+    return "" if known == now else f"{where} is {_short(known)} in the file, {_short(now)} now"
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]} ..."

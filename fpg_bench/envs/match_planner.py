@@ -9,9 +9,7 @@ from typing import Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.planning import as_planner
-
-LLM = "llm"
+from fpg_bench.planning.naming import LLM_CONTROLS, as_planner
 
 
 def planner_of(
@@ -52,14 +50,17 @@ def replayed_planner(name: str, told: dict[str, Any] | None, scenario: Scenario,
     from fpg_bench.planning.llm.prompts import Prompt
 
     try:
-        prompt, control = Prompt(**told["prompt"]), told["control"]  # type: ignore[index]
+        prompt, control = Prompt(**told["prompt"]), str(told["control"])  # type: ignore[index]
+        unchanged = prompt.hash == told["prompt_hash"]  # type: ignore[index]
     except (TypeError, KeyError) as error:
         raise UserError(f"match {path}: does not tell the prompt and control of its planner") from error
+    if not unchanged:
+        raise UserError(f"match {path}: its prompt is not the one that was recorded")
     return LLMPlanner(scenario, prompt=prompt, control=control, transcript=path, mode="replay")
 
 
 def _asks_llm(spec: Any) -> bool:
-    return isinstance(spec, str) and ":" not in spec and (spec == LLM or spec.startswith(f"{LLM}-"))
+    return isinstance(spec, str) and spec in LLM_CONTROLS
 
 
 def _llm_planner(
@@ -68,9 +69,8 @@ def _llm_planner(
     from fpg_bench.planning.llm.llm_planner import LLMPlanner
     from fpg_bench.planning.llm.servers import endpoint_from_environment
 
-    if name != LLM:
-        options = {"control": name.removeprefix(f"{LLM}-"), **options}
+    options = {"control": LLM_CONTROLS[name], **options}
     endpoint = endpoint_from_environment(options.pop("server", None))
     planner = LLMPlanner(scenario, endpoint, transcript=path, **options)
     told = {"model": endpoint.model, "server": endpoint.server.name, "control": planner.control}
-    return planner, {**told, "prompt": asdict(planner.prompt)}
+    return planner, {**told, "prompt": asdict(planner.prompt), "prompt_hash": planner.prompt.hash}

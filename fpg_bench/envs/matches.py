@@ -49,7 +49,7 @@ Progress = Callable[[int, Round | None], Any]
 
 
 def run_match(
-    planner: Any = "circle",
+    planner: Any = "interceptor",
     ally: Any = "expert",
     opponent: Any = "adaptive",
     *,

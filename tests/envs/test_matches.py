@@ -17,7 +17,9 @@ from fpg_bench.envs.match_picture import MOST, draw_match
 from fpg_bench.envs.matches import replay_match, run_match
 from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import STANDARD
+from fpg_bench.planning import PLANNERS
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
+from fpg_bench.planning.naming import LLM_CONTROLS
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.seat import Seat
 
@@ -70,7 +72,7 @@ def environment(monkeypatch):
     return configure
 
 
-@pytest.mark.parametrize("planner", ["circle", "random", "hold"])
+@pytest.mark.parametrize("planner", [name for name in PLANNERS if name not in LLM_CONTROLS])
 def test_a_match_is_repeated_to_the_bit(planner, file):
     played = play(file, planner)
     before = file.read_bytes()
@@ -200,6 +202,15 @@ def unknown_rule(rows):
     rows[0]["scenario"]["hop_price"] = 3.0
 
 
+def fewer_rounds(rows):
+    rows[0]["rounds"] = 2
+    del rows[3]
+
+
+def no_time(rows):
+    rows[2]["seconds"] = "soon"
+
+
 def lost_middle(rows):
     del rows[2]
 
@@ -227,6 +238,8 @@ def lost_head(rows):
         (another_seed, "round 0 differs: seed is 5 in the file, 6 now"),
         (another_rule, "its scenario is not the one it was played in"),
         (unknown_rule, "its scenario cannot be played: .*hop_price"),
+        (fewer_rounds, "its scenario is not the one it was played in"),
+        (no_time, "round 1 differs: seconds is 'soon'"),
         (lost_middle, "round 1 is missing; in its place stands round 2"),
         (lost_end, "round 2 is missing"),
         (doubled, "round 1 is missing; in its place stands round 0"),
@@ -403,12 +416,12 @@ def test_the_file_holds_a_prompt_of_ones_own(environment, file, tmp_path):
     rows = lines(file)
     rows[0]["llm"]["prompt"]["user"] = "Fly! $history"
     write(file, rows)
-    with pytest.raises(UserError, match="round 0, attempt 0"):
+    with pytest.raises(UserError, match="its prompt is not the one that was recorded"):
         replay_match(file)
-    del rows[0]["llm"]["prompt"]["user"]
-    write(file, rows)
-    with pytest.raises(UserError, match="does not tell the prompt"):
-        replay_match(file)
+    for broken in ({**rows[0]["llm"], "prompt": {}}, {**rows[0]["llm"], "prompt": 3}, {}, None, "llm"):
+        write(file, [{**rows[0], "llm": broken}, *rows[1:]])
+        with pytest.raises(UserError, match="does not tell the prompt"):
+            replay_match(file)
 
 
 def test_another_model_does_not_go_on(environment, file, monkeypatch):
