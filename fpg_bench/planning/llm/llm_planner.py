@@ -28,7 +28,7 @@ from fpg_bench.planning.planner import Limits, Plan, Request
 DEADLINE_S = 30.0
 
 _RAW_CHARS = 10_000
-_STATUS = {"timeout": "timeout", "http": "http", "refused": "refused", "budget": "budget"}
+_TOLD_APART = ("timeout", "http", "refused", "budget")  # errors that have a status of their name
 
 
 class LLMPlanner:
@@ -47,7 +47,8 @@ class LLMPlanner:
         endpoint: the server and the model; None: as the environment says. A replay needs none.
         prompt: a prompt profile, its name or a YAML file of one.
         control: ``none``, or what the model is kept from: ``shuffled-rewards``, ``no-history``.
-        transcript: the file that keeps what was asked and answered.
+        transcript: the file that keeps what was asked and answered. Each match in it needs a seed of its
+            own.
         mode: ``live`` (no transcript), ``record`` (an attempt that is in the transcript is used and not
             made again, the others are added) or ``replay`` (from the transcript alone, without a server);
             None: ``record`` where there is a transcript.
@@ -94,7 +95,7 @@ class LLMPlanner:
             self._client = Client(endpoint or endpoint_from_environment(), deadline_s)
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
-        """The plans of some games; they do not depend on one another, nor on ``concurrency``.
+        """The plans of some games; what is made of an answer does not depend on ``concurrency``.
 
         Raises:
             UserError: the transcript does not fit, see above.
@@ -230,7 +231,7 @@ class _Talk:
 def judge(text: str | None, error: str | None, limits: Limits) -> dict[str, Any]:
     """What a reply comes to: the fields ``waypoints``, ``rung`` and ``status`` of an attempt."""
     if error is not None or text is None:
-        return {"waypoints": None, "rung": "none", "status": _STATUS.get(error or "", "invalid")}
+        return {"waypoints": None, "rung": "none", "status": error if error in _TOLD_APART else "invalid"}
     answer = read_answer(text, limits)
     if answer.waypoints is None:
         return {"waypoints": None, "rung": answer.rung, "status": "refused" if answer.refused else "invalid"}
