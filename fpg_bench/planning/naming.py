@@ -10,6 +10,8 @@ from typing import Any
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.imports import has_any, import_object, made
+from fpg_bench.planning.climbing import HillClimb
+from fpg_bench.planning.evolution import CMAES
 from fpg_bench.planning.interceptor import Interceptor
 from fpg_bench.planning.patterns import PATTERNS, pattern
 from fpg_bench.planning.planner import Planner
@@ -34,6 +36,8 @@ def _language_model(name: str, scenario: Scenario) -> Any:
 
 _MAKERS: dict[str, Callable[[Scenario], Any]] = {
     **{name: partial(pattern, name) for name in PATTERNS},
+    "hill-climb": lambda scenario: HillClimb(),
+    "cma-es": lambda scenario: CMAES(),
     "interceptor": Interceptor,
     **{name: partial(_language_model, name) for name in LLM_CONTROLS},
     **{name: partial(_chaser, name) for name in CHASERS},
