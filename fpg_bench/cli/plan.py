@@ -67,11 +67,16 @@ def run(
 
 
 @app.command()
-def replay(file: Annotated[Path, typer.Argument(help="what plan run has written")]) -> None:
+def replay(
+    file: Annotated[Path, typer.Argument(help="what plan run has written")],
+    allow: Annotated[
+        list[str] | None, typer.Option(help="code that the file may name: package.module:object")
+    ] = None,
+) -> None:
     """Repeat a match from its file, without network, and check that it is identical to the bit."""
     from fpg_bench.envs.matches import replay_match
 
-    match, played = replay_match(file)
+    match, played = replay_match(file, allow=allow or ())
     _print_table(played, f"{match.planner} against {match.ally}, seed {match.seed}")
     typer.echo(f"identical: {len(played)} rounds of {file}")
 

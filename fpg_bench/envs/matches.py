@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from fpg_bench.envs.duel import Duel
 from fpg_bench.envs.match_file import ROUND, Match, MatchFile
 from fpg_bench.envs.match_planner import planner_of, replayed_planner
 from fpg_bench.envs.recording import Recording
+from fpg_bench.errors import UserError
 from fpg_bench.game.arena import check_seeds
 from fpg_bench.game.measures import measures
 from fpg_bench.game.scenario import Scenario, as_scenario
@@ -100,15 +101,27 @@ def run_match(
 
 
 def replay_match(
-    path: str | Path, progress: Progress = lambda index, played: None
+    path: str | Path,
+    progress: Progress = lambda index, played: None,
+    *,
+    allow: Collection[str] = (),
 ) -> tuple[Match, list[Round]]:
     """Repeat a match from its file alone, without network, and check it to the bit.
 
+    Args:
+        path: the file.
+        progress: see :func:`run_match`.
+        allow: the ``package.module:object`` that the file may name; code is never run on a file's word.
+
     Raises:
-        UserError: no file of a match, or a round or an attempt that is missing or was changed, by name.
+        UserError: no file of a match, one that names code which is not allowed, or a round or an attempt
+            that is missing or was changed, by name.
     """
     file = MatchFile(Path(path))
     match, rows = file.read()
+    for name in (match.planner, match.ally, match.opponent):
+        if ":" in name and name not in allow:
+            raise UserError(f"match {path}: would run {name}; if you trust that code, add --allow {name}")
     planner = replayed_planner(match.planner, match.llm, match.scenario, file.path)
     players = {side: as_player(getattr(match, side), side, match.scenario) for side in SIDES}
     return match, list(_rounds(match, planner, players, file, rows, progress))

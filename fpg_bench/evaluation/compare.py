@@ -10,12 +10,12 @@ from typing import Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.evaluate import ABOUT, ROWS, claim
-from fpg_bench.evaluation.planner_llm import LLM_CONTROLS, asked, replayed
+from fpg_bench.evaluation.planner_llm import asked, replayed
 from fpg_bench.evaluation.planner_panel import PlannerPanel, load_planner_panel
 from fpg_bench.evaluation.planner_runner import Contender, contender, play_planner
 from fpg_bench.evaluation.planner_summary import PlannerSummary, summarise_planners
 from fpg_bench.files import read_json
-from fpg_bench.planning import PLANNERS
+from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.players.naming import as_player
 from fpg_bench.rows import RowFile
 

@@ -12,15 +12,12 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation.planner_panel import PlannerPanel
 from fpg_bench.evaluation.planner_runner import Contender
 from fpg_bench.files import read_json, write_json, write_whole
-from fpg_bench.planning import PLANNERS
+from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.planning.llm.budget import Budget
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
-from fpg_bench.planning.llm.prompts import CONTROLS, load_prompt, prompt_file
+from fpg_bench.planning.llm.prompts import load_prompt, prompt_file
 from fpg_bench.planning.llm.servers import endpoint_from_environment
 from fpg_bench.planning.llm.transcript import Transcript
-
-# What each name keeps from the model
-LLM_CONTROLS = {"llm" if control == "none" else f"llm-{control}": control for control in CONTROLS}
 
 _ABOUT, _PROMPT = "planner.json", "prompt.yml"  # lie beside a planner's transcripts, one for each ally
 _DECIDING = ("model", "control", "prompt_hash")

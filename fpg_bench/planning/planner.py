@@ -127,15 +127,21 @@ def plan_all(planner: Any, requests: Sequence[Request]) -> list[Plan]:
         One plan a request, with the seconds that it took (a batch's are shared out evenly).
 
     Raises:
-        UserError: the planner answers with something else than plans.
+        UserError: the planner fails, or answers with something else than plans.
     """
     start = time.perf_counter()
-    if callable(getattr(planner, "plan_batch", None)):
-        plans = list(planner.plan_batch(requests))
-        if len(plans) != len(requests):
-            raise UserError(f"planner {planner.name}: {len(plans)} plans for {len(requests)} games")
-    else:
-        plans = [planner.plan(r.history, r.current_position, r.limits, r.rng) for r in requests]
+    try:
+        if callable(getattr(planner, "plan_batch", None)):
+            plans = list(planner.plan_batch(requests))
+        else:
+            plans = [planner.plan(r.history, r.current_position, r.limits, r.rng) for r in requests]
+    except (UserError, OSError):
+        raise
+    except Exception as error:  # a planner is anybody's code
+        name, kind = getattr(planner, "name", planner), type(error).__name__
+        raise UserError(f"planner {name}: its plan failed: {kind}: {error}") from error
+    if len(plans) != len(requests):
+        raise UserError(f"planner {planner.name}: {len(plans)} plans for {len(requests)} games")
     for plan in plans:
         if not isinstance(plan, Plan):
             raise UserError(f"planner {planner!r}: plan must give a Plan, got {type(plan).__name__}")

@@ -460,7 +460,10 @@ def test_a_planner_of_ones_own_by_name(file, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     played = play(file, "matches_mine:Mine")
     assert lines(file)[0]["planner"] == "matches_mine:Mine"
-    assert [x.row for x in replay_match(file)[1]] == [x.row for x in played]
+    with pytest.raises(UserError, match="would run matches_mine:Mine; if you trust that code, add --allow"):
+        replay_match(file)
+    again = replay_match(file, allow=["matches_mine:Mine"])[1]
+    assert [x.row for x in again] == [x.row for x in played]
     sys.modules.pop("matches_mine")
 
 

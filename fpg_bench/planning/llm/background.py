@@ -14,11 +14,11 @@ from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.llm.transcript import Transcript, place_of
 from fpg_bench.planning.patterns import Patrol
-from fpg_bench.planning.planner import Plan, Request, plan_all
+from fpg_bench.planning.planner import BatchPlanner, Plan, Request, plan_all
 from fpg_bench.rows import Row
 
 
-class Beside:
+class Beside(BatchPlanner):
     """Lets a planner plan in a thread of its own, while the game goes on.
 
     When a round starts, a game flies the plan that has come in for its match since the last round; if there

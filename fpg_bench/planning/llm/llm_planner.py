@@ -23,7 +23,7 @@ from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt, reask
 from fpg_bench.planning.llm.servers import Endpoint, endpoint_from_environment
 from fpg_bench.planning.llm.transcript import Transcript, place_of
 from fpg_bench.planning.patterns import Patrol
-from fpg_bench.planning.planner import Limits, Plan, Request
+from fpg_bench.planning.planner import BatchPlanner, Limits, Plan, Request
 
 DEADLINE_S = 30.0
 
@@ -31,7 +31,7 @@ _RAW_CHARS = 10_000
 _TOLD_APART = ("timeout", "http", "refused", "budget")  # errors that have a status of their name
 
 
-class LLMPlanner:
+class LLMPlanner(BatchPlanner):
     """Asks a language model for each path; where it gives no valid one, the last valid path is flown again.
 
     An answer that breaks a rule is sent back once, with the rule. After that, or where the call fails, the

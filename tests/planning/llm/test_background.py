@@ -151,7 +151,7 @@ def test_an_error_of_the_planner_comes_up_at_the_next_round(error):
     for _ in range(2):
         with pytest.raises(UserError, match="planner slow failed beside the game") as caught:
             beside.plan_batch([request(1)])
-        assert caught.value.__cause__ is error
+        assert str(error) in str(caught.value)
 
 
 def test_it_has_the_planner_s_tier_and_says_that_it_cannot_be_repeated():
