@@ -260,21 +260,26 @@ def machine() -> dict[str, Any]:
     return {"cpus": os.cpu_count(), "python": platform.python_version(), **versions}
 
 
-def main() -> None:
-    """Measure, print the table, and write it as JSON where asked."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+def report(about: str, measure: Callable[[bool], list[Figure]]) -> None:
+    """Measure (hardly, where ``--quick`` is said), print the table, and write it as JSON where asked."""
+    parser = argparse.ArgumentParser(description=about.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="hardly measure: does everything run?")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there as well")
     arguments = parser.parse_args()
     warnings.filterwarnings("ignore", module="stable_baselines3")
     torch.set_num_threads(1)
-    size = QUICK if arguments.quick else FULL
-    figures = stepping(size) + memory() + learning(size) + importing(size)
+    figures = measure(arguments.quick)
     print(table(figures))
     if arguments.json:
         rows = [{**figure._asdict(), "reached": figure.reached} for figure in figures]
         arguments.json.write_text(json.dumps({"machine": machine(), "figures": rows}, indent=2) + "\n")
 
 
+def measure_all(quick: bool) -> list[Figure]:
+    """All figures of this script."""
+    size = QUICK if quick else FULL
+    return stepping(size) + memory() + learning(size) + importing(size)
+
+
 if __name__ == "__main__":
-    main()
+    report(__doc__ or "", measure_all)

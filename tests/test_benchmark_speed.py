@@ -58,3 +58,17 @@ def test_memory_keeps_its_bounds(report):
     values = {figure["name"]: figure for figure in report[1]["figures"]}
     assert values["memory a game"]["reached"]
     assert values["allocated in a step a game"]["reached"]
+
+
+def test_the_report_on_planning_shows_every_figure(tmp_path):
+    script = SCRIPT.with_name("benchmark_planning.py")
+    done = subprocess.run(
+        [sys.executable, script, "--quick", "--json", tmp_path / "planning.json"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    figures = json.loads((tmp_path / "planning.json").read_text())["figures"]
+    assert [line.split("  ")[0] for line in done.stdout.splitlines()[1:]] == [f["name"] for f in figures]
+    assert len(figures) == 6
+    assert all(figure["value"] > 0 for figure in figures)
