@@ -107,7 +107,9 @@ def test_a_stopped_run_leaves_its_model(tmp_path, monkeypatch):
 
 @pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_shipped_hyperparameters_make_a_model_for_every_id(algorithm):
+def test_shipped_hyperparameters_make_a_model_for_every_id(algorithm, monkeypatch):
+    monkeypatch.setenv("FPG_LLM_BASE_URL", "http://127.0.0.1:9/v1")  # never asked
+    monkeypatch.setenv("FPG_LLM_MODEL", "none")
     for view_id in VIEWS:
         parameters = load_hyperparameters(algorithm, view_id)
         make_model(algorithm, make_sb3(view_id, n_envs=2), parameters, seed=0)

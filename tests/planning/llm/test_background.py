@@ -357,7 +357,8 @@ def test_a_program_ends_while_a_call_is_under_way(monkeypatch, ending):
     with FaultServer([answer(said)]) as server:
         environment(monkeypatch, server)
         command = [sys.executable, "-c", RUN + "play(beside, rounds=1); " + then]
-        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
+        hear = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=hear) as run:
             assert asked.wait(30)
             if ending == "interrupt":
                 run.send_signal(signal.SIGINT)
