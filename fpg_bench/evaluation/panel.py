@@ -15,12 +15,14 @@ from fpg_bench.errors import UserError, nearest
 from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.files import read_json, read_yaml
 from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.planning import as_planner
 from fpg_bench.players.player import SIDES
 
 PANEL_FOLDER = Path(__file__).with_name("panels")
 STANDARD_ERRORS = 10.0
 PLANNER_SIDE = "planner"  # what a panel of planners says instead of a side
 _KEYS = {"side", "scenario", "rounds", "reference", "entries"}
+_OPTIONAL = {"rounds_per_match"}
 
 
 @dataclass(frozen=True)
@@ -56,15 +58,16 @@ class Reference:
 
 @dataclass(frozen=True)
 class Entry:
-    """One pairing: the other side's player, and how the opponent flies."""
+    """One pairing: the other side's player, and how the opponent flies, or who plans that between rounds."""
 
     other: str
     path: str
+    planner: str | None = None
 
     @property
     def name(self) -> str:
         """What rows and tables call it."""
-        return f"{self.other}/{self.path}"
+        return f"{self.other}/{self.planner or self.path}"
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,10 @@ class Panel:
     @property
     def hash(self) -> str:
         """SHA-256 of everything that decides a result under this panel, as 64 hexadecimal digits."""
-        entries = [[entry.other, self.entry_scenario(entry).hash] for entry in self.entries]
+        entries = [
+            [entry.other, self.entry_scenario(entry).hash, *([entry.planner] if entry.planner else [])]
+            for entry in self.entries
+        ]
         content = [self.side, self.rounds, self.season, self.reference, entries]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
@@ -111,21 +117,23 @@ def load_panel(name: str, references: bool = True) -> Panel:
     content = read_yaml(path, "panel")
     if content.get("side") == PLANNER_SIDE:
         raise UserError(f"panel {name}: compares planners; write fpg-bench plan compare --panel {name}")
-    check_keys(content, _KEYS, path)
+    check_keys(content, _KEYS | (_OPTIONAL & set(content)), path)
     if content["side"] not in SIDES:
         raise UserError(f"panel {path}: side: expected ally or opponent, got {content['side']!r}")
     other = "opponent" if content["side"] == "ally" else "ally"
     panel = Panel(
         name=path.stem,
         side=content["side"],
-        scenario=as_scenario(content["scenario"]),
+        scenario=_scenario(content, path),
         rounds=whole_number(content, "rounds", path),
         reference=str(content["reference"]),
         entries=_entries(content["entries"], other, path),
     )
     try:
         for entry in panel.entries:
-            panel.entry_scenario(entry)
+            scenario = panel.entry_scenario(entry)
+            if entry.planner is not None:
+                as_planner(entry.planner, scenario)
     except UserError as error:
         raise UserError(f"panel {path}: {error}") from error
     return dataclasses.replace(panel, references=_references(path, panel)) if references else panel
@@ -166,13 +174,26 @@ def scores_file(path: Path) -> Path:
     return path.with_suffix(".scores.json")
 
 
+def _scenario(content: dict[str, Any], path: Path) -> Scenario:
+    """What a panel plays; in a panel with planners, whole matches of several rounds."""
+    rounds = whole_number(content, "rounds_per_match", path) if "rounds_per_match" in content else None
+    return as_scenario(content["scenario"], rounds_per_match=rounds)
+
+
 def _entries(content: Any, other: str, path: Path) -> tuple[Entry, ...]:
     if not isinstance(content, list) or not content:
         raise UserError(f"panel {path}: entries: expected a list, got {content!r}")
     for item in content:
-        if not isinstance(item, dict) or set(item) != {other, "path"}:
-            raise UserError(f"panel {path}: expected entries with {other} and path, got {item!r}")
-    return tuple(Entry(str(item[other]), str(item["path"])) for item in content)
+        if not isinstance(item, dict) or set(item) not in ({other, "path"}, {other, "planner"}):
+            raise UserError(f"panel {path}: expected entries with {other} and path or planner, got {item!r}")
+    return tuple(_entry(str(item[other]), item) for item in content)
+
+
+def _entry(other: str, item: dict[str, Any]) -> Entry:
+    """One pairing of a panel's file: it names a path, or a planner, which flies waypoints."""
+    if "planner" in item:
+        return Entry(other, "waypoints", str(item["planner"]))
+    return Entry(other, str(item["path"]))
 
 
 def _references(path: Path, panel: Panel) -> dict[str, Reference] | None:

@@ -16,6 +16,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import Entry, Panel
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.game.state import TALLY
+from fpg_bench.planning import as_planner
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import Player
 from fpg_bench.players.scripted import SCRIPTED
@@ -130,7 +131,8 @@ def play_entry(spec: Any, panel: Panel, entry: Entry, rounds: int) -> Iterator[l
     """Play a player against an entry as one batch of matches; gives the rows of each round as it ends."""
     scenario = panel.entry_scenario(entry)
     matches = -(-rounds // scenario.rounds_per_match)
-    duel = Duel(scenario, matches)
+    planner = None if entry.planner is None else as_planner(entry.planner, scenario)
+    duel = Duel(scenario, matches, planner)
     seats = {
         panel.side: Seat(panel.side, [as_player(spec, panel.side, scenario)], duel.arena),
         panel.other_side: Seat(

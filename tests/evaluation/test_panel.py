@@ -1,4 +1,5 @@
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -34,9 +35,38 @@ def test_shipped_references_are_what_is_played(name):
     panel = load_panel(name)
     entry = panel.entries[-1]
     for spec, kept in (("random", "random"), (panel.reference, "reference")):
-        (rows,) = play_entry(spec, panel, entry, 3)
-        played = [row[f"{panel.side}_return"] for row in rows]
+        rows = sorted(
+            itertools.chain(*play_entry(spec, panel, entry, 3)), key=lambda r: (r["seed"], r["round"])
+        )
+        played = [row[f"{panel.side}_return"] for row in rows[:3]]
         assert played == pytest.approx(getattr(panel.references[entry.name], kept)[:3], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "start"),
+    [("ally-v1", "c448953dd332"), ("opponent-v1", "d4b774e614c5"), ("opponent-learned-v1", "ff5f769fd0b1")],
+)
+def test_hashes_of_published_panels_stay(name, start):
+    assert load_panel(name, references=False).hash.startswith(start)
+
+
+def test_an_entry_with_a_planner_is_flown_as_the_planner_says():
+    panel = load_panel("ally-planner-v1")
+    names = [entry.name for entry in panel.entries]
+    assert names[:2] == ["adaptive/interceptor", "adaptive/hill-climb"]
+    assert panel.entry_scenario(panel.entries[0]).rounds_per_match == 10
+    near = {}
+    for entry in panel.entries:
+        rounds = [rows[0] for rows in play_entry("expert", panel, entry, 10)]
+        assert [row["round"] for row in rounds] == list(range(10))
+        near[entry.planner] = sum(row["near"] for row in rounds)
+    assert near["lead-pursuit"] > near["pursuit"] > 10 * near["hold"]
+
+
+def test_the_planner_is_part_of_the_hash():
+    panel = load_panel("ally-planner-v1", references=False)
+    swapped = dataclasses.replace(panel.entries[0], planner="circle")
+    assert dataclasses.replace(panel, entries=(swapped, *panel.entries[1:])).hash != panel.hash
 
 
 def test_hash_speaks_of_what_is_played():
@@ -68,6 +98,9 @@ entries:
         ("rounds: 10", "rounds: 0", "rounds"),
         ("rounds: 10", "round: 10", "expected the keys"),
         ("opponent: tone", "ally: tone", "expected entries with opponent and path"),
+        ("path: pursuit", "path: pursuit, planner: circle", "path or planner"),
+        ("path: pursuit", "planner: circel", "did you mean 'circle'"),
+        ("rounds: 10", "rounds: 10\nrounds_per_match: none", "rounds_per_match: expected a whole number"),
         ("path: pursuit", "path: persuit", "did you mean 'pursuit'"),
         ("scenario: standard", "scenario: standrad", "did you mean 'standard'"),
         ("side: ally", "side: [ally", "not valid YAML"),
