@@ -127,8 +127,22 @@ def rounds_done(
     return done
 
 
-def play_entry(spec: Any, panel: Panel, entry: Entry, rounds: int) -> Iterator[list[Row]]:
-    """Play a player against an entry as one batch of matches; gives the rows of each round as it ends."""
+def play_entry(
+    spec: Any,
+    panel: Panel,
+    entry: Entry,
+    rounds: int,
+    seeds: Callable[[int], list[int]] | None = None,
+) -> Iterator[list[Row]]:
+    """Play a player against an entry as one batch of matches; gives the rows of each round as it ends.
+
+    Args:
+        spec: the player.
+        panel: what the entry belongs to.
+        entry: what is played against.
+        rounds: at least how many; whole matches are played.
+        seeds: gives the seeds of so many matches; None: the evaluation seeds of the panel's season.
+    """
     scenario = panel.entry_scenario(entry)
     matches = -(-rounds // scenario.rounds_per_match)
     planner = None if entry.planner is None else as_planner(entry.planner, scenario)
@@ -139,11 +153,11 @@ def play_entry(spec: Any, panel: Panel, entry: Entry, rounds: int) -> Iterator[l
             panel.other_side, [as_player(entry.other, panel.other_side, scenario)], duel.arena
         ),
     }
-    seeds: Any = np.array(evaluation_seeds(matches, panel.season))
+    first: Any = np.array(evaluation_seeds(matches, panel.season) if seeds is None else seeds(matches))
     for _ in range(scenario.rounds_per_match):
-        play_round(duel, seats["ally"], seats["opponent"], seeds)
+        play_round(duel, seats["ally"], seats["opponent"], first)
         yield [_row(duel, game) for game in range(matches)]
-        seeds = None
+        first = None
 
 
 def play_round(duel: Duel, ally: Seat, opponent: Seat, seeds: Any = None) -> None:

@@ -42,3 +42,14 @@ def evaluation_seeds(count: int, season: str = SEASON) -> list[int]:
     digest = hashlib.sha256(f"fpg-bench/{PROTOCOL}/{season}".encode()).digest()
     first = EVALUATION_START + int.from_bytes(digest[:8], "big") % _BLOCK * _BLOCK
     return list(range(first, first + count))
+
+
+def tuning_seeds(count: int) -> list[int]:
+    """The first ``count`` tuning seeds: what scores a policy while it is trained or tuned.
+
+    Raises:
+        UserError: more than there are.
+    """
+    if not 0 <= count <= EVALUATION_START - TUNING_START:
+        raise UserError(f"tuning seeds: there are {EVALUATION_START - TUNING_START}, asked for {count}")
+    return list(range(TUNING_START, TUNING_START + count))

@@ -1,7 +1,13 @@
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.seeds import EVALUATION_START, TUNING_START, evaluation_seeds, training_seed
+from fpg_bench.evaluation.seeds import (
+    EVALUATION_START,
+    TUNING_START,
+    evaluation_seeds,
+    training_seed,
+    tuning_seeds,
+)
 
 
 def test_ranges_never_meet():
@@ -28,3 +34,11 @@ def test_training_seed_out_of_range(k):
 def test_a_season_is_finite():
     with pytest.raises(UserError, match="asked for"):
         evaluation_seeds(2**20 + 1)
+
+
+def test_tuning_seeds_lie_between_training_and_evaluation():
+    assert tuning_seeds(3) == tuning_seeds(1000)[:3]
+    last_training = training_seed(TUNING_START // 10**6 - 1) + 10**6 - 1
+    assert last_training < min(tuning_seeds(1000)) <= max(tuning_seeds(1000)) < min(evaluation_seeds(1))
+    with pytest.raises(UserError, match="asked for"):
+        tuning_seeds(2**41)
