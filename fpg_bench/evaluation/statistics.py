@@ -17,6 +17,14 @@ SEEDS_FOR_BOOTSTRAP = 10
 _STUDENT_T = (12.7062, 4.3027, 3.1824, 2.7764, 2.5706, 2.4469, 2.3646, 2.3060)
 
 
+def student_t(count: int) -> float:
+    """The two-sided 95 % quantile of Student's t for the mean of ``count`` seeds, two at least."""
+    if count < SEEDS_FOR_BOOTSTRAP:
+        return _STUDENT_T[count - 2]
+    z, freedom = 1.95996, count - 1  # the first terms of Cornish and Fisher's expansion
+    return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)
+
+
 @dataclass(frozen=True)
 class Interval:
     """A value with its 95 % interval and the unit that the interval speaks of."""
@@ -49,7 +57,7 @@ def iqm_interval(scores: np.ndarray, trained: bool) -> Interval:
         over = "rounds" if trained else "evaluation seeds"
         return Interval(value, *_bootstrap_rounds(scores[0]), over)
     if count < SEEDS_FOR_BOOTSTRAP:
-        half = _STUDENT_T[count - 2] * float(per_seed.std(ddof=1)) / np.sqrt(count)
+        half = student_t(count) * float(per_seed.std(ddof=1)) / np.sqrt(count)
         return Interval(value, value - half, value + half, "training seeds")
     draws = np.random.default_rng(0).integers(0, count, (BOOTSTRAPS, count))
     low, high = np.percentile(per_seed[draws].mean(axis=1), (2.5, 97.5))

@@ -80,7 +80,7 @@ def _summary(name: str, by_seed: dict[Any, list[Row]], panel: Panel) -> Summary 
         score=iqm_interval(scores, trained),
         mean=float(per_entry.mean()),
         entries={entry.name: float(x) for entry, x in zip(panel.entries, per_entry, strict=True)},
-        measures=_pooled(rows),
+        measures=pooled_measures(rows),
         rounds=len(rows),
     )
 
@@ -100,7 +100,7 @@ def _scores(rows: list[Row], panel: Panel) -> np.ndarray | None:
     return np.array(found)
 
 
-def _pooled(rows: list[Row]) -> dict[str, float | None]:
+def pooled_measures(rows: list[Row]) -> dict[str, float | None]:
     """The measures over all rows; sums pooled, both returns as means a round."""
     tally = pool(np.array([tuple(row[name] for name in TALLIES) for row in rows], TALLY))
     histogram = np.array([[row["ally_points"], row["jam_points"]] for row in rows]).sum(axis=0)

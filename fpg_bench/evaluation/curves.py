@@ -1,0 +1,76 @@
+"""Learning curves: an agent's score on its panel while it trained, against steps and against wall time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fpg_bench.evaluation.zoo import Member, Zoo, ZooView
+from fpg_bench.files import write_whole
+from fpg_bench.rows import Row, RowFile
+
+EVALUATIONS = "evaluations.jsonl"  # what a run's folder calls them
+CURVES = "curves.jsonl"
+_POINTS = 200
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One algorithm's score over training: ``x`` (p,), the mean over seeds and its range at each x, (p,)."""
+
+    x: np.ndarray
+    mean: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def keep_curve(zoo: Zoo, member: Member, run: Path) -> None:
+    """Keep the scores that a run's folder has seen while it trained, in place of what was kept before."""
+    file = curve_file(zoo, member.view)
+    others = [row for row in file.read() if (row["algorithm"], row["training_seed"]) != _who(member)]
+    mine = [_row(member, row) for row in RowFile(run / EVALUATIONS).read()]
+    write_whole(file.path, "".join(json.dumps(row) + "\n" for row in [*others, *mine]))
+
+
+def curve_file(zoo: Zoo, view: ZooView) -> RowFile:
+    """The file of a view's curves."""
+    return RowFile(zoo.scores(view) / CURVES)
+
+
+def _who(member: Member) -> tuple[str, int]:
+    return member.algorithm, member.seed
+
+
+def _row(member: Member, row: Row) -> Row:
+    head: Row = {"algorithm": member.algorithm, "training_seed": member.seed}
+    return head | {"steps": row["steps"], "seconds": row["seconds"], "score": round(row["score"], 2)}
+
+
+def curves(rows: Iterable[Row], over: str) -> dict[str, Curve]:
+    """Per algorithm the curve over its training seeds, as far as all of them have come.
+
+    Args:
+        rows: those of a view's curve file.
+        over: what x is, ``steps`` or ``seconds``.
+    """
+    found: dict[str, dict[int, list[tuple[float, float]]]] = {}
+    for row in rows:
+        seeds = found.setdefault(row["algorithm"], {})
+        if row[over] > 0:  # what was not trained at all has no place on a logarithmic axis
+            seeds.setdefault(row["training_seed"], []).append((row[over], row["score"]))
+    return {
+        name: _curve([np.array(sorted(points)).T for points in seeds.values()])
+        for name, seeds in found.items()
+    }
+
+
+def _curve(seeds: list[np.ndarray]) -> Curve:
+    """The seeds' ``(2, n)`` points on one grid, linear between the points."""
+    start, end = max(x[0] for x, _ in seeds), min(x[-1] for x, _ in seeds)
+    grid = np.geomspace(start, end, _POINTS)
+    scores = np.array([np.interp(grid, x, y) for x, y in seeds])
+    return Curve(grid, scores.mean(axis=0), scores.min(axis=0), scores.max(axis=0))

@@ -1,0 +1,122 @@
+"""The zoo's pictures: learning curves, performance profiles and probabilities of improvement of a view."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.evaluation.curves import Curve, curves
+from fpg_bench.evaluation.profiles import performance_profile, probability_of_improvement
+from fpg_bench.files import write_whole
+from fpg_bench.rows import Row
+
+PICTURES = ("curves", "profiles", "improvement")
+# Okabe and Ito's colours, which everybody can tell apart.
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
+_GREY = "#7f7f7f"
+
+
+def draw_curves(rows: Sequence[Row], yardsticks: Mapping[str, float], path: Path) -> None:
+    """Draw the scores against steps and against wall time; scripts are level lines.
+
+    Args:
+        rows: those of a view's curve file.
+        yardsticks: the scores of the scripts to be drawn.
+        path: the PNG file.
+    """
+    figure = _figure(9, 3.6)
+    both = figure.subplots(1, 2, sharey=True)
+    for axes, over, label, unit in zip(
+        both, ("steps", "seconds"), ("steps", "training time (minutes)"), (1, 60), strict=True
+    ):
+        for colour, (name, curve) in zip(_COLOURS, curves(rows, over).items(), strict=False):
+            _draw_curve(axes, curve, unit, colour, name)
+        for name, score in yardsticks.items():
+            axes.axhline(score, color=_GREY, lw=0.9, ls="--")
+            axes.annotate(
+                name, (0.01, score), xycoords=("axes fraction", "data"), va="bottom", color=_GREY, fontsize=8
+            )
+        axes.set(xscale="log", xlabel=label)
+    both[0].set_ylabel("normalised score (IQM)")
+    both[1].legend(frameon=False, fontsize=8, loc="lower right")
+    _save(figure, path)
+
+
+def draw_profiles(scores: Mapping[str, np.ndarray], scripts: Sequence[str], path: Path) -> None:
+    """Draw the share of runs above each score; a thin line is one training seed.
+
+    Args:
+        scores: per algorithm or script ``(training seeds, entries)``.
+        scripts: which of them are scripts.
+        path: the PNG file.
+    """
+    figure = _figure(6, 3.8)
+    axes = figure.subplots()
+    values = np.concatenate([found.ravel() for found in scores.values()])
+    thresholds = np.linspace(max(values.min(), -50.0) - 5, values.max() + 5, 400)
+    colours = _coloured(scores, scripts)
+    for name, found in scores.items():
+        style = "--" if name in scripts else "-"
+        if len(found) > 1:
+            for seed in performance_profile(found[:, None], thresholds):
+                axes.step(thresholds, seed, color=colours[name], lw=0.5, alpha=0.45)
+        axes.step(
+            thresholds, performance_profile(found, thresholds), style, color=colours[name], lw=1.8, label=name
+        )
+    axes.set(xlabel="normalised score τ", ylabel="share of runs above τ", ylim=(-0.02, 1.02))
+    axes.legend(frameon=False, fontsize=8)
+    _save(figure, path)
+
+
+def draw_improvement(scores: Mapping[str, np.ndarray], scripts: Sequence[str], path: Path) -> None:
+    """Draw for each pair, the better one first, how likely it scores more; arguments as above."""
+    pairs = [pair for pair in combinations(scores, 2) if not set(pair) <= set(scripts)]
+    figure = _figure(6, 1.1 + 0.3 * len(pairs))
+    axes = figure.subplots()
+    labels = []
+    for line, (one, other) in enumerate(reversed(pairs)):
+        found = probability_of_improvement(scores[one], scores[other])
+        if found.value < 0.5:
+            one, other = other, one
+            found = probability_of_improvement(scores[one], scores[other])
+        labels.append(f"{one} > {other}")
+        around = [[found.value - found.low], [found.high - found.value]]
+        axes.errorbar(found.value, line, xerr=around, fmt="o", color=_COLOURS[0], ms=4, lw=1.6, capsize=4)
+    axes.axvline(0.5, color="0.6", lw=0.8, ls=":")
+    axes.set_yticks(range(len(labels)), labels, fontsize=8)
+    axes.set(xlim=(-0.02, 1.02), ylim=(-0.6, max(len(labels), 1) - 0.4))
+    axes.set_xlabel("probability of improvement, with its 95 % interval")
+    _save(figure, path)
+
+
+def _draw_curve(axes: Any, curve: Curve, unit: float, colour: str, name: str) -> None:
+    axes.plot(curve.x / unit, curve.mean, color=colour, lw=1.8, label=name)
+    axes.fill_between(curve.x / unit, curve.low, curve.high, color=colour, alpha=0.2, lw=0)
+
+
+def _coloured(names: Mapping[str, Any], scripts: Sequence[str]) -> dict[str, str]:
+    """Colours for the trained ones, in their order; grey for scripts."""
+    trained = [name for name in names if name not in scripts]
+    return dict.fromkeys(names, _GREY) | dict(zip(trained, _COLOURS, strict=False))
+
+
+def _figure(width: float, height: float) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=100, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _save(figure: Any, path: Path) -> None:
+    for axes in figure.axes:
+        axes.spines[["top", "right"]].set_visible(False)
+    image = io.BytesIO()
+    figure.savefig(image, format="png", metadata={"Software": None})
+    write_whole(path, image.getvalue())
