@@ -44,7 +44,8 @@ class TrainingBar(BaseCallback):
 
     def _on_training_start(self) -> None:
         self._first, self._start = self.num_timesteps, time.monotonic()
-        self._task = self._progress.add_task("", total=self._total, said="")
+        self._lines = 10 * self._first // self._total
+        self._task = self._progress.add_task("", total=self._total, completed=self._first, said="")
         self._progress.start()
 
     def _on_step(self) -> bool:

@@ -1,4 +1,4 @@
-"""From a trained SB3 model to an agent folder: the policy's networks walked, normalisation folded in."""
+"""From a trained SB3 model to an agent folder: normalisation and memory folded in."""
 
 from __future__ import annotations
 
@@ -13,68 +13,32 @@ import numpy as np
 import onnx
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.running_mean_std import RunningMeanStd
-from stable_baselines3.common.vec_env import VecNormalize
-from stable_baselines3.sac.policies import SACPolicy
-from stable_baselines3.td3.policies import TD3Policy
-from torch import nn
 
 from fpg_bench.errors import UserError
 from fpg_bench.files import write_json, write_whole
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer
+from fpg_bench.training.actor import Actor, ActorPlayer
 
 GREATEST_DIFFERENCE = 1e-4
-_OPSET = 18
-
-
-class _Actor(nn.Module):
-    """The deterministic policy as one module: normalisation, networks, squashing or clipping."""
-
-    def __init__(self, policy: nn.Module, normalize: VecNormalize | None) -> None:
-        super().__init__()
-        self.networks = _networks(policy)
-        # TD3's networks end in a tanh of their own.
-        self.squash = not isinstance(policy, TD3Policy) and policy.squash_output
-        mean: np.ndarray = np.zeros(OBSERVATION_SIZE)
-        scale: np.ndarray = np.ones(OBSERVATION_SIZE)
-        clip = np.inf
-        if normalize is not None and normalize.norm_obs:
-            statistics = cast(RunningMeanStd, normalize.obs_rms)
-            mean, scale = statistics.mean, np.sqrt(statistics.var + normalize.epsilon)
-            clip = normalize.clip_obs
-        self.clip = clip
-        self.mean = nn.Buffer(torch.as_tensor(mean, dtype=torch.float32))
-        self.scale = nn.Buffer(torch.as_tensor(scale, dtype=torch.float32))
-
-    def forward(self, observation: torch.Tensor) -> torch.Tensor:
-        if np.isfinite(self.clip):
-            observation = ((observation - self.mean) / self.scale).clamp(-self.clip, self.clip)
-        action = self.networks(observation)
-        return torch.tanh(action) if self.squash else action.clamp(-1.0, 1.0)
-
-
-def _networks(policy: nn.Module) -> nn.Sequential:
-    """The layers between observation and action, as SB3 chains them in ``predict``."""
-    if isinstance(policy, ActorCriticPolicy):
-        features = policy.pi_features_extractor
-        return nn.Sequential(features, policy.mlp_extractor.policy_net, policy.action_net)
-    if isinstance(policy, SACPolicy):
-        return nn.Sequential(policy.actor.features_extractor, policy.actor.latent_pi, policy.actor.mu)
-    if isinstance(policy, TD3Policy):
-        return nn.Sequential(policy.actor.features_extractor, policy.actor.mu)
-    raise UserError(f"export: {type(policy).__name__} is not a policy of PPO, A2C, SAC, TD3 or DDPG")
+_OPSET = 20
 
 
 def export_onnx(model: BaseAlgorithm) -> bytes:
     """The model's deterministic policy as ONNX: ``observation`` (n, 15) to ``action`` (n, 9), float32.
 
+    A policy with memory has a ``state`` (n, S) as well, and gives ``next_state``; see
+    :class:`fpg_bench.training.actor.Actor`.
+
     Raises:
         UserError: a policy of another kind.
     """
-    actor = _Actor(model.policy, model.get_vec_normalize_env()).cpu().eval()
-    example = torch.zeros(2, OBSERVATION_SIZE)
+    actor = Actor(model)
+    examples = [torch.zeros(2, OBSERVATION_SIZE)]
+    names = ["observation", "action"]
+    if actor.state_size:
+        examples.append(torch.zeros(2, actor.state_size))
+        names += ["state", "next_state"]
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
         warnings.simplefilter("ignore")
         logging.getLogger("torch.onnx").setLevel(logging.ERROR)
@@ -82,11 +46,11 @@ def export_onnx(model: BaseAlgorithm) -> bytes:
         path = Path(folder) / "policy.onnx"
         torch.onnx.export(
             actor,
-            (example,),
+            tuple(examples),
             str(path),
-            input_names=["observation"],
-            output_names=["action"],
-            dynamic_shapes=({0: torch.export.Dim("n")},),
+            input_names=names[::2],
+            output_names=names[1::2],
+            dynamic_shapes=tuple({0: torch.export.Dim("n")} for _ in examples),
             opset_version=_OPSET,
             dynamo=True,
             external_data=False,
@@ -111,7 +75,7 @@ def export_agent(model: BaseAlgorithm, folder: Path, about: dict[str, Any]) -> f
     """Write an agent folder: ``policy.onnx`` and ``agent.json``.
 
     Args:
-        model: a trained PPO, SAC or TD3 (with its ``VecNormalize``, if it was trained with one).
+        model: a trained model (with its ``VecNormalize`` and stacked frames, if it was trained with them).
         folder: where to.
         about: what ``agent.json`` says: algorithm, id, scenario hash, training seed and steps, versions.
 
@@ -123,19 +87,47 @@ def export_agent(model: BaseAlgorithm, folder: Path, about: dict[str, Any]) -> f
     """
     data = export_onnx(model)
     about = {"format": AGENT_FORMAT, **about, "policy_sha256": hashlib.sha256(data).hexdigest()}
-    difference = largest_difference(model, OnnxPlayer(data, about))
-    if not difference <= GREATEST_DIFFERENCE:
-        raise UserError(f"export: the exported policy differs from predict by {difference:g}")
+    difference = _checked(largest_difference(model, OnnxPlayer(data, about)), model)
     write_whole(folder / "policy.onnx", data)
     write_json(folder / "agent.json", about | {"largest_difference": difference})
     return difference
 
 
-def largest_difference(model: BaseAlgorithm, player: OnnxPlayer, count: int = 1000) -> float:
-    """The largest difference of any action entry between the model and the player, on random observations."""
-    observations = np.random.default_rng(0).uniform(-1, 1, (count, OBSERVATION_SIZE)).astype(np.float32)
-    normalize = model.get_vec_normalize_env()
-    seen = observations if normalize is None else normalize.normalize_obs(observations.copy())
-    theirs, _ = model.predict(seen, deterministic=True)
-    ours, _ = player.predict(observations)
-    return float(np.max(np.abs(theirs - ours)))
+def check_exportable(model: BaseAlgorithm) -> None:
+    """Raise UserError where the model's policy could not be exported once it is trained."""
+    _checked(largest_difference(model, ActorPlayer(model), steps=20), model)
+
+
+def _checked(difference: float, model: BaseAlgorithm) -> float:
+    if not difference <= GREATEST_DIFFERENCE:
+        kind = type(model.policy).__name__
+        raise UserError(
+            f"export: the exported policy differs from predict by {difference:g}, more than "
+            f"{GREATEST_DIFFERENCE:g}: {kind} computes more than its networks say"
+        )
+    return difference
+
+
+def largest_difference(model: BaseAlgorithm, player: Any, steps: int = 200, games: int = 5) -> float:
+    """The largest difference of any action entry between the model and a player, over rounds that restart.
+
+    Args:
+        model: its ``predict`` is handed what it was trained on: stacked and normalised observations.
+        player: is handed the observations themselves, uniformly random.
+        steps: steps of each game.
+        games: games at once; each restarts every twenty steps on average.
+    """
+    rng, normalize = np.random.default_rng(0), model.get_vec_normalize_env()
+    stack = np.zeros((games, *cast(tuple[int, ...], model.observation_space.shape)), np.float32)
+    theirs_memory = ours_memory = None
+    starts, worst = np.ones(games, bool), 0.0
+    for _ in range(steps):
+        observation = rng.uniform(-1, 1, (games, OBSERVATION_SIZE)).astype(np.float32)
+        stack[starts] = 0
+        stack = np.concatenate((stack[:, OBSERVATION_SIZE:], observation), axis=1)
+        seen = stack if normalize is None else normalize.normalize_obs(stack.copy())
+        theirs, theirs_memory = model.predict(cast(np.ndarray, seen), theirs_memory, starts, True)
+        ours, ours_memory = player.predict(observation, ours_memory, starts)
+        worst = np.maximum(worst, np.abs(theirs - ours).max())
+        starts = rng.random(games) < 0.05
+    return float(worst)

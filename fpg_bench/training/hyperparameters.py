@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,48 +10,81 @@ from typing import Any
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.files import read_yaml
 from fpg_bench.players.agent import baselines_folder
+from fpg_bench.training.algorithms import ALGORITHMS, Algorithm, find_algorithm
 
-ALGORITHMS = ("ppo", "sac", "td3")
+__all__ = ["ALGORITHMS", "Hyperparameters", "load_hyperparameters"]
+
+CUSTOM_GAMES = 64  # games at once of a user's own class that says nothing else
 
 
 @dataclass(frozen=True)
 class Hyperparameters:
-    """What a file says for one id: the batch of games, the budget, reward and observation scaling, the rest.
+    """What a file says for one id: the batch of games, the budget, what the observations become, the rest.
 
     Attributes:
         n_envs: games at once.
-        n_timesteps: training budget in steps, over all games.
+        n_timesteps: training budget in steps, over all games; 0: none is given.
         normalize: arguments of SB3's ``VecNormalize``; None: none is used.
         algorithm: arguments of the algorithm's constructor, ``policy`` included.
+        frame_stack: how many of the last observations are seen at once; None: one.
     """
 
     n_envs: int
     n_timesteps: int
     normalize: dict[str, Any] | None
     algorithm: dict[str, Any]
+    frame_stack: int | None = None
 
 
-def load_hyperparameters(algorithm: str, view_id: str, file: Path | None = None) -> Hyperparameters:
-    """The hyper-parameters of an algorithm on an id, from the shipped file or the user's own.
+def load_hyperparameters(
+    algorithm: str | Algorithm, view_id: str, file: str | Path | Mapping[str, Any] | None = None
+) -> Hyperparameters:
+    """The hyper-parameters of an algorithm on an id.
+
+    Args:
+        algorithm: its name; see :func:`fpg_bench.training.algorithms.find_algorithm`.
+        view_id: ``FPG/AllyVsScripted-v0`` and the like.
+        file: a file of the user's, or what it would say for the id; None: the shipped file, and for a class
+            of the user's its own defaults with 64 games.
 
     Raises:
         UserError: an unknown algorithm, no entry for the id, or a missing or ill-formed key.
     """
-    if algorithm not in ALGORITHMS:
-        raise UserError(f"unknown algorithm {algorithm!r}{nearest(algorithm, ALGORITHMS)}")
-    path = file or baselines_folder() / "hyperparams" / f"{algorithm}.yml"
+    found = algorithm if isinstance(algorithm, Algorithm) else find_algorithm(algorithm)
+    if isinstance(file, Mapping):
+        return _parsed(found, dict(file), f"hyper-parameters: {view_id}")
+    if file is None and found.custom:
+        return Hyperparameters(CUSTOM_GAMES, 0, None, {"policy": "MlpPolicy"})
+    path = _shipped(found) if file is None else Path(file)
     content = read_yaml(path, "hyper-parameters")
     if not isinstance(content.get(view_id), dict):
         raise UserError(
             f"hyper-parameters {path}: no entry for {view_id!r}{nearest(view_id, map(str, content))}"
         )
-    values = dict(content[view_id])
+    return _parsed(found, dict(content[view_id]), f"hyper-parameters {path}: {view_id}")
+
+
+def _shipped(algorithm: Algorithm) -> Path:
+    """The shipped file of an algorithm; frames are stacked on the plain algorithm's where it has none."""
+    folder = baselines_folder() / "hyperparams"
+    path = folder / f"{algorithm.name}.yml"
+    return path if path.is_file() else folder / f"{algorithm.base}.yml"
+
+
+def _parsed(algorithm: Algorithm, values: dict[str, Any], where: str) -> Hyperparameters:
     for key in ("n_envs", "n_timesteps"):
-        if isinstance(values.get(key), bool) or not isinstance(values.get(key), int) or values[key] < 1:
-            raise UserError(f"hyper-parameters {path}: {view_id}: {key}: expected a whole number above 0")
+        _check_whole(values.get(key), f"{where}: {key}")
     normalize = values.pop("normalize", None)
     if normalize is not None and not isinstance(normalize, dict):
-        raise UserError(
-            f"hyper-parameters {path}: {view_id}: normalize: expected a mapping, got {normalize!r}"
-        )
-    return Hyperparameters(values.pop("n_envs"), values.pop("n_timesteps"), normalize, values)
+        raise UserError(f"{where}: normalize: expected a mapping, got {normalize!r}")
+    named, frames = algorithm.frame_stack, values.pop("frame_stack", algorithm.frame_stack)
+    if frames is not None:
+        _check_whole(frames, f"{where}: frame_stack")
+    if named is not None and frames != named:
+        raise UserError(f"{where}: frame_stack: {algorithm.name} has {named}, got {frames}")
+    return Hyperparameters(values.pop("n_envs"), values.pop("n_timesteps"), normalize, values, frames)
+
+
+def _check_whole(value: Any, where: str) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise UserError(f"{where}: expected a whole number above 0")

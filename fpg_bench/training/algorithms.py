@@ -1,0 +1,76 @@
+"""Which algorithm a name means: Stable-Baselines3's, with an LSTM or stacked frames, or one's own class."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+from fpg_bench.errors import UserError, nearest
+
+ALGORITHMS = ("ppo", "ppo-stack8", "recurrent-ppo", "sac", "td3")  # those with shipped hyper-parameters
+_CLASSES = {
+    "ppo": "stable_baselines3:PPO",
+    "sac": "stable_baselines3:SAC",
+    "td3": "stable_baselines3:TD3",
+    "recurrent-ppo": "sb3_contrib:RecurrentPPO",
+}
+_STACKED = re.compile(r"(ppo|sac|td3)-stack([1-9]\d*)")
+
+
+@dataclass(frozen=True)
+class Algorithm:
+    """What a name means.
+
+    Attributes:
+        name: what tables and folders say.
+        base: the name without its stacked frames; its hyper-parameter file.
+        kind: the class, a subclass of SB3's ``BaseAlgorithm``.
+        frame_stack: how many of the last observations it sees at once; None: as its hyper-parameters say.
+        custom: whether it is a class of the user's.
+    """
+
+    name: str
+    base: str
+    kind: type[Any]
+    frame_stack: int | None = None
+    custom: bool = False
+
+
+def find_algorithm(name: str | type[Any]) -> Algorithm:
+    """The algorithm of a name: ``ppo``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` (any number of
+    frames, on any of the first three), or ``package.module:Class``; or of a class itself.
+
+    Raises:
+        UserError: no such algorithm, or no algorithm class of Stable-Baselines3's kind.
+    """
+    if isinstance(name, type):
+        return _custom(f"{name.__module__}:{name.__qualname__}", name)
+    if ":" in name:
+        return _custom(name, _imported(name))
+    if stacked := _STACKED.fullmatch(name):
+        return Algorithm(name, stacked[1], _imported(_CLASSES[stacked[1]]), int(stacked[2]))
+    if name not in _CLASSES:
+        raise UserError(f"unknown algorithm {name!r}{nearest(name, ALGORITHMS)}")
+    return Algorithm(name, name, _imported(_CLASSES[name]))
+
+
+def _custom(name: str, kind: Any) -> Algorithm:
+    from stable_baselines3.common.base_class import BaseAlgorithm
+
+    if not (isinstance(kind, type) and issubclass(kind, BaseAlgorithm)):
+        raise UserError(f"algorithm {name!r}: is no subclass of stable_baselines3's BaseAlgorithm")
+    return Algorithm(name, name, kind, custom=True)
+
+
+def _imported(name: str) -> Any:
+    """The class that ``package.module:Class`` names, the present folder included."""
+    module, _, attribute = name.partition(":")
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+    try:
+        return getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise UserError(f"algorithm {name!r}: {error}") from error

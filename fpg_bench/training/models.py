@@ -1,0 +1,111 @@
+"""From hyper-parameters to a model of Stable-Baselines3 on a batch of games."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.utils import LinearSchedule, set_random_seed
+from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
+
+from fpg_bench.envs.sb3 import SB3View, make_sb3
+from fpg_bench.errors import UserError, nearest
+from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.training.algorithms import Algorithm, find_algorithm
+from fpg_bench.training.hyperparameters import Hyperparameters
+
+_OURS = {"self", "env", "seed", "tensorboard_log", "verbose", "_init_setup_model"}  # not for files to say
+_SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf")
+
+
+def make_games(view_id: str, parameters: Hyperparameters, first_seed: int, **options: Any) -> SB3View:
+    """The games of a training run, in mixed phases.
+
+    Raises:
+        UserError: something unknown, out of range, or impossible together.
+    """
+    return make_sb3(view_id, parameters.n_envs, first_seed, stagger=True, **options)
+
+
+def make_model(
+    algorithm: str | Algorithm, games: VecEnv, parameters: Hyperparameters, seed: int
+) -> BaseAlgorithm:
+    """The SB3 model of an algorithm on a batch of games, stacked and normalised as the hyper-parameters say.
+
+    The games begin with the matches that they were made with. SB3's own ``seed`` argument would begin them
+    at the training seed, and neighbouring training seeds with nearly the same matches.
+
+    Raises:
+        UserError: a hyper-parameter that the algorithm does not have, or not in this form.
+    """
+    found = algorithm if isinstance(algorithm, Algorithm) else find_algorithm(algorithm)
+    where = f"hyper-parameters of {found.name}"
+    arguments = _arguments(found, parameters.algorithm, where)
+    try:
+        set_random_seed(seed)
+        model = found.kind(env=wrapped(games, parameters, where), **arguments)
+    except (TypeError, ValueError, AssertionError) as error:
+        if isinstance(error, UserError):
+            raise
+        raise UserError(f"{where}: {error}") from error
+    model.action_space.seed(seed)
+    return model
+
+
+def wrapped(games: VecEnv, parameters: Hyperparameters, where: str = "hyper-parameters") -> VecEnv:
+    """The games as the model sees them: the last observations stacked, then normalised.
+
+    rl-zoo3 normalises first. SB3's replay buffer keeps what ``VecNormalize`` saw, so with SAC and TD3 that
+    must be the whole stack; without ``norm_obs`` both orders are the same.
+
+    Raises:
+        UserError: an argument that ``VecNormalize`` does not have.
+    """
+    if parameters.frame_stack is not None:
+        games = VecFrameStack(games, parameters.frame_stack)
+    if parameters.normalize is None:
+        return games
+    check_names(parameters.normalize, VecNormalize.__init__, f"{where}: normalize", {"venv"})
+    return VecNormalize(games, **{"gamma": parameters.algorithm.get("gamma", 0.99), **parameters.normalize})
+
+
+def check_names(
+    values: dict[str, Any], function: Callable[..., Any], where: str, hidden: frozenset[str] | set[str]
+) -> None:
+    """Raise UserError for a key that a function has no argument for, with the nearest that it has."""
+    arguments = inspect.signature(function).parameters
+    if any(argument.kind == argument.VAR_KEYWORD for argument in arguments.values()):
+        return  # it says itself what it does not know
+    known = set(arguments) - {"self"} - hidden
+    for name in values:
+        if name not in known:
+            raise UserError(f"{where}: unknown key {name!r}{nearest(str(name), known)}")
+
+
+def _arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict[str, Any]:
+    """What the algorithm's constructor is handed: rl-zoo3's words as SB3's objects."""
+    arguments: dict[str, Any] = {"device": "cpu", **values}
+    kind, sd = arguments.pop("noise_type", None), arguments.pop("noise_std", None)
+    if (kind, sd) != (None, None):
+        if kind != "normal" or isinstance(sd, bool) or not isinstance(sd, int | float):
+            raise UserError(f"{where}: expected noise_type: normal and a number noise_std, got {kind}, {sd}")
+        arguments["action_noise"] = NormalActionNoise(np.zeros(ACTION_SIZE), np.full(ACTION_SIZE, sd))
+    check_names(arguments, algorithm.kind.__init__, where, _OURS)
+    for name in _SCHEDULED:
+        if isinstance(arguments.get(name), str):
+            arguments[name] = _schedule(arguments[name], f"{where}: {name}")
+    if isinstance(arguments.get("train_freq"), list):
+        arguments["train_freq"] = tuple(arguments["train_freq"])
+    return arguments
+
+
+def _schedule(word: str, where: str) -> LinearSchedule:
+    """``lin_0.001``: from there to zero over the budget."""
+    try:
+        return LinearSchedule(float(word.removeprefix("lin_")), 0.0, 1.0)
+    except ValueError as error:
+        raise UserError(f"{where}: expected a number or lin_<number>, got {word!r}") from error

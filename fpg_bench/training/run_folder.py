@@ -1,0 +1,177 @@
+"""A training run's folder: what it says of itself, whose it is, and what lies in it."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import fpg_bench
+from fpg_bench.errors import UserError
+from fpg_bench.files import read_json, write_json
+from fpg_bench.game.scenario import STANDARD, Scenario
+from fpg_bench.rows import RowFile
+from fpg_bench.training.checkpoints import MODEL, NORMALIZE
+from fpg_bench.training.hyperparameters import Hyperparameters
+from fpg_bench.training.language_model import TRANSCRIPT
+
+EVALUATIONS = "evaluations.jsonl"
+_PACKAGES = (
+    "fpg-bench",
+    "stable-baselines3",
+    "sb3-contrib",
+    "torch",
+    "gymnasium",
+    "numpy",
+    "numba",
+    "onnx",
+    "onnxruntime",
+)
+# What tells two runs apart; the command and the versions may differ where one goes on.
+_SAME = ("algorithm", "id", "scenario", "training_seed", "training_steps", "hyperparameters", "options")
+
+
+class RunFolder:
+    """The folder of one run.
+
+    Args:
+        path: where it is or shall be.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.agent, self.checkpoints = path / "agent", path / "checkpoints"
+        self.evaluations = RowFile(path / EVALUATIONS)
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold the folder for this process alone.
+
+        Raises:
+            UserError: another process holds it, or it is not empty and no run's folder.
+        """
+        started = (self.path / "run.json").exists()
+        if self.path.exists() and not started and set(os.listdir(self.path)) - {EVALUATIONS}:
+            raise UserError(f"{self.path}: is not empty and no run's folder; choose another")
+        with contextlib.ExitStack() as stack:
+            try:
+                stack.enter_context(self.evaluations.locked())
+            except UserError as error:
+                raise UserError(f"{self.path}: another process is training in this folder") from error
+            yield
+
+    def found(self, about: dict[str, Any], again: bool) -> dict[str, Any] | None:
+        """What the folder says of this very run, None where none was begun.
+
+        Args:
+            about: this run.
+            again: whether it may be there unfinished.
+
+        Raises:
+            UserError: another run, or this one unfinished.
+        """
+        if not (self.path / "run.json").exists():
+            return None
+        found = read_json(self.path / "run.json", "run")
+        if any(found.get(key) != about[key] for key in _SAME):
+            raise UserError(
+                f"{self.path}: holds another run ({found.get('command')}), or this one with other "
+                "hyper-parameters; choose another folder"
+            )
+        if not found.get("finished") and not again:
+            raise UserError(
+                f"{self.path}: holds this run unfinished; go on with --resume, begin it again with "
+                "--restart, or choose another folder"
+            )
+        return found
+
+    def clear(self) -> None:
+        """Forget a run that is to begin again."""
+        for folder in (self.agent, self.checkpoints):
+            shutil.rmtree(folder, ignore_errors=True)
+        events = self.path.glob("events.out.tfevents.*")
+        for file in (*events, *(self.path / name for name in (MODEL, NORMALIZE, TRANSCRIPT))):
+            file.unlink(missing_ok=True)
+        os.truncate(self.evaluations.path, 0)  # it is locked, so it stays
+
+    def write(self, about: dict[str, Any]) -> None:
+        """Write ``run.json``."""
+        write_json(self.path / "run.json", about)
+
+
+def described(
+    algorithm: str,
+    view_id: str,
+    side: str,
+    scenario: Scenario,
+    *,
+    seed: int,
+    steps: int,
+    panel: str,
+    parameters: Hyperparameters,
+    options: dict[str, Any],
+) -> dict[str, Any]:
+    """How a run is made: everything needed to make it again."""
+    options = {name: value for name, value in options.items() if value is not None}
+    stack = {} if parameters.frame_stack is None else {"frame_stack": parameters.frame_stack}
+    games = {"n_envs": parameters.n_envs, "normalize": parameters.normalize, **stack}
+    about = {
+        "command": _command(algorithm, view_id, seed, steps, options),
+        "algorithm": algorithm,
+        "id": view_id,
+        "side": side,
+        "panel": panel,
+        "scenario": scenario.hash,
+        "scenario_fields": _changed(scenario),
+        "options": {name: _words(value) for name, value in options.items()},
+        "training_seed": seed,
+        "training_steps": steps,
+        "hyperparameters": {**games, **parameters.algorithm},
+        "versions": {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()},
+        "revision": _revision(),
+    }
+    content: dict[str, Any] = json.loads(json.dumps(about, default=str))  # as it is read again
+    return content
+
+
+def _command(algorithm: str, view_id: str, seed: int, steps: int, options: dict[str, Any]) -> str:
+    words = ["fpg-bench", "train", algorithm, view_id, "--seed", str(seed), "--steps", str(steps)]
+    for name, value in options.items():
+        words += [f"--{name.replace('_', '-')}", _words(value)]
+    return shlex.join(words)
+
+
+def _words(value: Any) -> str:
+    return ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+
+
+def _changed(scenario: Scenario) -> dict[str, Any]:
+    """The fields that differ from the standard scenario."""
+    values = {field.name: getattr(scenario, field.name) for field in dataclasses.fields(scenario)}
+    return {name: value for name, value in values.items() if value != getattr(STANDARD, name)}
+
+
+def _revision() -> str | None:
+    """The git revision that this code is at, with a + where it was changed since; None outside a checkout."""
+    root = Path(fpg_bench.__file__).parents[1]
+    if not (root / ".git").exists():
+        return None
+    try:
+        changed = _git(root, "status", "--porcelain", "--untracked-files=no")
+        return _git(root, "rev-parse", "HEAD") + ("+" if changed else "")
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def _git(root: Path, *words: str) -> str:
+    done = subprocess.run(["git", *words], cwd=root, capture_output=True, text=True, check=True, timeout=10)
+    return done.stdout.strip()

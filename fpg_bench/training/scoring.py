@@ -1,0 +1,153 @@
+"""How good a policy is while it trains: a panel's entries on tuning seeds, all as one batch."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.envs.duel import Duel
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.panel import Entry, Panel, Reference, load_panel
+from fpg_bench.evaluation.seeds import TUNING_START
+from fpg_bench.evaluation.statistics import iqm
+from fpg_bench.game.measures import measures, pool
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.ids import View
+from fpg_bench.planning import as_planner
+from fpg_bench.players.naming import as_player
+from fpg_bench.players.player import Player
+from fpg_bench.players.seat import Seat
+
+ROUNDS = 10
+Acting = tuple[Callable[[np.ndarray], None], Callable[[], list[np.ndarray]]]
+
+
+def view_panel(view: View, path: Any = None) -> str:
+    """The name of the panel that an id's agents are compared under."""
+    if view.side == "opponent":
+        return "opponent-learned-v1" if path == "learned" else "opponent-v1"
+    return "ally-planner-v1" if view.planner else "ally-v1"
+
+
+class Yardstick:
+    """Scores a player of one side on a panel's entries; the same rounds for everybody.
+
+    The random player (0) and the panel's reference (100) play them once, at the start.
+
+    Args:
+        panel: a panel's name, file, or the panel itself.
+        rounds: rounds per entry, rounded up to whole matches.
+        scenario: what is played instead of the panel's own; None: that.
+        side: the side that must be measured; None: the panel's.
+
+    Raises:
+        UserError: no such panel, or one of the other side.
+    """
+
+    def __init__(
+        self,
+        panel: str | Panel,
+        rounds: int = ROUNDS,
+        scenario: Scenario | None = None,
+        side: str | None = None,
+    ) -> None:
+        found = load_panel(panel, references=False) if isinstance(panel, str) else panel
+        if side not in (None, found.side):
+            raise UserError(f"panel {found.name}: measures the {found.side}, not the {side}")
+        self.panel = found if scenario is None else dataclasses.replace(found, scenario=scenario)
+        self._duels = [self._duel(entry, rounds) for entry in self.panel.entries]
+        self._others = [
+            self._seat(self.panel.other_side, entry.other, duel)
+            for entry, duel in zip(self.panel.entries, self._duels, strict=True)
+        ]
+        played = [self._play(self._script(name))[0] for name in ("random", self.panel.reference)]
+        self._references = [Reference(tuple(low), tuple(high)) for low, high in zip(*played, strict=True)]
+
+    def score(self, player: Player) -> dict[str, Any]:
+        """What a player is worth.
+
+        Returns:
+            ``score``, the IQM over entries of the normalised score; ``return``, the mean of a round;
+            ``entries``, the normalised score of each; ``measures``, pooled over all rounds.
+        """
+        returns, found = self._play(self._together(player))
+        scores = [
+            float(reference.scores(np.array(row)).mean()) if reference.standard_errors else math.nan
+            for reference, row in zip(self._references, returns, strict=True)
+        ]
+        return {
+            "score": _number(float(iqm(np.array(scores)))),
+            "return": round(float(np.mean(returns)), 3),
+            "entries": {e.name: _number(s) for e, s in zip(self.panel.entries, scores, strict=True)},
+            "measures": {name: None if x is None else round(x, 5) for name, x in found.items()},
+        }
+
+    def _duel(self, entry: Entry, rounds: int) -> Duel:
+        scenario = self.panel.entry_scenario(entry)
+        planner = None if entry.planner is None else as_planner(entry.planner, scenario)
+        return Duel(scenario, -(-rounds // scenario.rounds_per_match), planner)
+
+    def _seat(self, side: str, spec: Any, duel: Duel) -> Seat:
+        return Seat(side, [as_player(spec, side, duel.scenario)], duel.arena)
+
+    def _script(self, name: str) -> Acting:
+        """A script, by a seat at every entry."""
+        seats = [self._seat(self.panel.side, name, duel) for duel in self._duels]
+
+        def begin(mask: np.ndarray) -> None:
+            for seat, part in zip(seats, self._split(mask), strict=True):
+                seat.begin(part)
+
+        return begin, lambda: [seat.act() for seat in seats]
+
+    def _together(self, player: Player) -> Acting:
+        """A player that is asked about the games of all entries at once."""
+        memory: Any = None
+        starts = np.zeros(sum(duel.count for duel in self._duels), bool)
+        views = [getattr(duel.arena, f"{self.panel.side}_observations") for duel in self._duels]
+
+        def act() -> list[np.ndarray]:
+            nonlocal memory
+            actions, memory = player.predict(np.concatenate(views), memory, starts.copy(), True)
+            starts[:] = False
+            return self._split(actions)
+
+        def begin(mask: np.ndarray) -> None:
+            starts[mask] = True
+
+        return begin, act
+
+    def _split(self, whole: np.ndarray) -> list[np.ndarray]:
+        return np.split(whole, np.cumsum([duel.count for duel in self._duels])[:-1])
+
+    def _play(self, acting: Acting) -> tuple[list[list[float]], dict[str, float | None]]:
+        """All rounds of new matches: each entry's round returns, and the pooled measures."""
+        begin, act = acting
+        returns: list[list[float]] = [[] for _ in self._duels]
+        tallies, points = [], np.zeros(1)
+        for number in range(self.panel.scenario.rounds_per_match):
+            seeds = None if number else TUNING_START
+            begin(np.concatenate([duel.reset(seeds=seeds) for duel in self._duels]))
+            for other, duel in zip(self._others, self._duels, strict=True):
+                other.begin(np.ones(duel.count, bool))
+            while not self._duels[0].arena.games["truncated"].all():
+                self._step(act())
+            for row, duel in zip(returns, self._duels, strict=True):
+                tallies.append(duel.arena.tallies.copy())
+                points = points + duel.arena.histograms.sum(axis=0)
+                row += duel.arena.tallies[f"{self.panel.side}_return"].tolist()
+        return returns, measures(pool(np.concatenate(tallies)), points)
+
+    def _step(self, actions: list[np.ndarray]) -> None:
+        for own, other, duel in zip(actions, self._others, self._duels, strict=True):
+            answer = other.act()
+            duel.arena.step(*((own, answer) if self.panel.side == "ally" else (answer, own)))
+
+
+def _number(value: float) -> float | None:
+    """Rounded; None where there is none, in a game that tells nobody apart."""
+    return round(value, 3) if math.isfinite(value) else None
