@@ -58,13 +58,21 @@ def play(
 
 
 def train(
-    algorithm: Annotated[str, typer.Argument(help="ppo, sac or td3")],
+    algorithm: Annotated[
+        str,
+        typer.Argument(help="ppo, sac, td3, recurrent-ppo, ppo-stack8, or your own: package.module:Class"),
+    ],
     view_id: Annotated[str, typer.Argument(metavar="ID", help="FPG/AllyVsScripted-v0 and the like")],
     out: Annotated[Path, typer.Option(help="the run's folder")],
-    restart: Annotated[bool, typer.Option(help="begin an unfinished run again")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="go on with an unfinished run")] = False,
+    restart: Annotated[bool, typer.Option("--restart", help="begin an unfinished run again")] = False,
     seed: Annotated[int, typer.Option(min=0, help="training seed")] = 0,
     steps: Annotated[int | None, typer.Option(help="budget; default: the hyper-parameter file's")] = None,
     hyperparams: Annotated[Path | None, typer.Option(help="a YAML file of your own")] = None,
+    panel: Annotated[
+        str | None, typer.Option(help="what scores the policy on the way; default: the id's panel")
+    ] = None,
+    evaluations: Annotated[int, typer.Option(min=0, help="how many times; 0: never")] = 20,
     scenario: ScenarioOption = None,
     opponent: Annotated[str | None, typer.Option(help="against whom; several, separated by commas")] = None,
     ally: Annotated[str | None, typer.Option(help="against whom; several, separated by commas")] = None,
@@ -76,26 +84,34 @@ def train(
     knowledge: Annotated[str | None, typer.Option(help="expert, none or a YAML file")] = None,
     jamming_types: Annotated[str | None, typer.Option(help="allowed types, separated by commas")] = None,
 ) -> None:
-    """Train an algorithm of Stable-Baselines3 on an id and export the agent."""
+    """Train an algorithm of Stable-Baselines3's kind on an id and export the agent."""
     from fpg_bench.training.train import train as train_run
 
-    agent = train_run(
-        algorithm,
-        view_id,
-        out,
-        seed=seed,
-        steps=steps,
-        hyperparams=hyperparams,
-        restart=restart,
-        transcript=transcript,
-        scenario=scenario,
-        opponent=_listed(opponent),
-        ally=_listed(ally),
-        path=_listed(path),
-        planner=planner,
-        knowledge=knowledge,
-        jamming_types=_listed(jamming_types),
-    )
+    try:
+        agent = train_run(
+            algorithm,
+            view_id,
+            out,
+            seed=seed,
+            steps=steps,
+            hyperparams=hyperparams,
+            panel=panel,
+            evaluations=evaluations,
+            resume=resume,
+            restart=restart,
+            transcript=transcript,
+            scenario=scenario,
+            opponent=_listed(opponent),
+            ally=_listed(ally),
+            path=_listed(path),
+            planner=planner,
+            knowledge=knowledge,
+            jamming_types=_listed(jamming_types),
+        )
+    except KeyboardInterrupt as stop:
+        saved = str(stop) or "the last checkpoint is kept"
+        typer.echo(f"{saved}; go on by the same command with --resume", err=True)
+        raise
     typer.echo(f"agent: {agent}\nlearning curves: tensorboard --logdir {out}")
 
 
