@@ -59,8 +59,8 @@ def curves(rows: Iterable[Row], over: str) -> dict[str, Curve]:
     """
     found: dict[str, dict[int, list[tuple[float, float]]]] = {}
     for row in rows:
-        seeds = found.setdefault(row["algorithm"], {})
         if row[over] > 0:  # what was not trained at all has no place on a logarithmic axis
+            seeds = found.setdefault(row["algorithm"], {})
             seeds.setdefault(row["training_seed"], []).append((row[over], row["score"]))
     return {
         name: _curve([np.array(sorted(points)).T for points in seeds.values()])

@@ -29,7 +29,8 @@ def probability_of_improvement(better: np.ndarray, other: np.ndarray) -> Interva
 
     The mean over entries of the Mann-Whitney statistic, ties half. Its variance is that of a U statistic
     (the spread of each seed's own share of wins, DeLong et al. 1988), with Student's t of the smaller
-    number of seeds; a script, which has one row, does not vary.
+    number of seeds; a script, which has one row, does not vary. In simulations with five seeds it covered
+    93 to 98 % up to a probability of 0.7; where nearly all seeds agree it is too narrow.
 
     Args:
         better: ``(m, entries)`` scores of the one's training seeds.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -21,12 +21,20 @@ _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 _GREY = "#7f7f7f"
 
 
-def draw_curves(rows: Sequence[Row], yardsticks: Mapping[str, float], path: Path) -> None:
+def colours(algorithms: Iterable[str]) -> dict[str, str]:
+    """Each algorithm's colour, the same in all pictures of a view; what is not there (a script) is grey."""
+    return dict(zip(algorithms, _COLOURS, strict=False))
+
+
+def draw_curves(
+    rows: Sequence[Row], yardsticks: Mapping[str, float], coloured: Mapping[str, str], path: Path
+) -> None:
     """Draw the scores against steps and against wall time; scripts are level lines.
 
     Args:
         rows: those of a view's curve file.
         yardsticks: the scores of the scripts to be drawn.
+        coloured: each algorithm's colour.
         path: the PNG file.
     """
     figure = _figure(9, 3.6)
@@ -34,8 +42,8 @@ def draw_curves(rows: Sequence[Row], yardsticks: Mapping[str, float], path: Path
     for axes, over, label, unit in zip(
         both, ("steps", "seconds"), ("steps", "training time (minutes)"), (1, 60), strict=True
     ):
-        for colour, (name, curve) in zip(_COLOURS, curves(rows, over).items(), strict=False):
-            _draw_curve(axes, curve, unit, colour, name)
+        for name, curve in curves(rows, over).items():
+            _draw_curve(axes, curve, unit, coloured.get(name, _GREY), name)
         for name, score in yardsticks.items():
             axes.axhline(score, color=_GREY, lw=0.9, ls="--")
             axes.annotate(
@@ -43,39 +51,37 @@ def draw_curves(rows: Sequence[Row], yardsticks: Mapping[str, float], path: Path
             )
         axes.set(xscale="log", xlabel=label)
     both[0].set_ylabel("normalised score (IQM)")
-    both[1].legend(frameon=False, fontsize=8, loc="lower right")
+    if rows:
+        both[1].legend(frameon=False, fontsize=8, loc="lower right")
     _save(figure, path)
 
 
-def draw_profiles(scores: Mapping[str, np.ndarray], scripts: Sequence[str], path: Path) -> None:
+def draw_profiles(scores: Mapping[str, np.ndarray], coloured: Mapping[str, str], path: Path) -> None:
     """Draw the share of runs above each score; a thin line is one training seed.
 
     Args:
         scores: per algorithm or script ``(training seeds, entries)``.
-        scripts: which of them are scripts.
+        coloured: each algorithm's colour; scripts have none.
         path: the PNG file.
     """
     figure = _figure(6, 3.8)
     axes = figure.subplots()
     values = np.concatenate([found.ravel() for found in scores.values()])
     thresholds = np.linspace(max(values.min(), -50.0) - 5, values.max() + 5, 400)
-    colours = _coloured(scores, scripts)
     for name, found in scores.items():
-        style = "--" if name in scripts else "-"
+        colour, style = (coloured[name], "-") if name in coloured else (_GREY, "--")
         if len(found) > 1:
             for seed in performance_profile(found[:, None], thresholds):
-                axes.step(thresholds, seed, color=colours[name], lw=0.5, alpha=0.45)
-        axes.step(
-            thresholds, performance_profile(found, thresholds), style, color=colours[name], lw=1.8, label=name
-        )
+                axes.step(thresholds, seed, color=colour, lw=0.5, alpha=0.45)
+        axes.step(thresholds, performance_profile(found, thresholds), style, color=colour, lw=1.8, label=name)
     axes.set(xlabel="normalised score τ", ylabel="share of runs above τ", ylim=(-0.02, 1.02))
     axes.legend(frameon=False, fontsize=8)
     _save(figure, path)
 
 
-def draw_improvement(scores: Mapping[str, np.ndarray], scripts: Sequence[str], path: Path) -> None:
+def draw_improvement(scores: Mapping[str, np.ndarray], coloured: Mapping[str, str], path: Path) -> None:
     """Draw for each pair, the better one first, how likely it scores more; arguments as above."""
-    pairs = [pair for pair in combinations(scores, 2) if not set(pair) <= set(scripts)]
+    pairs = [pair for pair in combinations(scores, 2) if set(pair) & set(coloured)]
     figure = _figure(6, 1.1 + 0.3 * len(pairs))
     axes = figure.subplots()
     labels = []
@@ -97,12 +103,6 @@ def draw_improvement(scores: Mapping[str, np.ndarray], scripts: Sequence[str], p
 def _draw_curve(axes: Any, curve: Curve, unit: float, colour: str, name: str) -> None:
     axes.plot(curve.x / unit, curve.mean, color=colour, lw=1.8, label=name)
     axes.fill_between(curve.x / unit, curve.low, curve.high, color=colour, alpha=0.2, lw=0)
-
-
-def _coloured(names: Mapping[str, Any], scripts: Sequence[str]) -> dict[str, str]:
-    """Colours for the trained ones, in their order; grey for scripts."""
-    trained = [name for name in names if name not in scripts]
-    return dict.fromkeys(names, _GREY) | dict(zip(trained, _COLOURS, strict=False))
 
 
 def _figure(width: float, height: float) -> Any:

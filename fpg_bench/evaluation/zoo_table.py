@@ -11,7 +11,7 @@ from fpg_bench.evaluation.panel import Panel, load_panel
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import as_markdown, number
 from fpg_bench.evaluation.zoo import Zoo, ZooView
-from fpg_bench.evaluation.zoo_pictures import PICTURES, draw_curves, draw_improvement, draw_profiles
+from fpg_bench.evaluation.zoo_pictures import PICTURES, colours, draw_curves, draw_improvement, draw_profiles
 from fpg_bench.evaluation.zoo_scores import read_lines, score_arrays, summarise_lines
 from fpg_bench.files import write_whole
 from fpg_bench.rows import Row
@@ -44,12 +44,12 @@ _PROFILES = (
 )
 _IMPROVEMENT = (
     "Probability of improvement: how likely a new training of the one scores more than one of the other "
-    "on an entry (Agarwal et al. 2021), over training seeds. An interval without width: all seeds agree "
-    "on all entries."
+    "on an entry (Agarwal et al. 2021), over training seeds. Where nearly all "
+    "seeds agree (an interval of no width), the interval is too narrow."
 )
 _CURVES = (
     "Learning curves: the score on tuning seeds, mean and range over training seeds, while they all train; "
-    "the dashed line is the best script."
+    "the dashed line is the best script on the panel's own seeds."
 )
 
 
@@ -81,10 +81,11 @@ def draw_pictures(zoo: Zoo, view: ZooView, panel: Panel, lines: list[Row]) -> No
     best = best_script(summaries)
     means = {name: found.mean(axis=2) for name, found in score_arrays(lines, panel).items()}
     shown = {s.player: means[s.player] for s in summaries if s.training_seeds or s is best}
-    scripts = [best.player] if best else []
-    draw_curves(curve_file(zoo, view).read(), {best.player: best.score.value} if best else {}, paths[0])
-    draw_profiles(shown, scripts, paths[1])
-    draw_improvement(shown, scripts, paths[2])
+    yardsticks = {best.player: best.score.value} if best else {}
+    coloured = colours(view.steps)
+    draw_curves(curve_file(zoo, view).read(), yardsticks, coloured, paths[0])
+    draw_profiles(shown, coloured, paths[1])
+    draw_improvement(shown, coloured, paths[2])
 
 
 def best_script(summaries: Sequence[Summary]) -> Summary | None:

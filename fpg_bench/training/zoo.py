@@ -22,6 +22,7 @@ from fpg_bench.rows import RowFile
 
 _LOCK = "zoo.lock"
 _PAUSE_S = 0.5
+_PROGRAM = (sys.executable, "-m", "fpg_bench.cli")
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ def _start(member: Member, runs: Path) -> _Training:
     folder = run_folder(member, runs)
     folder.parent.mkdir(parents=True, exist_ok=True)
     log = _log(folder).open("ab")
-    words = [sys.executable, "-m", "fpg_bench.cli", *command(member, runs)]
+    words = [*_PROGRAM, *command(member, runs)]
     # A group of its own: Ctrl-C comes to it once, from here, and not from the terminal as well.
     process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=log, stderr=log, process_group=0)
     return _Training(member, process, time.monotonic(), log)

@@ -1,0 +1,84 @@
+"""A small zoo of its own for tests: a panel of two entries, and agents with random linear policies."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+from onnx import TensorProto, helper, numpy_helper
+
+from fpg_bench.evaluation.references import measure_panel
+from fpg_bench.evaluation.zoo import Member, Zoo, load_zoo
+
+PANEL = """\
+side: ally
+scenario: standard
+rounds: 4
+reference: expert
+entries:
+  - {opponent: adaptive, path: pursuit}
+  - {opponent: sweep, path: circle}
+"""
+ZOO = """\
+seeds: [0, 1, 2]
+views:
+  small:
+    id: FPG/AllyVsScripted-v0
+    options: {path: [pursuit, circle]}
+    panel: PANEL
+    steps: {ppo: 2000, td3: 1000}
+"""
+
+
+def make_zoo(folder: Path) -> Zoo:
+    """A zoo without agents, whose panel is measured."""
+    panel = folder / "small-v1.yml"
+    panel.write_text(PANEL)
+    measure_panel(str(panel), 30)
+    (folder / "zoo.yml").write_text(ZOO.replace("PANEL", str(panel)))
+    return load_zoo(folder)
+
+
+def policy(seed: int) -> bytes:
+    """A random linear policy, for which nothing has to be trained."""
+    weights = np.random.default_rng(seed).normal(size=(15, 9)).astype(np.float32)
+    graph = helper.make_graph(
+        [
+            helper.make_node("MatMul", ["observation", "w"], ["raw"]),
+            helper.make_node("Tanh", ["raw"], ["action"]),
+        ],
+        "policy",
+        [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["n", 15])],
+        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["n", 9])],
+        [numpy_helper.from_array(weights, "w")],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+    return model.SerializeToString()
+
+
+def make_agent(member: Member, folder: Path | None = None, seed: int | None = None, **other: object) -> Path:
+    """Write an agent folder: the member's own, or another one with something else in ``agent.json``."""
+    folder = folder or member.folder
+    model = policy(member.seed if seed is None else seed)
+    about = {
+        "format": 1,
+        "algorithm": member.algorithm,
+        "id": member.view.id,
+        "scenario": "0",
+        "training_seed": member.seed,
+        "training_steps": member.steps,
+        "seconds": 90.0,
+        "policy_sha256": hashlib.sha256(model).hexdigest(),
+    }
+    folder.mkdir(parents=True)
+    (folder / "policy.onnx").write_bytes(model)
+    (folder / "agent.json").write_text(json.dumps(about | other))
+    return folder
+
+
+def evaluations(count: int = 5, score: float = 0.0) -> str:
+    """What a run's folder has seen of the score while it trained."""
+    rows = [{"steps": 500 * i, "seconds": 2.0 * i, "score": score + 10 * i} for i in range(count)]
+    return "".join(json.dumps(row) + "\n" for row in rows)

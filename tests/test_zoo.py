@@ -1,0 +1,143 @@
+"""The zoo as it is shipped: every agent is loaded and played, and compared with the committed figures.
+
+A zoo of two tiny agents is trained here by the script itself, so that all of it is tried even where
+nothing is shipped.
+"""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fpg_bench.evaluation.panel import load_panel
+from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.evaluation.zoo_scores import complete, first_returns, read_lines
+from fpg_bench.evaluation.zoo_table import page
+from fpg_bench.players.agent import load_agent
+from tests.evaluation.zoo_making import make_zoo
+
+ROOT = Path(__file__).parents[1]
+SHIPPED = load_zoo()
+LARGEST_MB = 40
+TINY = """\
+seeds: [0]
+views:
+  small:
+    id: FPG/AllyVsScripted-v0
+    options: {path: circle}
+    panel: PANEL
+    steps: {td3: 5200, sac: 5200}
+"""
+
+
+def script(*words, folder):
+    run = [sys.executable, str(ROOT / "scripts" / "train_zoo.py"), *map(str, words)]
+    return subprocess.run(run, cwd=folder, capture_output=True, text=True)
+
+
+def shipped_agents():
+    return [member.name for member in SHIPPED.members() if member.shipped]
+
+
+@pytest.mark.parametrize("name", shipped_agents())
+def test_every_shipped_agent_plays_as_its_lines_say(name):
+    (member,) = SHIPPED.members(name)
+    about = load_agent(name).about
+    assert (about["id"], about["training_seed"]) == (member.view.id, member.seed)
+    assert about["training_steps"] == member.steps
+    panel = load_panel(member.view.panel)
+    who = (member.algorithm, member.seed)
+    lines = read_lines(SHIPPED, member.view, panel)
+    kept = {line["entry"]: line for line in lines if (line["algorithm"], line["training_seed"]) == who}
+    for entry in panel.entries:
+        assert first_returns(name, panel, entry) == pytest.approx(kept[entry.name]["returns"][:2], abs=2e-3)
+
+
+@pytest.mark.parametrize("view", SHIPPED.views, ids=lambda view: view.name)
+def test_shipped_views_can_be_played_and_measured(view):
+    from fpg_bench import make_sb3
+
+    panel = load_panel(view.panel)
+    assert panel.references is not None
+    games = make_sb3(view.id, 2, 0, **view.options)
+    assert games.core.side == panel.side
+    lines = read_lines(SHIPPED, view, panel)
+    assert complete(lines, panel) == lines
+
+
+def test_every_folder_of_an_agent_is_a_member_and_all_together_are_small():
+    folder = SHIPPED.folder / "agents"
+    found = {str(path.parent.relative_to(folder)) for path in folder.glob("*/*/*/agent.json")}
+    assert found == set(shipped_agents())
+    size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    assert size < LARGEST_MB * 1e6
+
+
+def test_the_page_is_what_the_lines_give():
+    assert (SHIPPED.folder / "README.md").read_text() == page(SHIPPED)
+    for link in re.findall(r"\]\(([^)]+)\)", page(SHIPPED)):
+        assert (SHIPPED.folder / link).is_file(), link
+
+
+def test_the_verb_lists_what_is_shipped():
+    found = subprocess.run([sys.executable, "-m", "fpg_bench.cli", "zoo"], capture_output=True, text=True)
+    assert found.returncode == 0, found.stderr
+    names = [line.split()[0] for line in found.stdout.splitlines() if line.endswith("whole")]
+    assert names == shipped_agents()
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tiny")
+    make_zoo(folder)
+    (folder / "zoo.yml").write_text(TINY.replace("PANEL", str(folder / "small-v1.yml")))
+    found = script("--zoo", folder, "--runs", folder / "runs", "--jobs", 2, folder=folder)
+    assert found.returncode == 0, found.stdout + found.stderr
+    return folder
+
+
+def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
+    found = script("--zoo", tiny, "--runs", tiny / "runs", "--list", folder=tiny)
+    assert [line.split() for line in found.stdout.splitlines()] == [
+        [f"small/{algorithm}/seed_0", "5,200", "shipped"] for algorithm in ("td3", "sac")
+    ]
+    zoo = load_zoo(tiny)
+    assert (tiny / "README.md").read_text() == page(zoo)
+    assert (tiny / "scores/small/curves.png").is_file()
+    panel = load_panel(zoo.views[0].panel)
+    for member in zoo.members():
+        lines = [ln for ln in read_lines(zoo, member.view, panel) if ln["algorithm"] == member.algorithm]
+        played = [first_returns(str(member.folder), panel, entry) for entry in panel.entries]
+        assert played == [line["returns"][:2] for line in lines]
+
+
+def test_the_script_checks(tiny, tmp_path):
+    shutil.copytree(tiny, tmp_path / "zoo")
+    words = ("--zoo", tmp_path / "zoo", "--check", "--only", "small/td3")
+    found = script(*words, folder=tmp_path)
+    assert (found.returncode, found.stdout) == (0, "small/td3/seed_0: as before\n")
+    lines = tmp_path / "zoo/scores/small/summary.jsonl"
+    lines.write_text(re.sub(r'("algorithm":"td3".*?"returns":)\[[^,]+', r"\1[0.5", lines.read_text()))
+    found = script(*words, folder=tmp_path)
+    assert found.returncode == 1
+    assert "adaptive/pursuit: other returns; sweep/circle: other returns" in found.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--zoo", "nowhere"), "zoo nowhere/zoo.yml: cannot be read: No such file or directory"),
+        (("--only", "ally-scriptd", "--list"), "did you mean 'ally-scripted'?"),
+        (("--jobs", "0"), "jobs: expected a whole number above 0, got 0"),
+    ],
+)
+def test_bad_words_are_one_line(tmp_path, words, message):
+    found = script(*words, folder=tmp_path)
+    assert found.returncode == 1
+    assert found.stderr.startswith("train_zoo: ")
+    assert found.stderr.strip().endswith(message)
+    assert found.stderr.count("\n") == 1
+    assert not (tmp_path / "runs").exists()
