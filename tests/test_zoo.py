@@ -23,13 +23,13 @@ ROOT = Path(__file__).parents[1]
 SHIPPED = load_zoo()
 LARGEST_MB = 40
 TINY = """\
-seeds: [0]
+seeds: [0, 1]
 views:
   small:
     id: FPG/AllyVsScripted-v0
     options: {path: circle}
     panel: PANEL
-    steps: {td3: 5200, sac: 5200}
+    steps: {td3: 5200}
 """
 
 
@@ -102,23 +102,23 @@ def tiny(tmp_path_factory):
 def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
     found = script("--zoo", tiny, "--runs", tiny / "runs", "--list", folder=tiny)
     assert [line.split() for line in found.stdout.splitlines()] == [
-        [f"small/{algorithm}/seed_0", "5,200", "shipped"] for algorithm in ("td3", "sac")
+        [f"small/td3/seed_{k}", "5,200", "shipped"] for k in (0, 1)
     ]
     zoo = load_zoo(tiny)
     assert (tiny / "README.md").read_text() == page(zoo)
     assert (tiny / "scores/small/curves.png").is_file()
     panel = load_panel(zoo.views[0].panel)
     for member in zoo.members():
-        lines = [ln for ln in read_lines(zoo, member.view, panel) if ln["algorithm"] == member.algorithm]
+        lines = [line for line in read_lines(zoo, member.view, panel) if line["training_seed"] == member.seed]
         played = [first_returns(str(member.folder), panel, entry) for entry in panel.entries]
         assert played == [line["returns"][:2] for line in lines]
 
 
 def test_the_script_checks(tiny, tmp_path):
     shutil.copytree(tiny, tmp_path / "zoo")
-    words = ("--zoo", tmp_path / "zoo", "--check", "--only", "small/td3")
+    words = ("--zoo", tmp_path / "zoo", "--check", "--only", "small/td3/seed_1")
     found = script(*words, folder=tmp_path)
-    assert (found.returncode, found.stdout) == (0, "small/td3/seed_0: as before\n")
+    assert (found.returncode, found.stdout) == (0, "small/td3/seed_1: as before\n")
     lines = tmp_path / "zoo/scores/small/summary.jsonl"
     lines.write_text(re.sub(r'("algorithm":"td3".*?"returns":)\[[^,]+', r"\1[0.5", lines.read_text()))
     found = script(*words, folder=tmp_path)
