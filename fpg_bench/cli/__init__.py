@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli import compare, plan, verbs, zoo
+from fpg_bench.cli import compare, plan, tune, verbs, zoo
 from fpg_bench.errors import UserError
 
 app = typer.Typer(
@@ -19,6 +19,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 for verb in (verbs.envs, verbs.play, verbs.train, verbs.evaluate, verbs.measure_panel, verbs.table, zoo.zoo):
+    app.command()(verb)
+for verb in (tune.tune, tune.tune_report, tune.tune_write):
     app.command()(verb)
 plan.app.command()(compare.compare)
 app.add_typer(plan.app, name="plan")

@@ -1,0 +1,117 @@
+"""The verbs of tuning: search, look at it, write down what held."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fpg_bench.cli.verbs import PathOption, PlannerOption, ScenarioOption, _listed
+
+Folder = Annotated[Path, typer.Argument(help="the study's folder")]
+StorageOption = Annotated[
+    str | None, typer.Option(help="a database's URL as Optuna takes it; default: a journal in the folder")
+]
+NameOption = Annotated[str | None, typer.Option(help="the study's name")]
+LostOption = Annotated[list[str] | None, typer.Option(help="a machine that is gone: try its trials again")]
+PatienceOption = Annotated[float, typer.Option(min=0, help="seconds to wait for a storage that went down")]
+
+
+def tune(
+    algorithm: Annotated[str, typer.Argument(help="as for train")],
+    view_id: Annotated[str, typer.Argument(metavar="ID", help="FPG/AllyVsScripted-v0 and the like")],
+    out: Annotated[Path, typer.Option(help="the study's folder")],
+    trials: Annotated[int, typer.Option(min=1, help="finished trials, of all workers together")] = 20,
+    seeds: Annotated[int, typer.Option(min=1, help="training seeds of a trial")] = 2,
+    steps: Annotated[int | None, typer.Option(help="budget of a seed; default: half of the file's")] = None,
+    space: Annotated[Path | None, typer.Option(help="a search space of your own, YAML")] = None,
+    hyperparams: Annotated[Path | None, typer.Option(help="a YAML file of your own")] = None,
+    panel: Annotated[str | None, typer.Option(help="what scores a policy; default: the id's")] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="rounds per entry of the panel")] = 100,
+    storage: StorageOption = None,
+    name: NameOption = None,
+    lost: LostOption = None,
+    patience: PatienceOption = 600,
+    scenario: ScenarioOption = None,
+    opponent: Annotated[str | None, typer.Option(help="against whom; several, separated by commas")] = None,
+    ally: Annotated[str | None, typer.Option(help="against whom; several, separated by commas")] = None,
+    path: PathOption = None,
+    planner: PlannerOption = None,
+) -> None:
+    """Search hyper-parameters; run it again to go on, and as often as there are cores."""
+    from fpg_bench.training.tuning.tune import tune as tune_run
+
+    tune_run(
+        algorithm,
+        view_id,
+        out,
+        trials=trials,
+        seeds=seeds,
+        steps=steps,
+        space=space,
+        hyperparams=hyperparams,
+        panel=panel,
+        rounds=rounds,
+        storage=storage,
+        name=name,
+        lost=lost or (),
+        patience_s=patience,
+        say=_say,
+        scenario=scenario,
+        opponent=_listed(opponent),
+        ally=_listed(ally),
+        path=_listed(path),
+        planner=planner,
+    )
+
+
+def tune_report(out: Folder, storage: StorageOption = None, name: NameOption = None) -> None:
+    """Write a study's history, importances and slices as a page."""
+    from fpg_bench.training.tuning.report import write_report
+
+    typer.echo(f"written: {write_report(out, storage=storage, name=name, say=_say)}")
+
+
+def tune_write(
+    out: Folder,
+    file: Annotated[Path, typer.Argument(help="the hyper-parameter file")],
+    best: Annotated[int, typer.Option(min=1, help="how many trials are trained again")] = 3,
+    seeds: Annotated[int, typer.Option(min=1, help="fresh training seeds of each")] = 3,
+    steps: Annotated[int | None, typer.Option(help="budget of a seed; default: the study's")] = None,
+    storage: StorageOption = None,
+    name: NameOption = None,
+    lost: LostOption = None,
+    patience: PatienceOption = 600,
+) -> None:
+    """Train a study's best trials again on fresh seeds, and write the best values into a file."""
+    from fpg_bench.errors import UserError
+    from fpg_bench.training.tuning.confirm import confirm
+    from fpg_bench.training.tuning.write import write_values
+
+    found = confirm(
+        out,
+        best=best,
+        seeds=seeds,
+        steps=steps,
+        storage=storage,
+        name=name,
+        lost=lost or (),
+        patience_s=patience,
+        say=_say,
+    )
+    for confirmed in found:
+        score = confirmed.score
+        _say(
+            f"trial {confirmed.trial}: {score.value:.1f} [{score.low:.1f}, {score.high:.1f}] on fresh seeds, "
+            f"{confirmed.searched:.1f} in the study"
+        )
+    if not found:
+        raise UserError(f"{out}: no trial was trained on all its fresh seeds; see the lines above")
+    write_values(file, found[0])
+    _say(f"written: {file}, {found[0].task.view_id}")
+
+
+def _say(line: str) -> None:
+    """Print a line at once, also into a file."""
+    print(line, flush=True)

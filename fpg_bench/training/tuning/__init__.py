@@ -1,0 +1,1 @@
+"""Tuning hyper-parameters with Optuna: search, train the best again on fresh seeds, write them down."""

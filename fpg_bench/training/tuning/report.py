@@ -1,0 +1,106 @@
+"""A study as one page: its history, what matters, slices, and a table of its trials."""
+
+from __future__ import annotations
+
+import html
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import optuna
+from optuna import visualization
+from optuna.trial import TrialState
+
+from fpg_bench.errors import UserError
+from fpg_bench.files import write_whole
+from fpg_bench.training.tuning import claim
+from fpg_bench.training.tuning.storage import PATIENCE_S, open_storage
+from fpg_bench.training.tuning.study import find_study
+from fpg_bench.training.tuning.task import Task
+from fpg_bench.training.tuning.worker import shown
+
+PAGE = "report.html"
+_SEEN = (TrialState.COMPLETE, TrialState.PRUNED, TrialState.FAIL, TrialState.RUNNING)
+_PLOTS: tuple[tuple[str, Callable[[optuna.Study], Any]], ...] = (
+    ("History", visualization.plot_optimization_history),
+    ("Along the way", visualization.plot_intermediate_values),
+    ("Importances", visualization.plot_param_importances),
+    ("Slices", visualization.plot_slice),
+)
+
+
+def write_report(
+    out: str | Path,
+    *,
+    storage: str | None = None,
+    name: str | None = None,
+    patience_s: float = PATIENCE_S,
+    say: Callable[[str], None] = print,
+) -> Path:
+    """Write ``report.html`` into a study's folder; the page needs no network.
+
+    Args:
+        out: the study's folder.
+        storage, name, patience_s, say: as in :func:`fpg_bench.training.tuning.tune.tune`.
+
+    Returns:
+        The page.
+
+    Raises:
+        UserError: no study, or one without complete trials.
+    """
+    opened = open_storage(Path(out), storage, stale=claim.try_again, say=say, patience_s=patience_s)
+    study, task = find_study(opened, name)
+    if not study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,)):
+        raise UserError(f"study {study.study_name!r} in {opened.where}: no trial is complete yet")
+    page = Path(out) / PAGE
+    write_whole(page, _page(study, task))
+    return page
+
+
+def _page(study: optuna.Study, task: Task) -> str:
+    title = html.escape(f"Study {study.study_name}")
+    about = html.escape(
+        f"{task.algorithm} on {task.view_id}, {task.seeds} seeds of {task.steps:,} steps a trial; score: "
+        f"normalised return on {task.panel}, tuning seeds, {task.rounds} rounds per entry."
+    )
+    style = "body{font-family:sans-serif;margin:2em}td,th{padding:.2em .8em;text-align:left}"
+    return (
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{style}</style>'
+        f"<h1>{title}</h1><p>{about}</p>{_plots(study)}<h2>Trials</h2>{_table(study, task)}</html>\n"
+    )
+
+
+def _plots(study: optuna.Study) -> str:
+    """The plots; the first one carries the library for all."""
+    found, library = [], True
+    for heading, plot in _PLOTS:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                drawn = plot(study).to_html(full_html=False, include_plotlyjs=library)
+        except (ValueError, RuntimeError) as error:  # too few trials for importances
+            drawn = f"<p>{html.escape(str(error))}</p>"
+        else:
+            library = False
+        found.append(f"<h2>{heading}</h2>{drawn}")
+    return "".join(found)
+
+
+def _table(study: optuna.Study, task: Task) -> str:
+    lines = ["<tr><th>trial<th>state<th>score<th>95 % interval<th>values"]
+    for trial in sorted(study.get_trials(deepcopy=False, states=_SEEN), key=lambda t: -(t.value or -1e9)):
+        values = shown(task.ranges().values(trial.params)) if _is_whole(trial, task) else ""
+        low, high, _ = trial.user_attrs.get("interval", (None, None, ""))
+        interval = "" if low is None else f"[{low:.1f}, {high:.1f}]"
+        score = "" if trial.value is None else f"{trial.value:.1f}"
+        state = trial.user_attrs.get("error") or trial.state.name.lower()
+        cells = (str(trial.number), state, score, interval, values)
+        lines.append("<tr>" + "".join(f"<td>{html.escape(cell)}" for cell in cells))
+    return f"<table>{''.join(lines)}</table>"
+
+
+def _is_whole(trial: optuna.trial.FrozenTrial, task: Task) -> bool:
+    """Whether all its values were drawn before it ended."""
+    return trial.params.keys() >= task.space.keys()

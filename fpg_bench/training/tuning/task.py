@@ -1,0 +1,137 @@
+"""What a study tunes: everything that decides a trial's score, kept in the study itself."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.panel import load_panel
+from fpg_bench.evaluation.tuning_panel import panel_of
+from fpg_bench.ids import find_view
+from fpg_bench.training.algorithms import Algorithm, find_algorithm
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.tuning.space import Space, load_space
+
+ROUNDS = 100
+# Training seeds of trials, and of what is trained again: far from those that the zoo ships.
+TRIAL_SEED = 100_000
+FRESH_SEED = 200_000
+_WORDS = {
+    "algorithm": "algorithm",
+    "view_id": "id",
+    "options": "games' options",
+    "steps": "steps",
+    "seeds": "seeds",
+    "first_seed": "first seed",
+    "panel": "panel",
+    "panel_hash": "version of the panel",
+    "rounds": "rounds",
+    "space": "search space",
+    "hyperparameters": "hyper-parameters",
+}
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a study tunes.
+
+    Attributes:
+        algorithm, view_id: what is trained, and on what.
+        options: of the games; see :class:`fpg_bench.envs.one_sided.OneSided`.
+        steps: the budget of one training seed.
+        seeds: how many training seeds a trial has. first_seed: the first of them.
+        panel: what a trained policy is scored on. panel_hash: its version. rounds: per entry.
+        space: the search space's ranges.
+        hyperparameters: the values that are not searched, a hyper-parameter file's entry.
+    """
+
+    algorithm: str
+    view_id: str
+    options: dict[str, Any]
+    steps: int
+    seeds: int
+    first_seed: int
+    panel: str
+    panel_hash: str
+    rounds: int
+    space: dict[str, dict[str, Any]]
+    hyperparameters: dict[str, Any]
+
+    def ranges(self) -> Space:
+        """The search space."""
+        return Space(self.space)
+
+    def check_same(self, found: Any, where: str) -> None:
+        """Raise UserError where a study is another one than this: ``found`` is what it holds."""
+        mine = dataclasses.asdict(self)
+        if not isinstance(found, dict):
+            raise UserError(f"{where}: was not made by fpg-bench tune; choose another --name")
+        for key, word in _WORDS.items():
+            if found.get(key) != mine[key]:
+                raise UserError(
+                    f"{where}: was made with {_other(word, found.get(key), mine[key])}; continue it with the "
+                    "same words, or choose another --name or --out"
+                )
+
+
+def _other(word: str, found: Any, mine: Any) -> str:
+    if isinstance(mine, dict):
+        keys = sorted(k for k in {*mine, *(found or {})} if (found or {}).get(k) != mine.get(k))
+        return f"another {word} ({', '.join(keys)})"
+    return f"{word} {found}, not {mine}" if word != "search space" else f"another {word}"
+
+
+def make_task(
+    algorithm: str,
+    view_id: str,
+    *,
+    seeds: int,
+    steps: int | None = None,
+    space: Path | None = None,
+    hyperparams: Path | None = None,
+    panel: str | None = None,
+    rounds: int = ROUNDS,
+    options: dict[str, Any] | None = None,
+) -> Task:
+    """What a study is to tune, from words as the command line takes them.
+
+    Raises:
+        UserError: something unknown or out of range.
+    """
+    for name, value in (("seeds", seeds), ("steps", steps), ("rounds", rounds)):
+        if value is not None and value < 1:
+            raise UserError(f"{name}: expected a whole number above 0, got {value}")
+    view = find_view(view_id)
+    options = {name: value for name, value in (options or {}).items() if value is not None}
+    found = find_algorithm(algorithm)
+    values = _entry(found, view.id, hyperparams, steps)
+    name = panel or panel_of(view.id, options)
+    measured = load_panel(name, references=False)
+    if measured.side != view.side:
+        raise UserError(f"panel {name}: measures the {measured.side}; in {view.id} the {view.side} learns")
+    return Task(
+        algorithm=algorithm,
+        view_id=view.id,
+        options=options,
+        steps=steps or max(1, values["n_timesteps"] // 2),
+        seeds=seeds,
+        first_seed=TRIAL_SEED,
+        panel=name,
+        panel_hash=measured.hash,
+        rounds=rounds,
+        space=load_space(found.base, space).ranges,
+        hyperparameters=values,
+    )
+
+
+def _entry(algorithm: Algorithm, view_id: str, file: Path | None, steps: int | None) -> dict[str, Any]:
+    """What the hyper-parameter file says for the id; a class of the user's may have none."""
+    found = load_hyperparameters(algorithm, view_id, file)
+    if not (found.n_timesteps or steps):
+        raise UserError(f"steps: {algorithm.name} has no hyper-parameter file that says how many; name them")
+    values: dict[str, Any] = {"n_envs": found.n_envs, "n_timesteps": found.n_timesteps or steps}
+    values |= {name: getattr(found, name) for name in ("normalize", "frame_stack")}
+    return {name: value for name, value in values.items() if value is not None} | found.algorithm

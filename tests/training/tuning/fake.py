@@ -1,0 +1,75 @@
+"""A study whose trials take a moment and train nothing: for what storages and workers do.
+
+As a program: ``python -m tests.training.tuning.fake FOLDER URL TRIALS SECONDS HOST`` is one worker
+(a dash: no URL, this host).
+"""
+
+import socket
+import sys
+import time
+from pathlib import Path
+
+import optuna
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.training.tuning import claim
+from fpg_bench.training.tuning.storage import open_storage
+from fpg_bench.training.tuning.study import finished, open_study
+from fpg_bench.training.tuning.task import Task
+from fpg_bench.training.tuning.worker import Worker
+
+RANGES = {"x": {"kind": "float", "low": 0.0, "high": 10.0}}
+
+
+def fake_task(**changes):
+    words = {
+        "algorithm": "ppo",
+        "view_id": "FPG/AllyVsScripted-v0",
+        "options": {},
+        "steps": 10,
+        "seeds": 2,
+        "first_seed": 0,
+        "panel": "ally-v1",
+        "panel_hash": "0",
+        "rounds": 1,
+        "space": RANGES,
+        "hyperparameters": {"x": 5.0},
+    }
+    return Task(**words | changes)
+
+
+def highest_x(values, trial, report):
+    report(values["x"], 1)
+    return Interval(values["x"], values["x"] - 1, values["x"] + 1, "training seeds")
+
+
+def fake_worker(folder, objective=highest_x, *, url=None, say=print, patience_s=20, lost=(), pruner=None):
+    """A worker of the study in a folder or database, and the study."""
+    storage = open_storage(
+        Path(folder), url, stale=claim.try_again, say=say, patience_s=patience_s, heartbeat_s=1
+    )
+    task = fake_task()
+    study = open_study(storage, "fake", task, pruner or optuna.pruners.NopPruner())
+    suggest = task.ranges().suggest
+    return Worker(study, storage, suggest, objective, done=finished, say=say, lost=lost), study
+
+
+def main(folder, url, trials, seconds, host):
+    if host != "-":
+        socket.gethostname = lambda: host
+
+    def slow(values, trial, report):
+        print(f"at work on {trial.number}", flush=True)
+        time.sleep(float(seconds))
+        return highest_x(values, trial, report)
+
+    try:
+        worker, _ = fake_worker(folder, slow, url=None if url == "-" else url)
+        worker.run(int(trials))
+    except UserError as error:
+        sys.exit(f"line: {error}")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
