@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
 from collections.abc import Callable
 from typing import Any
@@ -88,7 +89,7 @@ def check_names(
 
 def _arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict[str, Any]:
     """What the algorithm's constructor is handed: rl-zoo3's words as SB3's objects."""
-    arguments: dict[str, Any] = {"device": "cpu", **values}
+    arguments: dict[str, Any] = {"device": "cpu", **copy.deepcopy(values)}  # SB3 writes into policy_kwargs
     kind, sd = arguments.pop("noise_type", None), arguments.pop("noise_std", None)
     if (kind, sd) != (None, None):
         if kind != "normal" or isinstance(sd, bool) or not isinstance(sd, int | float):

@@ -1,12 +1,13 @@
 import numpy as np
 import onnx
 import pytest
+from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
-from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
 
 from fpg_bench import make_sb3
 from fpg_bench.errors import UserError
-from fpg_bench.players.agent import load_agent
+from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.training.export import export_agent, export_onnx
 
 ABOUT = {
@@ -19,14 +20,18 @@ ABOUT = {
 SMALL = {"net_arch": [16, 16]}
 
 
-def a_model(algorithm, normalized=False, **options):
+def a_model(algorithm, normalized=False, frames=1, **options):
     games = make_sb3("FPG/AllyVsScripted-v0", n_envs=4, seed=1)
+    if frames > 1:
+        games = VecFrameStack(games, frames)
     if normalized:
         games = VecNormalize(games)
         games.reset()
         for _ in range(50):
             games.step(np.random.default_rng(0).uniform(-1, 1, (4, 9)).astype(np.float32))
-    model = algorithm("MlpPolicy", games, seed=0, policy_kwargs=dict(SMALL), device="cpu", **options)
+    policy = "MlpLstmPolicy" if algorithm is RecurrentPPO else "MlpPolicy"
+    kwargs = SMALL | options.pop("policy_kwargs", {})
+    model = algorithm(policy, games, seed=0, policy_kwargs=kwargs, device="cpu", **options)
     for parameter in model.policy.parameters():
         parameter.data += 0.3 * parameter.data.new_tensor(
             np.random.default_rng(1).normal(size=parameter.shape)
@@ -36,8 +41,8 @@ def a_model(algorithm, normalized=False, **options):
 
 @pytest.mark.parametrize(
     ("algorithm", "options"),
-    [(PPO, {}), (PPO, {"use_sde": True}), (A2C, {}), (SAC, {}), (TD3, {})],
-    ids=["ppo", "ppo-sde", "a2c", "sac", "td3"],
+    [(PPO, {}), (PPO, {"use_sde": True}), (A2C, {}), (SAC, {}), (TD3, {}), (TQC, {})],
+    ids=["ppo", "ppo-sde", "a2c", "sac", "td3", "tqc"],
 )
 @pytest.mark.parametrize("normalized", [False, True])
 def test_exported_agents_play_as_the_model_predicts(algorithm, options, normalized, tmp_path):
@@ -50,6 +55,58 @@ def test_exported_agents_play_as_the_model_predicts(algorithm, options, normaliz
     ours = player.predict(seen)[0]
     assert np.abs(theirs - ours).max() < 1e-5
     assert np.ptp(ours, axis=0).max() > 0.05  # it reads what it sees
+
+
+SHARED = {"lstm_hidden_size": 6, "shared_lstm": True, "enable_critic_lstm": False}
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "frames", "normalized", "options"),
+    [
+        (PPO, 8, False, {}),
+        (SAC, 3, True, {}),
+        (TD3, 2, True, {}),
+        (RecurrentPPO, 1, False, {"policy_kwargs": {"lstm_hidden_size": 6, "n_lstm_layers": 2}}),
+        (RecurrentPPO, 3, True, {"policy_kwargs": SHARED}),
+    ],
+    ids=["ppo-stack8", "sac-stack3", "td3-stack2", "lstm", "lstm-stack3"],
+)
+def test_agents_with_memory_play_as_the_model_does_in_its_own_games(
+    algorithm, frames, normalized, options, tmp_path
+):
+    """Over 220 steps of SB3's own stacking and normalising, in rounds that end at different steps."""
+    model = a_model(algorithm, normalized, frames, **options)
+    assert export_agent(model, tmp_path, ABOUT) < 1e-5
+    player, core = load_agent(tmp_path), make_sb3("FPG/AllyVsScripted-v0", n_envs=4, seed=5, stagger=True)
+    games = VecFrameStack(core, frames) if frames > 1 else core
+    if (normalize := model.get_vec_normalize_env()) is not None:
+        normalize.training = False
+        normalize.set_venv(games)
+        games = normalize
+    seen, theirs_memory, ours_memory = games.reset(), None, None
+    starts, rounds, spread = np.ones(4, bool), 0, []
+    for _ in range(220):
+        theirs, theirs_memory = model.predict(seen, theirs_memory, starts, deterministic=True)
+        ours, ours_memory = player.predict(core.core.observations.copy(), ours_memory, starts)
+        assert np.abs(theirs - ours).max() < 1e-4
+        spread.append(ours)
+        seen, _, starts, _ = games.step(theirs)
+        rounds += starts.sum()
+    assert rounds == 2
+    assert np.ptp(spread, axis=0).max() > 0.01
+
+
+def test_memory_gives_the_same_bits_in_a_batch_and_alone():
+    model = a_model(RecurrentPPO, True, 3, policy_kwargs={"lstm_hidden_size": 6})
+    player = OnnxPlayer(export_onnx(model), {})
+    seen = np.random.default_rng(0).uniform(-1, 1, (20, 33, 15)).astype(np.float32)
+    whole, memory, alone = [], None, None
+    for row in seen:
+        found, memory = player.predict(row, memory)
+        single, alone = player.predict(row[7:8], alone)
+        whole.append((found[7], single[0]))
+    assert all((a == b).all() for a, b in whole)
+    assert (memory[0][7] == alone[0][0]).all()
 
 
 def test_nothing_of_this_machine_is_exported(tmp_path):
@@ -68,7 +125,7 @@ def test_a_policy_of_another_kind_is_refused():
 
 
 def test_an_export_that_plays_differently_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("fpg_bench.training.export.largest_difference", lambda *a: float("nan"))
+    monkeypatch.setattr("fpg_bench.training.export.largest_difference", lambda *a, **k: float("nan"))
     with pytest.raises(UserError, match="differs"):
         export_agent(a_model(PPO), tmp_path / "agent", ABOUT)
     assert not (tmp_path / "agent").exists()

@@ -28,7 +28,7 @@ FPG/AllyVsPlanner-v0: *tiny
 @pytest.fixture
 def tiny(tmp_path):
     (tmp_path / "tiny.yml").write_text(TINY)
-    return {"hyperparams": tmp_path / "tiny.yml", "progress": False}
+    return {"hyperparams": tmp_path / "tiny.yml", "progress": False, "evaluations": 0}
 
 
 def lines(path, kind):

@@ -1,0 +1,225 @@
+"""A run that was stopped goes on where it was, ends as it would have, and never loses a good checkpoint."""
+
+import fcntl
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from stable_baselines3.common.callbacks import BaseCallback
+
+from fpg_bench.errors import UserError
+from fpg_bench.players.agent import load_agent
+from fpg_bench.rows import RowFile
+from fpg_bench.training import checkpoints, train
+from fpg_bench.training.checkpoints import newest_checkpoint
+from tests.training.tiny import train_tiny
+
+ALGORITHMS = ["ppo", "sac", "td3", "recurrent-ppo", "ppo-stack3", "sac-stack3"]
+
+
+class Watched(BaseCallback):
+    """Stands where the progress bar would, after all that keeps; stops a run, and sees what its model was."""
+
+    def __init__(self, at=None):
+        super().__init__()
+        self.at, self.seen, self.seeds, self.counts, self.rates = at, None, None, 0, []
+
+    def _on_rollout_start(self):
+        self.rates.append(self.model.lr_schedule(self.model._current_progress_remaining))
+        stops = self.at is not None and self.num_timesteps >= self.at
+        if self.seen is None or stops:
+            self.seeds = self.seeds or self.training_env.unwrapped.core.duel.arena.games["seed"].tolist()
+            self.seen = snapshot(self.model)
+            self.counts = round(self.model.get_vec_normalize_env().obs_rms.count)
+        if stops:
+            raise KeyboardInterrupt
+
+    def _on_step(self):
+        return True
+
+    def close(self):
+        """Nothing to close."""
+
+
+def snapshot(model):
+    """Everything that must be the same after a stop, as plain numbers."""
+    found = {"steps": model.num_timesteps, "updates": model._n_updates}
+    for name, part in model.get_parameters().items():
+        states = part["state"] if "optimizer" in name else part
+        found[name] = json.dumps(states, default=lambda x: np.asarray(x).tolist())
+    returns = model.get_vec_normalize_env().ret_rms
+    found["returns"] = [float(returns.mean), float(returns.var), float(returns.count)]
+    if (buffer := getattr(model, "replay_buffer", None)) is not None:
+        found["buffer"] = [buffer.pos, buffer.observations[: buffer.pos].tolist(), buffer.rewards.tolist()]
+    return found
+
+
+def watched(monkeypatch, at=None):
+    """What the next runs are seen by."""
+    watch = Watched(at)
+    monkeypatch.setattr(train, "TrainingBar", lambda budget: watch)
+    return watch
+
+
+def stopped(algorithm, out, monkeypatch, at=600, **options):
+    """A run that is stopped at a step, right after its checkpoint was written."""
+    monkeypatch.setattr("fpg_bench.training.keeping.SAVE_EVERY_S", -1.0)
+    watch = watched(monkeypatch, at)
+    with pytest.raises(KeyboardInterrupt):
+        train_tiny(algorithm, out, progress=True, **options)
+    return watch
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_a_run_goes_on_where_it_was_and_ends_with_the_steps_asked_for(algorithm, tmp_path, monkeypatch):
+    changes = {"learning_rate": "lin_0.001"}
+    first = stopped(algorithm, tmp_path / "run", monkeypatch, changes=changes)
+    with pytest.raises(UserError, match="unfinished; go on with --resume"):
+        train_tiny(algorithm, tmp_path / "run", changes=changes)
+    second = watched(monkeypatch)
+    agent = train_tiny(algorithm, tmp_path / "run", changes=changes, progress=True, resume=True)
+    assert first.seen["steps"] >= 600
+    assert second.seen == first.seen
+    # The games' first observations are normalised, and counted, at each beginning
+    assert second.counts == first.counts + 4
+    assert set(second.seeds).isdisjoint(first.seeds)
+    assert set(second.seeds) <= set(range(10**6))
+    assert second.rates[-1] <= second.rates[0] == first.rates[-1] < first.rates[0]
+    about = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert about["steps_done"] == 1200
+    assert (about["finished"], about["part"]) == (True, 1)
+    assert not (tmp_path / "run" / "checkpoints").exists()
+    load_agent(agent, "ally")
+
+
+def test_runs_of_neighbouring_seeds_play_other_matches(tmp_path, monkeypatch):
+    seeds = []
+    for seed in (0, 1):
+        watch = stopped("ppo", tmp_path / str(seed), monkeypatch, at=400, seed=seed)
+        seeds.append(watch.seeds)
+    assert seeds == [[0, 1, 2, 3], [10**6 + k for k in range(4)]]
+
+
+def test_a_truncated_checkpoint_is_one_clear_line(tmp_path, monkeypatch):
+    stopped("sac", tmp_path / "run", monkeypatch)
+    for name in ("model.zip", "normalize.pkl", "replay_buffer.pkl", "progress.json"):
+        path = newest_checkpoint(tmp_path / "run" / "checkpoints") / name
+        whole = path.read_bytes()
+        path.write_bytes(whole[: len(whole) // 2])
+        with pytest.raises(UserError, match=r"checkpoint .*0600: cannot be read .*--restart") as caught:
+            train_tiny("sac", tmp_path / "run", resume=True)
+        assert "\n" not in str(caught.value)
+        path.write_bytes(whole)
+    train_tiny("sac", tmp_path / "run", resume=True)
+
+
+def test_a_checkpoint_that_is_not_written_to_its_end_leaves_the_one_before(tmp_path, monkeypatch):
+    real = checkpoints.write_json
+    written = []
+
+    def fail(path, content):
+        written.append(path)
+        if len(written) == 3:
+            raise OSError("no space left")
+        real(path, content)
+
+    monkeypatch.setattr(checkpoints, "write_json", fail)
+    with pytest.raises(OSError, match="no space"):
+        stopped("td3", tmp_path / "run", monkeypatch)
+    folder = tmp_path / "run" / "checkpoints"
+    assert newest_checkpoint(folder).name == f"{4:012d}"  # at 0 and at 4, not at 8
+    assert (folder / f".{8:012d}").exists()
+    train_tiny("td3", tmp_path / "run", resume=True)
+
+
+def test_resume_and_restart_at_once_and_another_run_are_refused(tmp_path, monkeypatch):
+    stopped("ppo", tmp_path / "run", monkeypatch)
+    with pytest.raises(UserError, match="say one of them"):
+        train_tiny("ppo", tmp_path / "run", resume=True, restart=True)
+    with pytest.raises(UserError, match="holds another run"):
+        train_tiny("ppo", tmp_path / "run", resume=True, steps=2400)
+    with pytest.raises(UserError, match="holds another run"):
+        train_tiny("ppo", tmp_path / "run", resume=True, opponent="tone")
+
+
+def test_a_folder_in_use_by_another_process_is_refused(tmp_path, monkeypatch):
+    stopped("ppo", tmp_path / "run", monkeypatch)
+    with (tmp_path / "run" / "evaluations.jsonl").open("a") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        with pytest.raises(UserError, match="run: another process is training in this folder"):
+            train_tiny("ppo", tmp_path / "run", resume=True)
+
+
+def test_scores_of_a_run_that_goes_on_stand_once(tmp_path, monkeypatch):
+    stopped("ppo", tmp_path / "run", monkeypatch, at=800, evaluations=3)
+    train_tiny("ppo", tmp_path / "run", resume=True, evaluations=3)
+    rows = RowFile(tmp_path / "run" / "evaluations.jsonl").read()
+    assert [row["steps"] for row in rows] == [0, 400, 800, 1200]
+    assert [row["seconds"] for row in rows] == sorted(row["seconds"] for row in rows)
+
+
+# In processes of their own
+
+PROGRAM = """
+import json, sys
+import fpg_bench.training.keeping as keeping
+from tests.training.tiny import train_tiny
+keeping.SAVE_EVERY_S = 0.0
+train_tiny("sac", sys.argv[1], {"train_freq": 1}, steps=int(sys.argv[2]), resume=True, evaluations=4)
+"""
+
+
+def started(out, steps):
+    """A run in a process that hears Ctrl-C, also where the tests run in the background and do not."""
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, str(out), str(steps)],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+
+
+def wait_for_steps(folder, steps, process):
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline and process.poll() is None:
+        newest = newest_checkpoint(folder / "checkpoints")
+        if newest is not None and int(newest.name) >= steps:
+            return int(newest.name)
+        time.sleep(0.02)
+    raise AssertionError(process.communicate()[1])
+
+
+def test_killed_once_and_stopped_once_it_still_ends_with_the_steps_asked_for(tmp_path):
+    out, budget, reached = tmp_path / "run", 2000, 0
+    for stop in (signal.SIGKILL, signal.SIGINT):
+        process = started(out, budget)
+        reached = wait_for_steps(out, reached + 200, process)
+        process.send_signal(stop)
+        error = process.communicate(timeout=60)[1]
+        assert process.returncode not in (0, None), error
+        assert int(newest_checkpoint(out / "checkpoints").name) >= reached
+    assert "stopping as soon as the run can be saved" in error
+    train_tiny("sac", out, {"train_freq": 1}, steps=budget, resume=True, evaluations=4)
+    about = json.loads((out / "run.json").read_text())
+    assert (about["steps_done"], about["part"], about["finished"]) == (budget, 2, True)
+    steps = [row["steps"] for row in RowFile(out / "evaluations.jsonl").read()]
+    assert steps == sorted(set(steps))
+    assert (steps[0], steps[-1]) == (0, budget)
+
+
+def test_ctrl_c_is_heard_in_the_main_thread_only(tmp_path):
+    ended = []
+
+    def run():
+        ended.append(train_tiny("ppo", tmp_path / "run"))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    assert ended
+    assert signal.getsignal(signal.SIGINT) in (signal.default_int_handler, signal.SIG_IGN)
