@@ -14,10 +14,10 @@ import pytest
 
 from fpg_bench.evaluation.panel import load_panel
 from fpg_bench.evaluation.zoo import load_zoo
-from fpg_bench.evaluation.zoo_scores import complete, first_returns, read_lines
+from fpg_bench.evaluation.zoo_scores import add_missing_lines, complete, first_returns, read_lines
 from fpg_bench.evaluation.zoo_table import page
 from fpg_bench.players.agent import load_agent
-from tests.evaluation.zoo_making import make_zoo
+from tests.evaluation.zoo_making import make_agent, make_zoo
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = load_zoo()
@@ -87,6 +87,31 @@ def test_the_verb_lists_what_is_shipped():
     assert found.returncode == 0, found.stderr
     names = [line.split()[0] for line in found.stdout.splitlines() if line.endswith("whole")]
     assert names == shipped_agents()
+
+
+def test_the_list_tells_scores_and_what_has_changed(tmp_path, monkeypatch, capsys):
+    from fpg_bench.cli.zoo import zoo as verb
+    from fpg_bench.evaluation import zoo as zoos
+
+    zoo = make_zoo(tmp_path)
+    monkeypatch.setattr(zoos, "load_zoo", lambda: zoo)
+    verb()
+    assert capsys.readouterr().out.startswith("no agents are shipped")
+    scored, changed, _, unscored, *_ = zoo.members()
+    make_agent(scored)
+    add_missing_lines(zoo, scored.view)
+    make_agent(changed)
+    make_agent(unscored)
+    (changed.folder / "policy.onnx").write_bytes(b"torn")
+    verb()
+    head, one, two, three, last = capsys.readouterr().out.splitlines()
+    assert head.split() == ["agent", "steps", "score", "policy"]
+    assert one.split()[:2] == ["small/ppo/seed_0", "2,000"]
+    assert float(one.split()[2]) < 100
+    assert one.endswith("whole")
+    assert two.split()[2:4] == ["-", "CHANGED:"]
+    assert three.split() == ["small/td3/seed_0", "1,000", "-", "whole"]
+    assert last.startswith("3 agents, ")
 
 
 @pytest.fixture(scope="module")

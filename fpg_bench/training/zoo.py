@@ -1,4 +1,8 @@
-"""Training the zoo: every missing agent in a process of its own, then shipped, scored and drawn."""
+"""Training the zoo: every missing agent in a process of its own, then shipped and scored.
+
+Where this process is killed outright, the trainings under way go on by themselves; the next call refuses to
+train these beside them, and ships them once they are done.
+"""
 
 from __future__ import annotations
 
