@@ -76,8 +76,7 @@ class Yardstick:
         """
         returns, found = self._play(self._together(player))
         scores = [
-            float(reference.scores(np.array(row)).mean()) if reference.standard_errors else math.nan
-            for reference, row in zip(self._references, returns, strict=True)
+            _normalised(reference, row) for reference, row in zip(self._references, returns, strict=True)
         ]
         return {
             "score": _number(float(iqm(np.array(scores)))),
@@ -146,6 +145,13 @@ class Yardstick:
         for own, other, duel in zip(actions, self._others, self._duels, strict=True):
             answer = other.act()
             duel.arena.step(*((own, answer) if self.panel.side == "ally" else (answer, own)))
+
+
+def _normalised(reference: Reference, returns: list[float]) -> float:
+    """The mean normalised score; NaN where the reference is worth no more than the random player."""
+    if sum(reference.reference) == sum(reference.random):
+        return math.nan
+    return float(reference.scores(np.array(returns)).mean())
 
 
 def _number(value: float) -> float | None:

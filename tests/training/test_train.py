@@ -1,15 +1,23 @@
 import json
+import subprocess
+from pathlib import Path
 
 import pytest
 import yaml
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+import fpg_bench
 from fpg_bench.envs.sb3 import make_sb3
 from fpg_bench.errors import UserError
 from fpg_bench.ids import VIEWS
 from fpg_bench.players.agent import baselines_folder, load_agent
-from fpg_bench.training.hyperparameters import ALGORITHMS, load_hyperparameters
-from fpg_bench.training.train import make_model, train
+from fpg_bench.rows import RowFile
+from fpg_bench.training.algorithms import ALGORITHMS
+from fpg_bench.training.checkpoints import newest_checkpoint
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.models import make_model
+from fpg_bench.training.scoring import Yardstick
+from fpg_bench.training.train import train
 
 TINY = """\
 FPG/AllyVsScripted-v0:
@@ -35,6 +43,7 @@ def run(tmp_path_factory):
         seed=3,
         hyperparams=folder / "tiny.yml",
         progress=False,
+        evaluations=2,
     )
     return folder / "run"
 
@@ -46,7 +55,36 @@ def test_a_run_says_how_it_was_made(run):
     assert about["steps_done"] == 2400
     assert about["hyperparameters"]["n_steps"] == 300
     assert about["versions"]["torch"].startswith("2.")
+    assert about["panel"] == "ally-v1"
+    assert about["scenario_fields"] == {}
+    assert about["steps_per_s"] == pytest.approx(2400 / about["seconds"], rel=0.1)
     assert (run / "model.zip").exists()
+    assert (run / "normalize.pkl").exists()
+    assert not (run / "checkpoints").exists()
+
+
+def test_its_git_revision_is_that_of_the_code(run):
+    root = Path(fpg_bench.__file__).parents[1]
+    if not (root / ".git").exists():
+        pytest.skip("not a checkout")
+    head = subprocess.check_output(["git", "rev-parse", "HEAD"], cwd=root, text=True).strip()
+    assert json.loads((run / "run.json").read_text())["revision"].rstrip("+") == head
+
+
+def test_it_says_how_good_its_policy_was_on_the_way(run):
+    rows = RowFile(run / "evaluations.jsonl").read()
+    assert [row["steps"] for row in rows] == [0, 1200, 2400]
+    for row in rows:
+        assert row.keys() == {"steps", "seconds", "score", "return", "entries", "measures"}
+        assert len(row["entries"]) == 10
+    seconds = [row["seconds"] for row in rows]
+    assert seconds == sorted(seconds)
+    assert rows[0]["score"] != rows[-1]["score"]
+
+
+def test_the_last_score_is_the_agents(run):
+    found = Yardstick("ally-v1").score(load_agent(run / "agent"))
+    assert found["score"] == pytest.approx(RowFile(run / "evaluations.jsonl").read()[-1]["score"], abs=2)
 
 
 def test_the_agent_plays_without_torch_or_sb3(run):
@@ -60,14 +98,20 @@ def test_tensorboard_shows_the_game(run):
     events = EventAccumulator(str(run))
     events.Reload()
     tags = set(events.Tags()["scalars"])
-    assert {"game/overlap_ratio", "game/jamming_success_rate", "game/hop_rate", "rollout/ep_rew_mean"} <= tags
+    assert {
+        "game/overlap_ratio",
+        "game/jamming_success_rate",
+        "game/hop_rate",
+        "rollout/ep_rew_mean",
+        "panel/score",
+    } <= tags
     assert all(0 <= event.value <= 1 for event in events.Scalars("game/jamming_success_rate"))
 
 
 def test_a_finished_run_is_not_repeated_and_no_other_overwritten(run, tmp_path):
     before = (run / "run.json").read_text()
     arguments = ("ppo", "FPG/AllyVsScripted-v0", run)
-    options = {"hyperparams": run.parent / "tiny.yml", "progress": False}
+    options = {"hyperparams": run.parent / "tiny.yml", "progress": False, "evaluations": 0}
     assert train(*arguments, seed=3, **options) == run / "agent"
     assert (run / "run.json").read_text() == before
     with pytest.raises(UserError, match="holds another run"):
@@ -101,7 +145,7 @@ def test_a_stopped_run_leaves_its_model(tmp_path, monkeypatch):
             hyperparams=tmp_path / "tiny.yml",
             progress=False,
         )
-    assert (tmp_path / "run" / "model.zip").stat().st_size > 0
+    assert newest_checkpoint(tmp_path / "run" / "checkpoints").name == f"{0:012d}"
     assert not json.loads((tmp_path / "run" / "run.json").read_text())["finished"]
 
 
@@ -118,13 +162,23 @@ def test_shipped_hyperparameters_make_a_model_for_every_id(algorithm, monkeypatc
 def test_shipped_files_hold_nothing_to_evaluate():
     for path in (baselines_folder() / "hyperparams").glob("*.yml"):
         words = [value for entry in yaml.safe_load(path.read_text()).values() for value in entry.values()]
-        assert {word for word in words if isinstance(word, str)} <= {"MlpPolicy", "normal"}, path
+        assert {word for word in words if isinstance(word, str)} <= {
+            "MlpPolicy",
+            "MlpLstmPolicy",
+            "normal",
+        }, path
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("n_steps: 300", "n_step: 300", "n_step"),
+        ("n_steps: 300", "n_step: 300", "unknown key 'n_step'; did you mean 'n_steps'"),
+        ("n_steps: 300", "n_steps: 300\n  seed: 3", "unknown key 'seed'"),
+        ("norm_obs", "norm_obz", "normalize: unknown key 'norm_obz'; did you mean 'norm_obs'"),
+        ("net_arch", "net_arc", "net_arc"),
+        ("n_steps: 300", "n_steps: 300\n  learning_rate: line_3", "expected a number or lin_<number>"),
+        ("n_steps: 300", "n_steps: 300\n  noise_std: 0.1", "noise_type"),
+        ("n_steps: 300", "n_steps: 300\n  frame_stack: 0", "frame_stack: expected a whole number"),
         ("n_envs: 4", "n_envs: four", "n_envs"),
         ("normalize: {norm_obs: true, norm_reward: true}", "normalize: true", "expected a mapping"),
         ("AllyVsScripted", "AllyVsScriptd", "did you mean 'FPG/AllyVsScriptd-v0'"),
@@ -135,6 +189,7 @@ def test_bad_hyperparameters(tmp_path, old, new, message):
     path.write_text(TINY.replace(old, new))
     with pytest.raises(UserError, match=message):
         train("ppo", "FPG/AllyVsScripted-v0", tmp_path / "run", hyperparams=path, progress=False)
+    assert not (tmp_path / "run").exists()
 
 
 def test_unknown_words(tmp_path):

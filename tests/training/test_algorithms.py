@@ -1,0 +1,84 @@
+"""What the name of an algorithm means, and algorithms of one's own."""
+
+import json
+
+import pytest
+from sb3_contrib import TQC, RecurrentPPO
+from stable_baselines3 import PPO, SAC, TD3
+
+from fpg_bench.errors import UserError
+from fpg_bench.players.agent import load_agent
+from fpg_bench.training.algorithms import find_algorithm
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.train import train
+from tests.training.own import Mine
+from tests.training.tiny import ALLY, train_tiny
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "frames"),
+    [
+        ("ppo", PPO, None),
+        ("sac", SAC, None),
+        ("td3-stack4", TD3, 4),
+        ("ppo-stack8", PPO, 8),
+        ("recurrent-ppo", RecurrentPPO, None),
+        ("sb3_contrib:TQC", TQC, None),
+        (PPO, PPO, None),
+    ],
+)
+def test_names(name, kind, frames):
+    found = find_algorithm(name)
+    assert (found.kind, found.frame_stack) == (kind, frames)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("pppo", "did you mean 'ppo'"),
+        ("recurrent_ppo", "did you mean 'recurrent-ppo'"),
+        ("ppo-stack0", "did you mean 'ppo-stack8'"),
+        ("nowhere:Mine", "No module named 'nowhere'"),
+        ("tests.training.own:Yours", "no attribute 'Yours'"),
+        ("tests.training.own:NoAlgorithm", "no subclass of stable_baselines3's BaseAlgorithm"),
+        (":Mine", "algorithm ':Mine'"),
+    ],
+)
+def test_unknown_names(name, message):
+    with pytest.raises(UserError, match=message):
+        find_algorithm(name)
+
+
+def test_stacked_frames_come_from_the_name_or_the_file():
+    assert load_hyperparameters("ppo-stack8", ALLY).frame_stack == 8
+    assert load_hyperparameters("sac-stack3", ALLY).frame_stack == 3  # on the plain algorithm's values
+    assert load_hyperparameters("sac-stack3", ALLY).algorithm == load_hyperparameters("sac", ALLY).algorithm
+    given = {"n_envs": 1, "n_timesteps": 1, "frame_stack": 4}
+    assert load_hyperparameters("ppo", ALLY, given).frame_stack == 4
+    with pytest.raises(UserError, match="frame_stack: ppo-stack8 has 8, got 4"):
+        load_hyperparameters("ppo-stack8", ALLY, given)
+
+
+def test_an_algorithm_of_ones_own_is_trained_by_its_name(tmp_path):
+    agent = train_tiny("tests.training.own:Mine", tmp_path / "run", hyperparams=None, steps=3200)
+    about = load_agent(agent, "ally").about
+    assert about["algorithm"] == "tests.training.own:Mine"
+    assert about["hyperparameters"] == {"n_envs": 64, "normalize": None, "policy": "MlpPolicy"}
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["steps_done"] == 3200
+
+
+def test_or_by_its_class_with_hyperparameters_of_its_own(tmp_path):
+    values = {"n_envs": 4, "n_timesteps": 200, "policy": "MlpPolicy", "bonus": 0.5, "normalize": None}
+    agent = train(Mine, ALLY, tmp_path / "run", hyperparams=values, progress=False, evaluations=0)
+    assert load_agent(agent).about["hyperparameters"]["bonus"] == 0.5
+
+
+def test_without_a_file_the_steps_must_be_said(tmp_path):
+    with pytest.raises(UserError, match=r"steps: .* has no hyper-parameter file"):
+        train(Mine, ALLY, tmp_path / "run")
+
+
+def test_a_policy_that_cannot_be_exported_is_refused_before_training(tmp_path):
+    with pytest.raises(UserError, match="Doubling computes more than its networks say"):
+        train_tiny("tests.training.own:Odd", tmp_path / "run", hyperparams=None, steps=10**9)
+    assert not (tmp_path / "run").exists()

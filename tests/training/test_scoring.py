@@ -1,0 +1,88 @@
+"""Scores on the way: the same games as the match runner plays, on tuning seeds."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation import runner
+from fpg_bench.evaluation.panel import load_panel
+from fpg_bench.evaluation.seeds import TUNING_START
+from fpg_bench.game.scenario import as_scenario
+from fpg_bench.ids import find_view
+from fpg_bench.players.naming import as_player
+from fpg_bench.training.scoring import Yardstick, view_panel
+
+
+class Following:
+    """Acts by what it sees and by how long its round has lasted."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        count = len(observation)
+        steps = np.zeros(count) if state is None else np.where(episode_start, 0, state)
+        actions = np.tile(observation, 2)[:, 3:12] * np.cos(steps / 7)[:, None]
+        return actions.astype(np.float32), steps + 1
+
+
+@pytest.mark.parametrize("name", ["ally-v1", "opponent-v1", "ally-planner-v1"])
+def test_scores_are_those_of_the_match_runner_on_tuning_seeds(name, monkeypatch):
+    panel = load_panel(name, references=False)
+    yardstick = Yardstick(panel, rounds=4)
+    found = yardstick.score(Following())
+    assert yardstick.score(Following()) == found
+
+    def tuning(count, season):
+        return [TUNING_START + game for game in range(count)]
+
+    monkeypatch.setattr(runner, "evaluation_seeds", tuning)
+    entry, key = panel.entries[1], f"{panel.side}_return"
+    means = [
+        np.mean([row[key] for rows in runner.play_entry(spec, panel, entry, 4) for row in rows])
+        for spec in ("random", panel.reference, Following())
+    ]
+    score = 100 * (means[2] - means[0]) / (means[1] - means[0])
+    assert found["entries"][entry.name] == pytest.approx(score, abs=2e-3)
+
+
+def test_the_reference_is_worth_100_and_its_measures_are_pooled():
+    panel = load_panel("ally-v1", references=False)
+    yardstick = Yardstick(panel, rounds=3)
+    found = yardstick.score(as_player("expert", "ally", panel.scenario))
+    assert set(found) == {"score", "return", "entries", "measures"}
+    assert found["entries"].keys() == {entry.name for entry in panel.entries}
+    assert found["measures"]["jamming_success_rate"] <= 1
+    assert 90 < found["score"] < 110  # it draws other numbers than in its seat
+
+
+def test_the_runs_own_scenario_is_played():
+    short = as_scenario(None, steps_per_round=50)
+    ours, theirs = (Yardstick("ally-v1", 2, scenario).score(Following()) for scenario in (short, None))
+    assert ours["return"] != theirs["return"]
+
+
+def test_a_game_that_tells_nobody_apart_has_no_score():
+    panel = dataclasses.replace(load_panel("ally-v1", references=False), reference="random")
+    found = Yardstick(panel, 1).score(Following())
+    assert found["score"] is None
+    assert set(found["entries"].values()) == {None}
+
+
+@pytest.mark.parametrize(
+    ("view_id", "path", "panel"),
+    [
+        ("FPG/AllyVsScripted-v0", None, "ally-v1"),
+        ("FPG/AllyVsPlanner-v0", None, "ally-planner-v1"),
+        ("FPG/OpponentVsScripted-v0", None, "opponent-v1"),
+        ("FPG/OpponentVsScripted-v0", "learned", "opponent-learned-v1"),
+    ],
+)
+def test_every_id_has_its_panel(view_id, path, panel):
+    view = find_view(view_id)
+    assert view_panel(view, path) == panel
+    assert load_panel(panel, references=False).side == view.side
+
+
+def test_a_panel_of_the_other_side_is_refused():
+    with pytest.raises(UserError, match="measures the opponent, not the ally"):
+        Yardstick("opponent-v1", side="ally")
