@@ -19,6 +19,7 @@ PICTURES = ("curves", "profiles", "improvement")
 # Okabe and Ito's colours, which everybody can tell apart.
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 _GREY = "#7f7f7f"
+_LOWEST = -100.0  # what is shown of learning curves; early policies may score far below
 
 
 def colours(algorithms: Iterable[str]) -> dict[str, str]:
@@ -37,7 +38,7 @@ def draw_curves(
         coloured: each algorithm's colour.
         path: the PNG file.
     """
-    figure = _figure(9, 3.6)
+    figure = _figure(9.5, 3.6)
     both = figure.subplots(1, 2, sharey=True)
     for axes, over, label, unit in zip(
         both, ("steps", "seconds"), ("steps", "training time (minutes)"), (1, 60), strict=True
@@ -52,7 +53,9 @@ def draw_curves(
         axes.set(xscale="log", xlabel=label)
     both[0].set_ylabel("normalised score (IQM)")
     if rows:
-        both[1].legend(frameon=False, fontsize=8, loc="lower right")
+        both[1].legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
+    low, _ = both[0].get_ylim()
+    both[0].set_ylim(bottom=max(low, _LOWEST))
     _save(figure, path)
 
 

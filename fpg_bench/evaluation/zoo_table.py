@@ -49,7 +49,8 @@ _IMPROVEMENT = (
 )
 _CURVES = (
     "Learning curves: the score on tuning seeds, mean and range over training seeds, while they all train; "
-    "the dashed line is the best script on the panel's own seeds."
+    "the dashed line is the best script on the panel's own seeds. What is "
+    "below -100 is cut off."
 )
 
 
