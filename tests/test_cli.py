@@ -62,7 +62,8 @@ def test_play_prints_a_round_and_writes_a_page(tmp_path):
 def test_train_evaluate_table(tmp_path):
     (tmp_path / "tiny.yml").write_text(TINY)
     words = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "run", "--hyperparams", "tiny.yml")
-    found = fpg(*words, "--opponent", "tone,comb", folder=tmp_path)
+    words = (*words, "--opponent", "tone,comb", "--evaluations", "1", "--resume")
+    found = fpg(*words, folder=tmp_path)
     assert found.returncode == 0, found.stderr
     assert "run/agent" in found.stdout
     words = ("evaluate", "idle", "run/agent", "--panel", "ally-v1", "--rounds", 2, "--out", "results")
@@ -192,7 +193,9 @@ def test_ctrl_c_while_training_saves_the_model(tmp_path):
     error = process.communicate(timeout=60)[1]
     assert process.returncode == 130, error
     assert error.splitlines()[-1] == "fpg-bench: stopped; what was finished is kept"
-    assert (tmp_path / "run" / "model.zip").stat().st_size > 0
+    assert "steps; go on by the same command with --resume" in error
+    (checkpoint,) = (tmp_path / "run" / "checkpoints").iterdir()
+    assert (checkpoint / "model.zip").stat().st_size > 0
     assert json.loads((tmp_path / "run" / "run.json").read_text())["finished"] is False
 
 

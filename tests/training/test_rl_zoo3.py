@@ -1,0 +1,37 @@
+"""Our hyper-parameter files are rl-zoo3's: its own command trains with them."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+
+import pytest
+
+from fpg_bench.players.agent import baselines_folder
+from tests.training.tiny import ALLY
+
+pytestmark = pytest.mark.skipif(
+    importlib.util.find_spec("rl_zoo3") is None and not os.environ.get("CI"),
+    reason="rl-zoo3 is not installed (it is a part of the extra dev)",
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "theirs", "small"),
+    [
+        ("ppo", "ppo", "n_envs:2 n_steps:8 batch_size:16"),
+        ("recurrent-ppo", "ppo_lstm", "n_envs:2 n_steps:8 batch_size:16"),
+    ],
+)
+def test_rl_zoo3_trains_with_our_file(name, theirs, small, tmp_path):
+    file = baselines_folder() / "hyperparams" / f"{name}.yml"
+    words = ["--algo", theirs, "--env", ALLY, "--gym-packages", "fpg_bench", "--conf-file", str(file)]
+    words += ["--n-timesteps", "32", "--eval-freq", "-1", "--log-folder", str(tmp_path), "--num-threads", "1"]
+    done = subprocess.run(
+        [sys.executable, "-m", "rl_zoo3.train", *words, "-params", *small.split()],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert list(tmp_path.rglob("best_model.zip")) or list(tmp_path.rglob(f"{theirs}/*/*.zip")), done.stdout
