@@ -20,8 +20,8 @@ app = typer.Typer(
 )
 for verb in (verbs.envs, verbs.play, verbs.train, verbs.evaluate, verbs.measure_panel, verbs.table, zoo.zoo):
     app.command()(verb)
-for verb in (tune.tune, tune.tune_report, tune.tune_write):
-    app.command()(verb)
+for tuning in (tune.tune, tune.tune_report, tune.tune_write):
+    app.command()(tuning)
 plan.app.command()(compare.compare)
 app.add_typer(plan.app, name="plan")
 _DEBUG = False

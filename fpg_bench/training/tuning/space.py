@@ -44,8 +44,10 @@ class Space:
         if wanted["kind"] == "choice":
             words = [_word(choice) for choice in wanted["choices"]]
             return wanted["choices"][words.index(trial.suggest_categorical(name, words))]
-        suggest = trial.suggest_float if wanted["kind"] == "float" else trial.suggest_int
-        return suggest(name, wanted["low"], wanted["high"], log=wanted.get("log", False))
+        low, high, log = wanted["low"], wanted["high"], wanted.get("log", False)
+        if wanted["kind"] == "int":
+            return trial.suggest_int(name, low, high, log=log)
+        return float(f"{trial.suggest_float(name, low, high, log=log):.4g}")  # what is trained can be written
 
     def first(self) -> dict[str, Any]:
         """The lowest value, or first choice, of each name."""

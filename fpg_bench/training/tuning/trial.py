@@ -13,7 +13,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 from fpg_bench.evaluation.seeds import training_seed
 from fpg_bench.evaluation.statistics import Interval, iqm, iqm_interval
 from fpg_bench.evaluation.tuning_panel import TuningPanel
+from fpg_bench.game.arena import ActionError
 from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_games, make_model
@@ -76,18 +78,18 @@ class Objective:
         """The scores ``(entries, matches)`` of the policy that one seed leads to."""
         model = self._model(values, seed)
         try:
-            looks = _Looks(self._task.steps, lambda part: look(part, self._scores(model)))
+            looks = _Looks(self._task.steps, lambda part: look(part, self._scores(ActorPlayer(model))))
             model.learn(self._task.steps, callback=looks)
-            return self._scores(model)
-        except ValueError as error:
-            if "nan" in str(error).lower():  # what torch says where a distribution is given no numbers
-                raise Diverged("training came to numbers that are none (nan)") from error
+            return self._scores(OnnxPlayer(export_onnx(model), {"algorithm": self._task.algorithm}))
+        except ValueError as error:  # torch says the latter, of a distribution's parameters
+            if isinstance(error, ActionError) or "found invalid values" in str(error):
+                raise Diverged("training came to numbers that are none") from error
             raise
         finally:
             model.get_env().close()  # type: ignore[union-attr]
 
-    def _scores(self, model: BaseAlgorithm) -> np.ndarray:
-        scores = self._panel.scores(OnnxPlayer(export_onnx(model), {"algorithm": self._task.algorithm}))
+    def _scores(self, player: Any) -> np.ndarray:
+        scores = self._panel.scores(player)
         if not np.isfinite(scores).all():
             raise Diverged("the policy's score is no number")
         return scores

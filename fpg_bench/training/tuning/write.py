@@ -41,7 +41,8 @@ def write_values(file: Path, best: Confirmed) -> None:
         found = yaml.safe_load(written)
     except yaml.YAMLError:
         found = None
-    if not isinstance(found, dict) or found.get(view_id) != entry or not before.keys() <= found.keys():
+    kept = isinstance(found, dict) and found.get(view_id) == entry and before.keys() <= found.keys()
+    if not kept or written.count(f"{view_id}:") + written.count(f'{view_id}":') > 1:
         raise UserError(
             f"hyper-parameters {file}: the entry of {view_id} cannot be edited; write it as one key a line, "
             f"or set yourself: {json.dumps(best.values)}"
@@ -99,7 +100,5 @@ def _block(entry: dict[str, Any], keys: set[str]) -> list[str]:
 
 
 def _flow(value: Any) -> str:
-    if isinstance(value, float):
-        value = float(f"{value:.6g}")
     text = yaml.safe_dump(value, default_flow_style=True, width=10**6, sort_keys=False)
     return text.removesuffix("\n").removesuffix("\n...")

@@ -1,0 +1,93 @@
+import signal
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+from fpg_bench.cli import main
+from fpg_bench.training.tuning.storage import open_storage
+from fpg_bench.training.tuning.study import find_study
+from tests.training.tuning.test_tune import HYPERPARAMS, SPACE, VIEW
+
+TUNE = f"tune ppo {VIEW} --out study --space space.yml --hyperparams mine.yml --rounds 2 --seeds 1"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "mine.yml").write_text(HYPERPARAMS)
+    (tmp_path / "space.yml").write_text(SPACE)
+    return tmp_path
+
+
+def command(words):
+    return [sys.executable, "-m", "fpg_bench.cli", *words.split()]
+
+
+@pytest.fixture
+def fpg(folder, monkeypatch, capfd):
+    """Runs a command within this process; gives its status, what it printed and its error."""
+    monkeypatch.chdir(folder)
+
+    def run(words):
+        monkeypatch.setattr("sys.argv", ["fpg-bench", *words.split()])
+        with pytest.raises(SystemExit) as end:
+            main()
+        return end.value.code or 0, *capfd.readouterr()
+
+    return run
+
+
+def test_search_look_and_write(folder, fpg):
+    words = command(f"{TUNE} --trials 2 --steps 600")
+    found = subprocess.run(words, cwd=folder, capture_output=True, text=True)
+    assert found.returncode == 0, found.stderr
+    assert "2 of 2 finished" in found.stdout
+    assert fpg("tune-report study") == (0, "written: study/report.html\n", "")
+    assert (folder / "study" / "report.html").exists()
+    status, out, error = fpg("tune-write study mine.yml --best 1 --seeds 2")
+    assert status == 0, error
+    assert f"written: mine.yml, {VIEW}" in out
+    text = (folder / "mine.yml").read_text()
+    assert "# tuned: study" in text
+    assert yaml.safe_load(text)[VIEW]["n_timesteps"] == 2400
+
+
+def test_ctrl_c_leaves_a_study_that_goes_on(folder, fpg):
+    process = subprocess.Popen(
+        command(f"{TUNE} --trials 2 --steps 100000000"),
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    assert process.stdout.readline().startswith("trial 0: learning_rate 0.001")
+    process.send_signal(signal.SIGINT)
+    error = process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    assert error.splitlines()[-1] == "fpg-bench: stopped; what was finished is kept"
+    study, task = find_study(open_storage(folder / "study", None, stale=print, say=print), None)
+    assert [trial.state.name for trial in study.trials] == ["FAIL", "WAITING"]
+    assert task.steps == 100_000_000
+    status, _, error = fpg(f"{TUNE} --trials 1 --steps 600")
+    assert status == 2
+    assert "made with steps 100000000, not 600" in error
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (f"tune pqo {VIEW} --out study", "did you mean 'ppo'"),
+        (f"tune ppo {VIEW} --out study --space mine.yml", "mine.yml: FPG/OpponentVsScripted-v0: expected a"),
+        (f"tune ppo {VIEW} --out study --storage postgresql+psycopg://me@127.0.0.1:1/x", "cannot be opened"),
+        ("tune-report nowhere", "holds no study"),
+        ("tune-write nowhere mine.yml", "holds no study"),
+    ],
+)
+def test_bad_words_get_one_line_and_a_status(fpg, words, message):
+    status, _, error = fpg(words)
+    assert status == 2
+    (line,) = error.splitlines()
+    assert line.startswith("fpg-bench: ")
+    assert message in line
