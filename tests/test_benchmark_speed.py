@@ -60,15 +60,16 @@ def test_memory_keeps_its_bounds(report):
     assert values["allocated in a step a game"]["reached"]
 
 
-def test_the_report_on_planning_shows_every_figure(tmp_path):
-    script = SCRIPT.with_name("benchmark_planning.py")
+@pytest.mark.parametrize(("name", "count"), [("planning", 6), ("training", 6)])
+def test_the_other_reports_show_every_figure(name, count, tmp_path):
+    script = SCRIPT.with_name(f"benchmark_{name}.py")
     done = subprocess.run(
-        [sys.executable, script, "--quick", "--json", tmp_path / "planning.json"],
+        [sys.executable, script, "--quick", "--json", tmp_path / "figures.json"],
         capture_output=True,
         text=True,
         check=True,
     )
-    figures = json.loads((tmp_path / "planning.json").read_text())["figures"]
+    figures = json.loads((tmp_path / "figures.json").read_text())["figures"]
     assert [line.split("  ")[0] for line in done.stdout.splitlines()[1:]] == [f["name"] for f in figures]
-    assert len(figures) == 6
+    assert len(figures) == count
     assert all(figure["value"] > 0 for figure in figures)

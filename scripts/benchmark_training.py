@@ -1,0 +1,97 @@
+"""What training costs beside SB3 itself, and what an exported agent saves.
+
+    python scripts/benchmark_training.py [--quick] [--json FILE]
+
+Training is the whole call, with its scores on the way, checkpoints, TensorBoard log and export, beside SB3's
+``learn`` with the same games, normalisation and hyper-parameters. Agents are asked about 64 games at once, as
+their models are.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmark_speed import VIEW, Figure, interleaved, median_ratio, report
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.training.algorithms import ALGORITHMS
+from fpg_bench.training.export import export_onnx
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.models import make_games, make_model
+from fpg_bench.training.train import train
+
+BATCH = 64
+
+
+def a_model(algorithm: str) -> BaseAlgorithm:
+    """An untrained model with the shipped hyper-parameters."""
+    parameters = load_hyperparameters(algorithm, VIEW)
+    return make_model(algorithm, make_games(VIEW, parameters, 0), parameters, 0)
+
+
+def learn_rate(steps: int) -> float:
+    """Steps per second of SB3's own ``learn``."""
+    model = a_model("ppo")
+    begin = time.perf_counter()
+    model.learn(steps)
+    return model.num_timesteps / (time.perf_counter() - begin)
+
+
+def train_rate(steps: int) -> float:
+    """The same by one call of ``train``, to the agent's folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        begin = time.perf_counter()
+        train("ppo", VIEW, Path(folder) / "run", steps=steps, progress=False)
+        return steps / (time.perf_counter() - begin)
+
+
+def training(quick: bool) -> list[Figure]:
+    """PPO by ``train``, and by SB3's ``learn``."""
+    repeats, rollouts = (1, 1) if quick else (3, 60)
+    steps = rollouts * 64 * 256  # whole rollouts of the shipped file
+    runs = {"train": partial(train_rate, steps), "learn": partial(learn_rate, steps)}
+    interleaved(1, {name: partial(run.func, 64 * 256) for name, run in runs.items()})  # compiles, loads
+    rates = interleaved(repeats, runs)
+    asked = None if quick else 0.9  # a short run is nearly all export
+    return [Figure("PPO by fpg-bench train / by SB3's learn", median_ratio(rates, "train", "learn"), asked)]
+
+
+def predict_rate(player: Any, calls: int) -> float:
+    """Answers per second of a player's ``predict`` about 64 games, its memory handed on."""
+    size = getattr(player, "observation_space", None)
+    width = OBSERVATION_SIZE if size is None else size.shape[0]
+    seen = np.random.default_rng(0).uniform(-1, 1, (BATCH, width)).astype(np.float32)
+    memory, starts = None, np.zeros(BATCH, bool)
+    begin = time.perf_counter()
+    for _ in range(calls):
+        _, memory = player.predict(seen, memory, starts, deterministic=True)
+    return calls / (time.perf_counter() - begin)
+
+
+def playing(quick: bool) -> list[Figure]:
+    """Every kind of shipped agent, and the model that it was made of."""
+    repeats, calls = (1, 5) if quick else (7, 2000)
+    figures = []
+    for algorithm in ALGORITHMS:
+        model = a_model(algorithm)
+        players = {"agent": OnnxPlayer(export_onnx(model), {}), "model": model}
+        rates = interleaved(repeats, {name: partial(predict_rate, p, calls) for name, p in players.items()})
+        ratio = median_ratio(rates, "agent", "model")
+        figures.append(Figure(f"{algorithm}: the agent's predict / the model's", ratio, 2))
+    return figures
+
+
+def measure_all(quick: bool) -> list[Figure]:
+    """All figures of this script."""
+    return playing(quick) + training(quick)
+
+
+if __name__ == "__main__":
+    report(__doc__ or "", measure_all)
