@@ -12,11 +12,10 @@ import numpy as np
 from fpg_bench.envs.duel import Duel
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import Entry, Panel, Reference, load_panel
-from fpg_bench.evaluation.seeds import TUNING_START
+from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.statistics import iqm
 from fpg_bench.game.measures import measures, pool
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.ids import View
 from fpg_bench.planning import as_planner
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import Player
@@ -24,13 +23,6 @@ from fpg_bench.players.seat import Seat
 
 ROUNDS = 10
 Acting = tuple[Callable[[np.ndarray], None], Callable[[], list[np.ndarray]]]
-
-
-def view_panel(view: View, path: Any = None) -> str:
-    """The name of the panel that an id's agents are compared under."""
-    if view.side == "opponent":
-        return "opponent-learned-v1" if path == "learned" else "opponent-v1"
-    return "ally-planner-v1" if view.planner else "ally-v1"
 
 
 class Yardstick:
@@ -129,7 +121,7 @@ class Yardstick:
         returns: list[list[float]] = [[] for _ in self._duels]
         tallies, points = [], np.zeros(1)
         for number in range(self.panel.scenario.rounds_per_match):
-            seeds = None if number else TUNING_START
+            seeds = None if number else np.array(tuning_seeds(self._duels[0].count))
             begin(np.concatenate([duel.reset(seeds=seeds) for duel in self._duels]))
             for other, duel in zip(self._others, self._duels, strict=True):
                 other.begin(np.ones(duel.count, bool))

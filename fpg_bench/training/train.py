@@ -15,6 +15,7 @@ from stable_baselines3.common.logger import configure
 from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
+from fpg_bench.evaluation.tuning_panel import panel_of
 from fpg_bench.ids import find_view
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.callbacks import GameMeasures, TrainingBar
@@ -25,7 +26,7 @@ from fpg_bench.training.keeping import Clock, Keeping, stopped_by_ctrl_c
 from fpg_bench.training.language_model import training_planner
 from fpg_bench.training.models import make_games, make_model
 from fpg_bench.training.run_folder import RunFolder, described
-from fpg_bench.training.scoring import Yardstick, view_panel
+from fpg_bench.training.scoring import Yardstick
 
 LOOKS = 20
 
@@ -89,7 +90,7 @@ def train(
     budget = _budget(found, parameters, steps)
     planner = training_planner(options.get("planner") or view.planner, folder.path, transcript)
     games = make_games(view.id, parameters, training_seed(seed), **options | {"planner": planner})
-    panel = panel or view_panel(view, options.get("path"))
+    panel = panel or panel_of(view.id, options)
     about = described(
         found.name,
         view.id,
@@ -178,10 +179,21 @@ class _Run:
                 if model.num_timesteps < budget:
                     left = budget - model.num_timesteps
                     model.learn(left, [GameMeasures(), keeping, *bar], 1, reset_num_timesteps=False)
+            except ValueError as error:
+                self._check_finite(error)
+                raise
             finally:
                 for drawn in bar:
                     drawn.close()
         self.seconds = clock.seconds
+
+    def _check_finite(self, error: Exception) -> None:
+        """Raise UserError where training came to weights that are no numbers, whoever stumbled over them."""
+        if not all(bool(torch.isfinite(weights).all()) for weights in self.model.policy.parameters()):
+            raise UserError(
+                f"{self.folder.path}: training diverged by {self.model.num_timesteps:,} steps, the policy's "
+                "weights are no numbers any more; try a smaller learning_rate"
+            ) from error
 
     def finish(self) -> None:
         """Export the agent, keep the model, and let the checkpoints go."""

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation import runner
 from fpg_bench.evaluation.panel import load_panel
-from fpg_bench.evaluation.seeds import TUNING_START
+from fpg_bench.evaluation.runner import play_entry
+from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.ids import find_view
 from fpg_bench.players.naming import as_player
-from fpg_bench.training.scoring import Yardstick, view_panel
+from fpg_bench.training.scoring import Yardstick
 
 
 class Following:
@@ -26,19 +25,15 @@ class Following:
 
 
 @pytest.mark.parametrize("name", ["ally-v1", "opponent-v1", "ally-planner-v1"])
-def test_scores_are_those_of_the_match_runner_on_tuning_seeds(name, monkeypatch):
+def test_scores_are_those_of_the_match_runner_on_tuning_seeds(name):
     panel = load_panel(name, references=False)
     yardstick = Yardstick(panel, rounds=4)
     found = yardstick.score(Following())
     assert yardstick.score(Following()) == found
 
-    def tuning(count, season):
-        return [TUNING_START + game for game in range(count)]
-
-    monkeypatch.setattr(runner, "evaluation_seeds", tuning)
     entry, key = panel.entries[1], f"{panel.side}_return"
     means = [
-        np.mean([row[key] for rows in runner.play_entry(spec, panel, entry, 4) for row in rows])
+        np.mean([row[key] for rows in play_entry(spec, panel, entry, 4, tuning_seeds) for row in rows])
         for spec in ("random", panel.reference, Following())
     ]
     score = 100 * (means[2] - means[0]) / (means[1] - means[0])
@@ -66,21 +61,6 @@ def test_a_game_that_tells_nobody_apart_has_no_score():
     found = Yardstick(panel, 1).score(Following())
     assert found["score"] is None
     assert set(found["entries"].values()) == {None}
-
-
-@pytest.mark.parametrize(
-    ("view_id", "path", "panel"),
-    [
-        ("FPG/AllyVsScripted-v0", None, "ally-v1"),
-        ("FPG/AllyVsPlanner-v0", None, "ally-planner-v1"),
-        ("FPG/OpponentVsScripted-v0", None, "opponent-v1"),
-        ("FPG/OpponentVsScripted-v0", "learned", "opponent-learned-v1"),
-    ],
-)
-def test_every_id_has_its_panel(view_id, path, panel):
-    view = find_view(view_id)
-    assert view_panel(view, path) == panel
-    assert load_panel(panel, references=False).side == view.side
 
 
 def test_a_panel_of_the_other_side_is_refused():

@@ -192,6 +192,19 @@ def test_bad_hyperparameters(tmp_path, old, new, message):
     assert not (tmp_path / "run").exists()
 
 
+def test_weights_that_are_no_numbers_are_named(tmp_path):
+    (tmp_path / "mine.yml").write_text(TINY.replace("n_steps: 300", "n_steps: 300\n  learning_rate: .inf"))
+    with pytest.raises(UserError, match=r"training diverged by .* smaller learning_rate"):
+        train(
+            "ppo",
+            "FPG/AllyVsScripted-v0",
+            tmp_path / "run",
+            hyperparams=tmp_path / "mine.yml",
+            progress=False,
+            evaluations=0,
+        )
+
+
 def test_unknown_words(tmp_path):
     with pytest.raises(UserError, match="did you mean 'ppo'"):
         train("pppo", "FPG/AllyVsScripted-v0", tmp_path)
