@@ -23,19 +23,21 @@ def import_object(name: str, what: str, methods: Sequence[str], scenario: Any) -
         scenario: what is played.
 
     Raises:
-        UserError: no such module or object, or one without any of the methods.
+        UserError: no such module or object, one that fails, or one without any of the methods.
     """
-    module, _, attribute = name.partition(":")
-    if "" not in sys.path:
-        sys.path.insert(0, "")
-    try:
-        found = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
-        raise UserError(f"{what} {name!r}: {error}") from error
-    if isinstance(found, type) or not has_any(found, methods):
-        found = made(found, scenario) if callable(found) else found
+    return ready(_imported(name, what), f"{what} {name!r}", methods, scenario)
+
+
+def ready(found: Any, what: str, methods: Sequence[str], scenario: Any) -> Any:
+    """An object with one of the methods: the one found, or what it makes as a class or function.
+
+    Raises:
+        UserError: making it fails, or it has none of the methods; ``what`` begins the message.
+    """
+    if callable(found) and (isinstance(found, type) or not has_any(found, methods)):
+        found = _made(found, what, scenario)
     if not has_any(found, methods):
-        raise UserError(f"{what} {name!r}: has no {' or '.join(methods)}")
+        raise UserError(f"{what}: has no {' or '.join(methods)}")
     return found
 
 
@@ -44,6 +46,30 @@ def has_any(thing: Any, methods: Sequence[str]) -> bool:
     return any(callable(getattr(thing, method, None)) for method in methods)
 
 
-def made(maker: Any, scenario: Any) -> Any:
+def reason(error: Exception) -> str:
+    """What an exception of the user's code says, with its kind, in one line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def _imported(name: str, what: str) -> Any:
+    module, _, attribute = name.partition(":")
+    if not all([*module.split("."), attribute]):
+        raise UserError(f"{what} {name!r}: expected package.module:object")
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+    try:
+        return getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise UserError(f"{what} {name!r}: {error}") from error
+    except Exception as error:  # a module is anybody's code
+        raise UserError(f"{what} {name!r}: importing it failed: {reason(error)}") from error
+
+
+def _made(maker: Any, what: str, scenario: Any) -> Any:
     """What a class or function makes, told the scenario if it takes an argument."""
-    return maker(scenario) if inspect.signature(maker).parameters else maker()
+    try:
+        return maker(scenario) if inspect.signature(maker).parameters else maker()
+    except UserError:
+        raise
+    except Exception as error:  # so is a class
+        raise UserError(f"{what}: making it failed: {reason(error)}") from error

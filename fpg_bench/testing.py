@@ -10,7 +10,9 @@ what, and how to mend it::
 
 from __future__ import annotations
 
+import contextlib
 import sys
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,9 @@ from fpg_bench.envs.duel import Duel
 from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.planning import TIERS, Limits, Request, as_planner, plan_all
+from fpg_bench.planning import Limits, Plan, Request, as_planner, plan_all
+from fpg_bench.planning.naming import find_planner
+from fpg_bench.planning.planner import check_described
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.scripted import Scripted, player_seeds
@@ -61,7 +65,7 @@ def check_player(player: Any, side: str, scenario: Scenario | str | None = None)
 def check_planner(planner: Any, scenario: Scenario | str | None = None) -> None:
     """Check that a planner keeps to the contract of :class:`fpg_bench.planning.Planner`.
 
-    It must name its tier and answer with finite waypoints ``(n, 3)`` inside the box, the same for the
+    It must say its name and tier and answer with finite waypoints ``(n, 3)`` inside the box, the same for the
     same generator, without and with a history, which it must leave as it is, alone and in a batch. It
     plans six times.
 
@@ -74,10 +78,9 @@ def check_planner(planner: Any, scenario: Scenario | str | None = None) -> None:
         UserError: no such planner or scenario.
     """
     played = as_scenario(scenario)
-    planner = as_planner(planner, played)
-    tier = getattr(planner, "tier", None)
-    _require(tier in TIERS, f"planner: tier is {tier!r}; set it to one of {', '.join(TIERS)}")
-    _require(isinstance(getattr(planner, "name", None), str), "planner: has no name; set it to a word")
+    planner = find_planner(planner, played)
+    with _asserting():
+        check_described(planner)
     limits = Limits.of(played)
     for rounds in (0, 3):
         rng = np.random.default_rng(rounds)
@@ -111,6 +114,15 @@ def check_scenario(scenario: Scenario | str | None) -> None:
 def _require(holds: Any, message: str) -> None:
     if not holds:
         raise AssertionError(message)
+
+
+@contextlib.contextmanager
+def _asserting() -> Iterator[None]:
+    """What the package refuses in play is a check that fails here."""
+    try:
+        yield
+    except UserError as error:
+        raise AssertionError(str(error)) from error
 
 
 # Players
@@ -272,15 +284,13 @@ def _planned(
         Request(history, position, limits, np.random.default_rng(5), round=len(history), ally_path=path)
         for _ in range(games)
     ]
-    try:
+    with _asserting():
         plans = plan_all(planner, requests)
-    except UserError as error:
-        raise AssertionError(f"{error}; return a fpg_bench.planning.Plan") from error
     return [_checked_waypoints(plan, limits, f"after {len(history)} rounds") for plan in plans]
 
 
-def _checked_waypoints(plan: Any, limits: Limits, after: str) -> np.ndarray:
-    waypoints, shape = np.asarray(plan.waypoints), (limits.waypoints, 3)
+def _checked_waypoints(plan: Plan, limits: Limits, after: str) -> np.ndarray:
+    waypoints, shape = plan.waypoints, (limits.waypoints, 3)
     _require(
         waypoints.shape == shape, f"planner: waypoints are {waypoints.shape} {after}; return shape {shape}"
     )

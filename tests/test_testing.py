@@ -239,8 +239,27 @@ class Naked(Fixed):
         return super().plan(*args).waypoints
 
 
+class Wordy(Fixed):
+    def spoil(self, waypoints):
+        return [["a"] * 3] * len(waypoints)
+
+
+class Ragged(Fixed):
+    def spoil(self, waypoints):
+        return [[0, 0, 0], [0, 0]]
+
+
+class Numbered(Fixed):
+    def plan(self, *args):
+        return dataclasses.replace(super().plan(*args), source=7)
+
+
 class Tierless(Fixed):
     tier = "best"
+
+
+class Nameless(Fixed):
+    name = ""
 
 
 BROKEN_PLANNERS = [
@@ -250,7 +269,11 @@ BROKEN_PLANNERS = [
     (Moody, "same generator gave another plan"),
     (Revisionist, "changed the history"),
     (Mover, "changed the current position"),
-    (Naked, "plan must give a Plan, got ndarray; return a fpg_bench.planning.Plan"),
+    (Naked, "plan must give a fpg_bench.planning.Plan, got ndarray"),
+    (Wordy, "planner fixed: its waypoints are no array of numbers: ValueError: .*'a'"),
+    (Ragged, "planner fixed: its waypoints are no array of numbers"),
+    (Numbered, "planner fixed: its plan's source is 7; expected str"),
+    (Nameless, "planner Nameless: its name is ''; set it to a word"),
     (Tierless, "tier is 'best'; set it to one of none, history, ally"),
 ]
 

@@ -13,6 +13,7 @@ from fpg_bench.game.full_state import full_state
 from fpg_bench.game.measures import measures, pool
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.planning import Limits, Plan, Planner, Request, as_planner, plan_all
+from fpg_bench.planning.planner import called
 
 
 class DuelStep(NamedTuple):
@@ -120,11 +121,14 @@ class Duel:
             self._histories[game].append(self.arena.segments[game].copy())
 
     def _plan(self, mask: np.ndarray) -> None:
-        games = np.flatnonzero(mask).tolist()
-        requests = [self._request(game) for game in games]
-        for game, plan in zip(games, plan_all(self.planner, requests), strict=True):
-            self.arena.set_waypoints(game, plan.waypoints)
-            self.plans[game] = plan
+        requests = [self._request(game) for game in np.flatnonzero(mask).tolist()]
+        for request, plan in zip(requests, plan_all(self.planner, requests), strict=True):
+            try:
+                self.arena.set_waypoints(request.game, plan.waypoints)
+            except UserError as error:
+                where = f"seed {request.seed}, match {request.match}, round {request.round}"
+                raise UserError(f"planner {called(self.planner)}: {where}: {error}") from error
+            self.plans[request.game] = plan
 
     def _request(self, game: int) -> Request:
         played = self.arena.games[game]

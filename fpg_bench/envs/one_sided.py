@@ -16,8 +16,9 @@ from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.arena import check_seeds
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.ids import find_view
-from fpg_bench.planning import as_planner
+from fpg_bench.ids import View, find_view
+from fpg_bench.planning import LLM_CONTROLS, as_planner
+from fpg_bench.planning.planner import called
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.players.seat import Seat
@@ -45,7 +46,7 @@ class OneSided:
             ``predict``), or a list to draw from per round.
         path: how the opponent flies, or a list to draw from per round.
         planner: who plans the opponent's path (planner views): a name, an object, or a function or class
-            that makes one, told the scenario.
+            that makes one, told the scenario. ``FPG/AllyVsLLM-v0`` takes those that ask a language model.
         knowledge, jamming_types: shorthand for the scenario's fields of these names.
 
     Attributes:
@@ -89,8 +90,7 @@ class OneSided:
         )
         if "waypoints" in played.paths and view.planner is None:
             raise UserError(f"path: {view.id} plans no 'waypoints'; FPG/AllyVsPlanner-v0 does")
-        planner = view.planner if planner is None else planner
-        self.planner = None if planner is None else as_planner(planner, played)
+        self.planner = _planner(planner, view, played)
         self.duel = Duel(played, games, self.planner, threads)
         self.scenario, self.side, self.count = played, view.side, self.duel.count
         self._seat = Seat(view.other_side, [self._other(spec) for spec in self.other_specs], self.duel.arena)
@@ -174,6 +174,18 @@ def _as_list(spec: Any, default: Any) -> list[Any]:
             raise UserError("a list of players to draw from must not be empty")
         return list(spec)
     return [spec]
+
+
+def _planner(spec: Any, view: View, scenario: Scenario) -> Any:
+    """Who plans in a view, if anybody does: the planner named, or the view's own."""
+    spec = view.planner if spec is None else spec
+    planner = None if spec is None else as_planner(spec, scenario)
+    if view.planner in LLM_CONTROLS and not getattr(planner, "asks_language_model", False):
+        raise UserError(
+            f"planner: in {view.id} a language model plans, and {called(planner)} asks none; "
+            "FPG/AllyVsPlanner-v0 takes any planner"
+        )
+    return planner
 
 
 def _path(path: Any, default: str, scenario: Any) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+from collections.abc import Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -117,7 +118,7 @@ def load_panel(name: str, references: bool = True) -> Panel:
     content = read_yaml(path, "panel")
     if content.get("side") == PLANNER_SIDE:
         raise UserError(f"panel {name}: compares planners; write fpg-bench plan compare --panel {name}")
-    check_keys(content, _KEYS | (_OPTIONAL & set(content)), path)
+    check_keys(content, _KEYS, path, _OPTIONAL)
     if content["side"] not in SIDES:
         raise UserError(f"panel {path}: side: expected ally or opponent, got {content['side']!r}")
     other = "opponent" if content["side"] == "ally" else "ally"
@@ -140,12 +141,14 @@ def load_panel(name: str, references: bool = True) -> Panel:
 
 
 def panel_file(name: str) -> Path:
-    """The YAML file of a panel's name, or the file that is named itself.
+    """The YAML file of a panel's name, or the file that is named itself, which may not be there.
 
     Raises:
-        UserError: no such panel or file.
+        UserError: no such panel.
     """
-    path = Path(name) if name.endswith((".yml", ".yaml")) else PANEL_FOLDER / f"{name}.yml"
+    if name.endswith((".yml", ".yaml")):
+        return Path(name)
+    path = PANEL_FOLDER / f"{name}.yml"
     if not path.is_file():
         raise UserError(
             f"unknown panel {name!r}{nearest(name, [p.stem for p in PANEL_FOLDER.glob('*.yml')])}"
@@ -153,12 +156,13 @@ def panel_file(name: str) -> Path:
     return path
 
 
-def check_keys(content: dict[str, Any], keys: set[str], path: Path) -> None:
-    """Raise UserError where a panel's file holds other keys than these."""
-    if set(content) != keys:
-        raise UserError(
-            f"panel {path}: expected the keys {', '.join(sorted(keys))}, got {', '.join(map(str, content))}"
-        )
+def check_keys(content: dict[str, Any], keys: Set[str], path: Path, optional: Set[str] = frozenset()) -> None:
+    """Raise UserError for a key that a panel's file must not hold, or lacks."""
+    for key in content:
+        if key not in keys | optional:
+            raise UserError(f"panel {path}: unknown key {key!r}{nearest(str(key), keys | optional)}")
+    if missing := sorted(keys - set(content)):
+        raise UserError(f"panel {path}: lacks {', '.join(missing)}")
 
 
 def whole_number(content: dict[str, Any], key: str, path: Path) -> int:

@@ -9,12 +9,12 @@ from typing import Any
 
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.imports import has_any, import_object, made
+from fpg_bench.imports import has_any, import_object, ready
 from fpg_bench.planning.climbing import HillClimb
 from fpg_bench.planning.evolution import CMAES
 from fpg_bench.planning.interceptor import Interceptor
 from fpg_bench.planning.patterns import PATTERNS, pattern
-from fpg_bench.planning.planner import Planner
+from fpg_bench.planning.planner import Planner, called, check_described
 from fpg_bench.planning.sighted import CHASERS, Chaser, Optimised
 
 # The language model's planner, and what its controls keep from the model
@@ -56,16 +56,22 @@ def as_planner(spec: Any, scenario: Scenario) -> Planner:
         scenario: what is played.
 
     Raises:
-        UserError: no such planner, an object without ``plan`` or ``plan_batch``, or a language model and
-            no endpoint configured.
+        UserError: no such planner, one that cannot be made, has no ``plan`` or ``plan_batch``, or does not
+            say its name and tier; or a language model and no endpoint configured.
     """
+    planner = find_planner(spec, scenario)
+    check_described(planner)
+    return planner
+
+
+def find_planner(spec: Any, scenario: Scenario) -> Any:
+    """As :func:`as_planner`, whatever the planner says of itself."""
     if isinstance(spec, str) and ":" in spec:
         return import_object(spec, "planner", _METHODS, scenario)
     if isinstance(spec, str):
         if spec not in _MAKERS:
             raise UserError(f"unknown planner {spec!r}{nearest(spec, PLANNERS)}")
         return _MAKERS[spec](scenario)
-    planner = made(spec, scenario) if callable(spec) else spec
-    if not has_any(planner, _METHODS):
+    if not (callable(spec) or has_any(spec, _METHODS)):
         raise UserError(f"planner: expected a name or an object with plan, got {spec!r}")
-    return planner
+    return ready(spec, f"planner {called(spec)}", _METHODS, scenario)

@@ -12,8 +12,11 @@ import numpy as np
 
 from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import Scenario
+from fpg_bench.imports import reason
 
 TIERS = ("none", "history", "ally")
+
+_KINDS: dict[str, Any] = {"source": str, "status": str, "tokens": int | None, "seconds": float | int | None}
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,7 @@ class Planner(Protocol):
 
     ``tier`` says what the planner knows: ``none``, ``history`` (own past positions and rewards) or
     ``ally`` (the ally's path: an upper bound). Planners of different tiers are never compared without
-    saying so.
+    saying so. One that asks a language model says so, too: its ``asks_language_model`` is True.
 
     A planner that wants all waiting games at once, or more than ``plan`` is told, has ``plan_batch``, too
     or alone: see :class:`BatchPlanner`.
@@ -124,7 +127,8 @@ def plan_all(planner: Any, requests: Sequence[Request]) -> list[Plan]:
     """Ask a planner for the plans of some games, by ``plan_batch`` where it has it.
 
     Returns:
-        One plan a request, with the seconds that it took (a batch's are shared out evenly).
+        One plan a request, its waypoints as an array of float, with the seconds that it took (a batch's are
+        shared out evenly).
 
     Raises:
         UserError: the planner fails, or answers with something else than plans.
@@ -138,12 +142,38 @@ def plan_all(planner: Any, requests: Sequence[Request]) -> list[Plan]:
     except (UserError, OSError):
         raise
     except Exception as error:  # a planner is anybody's code
-        name, kind = getattr(planner, "name", planner), type(error).__name__
-        raise UserError(f"planner {name}: its plan failed: {kind}: {error}") from error
+        raise UserError(f"planner {called(planner)}: its plan failed: {reason(error)}") from error
     if len(plans) != len(requests):
-        raise UserError(f"planner {planner.name}: {len(plans)} plans for {len(requests)} games")
-    for plan in plans:
-        if not isinstance(plan, Plan):
-            raise UserError(f"planner {planner!r}: plan must give a Plan, got {type(plan).__name__}")
+        raise UserError(f"planner {called(planner)}: {len(plans)} plans for {len(requests)} games")
     each = (time.perf_counter() - start) / max(len(plans), 1)
+    plans = [_checked(plan, f"planner {called(planner)}") for plan in plans]
     return [plan if plan.seconds is not None else replace(plan, seconds=each) for plan in plans]
+
+
+def called(planner: Any) -> str:
+    """What messages call a planner, or a class or function that makes one: its name, else its class."""
+    names = (getattr(planner, word, None) for word in ("name", "__name__"))
+    return next((name for name in names if isinstance(name, str) and name), type(planner).__name__)
+
+
+def check_described(planner: Any) -> None:
+    """Raise UserError where a planner does not say its name, or what it knows."""
+    name, tier = getattr(planner, "name", None), getattr(planner, "tier", None)
+    if not (isinstance(name, str) and name):
+        raise UserError(f"planner {called(planner)}: its name is {name!r}; set it to a word")
+    if tier not in TIERS:
+        raise UserError(f"planner {name}: its tier is {tier!r}; set it to one of {', '.join(TIERS)}")
+
+
+def _checked(plan: Any, who: str) -> Plan:
+    """A plan whose parts are of their kinds, its waypoints as an array; whether they fit is not asked."""
+    if not isinstance(plan, Plan):
+        raise UserError(f"{who}: plan must give a fpg_bench.planning.Plan, got {type(plan).__name__}")
+    for part, kind in _KINDS.items():
+        if not isinstance(value := getattr(plan, part), kind):
+            expected = getattr(kind, "__name__", kind)
+            raise UserError(f"{who}: its plan's {part} is {value!r}; expected {expected}")
+    try:
+        return replace(plan, waypoints=np.asarray(plan.waypoints, float))
+    except (TypeError, ValueError) as error:
+        raise UserError(f"{who}: its waypoints are no array of numbers: {reason(error)}") from error

@@ -25,7 +25,7 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
         scenario: what is played.
 
     Raises:
-        UserError: no such player, or not one of this side.
+        UserError: no such player, one that cannot be made, or not one of this side.
     """
     if not isinstance(spec, str | os.PathLike):
         if callable(getattr(spec, "predict", None)):

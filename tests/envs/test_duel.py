@@ -251,8 +251,20 @@ def test_a_bad_plan_is_refused():
         def plan(self, *args):
             return Plan(super().plan(*args).waypoints + 1500, "lost")
 
-    with pytest.raises(UserError, match=r"waypoint 0: .* lies outside the box"):
+    with pytest.raises(UserError, match=r"^planner diary: seed 0, .*: waypoint 0: .* lies outside the box"):
         make_duel(1, planner=Lost()).reset(seeds=0)
+
+
+def test_a_bad_plan_says_whose_it_is_and_in_which_game_and_round():
+    class Shortening(Diary):
+        def plan(self, history, *args):
+            plan = super().plan(history, *args)
+            return dataclasses.replace(plan, waypoints=plan.waypoints[len(history) :])
+
+    with pytest.raises(
+        UserError, match=r"^planner diary: seed 3, match 0, round 1: waypoints: expected .*, got \(15, 3\)$"
+    ):
+        rounds(make_duel(1, scenario=SHORT, planner=Shortening()), 2)
 
 
 # Strength of the parts

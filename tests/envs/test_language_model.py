@@ -9,10 +9,21 @@ import pytest
 import fpg_bench
 from fpg_bench.envs.sb3 import make_sb3
 from fpg_bench.errors import UserError
+from fpg_bench.planning import LLM_CONTROLS, Plan, as_planner
+from fpg_bench.planning.llm.background import Beside
 from tests.planning.llm.fault_server import FaultServer, ok, status
 from tests.planning.llm.playing import path, path_text
 
 LLM = "FPG/AllyVsLLM-v0"
+
+
+class Circling:
+    """A planner that borrows a language model's name."""
+
+    name, tier = "llm", "history"
+
+    def plan(self, history, current_position, limits, rng):
+        return Plan(np.zeros((limits.waypoints, 3)), self.name)
 
 
 @pytest.fixture(autouse=True)
@@ -59,8 +70,27 @@ def test_a_server_that_fails_shows_in_the_status(monkeypatch):
         assert {plan.source for plan in games.core.duel.plans} == {"circle"}
 
 
-def test_it_has_ten_rounds_a_match_and_takes_any_planner(monkeypatch):
-    env = gymnasium.make(LLM, planner="hold")
-    env.reset(seed=0)
-    assert env.unwrapped.core.scenario.rounds_per_match == 10
-    assert env.unwrapped.core.duel.plans[0].source == "hold"
+@pytest.mark.parametrize("spec", LLM_CONTROLS)
+def test_it_has_ten_rounds_a_match_and_takes_every_planner_that_asks_a_model(monkeypatch, spec):
+    monkeypatch.setenv("FPG_LLM_BASE_URL", "http://127.0.0.1:9/v1")  # never asked
+    monkeypatch.setenv("FPG_LLM_MODEL", "none")
+
+    def beside(scenario):
+        return Beside(as_planner(spec, scenario))
+
+    for planner in (spec, beside):
+        core = gymnasium.make(LLM, planner=planner).unwrapped.core
+        assert core.scenario.rounds_per_match == 10
+        assert core.planner.name.removesuffix("-beside") == spec
+
+
+@pytest.mark.parametrize(
+    "make", [gymnasium.make, gymnasium.make_vec, make_sb3], ids=lambda make: make.__name__
+)
+@pytest.mark.parametrize(
+    "spec", ["interceptor", Circling, lambda scenario: Beside(Circling(), scenario)], ids=str
+)
+def test_it_refuses_a_planner_that_asks_no_language_model(make, spec):
+    with pytest.raises(UserError, match="asks none; FPG/AllyVsPlanner-v0 takes any planner") as caught:
+        make(LLM, planner=spec)
+    assert "\n" not in str(caught.value)

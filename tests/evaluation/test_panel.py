@@ -6,6 +6,7 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import PANEL_FOLDER, STANDARD_ERRORS, Reference, load_panel
+from fpg_bench.evaluation.planner_panel import load_planner_panel
 from fpg_bench.evaluation.runner import play_entry
 
 PANELS = sorted(path.stem for path in PANEL_FOLDER.glob("*.yml") if not path.stem.startswith("planner"))
@@ -96,7 +97,9 @@ entries:
     [
         ("side: ally", "side: referee", "side"),
         ("rounds: 10", "rounds: 0", "rounds"),
-        ("rounds: 10", "round: 10", "expected the keys"),
+        ("rounds: 10", "round: 10", "unknown key 'round'; did you mean 'rounds'"),
+        ("rounds: 10", "rounds: 10\nrounds_per_mach: 2", "did you mean 'rounds_per_match'"),
+        ("rounds: 10\n", "", "lacks rounds$"),
         ("opponent: tone", "ally: tone", "expected entries with opponent and path"),
         ("path: pursuit", "path: pursuit, planner: circle", "path or planner"),
         ("path: pursuit", "planner: circel", "did you mean 'circle'"),
@@ -118,6 +121,12 @@ def test_bad_panel_files(tmp_path, old, new, message):
 def test_unknown_panel_suggests():
     with pytest.raises(UserError, match="did you mean 'ally-v1'"):
         load_panel("aly-v1")
+
+
+@pytest.mark.parametrize("load", [load_panel, load_planner_panel])
+def test_a_file_that_is_not_there_cannot_be_read(load):
+    with pytest.raises(UserError, match=r"^panel nope\.yml: cannot be read: No such file or directory$"):
+        load("nope.yml")
 
 
 def test_scores_of_another_panel_are_refused(tmp_path):

@@ -40,7 +40,7 @@ def test_a_panel_of_ones_own(tmp_path):
     [
         ("matches: 5", "matches: 0", "matches: expected a whole number above 0, got 0"),
         ("matches: 5", "matches: true", "matches: expected a whole number"),
-        ("matches: 5", "match: 5", "expected the keys"),
+        ("matches: 5", "match: 5", "unknown key 'match'; did you mean 'matches'"),
         ("rounds_per_match: 4", "rounds_per_match: four", "rounds_per_match: expected a whole number"),
         ("rounds_per_match: 4", "rounds_per_match: 100000", "rounds_per_match"),
         ("last_rounds: 2", "last_rounds: 5", "last_rounds: at most the match's 4 rounds"),

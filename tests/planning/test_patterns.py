@@ -1,4 +1,4 @@
-"""The pattern planners: shapes flown on time, holding, chance; and how a planner is named."""
+"""The pattern planners: shapes flown on time, holding, chance."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fpg_bench.errors import UserError
 from fpg_bench.game.arena import Arena
 from fpg_bench.game.names import PATROLS
 from fpg_bench.game.scenario import STANDARD
@@ -67,20 +66,3 @@ def test_plans_follow_the_scenario(name):
     plan = planned(name, limits=Limits.of(small), scenario=small)
     assert plan.waypoints.shape == (4, 3)
     assert (plan.waypoints <= small.box_m).all()
-
-
-def test_an_object_with_plan_is_taken_as_it_is():
-    planner = as_planner("hold", STANDARD)
-    assert as_planner(planner, STANDARD) is planner
-
-
-@pytest.mark.parametrize(
-    ("spec", "message"),
-    [
-        ("cirlce", "unknown planner 'cirlce'; did you mean 'circle'"),
-        (3, "a name or an object with plan, got 3"),
-    ],
-)
-def test_what_is_no_planner_is_refused(spec, message):
-    with pytest.raises(UserError, match=message):
-        as_planner(spec, STANDARD)

@@ -26,8 +26,17 @@ class Plain:
     predict = Mine.predict
 
 
+class NeedsTwo(Mine):
+    def __init__(self, scenario, gain):
+        self.gain = gain
+
+
 def made(scenario):
     return Mine(scenario)
+
+
+def failing():
+    raise RuntimeError("cannot open my file")
 
 
 READY = Mine("ready")
@@ -60,6 +69,10 @@ def test_a_class_that_takes_no_argument():
     [
         ("expret", "unknown ally 'expret'; did you mean 'expert'"),
         ("tone", "unknown ally 'tone'"),
+        (":X", "ally ':X': expected package.module:object"),
+        ("../x:y", "ally '../x:y': expected package.module:object"),
+        (f"{__name__}:NeedsTwo", "^ally '.*:NeedsTwo': making it failed: TypeError: .*'gain'"),
+        (f"{__name__}:failing", "^ally '.*:failing': making it failed: RuntimeError: cannot open my file"),
         ("no_such_module:x", "No module named 'no_such_module'"),
         (f"{__name__}:nothing", "no attribute 'nothing'"),
         (f"{__name__}:NOT_A_PLAYER", "has no predict"),

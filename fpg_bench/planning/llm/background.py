@@ -46,6 +46,7 @@ class Beside(BatchPlanner):
             raise UserError(f"planner {planner.name}: beside the game it needs the scenario; pass it, too")
         self.planner, self.scenario = planner, played
         self.name, self.tier = f"{planner.name}-beside", planner.tier
+        self.asks_language_model = getattr(planner, "asks_language_model", False)
         self._transcript = getattr(planner, "transcript", None) or Transcript()
         self.repeatable = self._transcript.mode == "replay"
         self._circle = Patrol("circle", played)

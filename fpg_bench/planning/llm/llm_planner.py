@@ -62,6 +62,7 @@ class LLMPlanner(BatchPlanner):
     """
 
     tier = "history"
+    asks_language_model = True
 
     def __init__(
         self,

@@ -1,0 +1,126 @@
+"""One grammar names every planner, and what is none is refused in one line."""
+
+from __future__ import annotations
+
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.game.scenario import PAPER, STANDARD
+from fpg_bench.planning import Plan, as_planner
+
+
+class Mine:
+    """A planner of one's own, made for a scenario."""
+
+    name, tier = "mine", "none"
+
+    def __init__(self, scenario=None):
+        self.scenario = scenario
+
+    def plan(self, history, current_position, limits, rng):
+        return Plan(rng.uniform(0, limits.box_m, (limits.waypoints, 3)), self.name)
+
+
+class Called(Mine):
+    """One that is a function, too."""
+
+    def __call__(self):
+        raise AssertionError("it is a planner already")
+
+
+class NeedsTwo(Mine):
+    def __init__(self, scenario, gain):
+        self.gain = gain
+
+
+class Nameless(Mine):
+    name = None
+
+
+class Numbered(Mine):
+    name = 3
+
+
+class Psychic(Mine):
+    tier = "psychic"
+
+
+class Tierless:
+    name, plan = "tierless", Mine.plan
+
+
+def made(scenario):
+    return Mine(scenario)
+
+
+def failing():
+    raise RuntimeError("cannot open\nmy file")
+
+
+def refusing():
+    raise UserError("say please")
+
+
+READY = Mine("ready")
+NOT_A_PLANNER = object()
+
+
+@pytest.mark.parametrize(("name", "scenario"), [("READY", "ready"), ("Mine", PAPER), ("made", PAPER)])
+def test_an_object_class_or_function_of_a_module(name, scenario):
+    assert as_planner(f"{__name__}:{name}", PAPER).scenario == scenario
+
+
+@pytest.mark.parametrize("maker", [Mine, made])
+def test_a_class_or_function_is_told_the_scenario(maker):
+    assert as_planner(maker, PAPER).scenario == PAPER
+
+
+@pytest.mark.parametrize("planner", [as_planner("hold", STANDARD), READY, Called()], ids=repr)
+def test_an_object_with_plan_is_taken_as_it_is(planner):
+    assert as_planner(planner, STANDARD) is planner
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ("cirlce", "unknown planner 'cirlce'; did you mean 'circle'"),
+        (3, "a name or an object with plan, got 3"),
+        (":X", "planner ':X': expected package.module:object"),
+        ("x:", "planner 'x:': expected package.module:object"),
+        ("../x:y", "planner '../x:y': expected package.module:object"),
+        ("no_such_module:x", "planner 'no_such_module:x': No module named 'no_such_module'"),
+        (f"{__name__}:NOT_A_PLANNER", "NOT_A_PLANNER': has no plan or plan_batch"),
+        (f"{__name__}:NeedsTwo", "NeedsTwo': making it failed: TypeError: .* missing 1 required .* 'gain'"),
+        (NeedsTwo, "planner mine: making it failed: TypeError"),
+        (f"{__name__}:failing", "failing': making it failed: RuntimeError: cannot open my file"),
+        (failing, "planner failing: making it failed: RuntimeError: cannot open my file"),
+        (refusing, "^say please$"),
+        (dict, "planner dict: "),
+        (Nameless, "planner Nameless: its name is None; set it to a word"),
+        (Numbered(), "planner Numbered: its name is 3; set it to a word"),
+        (f"{__name__}:Psychic", "planner mine: its tier is 'psychic'; set it to one of none, history, ally"),
+        (Tierless(), "planner tierless: its tier is None; set it to one of none, history, ally"),
+    ],
+    ids=str,
+)
+def test_what_is_no_planner_is_refused_in_one_line(spec, message):
+    with pytest.raises(UserError, match=message) as caught:
+        as_planner(spec, STANDARD)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        ("1 / 0", "importing it failed: ZeroDivisionError: division by zero"),
+        ("def (:", "importing it failed: SyntaxError"),
+        ("import no_such_module", "No module named 'no_such_module'"),
+        ("pass", "no attribute 'Mine'"),
+    ],
+)
+def test_a_module_that_fails_is_named_with_its_reason(tmp_path, monkeypatch, code, message):
+    (tmp_path / f"broken_{abs(hash(code))}.py").write_text(code)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(UserError, match=rf"^planner 'broken_\d+:Mine': .*{message}") as caught:
+        as_planner(f"broken_{abs(hash(code))}:Mine", STANDARD)
+    assert "\n" not in str(caught.value)
