@@ -13,6 +13,8 @@ from fpg_bench.planning import Limits, Plan, Request
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.servers import Endpoint, load_server
 
+from .fault_server import ok
+
 STEPS, ROUNDS = 32, 4
 SHORT = dataclasses.replace(
     STANDARD, steps_per_round=STEPS, rounds_per_match=ROUNDS, opponent_path="waypoints"
@@ -31,6 +33,9 @@ def path_text(shift: int = 0) -> str:
     """The path as a model writes it."""
     points = [{"x": int(x), "y": int(y), "z": int(z)} for x, y, z in path(shift)]
     return json.dumps({"waypoints": points})
+
+
+GOOD = ok(path_text())
 
 
 def endpoint(server, profile: str = "generic") -> Endpoint:
@@ -62,6 +67,11 @@ def play(with_planner, rounds: int = ROUNDS, games: int = 1, seed: int = 5) -> t
             duel.step(rest, rest)
             states.append(duel.state())
     return plans, np.array(states)
+
+
+def statuses(plans: list[Plan]) -> list[str]:
+    """What became of the question of each plan."""
+    return [plan.status for plan in plans]
 
 
 def assert_same(first: tuple[list[Plan], np.ndarray], second: tuple[list[Plan], np.ndarray]) -> None:

@@ -1,17 +1,12 @@
-"""The LLM planner: what it asks and does with the answers, what it spends, keeps, copies and hides."""
+"""The LLM planner: what it asks and does with the answers, what it spends, copies and hides."""
 
 from __future__ import annotations
 
 import copy
-import itertools
 import json
 import logging
 import pickle
 import re
-import resource
-import signal
-import subprocess
-import sys
 import threading
 import traceback
 
@@ -35,18 +30,26 @@ from .fault_server import (
     reject_field,
     status,
 )
-from .playing import BAD, KEY, ROUNDS, SHORT, assert_same, endpoint, path, path_text, planner, play, request
-
-GOOD = ok(path_text())
+from .playing import (
+    BAD,
+    GOOD,
+    KEY,
+    ROUNDS,
+    SHORT,
+    assert_same,
+    endpoint,
+    path,
+    path_text,
+    planner,
+    play,
+    request,
+    statuses,
+)
 
 
 def asked(server):
     """The texts of the last messages that a server was sent."""
     return [received.body["messages"][-1]["content"] for received in server.requests]
-
-
-def statuses(plans):
-    return [plan.status for plan in plans]
 
 
 # Answers
@@ -249,151 +252,79 @@ def test_after_five_failures_in_a_row_the_server_is_left_alone(tmp_path, concurr
     assert_same(played, play(planner(transcript=file, mode="replay"), games=3))
 
 
-# Record and replay
+# A server that is of no use
+
+HOPELESS = {
+    "the key is refused": (
+        status(401, body={"error": {"message": f"no such key: {KEY}"}}),
+        "FPG_LLM_API_KEY",
+    ),
+    "no access": (status(403), "HTTP 403"),
+    "no such address": (status(404), "FPG_LLM_BASE_URL"),
+    "another kind of address": (status(405), "HTTP 405"),
+    "moved": (status(301, {"Location": "https://example.invalid/v1"}), "HTTP 301"),
+    "a web page": (html(), "a web page"),
+    "nobody listens": (None, "ConnectError"),
+}
 
 
-@pytest.fixture
-def recorded(tmp_path):
-    """A transcript of a match with good, repaired, bad and no answers, and the match."""
+@pytest.mark.parametrize("concurrency", [1, 3])
+@pytest.mark.parametrize("name", HOPELESS)
+def test_what_asking_again_cannot_mend_ends_the_run_and_is_not_kept(tmp_path, name, concurrency):
+    behaviour, why = HOPELESS[name]
+    file, requests = tmp_path / "transcript.jsonl", [request(seed=seed) for seed in range(6)]
+    with FaultServer([behaviour or GOOD]) as server:
+        if behaviour is None:
+            server.__exit__()
+        asking = planner(server, transcript=file, concurrency=concurrency)
+        with pytest.raises(UserError, match="fpg-bench plan probe") as caught:
+            asking.plan_batch(requests)
+        assert len(server.requests) <= concurrency
+        asking.transcript.close()
+    assert str(caught.value).startswith("planner llm: ")
+    assert why in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert KEY not in str(caught.value)
+    assert file.read_text() == ""
+    with FaultServer([GOOD]) as server:
+        plans = planner(server, transcript=file).plan_batch(requests)
+    assert statuses(plans) == ["ok"] * 6
+
+
+@pytest.mark.parametrize("name", ["the key is refused", "a web page"])
+def test_after_a_first_answer_the_same_is_a_status(name):
+    with FaultServer([GOOD, HOPELESS[name][0]]) as server:
+        plans, _ = play(planner(server))
+    assert [plan.status.split("-")[0] for plan in plans] == ["ok"] + ["fallback"] * (ROUNDS - 1)
+
+
+def test_one_answer_among_calls_under_way_is_enough(tmp_path):
+    together, numbers = threading.Barrier(3, timeout=10), iter(range(3))
+
+    def play_it(handler, body):
+        together.wait()
+        (status(401) if next(numbers) else late(0.2, path_text()))(handler, body)
+
+    with FaultServer([play_it]) as server:
+        asking = planner(server, transcript=tmp_path / "transcript.jsonl", concurrency=3)
+        plans = asking.plan_batch([request(seed=seed) for seed in range(3)])
+    assert sorted(statuses(plans)) == ["fallback-http", "fallback-http", "ok"]
+    assert len(asking.transcript.attempts()) == 3
+
+
+@pytest.mark.parametrize("cap", [{}, {"calls": 10}])
+def test_a_run_that_goes_on_says_what_stays_without_an_answer(tmp_path, caplog, cap):
     file = tmp_path / "transcript.jsonl"
-    behaviours = [ok(BAD), ok(path_text(1)), ok(BAD), refusal(), status(500), ok(path_text(2) + "!")]
-    with FaultServer(behaviours) as server:
-        return file, play(planner(server, transcript=file))
-
-
-def test_a_replay_is_identical_without_a_server_or_a_key(recorded):
-    file, played = recorded
-    assert statuses(played[0]) == ["reasked", "fallback-refused", "fallback-http", "ok"]
-    before = file.read_bytes()
-    assert_same(played, play(planner(transcript=file, mode="replay")))
-    assert file.read_bytes() == before
-
-
-def test_a_replay_needs_no_openai_package(recorded, monkeypatch):
-    monkeypatch.setitem(sys.modules, "openai", None)
-    assert_same(recorded[1], play(planner(transcript=recorded[0], mode="replay")))
-    with FaultServer([GOOD]) as server, pytest.raises(UserError, match=r"pip install 'fpg-bench\[llm\]'"):
-        planner(server)
-
-
-def test_a_recorded_match_calls_nothing_again(recorded):
-    file, played = recorded
     with FaultServer([GOOD]) as server:
-        assert_same(played, play(planner(server, transcript=file)))
-        assert not server.requests
-
-
-def changed_lines(lines, change):
-    rows = [json.loads(line) for line in lines]
-    change(rows)
-    return "".join(json.dumps(row) + "\n" for row in rows)
-
-
-def set_field(index, name, value):
-    return lambda rows: rows[index].update({name: value})
-
-
-@pytest.mark.parametrize(
-    ("change", "named"),
-    [
-        (lambda rows: rows.pop(0), "round 0, attempt 0 is missing"),
-        (lambda rows: rows.pop(1), "round 0, attempt 1 is missing"),
-        (lambda rows: rows.pop(5), "round 3, attempt 0 is missing"),
-        (set_field(1, "text", path_text(1).replace("201", "202")), "round 0, attempt 1 is changed"),
-        (set_field(0, "text", path_text()), "round 0, attempt 0 is changed"),
-        (set_field(0, "text", "Next directions: [[1, 2, 3]]"), "round 0, attempt 0 is changed"),
-        (set_field(1, "waypoints", path(9).tolist()), "round 0, attempt 1 is changed"),
-        (set_field(1, "status", "repaired"), "round 0, attempt 1 is changed"),
-        (set_field(4, "error", "timeout"), "round 2, attempt 0 is changed"),
-        (set_field(5, "request", {"messages": []}), "round 3, attempt 0 was recorded with other messages"),
-    ],
-)
-def test_a_replay_of_a_missing_or_changed_entry_is_refused_by_name(recorded, change, named):
-    file, _ = recorded
-    file.write_text(changed_lines(file.read_text().splitlines(), change))
-    with pytest.raises(UserError, match=f"seed 5, match 0, {named}"):
-        play(planner(transcript=file, mode="replay"))
-
-
-@pytest.mark.parametrize("options", [{"prompt": "paper"}, {"control": "no-history"}])
-def test_a_replay_with_another_prompt_is_told_the_recorded_one(recorded, options):
-    with pytest.raises(UserError, match="prompt 'standard', control 'none'"):
-        play(planner(transcript=recorded[0], mode="replay", **options))
-
-
-def test_a_replay_of_another_match_is_refused(recorded):
-    with pytest.raises(UserError, match="seed 6, match 0, round 0, attempt 0 is missing"):
-        play(planner(transcript=recorded[0], mode="replay"), seed=6)
-
-
-def test_a_record_with_another_model_is_refused(recorded):
-    with FaultServer([GOOD]) as server:
-        asking = planner(server, transcript=recorded[0])
-        line = recorded[0].read_text().replace('"model":"tiny"', '"model":"huge"')
-        recorded[0].write_text(line)
-        with pytest.raises(UserError, match=r"other model .*into a new file"):
-            play(asking)
-        assert not server.requests
-
-
-RUN = """
-import sys
-from tests.planning.llm.playing import SHORT, play
-from fpg_bench.planning.llm.llm_planner import LLMPlanner
-play(LLMPlanner(SHORT, transcript=sys.argv[1], concurrency=int(sys.argv[2])), games=int(sys.argv[2]))
-"""
-
-
-@pytest.mark.parametrize("games", [1, 3])
-def test_a_killed_run_goes_on_and_calls_nothing_twice(tmp_path, monkeypatch, games):
-    file, reached, go = tmp_path / "transcript.jsonl", threading.Event(), threading.Event()
-    numbers, killed = itertools.count(), []
-
-    def said(body):
-        number = next(numbers)
-        if number == 3 * games - 1:  # all others that are under way are answered and kept, this one is not
-            killed.append(body)
-            while len(file.read_text().splitlines()) < number:
-                go.wait(0.01)
-            reached.set()
-            go.wait(60)
-        return BAD if (games, number) == (1, 0) else path_text(len(json.dumps(body)) % 40)
-
-    with FaultServer([answer(said)]) as server:
-        monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
-        monkeypatch.setenv("FPG_LLM_MODEL", "tiny")
-        command = [sys.executable, "-c", RUN, str(file), str(games)]
-        with subprocess.Popen(command) as run:
-            assert reached.wait(60)
-            run.send_signal(signal.SIGKILL)
-        go.set()
-        answered = [received.body for received in server.requests if received.body not in killed]
-        lines = file.read_bytes()
-        subprocess.run(command, check=True)
-        later = [received.body for received in server.requests[len(answered) + 1 :]]
-    assert killed[0] in later
-    assert not [body for body in later if body in answered]
-    assert file.read_bytes().startswith(lines)
-    attempts = [json.loads(line) for line in file.read_text().splitlines()]
-    assert len(attempts) == len(answered) + len(later)
-    play(planner(transcript=file, mode="replay"), games=games)
-
-
-def test_a_full_disk_ends_the_run_and_loses_nothing(tmp_path):
-    file, soft_hard = tmp_path / "transcript.jsonl", resource.getrlimit(resource.RLIMIT_FSIZE)
-    with FaultServer([GOOD]) as server:
-        asking = planner(server, transcript=file)
-        asking.plan_batch([request(0)])
-        kept = file.read_bytes()
-        resource.setrlimit(resource.RLIMIT_FSIZE, (len(kept) + 100, soft_hard[1]))
-        try:
-            with pytest.raises(OSError, match="too large"):
-                asking.plan_batch([request(1)])
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, soft_hard)
-        assert file.read_bytes()[: len(kept)] == kept
-        asking.plan_batch([request(1)])
-    assert [json.loads(line)["round"] for line in file.read_text().splitlines()] == [0, 1]
+        first = planner(server, transcript=file, calls=1)
+        play(first)
+        first.transcript.close()
+        caplog.clear()
+        plans, _ = play(planner(server, transcript=file, **cap))
+        assert len(server.requests) == 1
+    assert statuses(plans) == ["ok"] + ["fallback-budget"] * (ROUNDS - 1)
+    (said,) = caplog.messages
+    assert f"{file}: plans without an answer: {ROUNDS - 1} (budget {ROUNDS - 1})" in said
 
 
 # Copies and secrets
@@ -435,9 +366,9 @@ def test_a_pickle_holds_no_key_and_finds_it_in_the_environment(monkeypatch):
 )
 def test_the_key_is_nowhere(tmp_path, caplog, behaviour):
     file, caught = tmp_path / "transcript.jsonl", ""
-    with FaultServer([behaviour]) as server, caplog.at_level(logging.DEBUG):
+    with FaultServer([GOOD, behaviour]) as server, caplog.at_level(logging.DEBUG):
         asking = planner(server, transcript=file, deadline_s=0.5)
-        plans = asking.plan_batch([request()])
+        plans = asking.plan_batch([request(), request(1)])
         file.write_text(re.sub('"content":"', '"content":"x', file.read_text()))
         asking.transcript.close()
         try:
@@ -463,6 +394,7 @@ def test_without_an_endpoint_it_says_what_to_set():
         ({"mode": "again"}, "choose one of live, record, replay"),
         ({"calls": 0}, "calls is 0"),
         ({"concurrency": 0}, "concurrency is 0"),
+        *[({"deadline_s": value}, "deadline: .*above 0") for value in (0, -1, float("nan"), float("inf"))],
     ],
 )
 def test_an_option_that_cannot_be_is_refused(options, message):
