@@ -75,7 +75,7 @@ class _JournalLock(JournalFileOpenLock):
         self._held: IO[bytes] | None = None
 
     def acquire(self) -> bool:
-        held = open(f"{self._path}.lock", "ab")  # noqa: SIM115
+        held = open(f"{self._path}.flock", "ab")  # noqa: SIM115 (Optuna's own lock is another file)
         fcntl.flock(held, fcntl.LOCK_EX)
         self._held = held
         self._cut_torn_line()
