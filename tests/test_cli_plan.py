@@ -104,6 +104,21 @@ def test_a_language_models_match_goes_on_and_is_repeated_without_it(folder):
     assert "round 2 is missing" in error_line(found)
 
 
+def test_a_wrong_key_ends_it_and_the_right_one_goes_on(folder):
+    with FaultServer([status(401)]) as server:
+        found = plan("run", *LLM, folder=folder, server=server)
+        assert found.returncode == 2
+        assert "HTTP 401, the key is refused (FPG_LLM_API_KEY)" in error_line(found)
+        assert "fpg-bench plan probe" in error_line(found)
+        server.behaviours = [ok(path_text())]
+        found = plan("run", *LLM, "--calls", 2, folder=folder, server=server)
+        assert found.returncode == 0, found.stderr
+        assert "2 of 3 valid" in found.stdout
+        found = plan("run", *LLM, "--calls", 9, folder=folder, server=server)
+        assert "2 of 3 valid" in found.stdout
+        assert "plans without an answer: 1 (budget 1); they stay as they were flown" in error_line(found)
+
+
 def test_options_of_the_language_model_reach_it(folder):
     with FaultServer([ok(path_text())]) as server:
         words = ("--control", "no-history", "--server", "vllm", "--calls", "2", "--out", "other.jsonl")
@@ -128,6 +143,7 @@ def test_options_of_the_language_model_reach_it(folder):
         (("run", "--planner", "circel"), "did you mean 'circle'"),
         (("run", "--planner", "circle", "--prompt", "paper"), "prompt: is for the planner 'llm'"),
         (("run", "--planner", "circle", "--rounds", "0"), "--rounds"),
+        (("replay", "."), "is a folder; name its match.jsonl"),
         (("run", "--planner", "llm"), "FPG_LLM_BASE_URL"),
         (("replay", "nowhere.jsonl"), "no such file"),
         (("probe",), "FPG_LLM_BASE_URL"),

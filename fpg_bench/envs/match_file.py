@@ -83,6 +83,10 @@ class MatchFile:
             self._file.append([match.row()])
             return []
         known, asked = self._header(rows), match.row()
+        if len(rows) == 1:  # nothing was played: a language model that could not be asked, for one
+            self.path.write_bytes(b"")
+            self._file.append([asked])
+            return []
         difference = _difference(known, asked, but="versions")
         if difference:
             raise UserError(f"match {self.path}: is another match, {difference}; name another file or folder")
@@ -94,13 +98,16 @@ class MatchFile:
         Raises:
             UserError: no file of a match, or one whose rounds are not all there, which is named.
         """
+        if self.path.is_dir():
+            raise UserError(f"match {self.path}: is a folder; name its match.jsonl")
         if not self.path.is_file():
             raise UserError(f"match {self.path}: no such file; plan run writes one")
         rows = self._file.read()
         match, rounds = self._match(self._header(rows)), self._rounds(rows)
         if len(rounds) < match.rounds:
             raise UserError(
-                f"match {self.path}: round {len(rounds)} is missing; the same plan run again goes on with it"
+                f"match {self.path}: round {len(rounds)} is missing, or its line was cut off; the same "
+                "plan run again goes on with it"
             )
         return match, rounds
 

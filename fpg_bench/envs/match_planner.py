@@ -56,7 +56,9 @@ def replayed_planner(name: str, told: dict[str, Any] | None, scenario: Scenario,
         raise UserError(f"match {path}: does not tell the prompt and control of its planner") from error
     if not unchanged:
         raise UserError(f"match {path}: its prompt is not the one that was recorded")
-    return LLMPlanner(scenario, prompt=prompt, control=control, transcript=path, mode="replay")
+    planner = LLMPlanner(scenario, prompt=prompt, control=control, transcript=path, mode="replay")
+    planner.transcript.check_told(told or {})
+    return planner
 
 
 def _asks_llm(spec: Any) -> bool:

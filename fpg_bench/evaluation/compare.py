@@ -52,17 +52,21 @@ def compare(
 
     Raises:
         UserError: something unknown, a folder that holds another panel's rows, no language model where one is
-            named, or transcripts that do not hold these matches.
+            named, or one that is of no use, options for one where none is, or transcripts that do not hold
+            these matches.
     """
     out = Path(out)
     played = _with_matches(load_planner_panel(panel), matches)
     _check_players(played)
+    named = _named(planners, played)
+    if llm and not any(map(_is_llm, named)):
+        raise UserError(f"{next(iter(llm))}: is for the planners {', '.join(LLM_CONTROLS)}; name one of them")
     contenders = [
         asked(spec, played, out / TRANSCRIPTS / spec, llm or {}) if _is_llm(spec) else contender(spec, played)
-        for spec in _named(planners, played)
+        for spec in named
     ]
     if transcripts is not None:
-        contenders += replayed(Path(transcripts), played)
+        contenders += replayed(Path(transcripts), played, [who.name for who in contenders])
     claim(out, panel, played.hash, matches=played.matches)
     file = RowFile(out / ROWS)
     with file.locked():

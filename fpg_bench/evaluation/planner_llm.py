@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -40,12 +40,13 @@ def asked(name: str, panel: PlannerPanel, folder: Path, options: Mapping[str, An
     control, rest = LLM_CONTROLS[name], dict(options)
     endpoint = endpoint_from_environment(rest.pop("server", None))
     prompt = rest.pop("prompt", "standard")
-    about = {"model": endpoint.model, "server": endpoint.server.name, "control": control}
+    about: dict[str, Any] = {"model": endpoint.model, "server": endpoint.server.name, "control": control}
     about |= {"prompt": prompt, "prompt_hash": load_prompt(prompt).hash}
+    about |= {"panel": panel.name, "panel_hash": panel.hash, "matches": panel.matches}
     budget = _budget(folder, {cap: rest.pop(cap) for cap in _CAPS if cap in rest})
 
     def make(ally: str) -> LLMPlanner:
-        _claim(folder, about)
+        _claim(folder, about, panel)
         path = folder / _file(ally)
         planner = LLMPlanner(
             panel.scenario, endpoint, prompt=prompt, control=control, transcript=path, mode="record", **rest
@@ -56,41 +57,53 @@ def asked(name: str, panel: PlannerPanel, folder: Path, options: Mapping[str, An
     return Contender(name, LLMPlanner.tier, _fingerprint(about), make)
 
 
-def replayed(folder: Path, panel: PlannerPanel) -> list[Contender]:
+def replayed(folder: Path, panel: PlannerPanel, taken: Collection[str] = ()) -> list[Contender]:
     """The language models whose transcripts lie in a folder, as they were recorded; no server is asked.
 
     Args:
         folder: holds a folder for each planner, whose name is what rows call it.
         panel: what they played.
+        taken: the names of the other planners under comparison.
 
     Raises:
-        UserError: no transcripts there, or a planner that goes by the name of another.
+        UserError: no transcripts there, those of another panel, or a planner by the name of another.
     """
     found = sorted(path.parent for path in folder.glob(f"*/{_ABOUT}"))
     if not found:
         raise UserError(f"transcripts {folder}: hold no planner; name the folder transcripts of a comparison")
     for path in found:
+        if path.name in taken:
+            raise UserError(f"transcripts {path}: another planner here has this name; rename the folder")
         if path.name in PLANNERS and path.name not in LLM_CONTROLS:
             raise UserError(f"transcripts {path}: a planner of the package has this name; rename the folder")
     return [_replayed(path, panel) for path in found]
 
 
 def _replayed(folder: Path, panel: PlannerPanel) -> Contender:
-    about = _about(folder)
+    about, prompt = _about(folder), load_prompt(str(folder / _PROMPT))
+    _check_panel(folder, about, panel)
+    if prompt.hash != about["prompt_hash"]:
+        raise UserError(f"transcripts {folder}: its {_PROMPT} is not the prompt that was recorded")
 
     def make(ally: str) -> LLMPlanner:
-        prompt, path = str(folder / _PROMPT), folder / _file(ally)
-        return LLMPlanner(
-            panel.scenario, prompt=prompt, control=about["control"], transcript=path, mode="replay"
+        planner = LLMPlanner(
+            panel.scenario,
+            prompt=prompt,
+            control=about["control"],
+            transcript=folder / _file(ally),
+            mode="replay",
         )
+        planner.transcript.check_told(about)
+        return planner
 
     return Contender(folder.name, LLMPlanner.tier, _fingerprint(about), make)
 
 
-def _claim(folder: Path, about: dict[str, Any]) -> None:
+def _claim(folder: Path, about: dict[str, Any], panel: PlannerPanel) -> None:
     """Say beside transcripts whose they are, and keep the prompt; refuse those of another."""
-    if (folder / _ABOUT).exists():
+    if any(path.stat().st_size for path in folder.glob("*.jsonl")):
         known = _about(folder)
+        _check_panel(folder, known, panel)
         for key in _DECIDING:
             if known[key] != about[key]:
                 raise UserError(
@@ -100,6 +113,15 @@ def _claim(folder: Path, about: dict[str, Any]) -> None:
         return
     write_whole(folder / _PROMPT, prompt_file(about["prompt"]).read_bytes())
     write_json(folder / _ABOUT, about)
+
+
+def _check_panel(folder: Path, about: Mapping[str, Any], panel: PlannerPanel) -> None:
+    """Check that transcripts are of the panel's matches, with what to write to compare them."""
+    if about.get("panel_hash") != panel.hash:
+        raise UserError(
+            f"transcripts {folder}: hold matches of another panel, {about.get('panel')!r} with "
+            f"{about.get('matches')} matches per ally; compare them with its --panel and --matches"
+        )
 
 
 def _about(folder: Path) -> dict[str, Any]:
@@ -117,7 +139,8 @@ def _budget(folder: Path, caps: Mapping[str, float]) -> Budget:
     """One budget for all allies, from which everything that is recorded already is taken."""
     budget = Budget(**caps)
     recorded = [Transcript(path, "replay") for path in sorted(folder.glob("*.jsonl"))]
-    budget.resume(attempt for transcript in recorded for attempt in transcript.attempts())
+    attempts = (attempt for transcript in recorded for attempt in transcript.attempts())
+    budget.resume(attempts, f"transcripts {folder}")
     return budget
 
 

@@ -66,7 +66,8 @@ def play_planner(
         progress: called with the ally and the number of rounds played, before each round.
 
     Raises:
-        UserError: the file holds rows of another panel, or of another planner under the same name.
+        UserError: the file holds rows of another panel, or of another planner under the same name; or the
+            planner fails: with the ally and the round, from 0.
     """
     head: Row = {"panel": panel.name, "panel_hash": panel.hash[:16], "planner": who.name, "tier": who.tier}
     head["fingerprint"] = who.fingerprint[:16]
@@ -76,10 +77,15 @@ def play_planner(
         if len(known) == panel.matches * panel.rounds:
             continue
         progress(ally, 0)
-        for played, rows in enumerate(play_pairing(who.make(ally), ally, panel), 1):
-            fresh = [row for row in rows if (row["seed"], row["round"]) not in known]
-            file.append({**head, "ally": ally, **row} for row in fresh)
-            progress(ally, played)
+        planner, played = who.make(ally), 0
+        try:
+            for rows in play_pairing(planner, ally, panel):
+                fresh = [row for row in rows if (row["seed"], row["round"]) not in known]
+                file.append({**head, "ally": ally, **row} for row in fresh)
+                played += 1
+                progress(ally, played)
+        except UserError as error:
+            raise UserError(f"{error} (against {ally}, round {played})") from error
 
 
 def play_pairing(planner: Any, ally: str, panel: PlannerPanel) -> Iterator[list[Row]]:

@@ -41,6 +41,8 @@ def planner_cells(s: PlannerSummary) -> list[str]:
 
 
 def _interval(score: Interval) -> str:
+    if score.low == score.high:
+        return "-"
     return f"[{number(score.low)}, {number(score.high)}]"
 
 
@@ -61,7 +63,8 @@ def planner_caption(panel: PlannerPanel) -> str:
 
 def planner_markdown(summaries: Sequence[PlannerSummary], panel: PlannerPanel) -> str:
     """The table as Markdown."""
-    return as_markdown(planner_headings(panel), [planner_cells(s) for s in summaries], planner_caption(panel))
+    lines = [[cell.replace("|", "\\|") for cell in planner_cells(s)] for s in summaries]
+    return as_markdown(planner_headings(panel), lines, planner_caption(panel))
 
 
 def planner_csv(summaries: Sequence[PlannerSummary]) -> str:

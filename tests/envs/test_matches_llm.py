@@ -223,7 +223,7 @@ def test_a_server_that_is_of_no_use_ends_the_match_which_then_goes_on(environmen
     with FaultServer([status(404)]) as server:
         environment(server)
         monkeypatch.setenv("FPG_LLM_MODEL", "mistyped-model")
-        with pytest.raises(UserError, match="HTTP 404, no such address or model.* fpg-bench plan probe"):
+        with pytest.raises(UserError, match=r"HTTP 404, no such address or model.* fpg-bench plan probe"):
             ask(file)
         assert [row["kind"] for row in lines(file)] == ["run"]
         server.behaviours = list(BEHAVIOURS)

@@ -1,17 +1,19 @@
 """Planners side by side, from a panel's file to the table; language models on loopback, then replayed."""
 
 import csv
+import dataclasses
 import json
 import shutil
 import subprocess
 import sys
 
 import pytest
-from planning.llm.fault_server import FaultServer, answer, ok, status
+from planning.llm.fault_server import FaultServer, answer, html, ok, status
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.compare import compare, read_comparison
-from fpg_bench.evaluation.planner_table import write_planner_table
+from fpg_bench.evaluation.planner_panel import load_planner_panel
+from fpg_bench.evaluation.planner_table import planner_cells, planner_markdown, write_planner_table
 from fpg_bench.rows import RowFile
 
 KEY = "sk-never-to-be-seen-3141592653"
@@ -131,6 +133,14 @@ def test_a_folder_of_another_size_is_refused(folder):
         compare(["hold"], "mine.yml", "out", matches=0)
 
 
+def test_one_match_has_no_interval_and_a_name_does_not_break_the_table(folder):
+    (found,) = [s for s in compare(["hold"], "mine.yml", "out", matches=1) if s.planner == "hold"]
+    assert planner_cells(found)[3] == planner_cells(found)[5] == "-"
+    panel = load_planner_panel("mine.yml")
+    lines = planner_markdown([dataclasses.replace(found, planner="a|b")], panel).splitlines()
+    assert lines[2].startswith(r"| a\|b | none |")
+
+
 # Language models
 
 
@@ -216,7 +226,9 @@ def test_transcripts_of_other_matches_are_refused(folder, asks):
     with FaultServer([ok(PATH)]) as server:
         asks(server)
         compare(["llm"], "mine.yml", "out")
-    with pytest.raises(UserError, match=r"round 0, attempt 0 is missing"):
+    with pytest.raises(
+        UserError, match=r"another panel, 'mine' with 2 matches per ally; .* --panel and --matches"
+    ):
         compare([], "mine.yml", "more", matches=3, transcripts="out/transcripts")
 
 
@@ -230,6 +242,67 @@ def test_folders_that_hold_no_transcripts(folder):
         compare([], "mine.yml", "out", transcripts="kept")
 
 
+def test_a_name_that_stands_for_two_is_refused(folder, asks):
+    with FaultServer([ok(PATH)]) as server:
+        asks(server)
+        compare(["llm"], "mine.yml", "out")
+        for named in ("llm", "chasing:Chaser"):
+            shutil.copytree(folder / "out/transcripts/llm", folder / "kept" / named)
+            with pytest.raises(UserError, match=f"{named}: another planner here has this name; rename"):
+                compare([named], "mine.yml", "more", transcripts="kept")
+            shutil.rmtree(folder / "kept")
+        assert len(server.requests) == PLANS
+
+
+def test_a_server_that_is_of_no_use_ends_the_comparison_and_burns_nothing(folder, asks):
+    with FaultServer([html()]) as server:
+        asks(server, model="mistyped")
+        with pytest.raises(UserError, match=r"a web page; .*plan probe \(against idle, round 0\)"):
+            compare(["llm"], "mine.yml", "out")
+        server.behaviours = [ok(PATH)]
+        asks(server)
+        compare(["llm"], "mine.yml", "out")
+    assert {row["status"] for row in rows_of(folder / "out", "llm")} == {"ok"}
+    assert json.loads((folder / "out/transcripts/llm/planner.json").read_text())["model"] == "toy"
+
+
+def test_a_cap_that_is_raised_later_is_told_not_to_change_what_was_flown(folder, asks, caplog):
+    with FaultServer([ok(PATH)]) as server:
+        asks(server)
+        compare(["llm"], "mine.yml", "out", llm={"calls": 1})
+        caplog.clear()
+        compare(["llm"], "mine.yml", "out", llm={"calls": 100})
+        assert len(server.requests) == 1
+    (said,) = caplog.messages
+    assert f"transcripts/llm: plans without an answer: {PLANS - 1} (budget {PLANS - 1})" in said
+
+
+@pytest.mark.parametrize("transcripts", [None, "out/transcripts"])
+def test_options_of_a_language_model_need_one(folder, transcripts):
+    with pytest.raises(UserError, match=r"^prompt: is for the planners llm, .*; name one of them"):
+        compare(["circle"], "mine.yml", "out", llm={"prompt": "paper"}, transcripts=transcripts)
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        ("planner.json", '"toy"', '"huge"', "recorded with model toy, and not huge"),
+        ("prompt.yml", "UAV", "UFO", r"its prompt.yml is not the prompt that was recorded"),
+        ("idle.jsonl", '"control":"none"', '"control":"no-history"', "recorded with control no-history"),
+    ],
+)
+def test_transcripts_that_were_changed_are_refused(folder, asks, file, old, new, message):
+    with FaultServer([ok(PATH)]) as server:
+        asks(server)
+        compare(["llm"], "mine.yml", "out", llm={"prompt": "paper"})
+    changed = folder / "out/transcripts/llm" / file
+    assert old in changed.read_text()
+    changed.write_text(changed.read_text().replace(old, new))
+    with pytest.raises(UserError, match=message):
+        compare([], "mine.yml", "again", transcripts="out/transcripts")
+
+
 def test_a_model_without_an_endpoint_is_no_model(folder):
     with pytest.raises(UserError, match="FPG_LLM_BASE_URL"):
         compare(["llm"], "mine.yml", "out")
@@ -237,7 +310,7 @@ def test_a_model_without_an_endpoint_is_no_model(folder):
 
 
 def test_the_key_is_nowhere(folder, asks):
-    with FaultServer([status(401), ok(PATH)]) as server:
+    with FaultServer([ok(PATH), status(401), ok(PATH)]) as server:
         asks(server)
         compare(["llm"], "mine.yml", "out")
         assert KEY in server.requests[0].headers["authorization"]
@@ -269,6 +342,10 @@ def test_the_command_prints_and_writes_the_table(folder):
     [
         (("plan", "compare", "circel", "--panel", "mine.yml"), "did you mean 'circle'"),
         (("plan", "compare", "llm", "--panel", "mine.yml"), "FPG_LLM_MODEL"),
+        (
+            ("plan", "compare", "circle", "--panel", "mine.yml", "--calls", 3),
+            "calls: is for the planners llm",
+        ),
         (("evaluate", "idle", "--panel", "planner-v1"), "fpg-bench plan compare --panel planner-v1"),
     ],
 )

@@ -141,3 +141,15 @@ def test_planners_that_cannot_be_told_apart_never_enter(panel, changes, message)
 def test_unknown_planners_are_named(panel):
     with pytest.raises(UserError, match="did you mean 'circle'"):
         contender("circel", panel)
+
+
+def test_a_planner_that_fails_is_told_with_ally_and_round(panel, tmp_path):
+    class Tired(Noting):
+        def plan_batch(self, requests):
+            if len(requests[0].history) == 2:
+                raise RuntimeError("no fuel")
+            return super().plan_batch(requests)
+
+    with pytest.raises(UserError, match=r"no fuel \(against idle, round 2\)"):
+        play(panel, tmp_path / "rows.jsonl", Tired())
+    assert len(RowFile(tmp_path / "rows.jsonl").read()) == MATCHES * 2

@@ -9,7 +9,14 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from fpg_bench.errors import UserError
+from fpg_bench.planning.llm.answers import read_answer
+from fpg_bench.planning.llm.replies import read_body
+from fpg_bench.planning.planner import Limits
 from fpg_bench.rows import Row
+
+UNANSWERED = ("timeout", "http", "budget")  # errors by which a model said nothing
+_TOLD_APART = (*UNANSWERED, "refused")  # errors that have a status of their name
+_SAID = ("text", "model", "tokens_in", "tokens_out")  # what a raw reply says, too
 
 # The two attempts at a plan: the first, and the one that names the rule broken
 FIRST, LAST = 0, 1
@@ -93,11 +100,29 @@ class Attempt:
         """Whether the model is told what was wrong, and asked once more."""
         return self.attempt < LAST and self.error is None and self.waypoints is None
 
+    def unlike(self, raw: Any) -> str | None:
+        """What of this attempt is not as its raw reply says, where that was kept whole; None: nothing."""
+        if self.text is None or not isinstance(raw, dict):
+            return None
+        said = read_body(raw)
+        return next((name for name in _SAID if getattr(self, name) != getattr(said, name)), None)
+
     @property
     def tokens(self) -> int | None:
         """All tokens that the server counted; None: it counted none."""
         known = [count for count in (self.tokens_in, self.tokens_out) if count is not None]
         return sum(known) if known else None
+
+
+def judge(text: str | None, error: str | None, limits: Limits) -> dict[str, Any]:
+    """What a reply comes to: the fields ``waypoints``, ``rung`` and ``status`` of an attempt."""
+    if error is not None or text is None:
+        return {"waypoints": None, "rung": "none", "status": error if error in _TOLD_APART else "invalid"}
+    answer = read_answer(text, limits)
+    if answer.waypoints is None:
+        return {"waypoints": None, "rung": answer.rung, "status": "refused" if answer.refused else "invalid"}
+    status = "repaired" if answer.repaired else "ok"
+    return {"waypoints": answer.waypoints.tolist(), "rung": answer.rung, "status": status}
 
 
 _TYPES: dict[str, Any] = {"int": int, "str": str, "float": float | int, "Body | None": dict | None}

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 import math
+from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
 from fpg_bench.errors import UserError
-from fpg_bench.planning.llm.attempt import Attempt
+from fpg_bench.planning.llm.attempt import UNANSWERED, Attempt
 
 CALLS = 20_000  # two for each plan of a comparison, and some
 TOKENS = 200_000_000
@@ -46,16 +47,27 @@ class Budget:
     def __deepcopy__(self, memo: Any) -> Budget:
         return self
 
-    def resume(self, attempts: Iterable[Attempt]) -> None:
+    def resume(self, attempts: Iterable[Attempt], where: str) -> None:
         """Count, once, what a transcript holds from before: a run that goes on is the same run.
 
-        Its failures are forgiven, since whoever goes on may have mended the server.
+        Its failures are forgiven, since whoever goes on may have mended the server. Plans that got no answer
+        stay as they were flown; a log says how many.
+
+        Args:
+            attempts: what the transcript holds.
+            where: the transcript's name for the log.
         """
-        if not self._resumed:
-            self._resumed = True
-            for attempt in attempts:
-                self.spend(attempt)
-            self.failures = 0
+        if self._resumed:
+            return
+        self._resumed, lost = True, Counter[str]()
+        for attempt in attempts:
+            self.spend(attempt)
+            lost[attempt.error or ""] += attempt.error in UNANSWERED
+        self.failures = 0
+        if lost.total():
+            why = ", ".join(f"{error} {count}" for error, count in sorted(lost.items()) if count)
+            stay = "they stay as they were flown; another file or folder asks anew"
+            _LOG.warning("%s: plans without an answer: %d (%s); %s", where, lost.total(), why, stay)
 
     def refusal(self, under_way: int = 0) -> str | None:
         """Why no further call may be made, None if one may.

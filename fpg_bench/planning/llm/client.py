@@ -162,8 +162,10 @@ class _Talk:
         if isinstance(error, TimeoutError):
             return Reply(error="timeout", detail=f"no answer within {self.client.deadline_s:g} s")
         cause = error.__cause__ or error
-        said = without(self.client.endpoint.key, f"{type(cause).__name__}: {cause}".rstrip(": "))
-        return Reply(error="http", detail=one_line(f"no answer from {self.client.endpoint.base_url}: {said}"))
+        kind = type(cause).__name__
+        said = without(self.client.endpoint.key, f"{kind}: {cause}".rstrip(": "))
+        detail = one_line(f"no answer from {self.client.endpoint.base_url}: {said}")
+        return Reply(error="http", detail=detail, hopeless=kind == "ConnectError")
 
     async def _waits(self, received: Received) -> bool:
         """Wait as a 429 asks, once, where that leaves time for an answer."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -16,7 +17,7 @@ import numpy as np
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.llm.answers import answer_schema, read_answer
-from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where
+from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where, judge
 from fpg_bench.planning.llm.budget import CALLS, SECONDS, TOKENS, Budget
 from fpg_bench.planning.llm.client import Client, Reply
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt, reask
@@ -28,7 +29,6 @@ from fpg_bench.planning.planner import BatchPlanner, Limits, Plan, Request
 DEADLINE_S = 30.0
 
 _RAW_CHARS = 10_000
-_TOLD_APART = ("timeout", "http", "refused", "budget")  # errors that have a status of their name
 
 
 class LLMPlanner(BatchPlanner):
@@ -38,7 +38,8 @@ class LLMPlanner(BatchPlanner):
     match's last valid path is held, and the circle before there is any. A plan's status tells: ``ok``;
     ``repaired`` (points too many or just outside the box); ``reasked`` (valid at the second attempt);
     ``fallback-`` with what went wrong: ``invalid``, ``refused``, ``timeout``, ``http``, or ``budget``: no
-    call was made, since the budget is spent or the server failed five times in a row.
+    call was made, since the budget is spent or the server failed five times in a row. A wrong key or address,
+    of which asking again makes nothing better, ends the run with an error while no call has been answered.
 
     The planner can be copied and pickled. A pickle holds no key: it is read from the environment again.
 
@@ -57,8 +58,9 @@ class LLMPlanner(BatchPlanner):
         concurrency: how many games are asked for at once. Caps may be overrun by the calls under way.
 
     Raises:
-        UserError: no endpoint, an unknown prompt, control or mode, a cap that is no positive number; while
-            planning: a transcript that holds other requests, or in a replay lacks one.
+        UserError: no endpoint, an unknown prompt, control or mode, a cap or deadline that is no positive
+            number; while planning: a transcript that holds other requests, or in a replay lacks one, or a
+            server that cannot be reached, knows no such address or refuses the key.
     """
 
     tier = "history"
@@ -83,6 +85,8 @@ class LLMPlanner(BatchPlanner):
             raise UserError(f"unknown control {control!r}{nearest(control, CONTROLS)}")
         if concurrency < 1:
             raise UserError(f"concurrency is {concurrency}; expected 1 or more")
+        if not 0 < deadline_s < math.inf:
+            raise UserError(f"deadline: {deadline_s:g} s; expected a number above 0")
         self.scenario = scenario
         self.name = "llm" if control == "none" else f"llm-{control}"
         self.prompt = prompt if isinstance(prompt, Prompt) else load_prompt(prompt)
@@ -91,6 +95,7 @@ class LLMPlanner(BatchPlanner):
         self.budget = Budget(calls, tokens, seconds)
         self.concurrency = concurrency
         self._circle = Patrol("circle", scenario)
+        self._answered = False  # whether any call of this planner was
         self._client: Client | None = None
         if self.transcript.mode != "replay":
             self._client = Client(endpoint or endpoint_from_environment(), deadline_s)
@@ -99,11 +104,11 @@ class LLMPlanner(BatchPlanner):
         """The plans of some games; what is made of an answer does not depend on ``concurrency``.
 
         Raises:
-            UserError: the transcript does not fit, see above.
+            UserError: the transcript does not fit, or the server is of no use; see above.
             OSError: the transcript cannot be written.
         """
         if self.transcript.mode == "record":
-            self.budget.resume(self.transcript.attempts())
+            self.budget.resume(self.transcript.attempts(), f"transcript {self.transcript.path}")
         plans: list[Plan] = []
         for start in range(0, len(requests), self.concurrency):
             talks = [_Talk(request) for request in requests[start : start + self.concurrency]]
@@ -132,12 +137,22 @@ class LLMPlanner(BatchPlanner):
         if self._client is None or not talks:
             return
         made: dict[int, Attempt] = {}
+        hopeless: dict[int, Reply] = {}
 
         def keep(index: int, reply: Reply) -> None:
+            self._answered |= reply.error is None
+            if reply.hopeless and not self._answered:
+                hopeless[index] = reply
+                return
             attempt = self._attempt(talks[index][0], number, reply)
             made[index] = self.transcript.add(attempt, self._circumstances(reply))
 
         self._client.complete_all([body for _, body in talks], self.concurrency, keep)
+        for index, reply in hopeless.items():
+            if not self._answered:  # nothing of it is kept, so that the same run goes on once it is mended
+                mend = "mend the server or the FPG_LLM_ variables, and try fpg-bench plan probe"
+                raise UserError(f"planner {self.name}: {reply.detail}; {mend}")
+            keep(index, reply)
         for index, (talk, _) in enumerate(talks):
             self.budget.spend(made[index])
             talk.attempts.append(made[index])
@@ -227,17 +242,6 @@ class _Talk:
         counts = [attempt.tokens for attempt in self.attempts if attempt.error != "budget"]
         known = [count for count in counts if count is not None]
         return sum(known) if known or not counts else None
-
-
-def judge(text: str | None, error: str | None, limits: Limits) -> dict[str, Any]:
-    """What a reply comes to: the fields ``waypoints``, ``rung`` and ``status`` of an attempt."""
-    if error is not None or text is None:
-        return {"waypoints": None, "rung": "none", "status": error if error in _TOLD_APART else "invalid"}
-    answer = read_answer(text, limits)
-    if answer.waypoints is None:
-        return {"waypoints": None, "rung": answer.rung, "status": "refused" if answer.refused else "invalid"}
-    status = "repaired" if answer.repaired else "ok"
-    return {"waypoints": answer.waypoints.tolist(), "rung": answer.rung, "status": status}
 
 
 def server_seed(where: Where) -> int:

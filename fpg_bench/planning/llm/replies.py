@@ -11,6 +11,8 @@ LONGEST_BODY = 1_000_000  # bytes; the rest is not read
 DEEPEST_BODY = 50  # brackets within brackets
 LONGEST_RAW = 10_000  # characters kept of a body that is no JSON
 LONGEST_DETAIL = 200
+_PAGE = "a web page"
+_HOPELESS = (401, 403, 404, 405)  # and redirections, which are not followed
 SHORTEST_SECRET = 8  # shorter keys are words such as "none" and "x", which stand in any text
 
 
@@ -30,6 +32,8 @@ class Reply:
         sent: the body of the request, as it was last sent.
         dropped: the fields that were left out of it because the server refuses them.
         calls: how many requests it took.
+        hopeless: asking again cannot mend it: nobody listens, the key or the address is refused, or a web
+            page stands in place of an answer.
     """
 
     text: str | None = None
@@ -43,6 +47,7 @@ class Reply:
     sent: dict[str, Any] = field(default_factory=dict)
     dropped: tuple[str, ...] = ()
     calls: int = 1
+    hopeless: bool = False
 
 
 @dataclass(frozen=True)
@@ -72,15 +77,34 @@ def read_reply(received: Received, secret: str | None, refusal_codes: tuple[int 
     except (ValueError, RecursionError):
         body = text[:LONGEST_RAW]
     if received.status >= 300:
-        return _failed(body, f"HTTP {received.status}{_advice(received.status)}", refusal_codes)
+        reply = _failed(body, f"HTTP {received.status}{_advice(received.status)}", refusal_codes)
+        lasting = received.status in _HOPELESS or received.status < 400
+        return replace(reply, hopeless=lasting and reply.error == "http")
     if not isinstance(body, dict):
         what = _kind(received.body) if isinstance(body, str) else "other JSON"
-        return Reply(error="invalid", detail=f"the reply is no chat completion but {what}", raw=body)
+        detail = f"the reply is no chat completion but {what}"
+        return Reply(error="invalid", detail=detail, raw=body, hopeless=what == _PAGE)
     if not body.get("choices"):
         if body.get("error") or body.get("code"):
             return _failed(body, "an error in place of an answer", refusal_codes)
         return Reply(error="invalid", detail="the reply holds no choices", raw=body)
-    return _answered(body)
+    return read_body(body)
+
+
+def read_body(body: dict[str, Any]) -> Reply:
+    """Read a chat completion: the first choice's text, or why it has none."""
+    choices = body.get("choices")
+    choice = _object(choices[0] if isinstance(choices, list) else None)
+    message, finish = _object(choice.get("message")), choice.get("finish_reason")
+    reply = Reply(raw=body, model=_name(body.get("model")), **_tokens(body.get("usage")))
+    if message.get("refusal") or finish == "content_filter":
+        said = message.get("refusal") or "the server's filter held the answer back"
+        return replace(reply, error="refused", detail=one_line(str(said)))
+    text = _text(message.get("content"))
+    if not text.strip():
+        why = " (cut off at max_tokens)" if finish == "length" else ""
+        return replace(reply, error="invalid", detail=f"the reply holds no text{why}")
+    return replace(reply, text=text)
 
 
 def without(secret: str | None, text: str) -> str:
@@ -104,22 +128,6 @@ def error_text(body: Any) -> str:
     if isinstance(found, dict):
         found = found.get("message") or found
     return found if isinstance(found, str) else json.dumps(found)
-
-
-def _answered(body: dict[str, Any]) -> Reply:
-    """A body with choices: the first one's text, or why it has none."""
-    choices = body["choices"]
-    choice = _object(choices[0] if isinstance(choices, list) else None)
-    message, finish = _object(choice.get("message")), choice.get("finish_reason")
-    reply = Reply(raw=body, model=_name(body.get("model")), **_tokens(body.get("usage")))
-    if message.get("refusal") or finish == "content_filter":
-        said = message.get("refusal") or "the server's filter held the answer back"
-        return replace(reply, error="refused", detail=one_line(str(said)))
-    text = _text(message.get("content"))
-    if not text.strip():
-        why = " (cut off at max_tokens)" if finish == "length" else ""
-        return replace(reply, error="invalid", detail=f"the reply holds no text{why}")
-    return replace(reply, text=text)
 
 
 def _failed(body: Any, what: str, refusal_codes: tuple[int | str, ...]) -> Reply:
@@ -146,7 +154,7 @@ def _kind(body: bytes) -> str:
     if len(body) >= LONGEST_BODY:
         return f"more than {LONGEST_BODY} bytes"
     if body.lstrip()[:1] == b"<":
-        return "a web page"
+        return _PAGE
     return "cut or broken JSON" if body.strip() else "empty"
 
 

@@ -10,7 +10,7 @@ import contextlib
 import copy
 import logging
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -83,6 +83,23 @@ class Transcript:
     def attempts(self) -> list[Attempt]:
         """All attempts, in the order of the file."""
         return list(self._read().values())
+
+    def check_told(self, told: Mapping[str, Any]) -> None:
+        """Check that every attempt was made with the model, prompt and control that are told beside it.
+
+        Args:
+            told: ``model``, ``prompt_hash`` and ``control``.
+
+        Raises:
+            UserError: one was not, by name.
+        """
+        for attempt in self.attempts():
+            model = told.get("model") if attempt.request is None else attempt.request.get("model")
+            made = {"model": model, "prompt_hash": attempt.prompt_hash, "control": attempt.control}
+            for name, value in made.items():
+                if value != told.get(name):
+                    what = f"was recorded with {name} {value}, and not {told.get(name)} as is told of all"
+                    raise UserError(self.complaint(attempt.where, what))
 
     def find(self, where: Where, body: Body) -> Attempt | None:
         """The attempt in the transcript, None if there is none yet.
@@ -191,6 +208,9 @@ class Transcript:
                 self._flown[_checked_place(row, f"transcript {path}: line {number}")] = row
             elif row.get("kind") == "attempt":
                 attempt = Attempt.of(row, f"transcript {path}: line {number}")
+                if name := attempt.unlike(row.get("raw")):
+                    what = f"is changed: its {name} is not what its raw reply says"
+                    raise UserError(self.complaint(attempt.where, what))
                 if found.setdefault(attempt.where, attempt) is attempt:
                     self._note_path(attempt)
                 if row.get("key") != attempt.key:

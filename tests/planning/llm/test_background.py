@@ -18,7 +18,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.planning import Plan
 from fpg_bench.planning.llm.background import Beside
 
-from .fault_server import FaultServer, answer, ok
+from .fault_server import FaultServer, answer, ok, status
 from .playing import BAD, ROUNDS, SHORT, endpoint, path, path_text, planner, play, request
 
 
@@ -367,3 +367,12 @@ def test_a_program_ends_while_a_call_is_under_way(monkeypatch, ending):
     said_last = {"end": "", "error": "ZeroDivisionError", "interrupt": "KeyboardInterrupt"}[ending]
     assert (said_last in errors) if said_last else errors == ""
     assert (run.returncode == 0) == (ending == "end")
+
+
+def test_a_server_that_is_of_no_use_comes_up_at_the_next_round(tmp_path):
+    with FaultServer([status(401)]) as server:
+        beside = Beside(planner(server, transcript=tmp_path / "transcript.jsonl"))
+        beside.plan_batch([request(0)])
+        settle(beside)
+        with pytest.raises(UserError, match=r"HTTP 401, the key is refused \(FPG_LLM_API_KEY\)"):
+            beside.plan_batch([request(1)])

@@ -101,10 +101,24 @@ def test_the_end_is_logged_once(caplog):
 def test_what_was_spent_before_a_run_was_stopped_counts_once_and_its_failures_do_not():
     budget = Budget(calls=11)
     for _ in range(2):
-        budget.resume([called("http")] * 5 + [called("budget")] * 5 + [CALLED] * 4 + [called("http")])
+        budget.resume([called("http")] * 5 + [called("budget")] * 5 + [CALLED] * 4 + [called("http")], "x")
     assert budget.refusal() is None
     budget.spend(called("http"))
     assert "calls, 11," in budget.refusal()
+
+
+def test_plans_that_got_no_answer_are_told_once_where_a_run_goes_on(caplog):
+    budget, lost = Budget(), [called("http"), called("budget"), called("budget"), called("timeout")]
+    for _ in range(2):
+        budget.resume([CALLED, called("invalid"), *lost], "transcript x.jsonl")
+    (said,) = caplog.messages
+    assert said.startswith("transcript x.jsonl: plans without an answer: 4 (budget 2, http 1, timeout 1)")
+    assert "another file or folder asks anew" in said
+
+
+def test_where_all_was_answered_nothing_is_said(caplog):
+    Budget().resume([CALLED, called("invalid"), called("refused")], "transcript x.jsonl")
+    assert not caplog.messages
 
 
 def test_copies_spend_from_one_budget():

@@ -182,13 +182,6 @@ def test_what_cannot_be_read_is_told_and_the_last_valid_path_held(tmp_path, name
     assert_same(course, play(planner(transcript=file, mode="replay"), rounds=2))
 
 
-def test_nobody_listens():
-    with FaultServer([ok("")]) as server:
-        pass
-    (plan,) = planner(server).plan_batch([request()])
-    assert (plan.source, plan.status) == ("circle", "fallback-http")
-
-
 def test_a_schema_reaches_the_server():
     with FaultServer([ok(path_text())]) as server:
         LLMPlanner(SHORT, endpoint(server, "llama.cpp")).plan_batch([request()])

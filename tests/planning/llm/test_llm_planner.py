@@ -369,7 +369,7 @@ def test_the_key_is_nowhere(tmp_path, caplog, behaviour):
     with FaultServer([GOOD, behaviour]) as server, caplog.at_level(logging.DEBUG):
         asking = planner(server, transcript=file, deadline_s=0.5)
         plans = asking.plan_batch([request(), request(1)])
-        file.write_text(re.sub('"content":"', '"content":"x', file.read_text()))
+        file.write_text(re.sub('"user","content":"', '"user","content":"x', file.read_text()))
         asking.transcript.close()
         try:
             asking.plan_batch([request()])

@@ -65,6 +65,13 @@ def test_a_server_that_ignores_everything_is_found_out():
     assert "transformers-serve" in findings["profile"][1]
 
 
+@pytest.mark.parametrize(("count", "few"), [(FEW_TOKENS, ""), (7, "; servers count a few more or less")])
+def test_a_length_that_is_about_kept_says_so(count, few):
+    findings = found(ok("hello", usage={"prompt_tokens": 9, "completion_tokens": count}))
+    seen = f"{count} tokens written where {FEW_TOKENS} were allowed{few}"
+    assert findings["max_tokens"] == (True, seen)
+
+
 def test_a_seed_without_effect_is_told_from_one_that_is_ignored():
     texts = iter(range(100))
     changing = faults.answer(lambda body: f"text {next(texts)}")

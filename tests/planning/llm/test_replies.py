@@ -186,3 +186,21 @@ def test_anything_at_all_becomes_a_reply(body, status):
     assert (reply.error is None) == (reply.text is not None)
     assert reply.error is None or reply.error in ERRORS
     json.dumps(reply.raw, allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "hopeless"),
+    [
+        *[({"error": {"message": "no"}}, status, True) for status in (301, 308, 401, 403, 404, 405)],
+        *[({"error": {"message": "no"}}, status, False) for status in (400, 408, 422, 429, 500, 502, 503)],
+        ({"error": {"code": "content_filter"}}, 403, False),
+        (b"<html>It works", 200, True),
+        (b"<html>Bad gateway", 502, False),
+        (b'{"choices": [{"mess', 200, False),
+        ({"error": {"message": "out of quota"}}, 200, False),
+        ({"choices": []}, 200, False),
+        (completion("Hello."), 200, False),
+    ],
+)
+def test_what_asking_again_cannot_mend_is_told_apart(body, status, hopeless):
+    assert read(body, status).hopeless is hopeless

@@ -24,13 +24,19 @@ BODY = {
     "seed": 5,
 }
 ATTEMPT = Attempt(
-    *(1, 2, 3, 0, BODY, "the text \ud800 ü", None, ""),
+    *(1, 2, 3, 0, BODY, "the text \u2028 ü", None, ""),
     *((path() / 3).tolist(), "json", "ok", "standard", "ab12", "none"),
     calls=2,
     seconds=0.1 + 0.2,
     tokens_in=10,
     model="tiny-v2",
 )
+RAW = {
+    "model": "tiny-v2",
+    "choices": [{"message": {"content": "the text \u2028 ü"}}],
+    "usage": {"prompt_tokens": 10},
+}
+TOLD = {"model": "tiny", "prompt_hash": "ab12", "control": "none"}
 
 
 def with_content(text):
@@ -45,7 +51,7 @@ def file(tmp_path):
 @pytest.fixture
 def recorded(file):
     transcript = Transcript(file, "record")
-    transcript.add(ATTEMPT, {"raw": {"choices": []}, "versions": {"openai": "3"}})
+    transcript.add(ATTEMPT, {"raw": RAW, "versions": {"openai": "3"}})
     transcript.close()
     return file
 
@@ -60,7 +66,7 @@ def test_a_line_holds_what_a_reader_wants_to_know(recorded):
     assert line["kind"] == "attempt"
     assert line["key"] == ATTEMPT.key
     assert (line["request"], line["tokens_in"], line["tokens_out"]) == (BODY, 10, None)
-    assert line["raw"] == {"choices": []}
+    assert line["raw"] == RAW
     assert line["versions"] == {"openai": "3"}
 
 
@@ -118,6 +124,32 @@ def test_fields_that_a_server_may_refuse_do_not_count(recorded):
 
 def test_a_replay_knows_only_the_messages(recorded):
     assert Transcript(recorded, "replay").find(ATTEMPT.where, {"messages": BODY["messages"]}) == ATTEMPT
+
+
+@pytest.mark.parametrize("name", ["text", "model", "tokens_in", "tokens_out"])
+@pytest.mark.parametrize("mode", ["record", "replay"])
+def test_an_attempt_that_is_not_as_its_raw_reply_says_is_refused(recorded, name, mode):
+    line = json.loads(recorded.read_text())
+    line[name] = "north" if name in ("text", "model") else 9
+    recorded.write_text(json.dumps(line) + "\n")
+    with pytest.raises(
+        UserError, match=f"match 2, round 3, attempt 0 is changed: its {name} is not what its raw"
+    ):
+        Transcript(recorded, mode).attempts()
+
+
+def test_a_raw_reply_that_was_cut_proves_nothing(recorded):
+    line = json.loads(recorded.read_text())
+    recorded.write_text(json.dumps({**line, "raw": '{"model": "tin'}) + "\n")
+    assert Transcript(recorded, "replay").attempts() == [ATTEMPT]
+
+
+@pytest.mark.parametrize("name", TOLD)
+def test_attempts_are_made_as_is_told_beside_them(recorded, name):
+    transcript = Transcript(recorded, "replay")
+    transcript.check_told(TOLD)
+    with pytest.raises(UserError, match=f"attempt 0 was recorded with {name} .* and not other"):
+        transcript.check_told({**TOLD, name: "other"})
 
 
 def test_the_key_is_advice(recorded, caplog):
