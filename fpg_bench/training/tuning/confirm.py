@@ -78,14 +78,14 @@ def confirm(
             raise UserError(f"{word}: expected a whole number above 0, got {value}")
     opened = open_storage(Path(out), storage, stale=claim.try_again, say=say, patience_s=patience_s)
     study, searched = find_study(opened, name)
-    chosen = best_trials(study, best)
+    chosen = opened.patient(best_trials, study, best)
     if not chosen:
         raise UserError(f"study {study.study_name!r} in {opened.where}: no trial is complete yet")
     task = dataclasses.replace(searched, seeds=1, first_seed=FRESH_SEED, steps=steps or searched.steps)
     fresh = range(FRESH_SEED, FRESH_SEED + seeds)
     pairs = {(trial.number, seed): trial.params for trial in chosen for seed in fresh}
     again = _trained_again(opened, study.study_name, task, pairs, say, lost)
-    trials = finished(study.get_trials(deepcopy=False))
+    trials = finished(opened.patient(study.get_trials, deepcopy=False))
     found = [
         Confirmed(
             study.study_name,
@@ -98,7 +98,7 @@ def confirm(
             task,
         )
         for trial in chosen
-        if (score := _score(again, trial.number, fresh)) is not None
+        if (score := opened.patient(_score, again, trial.number, fresh)) is not None
     ]
     return sorted(found, key=lambda confirmed: -confirmed.score.value)
 

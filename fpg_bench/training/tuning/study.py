@@ -94,15 +94,17 @@ def find_study(storage: Storage, name: str | None) -> tuple[optuna.Study, Task]:
     Raises:
         UserError: none of this name, several to choose from, or one that ``fpg-bench tune`` did not make.
     """
-    known = [n for n in optuna.get_all_study_names(storage.optuna) if not n.endswith(AGAIN)]
+    names = storage.patient(optuna.get_all_study_names, storage.optuna)
+    known = [found for found in names if not found.endswith(AGAIN)]
     if name is None and len(known) != 1:
         what = f"holds several, choose one with --name: {', '.join(known)}" if known else "holds no study"
         raise UserError(f"{storage.where}: {what}")
     if name is not None and name not in known:
         raise UserError(f"{storage.where}: no study {name!r}{nearest(name, known)}")
-    study = optuna.load_study(study_name=name or known[0], storage=storage.optuna)
+    study = storage.patient(optuna.load_study, study_name=name or known[0], storage=storage.optuna)
+    held = storage.patient(lambda: study.user_attrs)
     try:
-        return study, Task(**study.user_attrs[TASK])
+        return study, Task(**held[TASK])
     except (KeyError, TypeError) as error:
         raise UserError(
             f"study {study.study_name!r} in {storage.where}: was not made by this version of fpg-bench tune "

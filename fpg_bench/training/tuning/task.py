@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -108,6 +109,11 @@ def make_task(
     options = {name: value for name, value in (options or {}).items() if value is not None}
     found = find_algorithm(algorithm)
     values = _entry(found, view.id, hyperparams, steps)
+    for what, given in (("options", options), ("hyper-parameters", values)):
+        try:
+            json.dumps(given)
+        except TypeError as error:
+            raise UserError(f"{what}: a study keeps them, so name everything by words: {error}") from error
     name = panel or panel_of(view.id, options)
     measured = load_panel(name, references=False)
     if measured.side != view.side:

@@ -130,6 +130,7 @@ def test_training_that_comes_to_no_numbers_is_said_so(algorithm):
         ({"panel": "oponent-v1"}, "did you mean 'opponent-v1'"),
         ({"panel": "ally-v1"}, "measures the ally"),
         ({"ally": "exprt"}, "did you mean 'expert'"),
+        ({"ally": object()}, "name everything by words"),
         ({"storage": "nonsense"}, "expected a URL"),
         ({"hyperparams": None, "space": "nowhere.yml"}, "cannot be read"),
     ],
