@@ -6,7 +6,13 @@ from fpg_bench.training.train import train
 
 ALLY = "FPG/AllyVsScripted-v0"
 ON_POLICY = {"n_steps": 100, "batch_size": 100, "n_epochs": 1}
-OFF_POLICY = {"learning_starts": 100, "buffer_size": 2000, "batch_size": 16, "gradient_steps": 1}
+OFF_POLICY = {
+    "learning_starts": 100,
+    "buffer_size": 2000,
+    "batch_size": 16,
+    "train_freq": 50,
+    "gradient_steps": 9,
+}
 SMALL = {"net_arch": [8]}
 LSTM = SMALL | {"lstm_hidden_size": 6, "n_lstm_layers": 2}
 
