@@ -8,7 +8,15 @@ from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.cli.plan import ServerOption
+from fpg_bench.cli.options import (
+    CallsOption,
+    DeadlineOption,
+    PromptOption,
+    SecondsOption,
+    ServerOption,
+    TokensOption,
+    given,
+)
 
 
 def compare(
@@ -25,12 +33,12 @@ def compare(
     transcripts: Annotated[
         Path | None, typer.Option(help="a folder of language models' transcripts: one more planner each")
     ] = None,
-    prompt: Annotated[str | None, typer.Option(help="llm: standard, paper or a YAML file")] = None,
+    prompt: PromptOption = None,
     server: ServerOption = None,
-    calls: Annotated[int | None, typer.Option(min=1, help="llm: most calls, all allies together")] = None,
-    tokens: Annotated[int | None, typer.Option(min=1, help="llm: most tokens, read and written")] = None,
-    seconds: Annotated[float | None, typer.Option(min=0, help="llm: most seconds of planning")] = None,
-    deadline: Annotated[float | None, typer.Option(min=0, help="llm: seconds that a call may take")] = None,
+    calls: CallsOption = None,
+    tokens: TokensOption = None,
+    seconds: SecondsOption = None,
+    deadline: DeadlineOption = None,
     concurrency: Annotated[int | None, typer.Option(min=1, help="llm: calls under way at once")] = None,
 ) -> None:
     """Compare planners by a panel; matches that are in the folder already are not played again."""
@@ -38,8 +46,6 @@ def compare(
 
     from fpg_bench.evaluation.compare import compare as compare_planners
 
-    options: dict[str, Any] = {"prompt": prompt, "server": server, "calls": calls, "tokens": tokens}
-    options |= {"seconds": seconds, "deadline_s": deadline, "concurrency": concurrency}
     with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("", total=None)
 
@@ -52,7 +58,15 @@ def compare(
             out,
             matches=matches,
             transcripts=transcripts,
-            llm={name: value for name, value in options.items() if value is not None},
+            llm=given(
+                prompt=prompt,
+                server=server,
+                calls=calls,
+                tokens=tokens,
+                seconds=seconds,
+                deadline_s=deadline,
+                concurrency=concurrency,
+            ),
             progress=show,
         )
     _print_table(out)

@@ -9,15 +9,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fpg_bench.cli.verbs import ScenarioOption
+from fpg_bench.cli.options import (
+    CallsOption,
+    DeadlineOption,
+    PromptOption,
+    ScenarioOption,
+    SecondsOption,
+    ServerOption,
+    TokensOption,
+    given,
+)
 from fpg_bench.errors import UserError
 
 if TYPE_CHECKING:
     from fpg_bench.envs.matches import Round
 
 app = typer.Typer(help="Plan the opponent's path between the rounds of a match.")
-
-ServerOption = Annotated[str | None, typer.Option(help="the language model's server profile or YAML file")]
 
 
 @app.command()
@@ -31,21 +38,27 @@ def run(
     seed: Annotated[int, typer.Option(help="decides the match")] = 0,
     rounds: Annotated[int, typer.Option(min=1, help="rounds of the match")] = 10,
     out: Annotated[Path | None, typer.Option(help="a folder, or a file that ends in .jsonl")] = None,
-    prompt: Annotated[str | None, typer.Option(help="llm: standard, paper or a YAML file")] = None,
+    prompt: PromptOption = None,
     control: Annotated[str | None, typer.Option(help="llm: none, shuffled-rewards or no-history")] = None,
     server: ServerOption = None,
-    calls: Annotated[int | None, typer.Option(min=1, help="llm: most calls")] = None,
-    tokens: Annotated[int | None, typer.Option(min=1, help="llm: most tokens, read and written")] = None,
-    seconds: Annotated[float | None, typer.Option(min=0, help="llm: most seconds of planning")] = None,
-    deadline: Annotated[float | None, typer.Option(min=0, help="llm: seconds that a call may take")] = None,
+    calls: CallsOption = None,
+    tokens: TokensOption = None,
+    seconds: SecondsOption = None,
+    deadline: DeadlineOption = None,
 ) -> None:
     """Play one match of a planner, draw its paths, and keep it in a file; a stopped one goes on."""
     from fpg_bench.envs.match_picture import draw_match
     from fpg_bench.envs.matches import run_match
 
-    options: dict[str, Any] = {"prompt": prompt, "control": control, "server": server, "calls": calls}
-    options |= {"tokens": tokens, "seconds": seconds, "deadline_s": deadline}
-    llm = {name: value for name, value in options.items() if value is not None}
+    llm = given(
+        prompt=prompt,
+        control=control,
+        server=server,
+        calls=calls,
+        tokens=tokens,
+        seconds=seconds,
+        deadline_s=deadline,
+    )
     name = planner if control in (None, "none") else f"{planner}-{control}"
     file, picture = _targets(out, f"{name}-{ally}-{seed}")
     with _shown(rounds) as progress:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.verbs import PathOption, PlannerOption, ScenarioOption, _listed
+from fpg_bench.cli.options import PathOption, PlannerOption, ScenarioOption, listed
 
 Folder = Annotated[Path, typer.Argument(help="the study's folder")]
 StorageOption = Annotated[
@@ -59,9 +59,9 @@ def tune(
         patience_s=patience,
         say=_say,
         scenario=scenario,
-        opponent=_listed(opponent),
-        ally=_listed(ally),
-        path=_listed(path),
+        opponent=listed(opponent),
+        ally=listed(ally),
+        path=listed(path),
         planner=planner,
     )
 

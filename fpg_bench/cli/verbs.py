@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper or a YAML file")]
-PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]
-PlannerOption = Annotated[str | None, typer.Option(help="who plans the opponent's path between rounds")]
+from fpg_bench.cli.options import (
+    CallsOption,
+    DeadlineOption,
+    PathOption,
+    PlannerOption,
+    PromptOption,
+    ScenarioOption,
+    SecondsOption,
+    ServerOption,
+    TokensOption,
+    given,
+    listed,
+)
 
 
 def envs() -> None:
@@ -48,7 +58,7 @@ def play(
         ally,
         opponent,
         scenario=scenario,
-        path=_listed(path),
+        path=listed(path),
         planner=planner,
         seed=seed,
         out=out,
@@ -83,6 +93,12 @@ def train(
     ] = None,
     knowledge: Annotated[str | None, typer.Option(help="expert, none or a YAML file")] = None,
     jamming_types: Annotated[str | None, typer.Option(help="allowed types, separated by commas")] = None,
+    prompt: PromptOption = None,
+    server: ServerOption = None,
+    calls: CallsOption = None,
+    tokens: TokensOption = None,
+    seconds: SecondsOption = None,
+    deadline: DeadlineOption = None,
 ) -> None:
     """Train an algorithm of Stable-Baselines3's kind on an id and export the agent."""
     from fpg_bench.training.train import train as train_run
@@ -100,13 +116,21 @@ def train(
             resume=resume,
             restart=restart,
             transcript=transcript,
+            llm=given(
+                prompt=prompt,
+                server=server,
+                calls=calls,
+                tokens=tokens,
+                seconds=seconds,
+                deadline_s=deadline,
+            ),
             scenario=scenario,
-            opponent=_listed(opponent),
-            ally=_listed(ally),
-            path=_listed(path),
+            opponent=listed(opponent),
+            ally=listed(ally),
+            path=listed(path),
             planner=planner,
             knowledge=knowledge,
-            jamming_types=_listed(jamming_types),
+            jamming_types=listed(jamming_types),
         )
     except KeyboardInterrupt as stop:
         saved = str(stop) or "the last checkpoint is kept"
@@ -183,8 +207,3 @@ def print_results(names: list[str], lines: list[list[str]], below: str, folder: 
     console = Console()
     console.print(drawn) if console.width >= 160 else Console(width=200).print(drawn)
     console.print(f"written: {folder}/table.md, table.csv, table.png")
-
-
-def _listed(value: str | None) -> Any:
-    """One word, or a list of several that are separated by commas."""
-    return value.split(",") if value is not None and "," in value else value

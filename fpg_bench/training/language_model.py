@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,30 +13,49 @@ from fpg_bench.planning import LLM_CONTROLS
 TRANSCRIPT = "transcript.jsonl"
 
 
-def training_planner(spec: Any, out: Path, replayed: str | Path | None) -> Any:
+def training_planner(
+    spec: Any, out: Path, replayed: str | Path | None = None, llm: Mapping[str, Any] | None = None
+) -> Any:
     """What a run hands over as its planner.
 
     Args:
         spec: the planner asked for.
         out: the run's folder, where the transcript of a language model grows.
         replayed: the transcript of another run, whose plans are flown again without a server.
+        llm: options of the language model's planner, and ``server``, the profile of its endpoint.
 
     Returns:
         What makes a language model's planner beside the game; any other planner as it is.
 
     Raises:
-        UserError: a transcript, and a planner that asks no language model.
+        UserError: a transcript or options, and a planner that asks no language model.
     """
     if not (isinstance(spec, str) and spec in LLM_CONTROLS):
         if replayed is not None:
             raise UserError(f"transcript: nothing to replay where the planner is {spec!r}")
+        if llm:
+            raise UserError(f"{next(iter(llm))}: is for a language model, not for the planner {spec!r}")
         return spec
+    options = {"control": LLM_CONTROLS[spec], **(llm or {})}
+    server = options.pop("server", None)
 
     def make(scenario: Scenario) -> Any:
         from fpg_bench.planning.llm.background import Beside
         from fpg_bench.planning.llm.llm_planner import LLMPlanner
+        from fpg_bench.planning.llm.servers import endpoint_from_environment
 
-        path, mode = (out / TRANSCRIPT, "record") if replayed is None else (replayed, "replay")
-        return Beside(LLMPlanner(scenario, control=LLM_CONTROLS[spec], transcript=path, mode=mode))
+        if replayed is not None:
+            return Beside(LLMPlanner(scenario, transcript=replayed, mode="replay", **options))
+        endpoint = endpoint_from_environment(server)
+        return Beside(LLMPlanner(scenario, endpoint, transcript=out / TRANSCRIPT, **options))
 
     return make
+
+
+def set_aside(out: Path) -> None:
+    """Keep the transcript of a run that begins again, under the next free name: its answers were paid for."""
+    transcript, number = out / TRANSCRIPT, 1
+    while (kept := transcript.with_stem(f"{transcript.stem}-{number}")).exists():
+        number += 1
+    if transcript.exists():
+        transcript.rename(kept)

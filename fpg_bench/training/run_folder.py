@@ -22,7 +22,7 @@ from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.rows import RowFile
 from fpg_bench.training.checkpoints import MODEL, NORMALIZE
 from fpg_bench.training.hyperparameters import Hyperparameters
-from fpg_bench.training.language_model import TRANSCRIPT
+from fpg_bench.training.language_model import set_aside
 
 EVALUATIONS = "evaluations.jsonl"
 _PACKAGES = (
@@ -99,8 +99,9 @@ class RunFolder:
         for folder in (self.agent, self.checkpoints):
             shutil.rmtree(folder, ignore_errors=True)
         events = self.path.glob("events.out.tfevents.*")
-        for file in (*events, *(self.path / name for name in (MODEL, NORMALIZE, TRANSCRIPT))):
+        for file in (*events, *(self.path / name for name in (MODEL, NORMALIZE))):
             file.unlink(missing_ok=True)
+        set_aside(self.path)
         os.truncate(self.evaluations.path, 0)  # it is locked, so it stays
 
     def write(self, about: dict[str, Any]) -> None:

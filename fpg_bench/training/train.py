@@ -45,6 +45,7 @@ def train(
     restart: bool = False,
     resume: bool = False,
     transcript: str | Path | None = None,
+    llm: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> Path:
     """Train an algorithm on an id and export the agent.
@@ -72,6 +73,8 @@ def train(
         restart: whether to begin an unfinished run of the folder again, from the start.
         resume: whether to go on with an unfinished run; begins it where there is none.
         transcript: of a run with a language model: fly its plans again, without a server.
+        llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``, the profile of
+            its endpoint.
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
 
     Returns:
@@ -88,7 +91,7 @@ def train(
     found, view, folder = find_algorithm(algorithm), find_view(view_id), RunFolder(Path(out))
     parameters = load_hyperparameters(found, view.id, hyperparams)
     budget = _budget(found, parameters, steps)
-    planner = training_planner(options.get("planner") or view.planner, folder.path, transcript)
+    planner = training_planner(options.get("planner") or view.planner, folder.path, transcript, llm)
     games = make_games(view.id, parameters, training_seed(seed), **options | {"planner": planner})
     panel = panel or panel_of(view.id, options)
     about = described(
@@ -100,7 +103,9 @@ def train(
         steps=budget,
         panel=panel,
         parameters=parameters,
-        options=options | {"transcript": transcript},
+        options=options
+        | {"transcript": transcript}
+        | {n.removesuffix("_s"): v for n, v in (llm or {}).items()},
     )
     run = _Run(found, parameters, games, folder, about)
     run.begin()
@@ -199,6 +204,8 @@ class _Run:
         """Export the agent, keep the model, and let the checkpoints go."""
         done = self.model.num_timesteps
         about = self.about | {"steps_done": done, "seconds": round(self.seconds, 1)}
+        if (flown := getattr(self.games.core.planner, "flown", None)) is not None:
+            about["plans"] = dict(flown)  # of this part of the run
         difference = export_agent(self.model, self.folder.agent, about)
         save_model(self.model, self.folder.path)
         rate = round(done / self.seconds)

@@ -49,6 +49,10 @@ def test_a_run_keeps_what_each_round_flew_and_is_repeated_from_that_without_a_se
     assert any(line["planned_round"] is not None for line in flown)
     assert 0 < len(lines(transcript, "attempt")) == len(server.requests)
 
+    plans = json.loads((agent / "agent.json").read_text())["plans"]
+    assert sum(plans.values()) == len(flown)
+    assert set(plans) == {"held", "ok"}
+
     again = train("ppo", LLM, tmp_path / "again", transcript=transcript, **tiny)
     assert (again / "policy.onnx").read_bytes() == (agent / "policy.onnx").read_bytes()
     assert not (tmp_path / "again" / "transcript.jsonl").exists()
@@ -64,3 +68,23 @@ def test_without_an_endpoint_it_says_what_to_set(tmp_path, tiny, monkeypatch):
 def test_a_transcript_belongs_to_a_language_model(tmp_path, tiny):
     with pytest.raises(UserError, match="nothing to replay where the planner is 'interceptor'"):
         train("ppo", "FPG/AllyVsPlanner-v0", tmp_path / "run", transcript=tmp_path / "x.jsonl", **tiny)
+
+
+def test_caps_hold_in_training_and_what_was_paid_for_is_kept_at_a_restart(tmp_path, tiny, monkeypatch):
+    with FaultServer([ok(path_text())]) as server:
+        monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
+        monkeypatch.setenv("FPG_LLM_MODEL", "tiny")
+        train("ppo", LLM, tmp_path / "run", llm={"calls": 2}, **tiny)
+        assert len(server.requests) == 2
+        about = json.loads((tmp_path / "run" / "run.json").read_text())
+        assert "--calls 2" in about["command"]
+        (tmp_path / "run" / "run.json").write_text(json.dumps(about | {"finished": False}))
+        before = (tmp_path / "run" / "transcript.jsonl").read_bytes()
+        train("ppo", LLM, tmp_path / "run", llm={"calls": 2}, restart=True, **tiny)
+        assert (tmp_path / "run" / "transcript-1.jsonl").read_bytes() == before
+        assert len(server.requests) == 4
+
+
+def test_options_of_a_language_model_belong_to_one(tmp_path, tiny):
+    with pytest.raises(UserError, match="calls: is for a language model, not for the planner 'interceptor'"):
+        train("ppo", "FPG/AllyVsPlanner-v0", tmp_path / "run", llm={"calls": 2}, **tiny)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import threading
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -36,6 +37,9 @@ class Beside(BatchPlanner):
         planner: who plans, by ``plan`` or ``plan_batch``.
         scenario: what is played; None: the planner's own.
 
+    Attributes:
+        flown: how many rounds were flown on a plan of each status.
+
     Raises:
         UserError: no scenario.
     """
@@ -50,6 +54,7 @@ class Beside(BatchPlanner):
         self._transcript = getattr(planner, "transcript", None) or Transcript()
         self.repeatable = self._transcript.mode == "replay"
         self._circle = Patrol("circle", played)
+        self.flown: Counter[str] = Counter()
         self._games: dict[int, _Game] = {}
         self._lock = threading.Lock()  # guards what the thread and the caller share, which is:
         self._waiting: dict[int, Request] = {}  # by game, the one that has waited longest first
@@ -78,6 +83,7 @@ class Beside(BatchPlanner):
                 new.append((request, line))
             game.path, game.planned = plan.waypoints, game.planned or plan.status != "held"
             plans.append(plan)
+        self.flown.update(plan.status for plan in plans)
         self._transcript.add_flown([line for _, line in new])
         self._submit([request for request, _ in new])
         return plans

@@ -97,6 +97,7 @@ def _connect(endpoint: Endpoint, timeout_s: float) -> Any:
         for name in list(request.headers):
             if name.lower() not in _HEADERS:
                 del request.headers[name]
+        request.headers["Connection"] = "close"  # answers take seconds, and no socket is left open
         if endpoint.key:
             request.headers["Authorization"] = f"Bearer {endpoint.key}"
 

@@ -1,0 +1,35 @@
+"""Options that several verbs share."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper or a YAML file")]
+PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]
+PlannerOption = Annotated[str | None, typer.Option(help="who plans the opponent's path between rounds")]
+
+# Of the planner llm; the defaults are those of LLMPlanner.
+PromptOption = Annotated[str | None, typer.Option(help="llm: standard, paper or a YAML file")]
+ServerOption = Annotated[str | None, typer.Option(help="llm: the server's profile or YAML file")]
+CallsOption = Annotated[int | None, typer.Option(min=1, help="llm: most calls of the run; default: 20000")]
+TokensOption = Annotated[
+    int | None, typer.Option(min=1, help="llm: most tokens, read and written; default: 200 million")
+]
+SecondsOption = Annotated[
+    float | None, typer.Option(min=0, help="llm: most seconds in calls; default: a week")
+]
+DeadlineOption = Annotated[
+    float | None, typer.Option(min=0, help="llm: seconds that a call may take; default: 30")
+]
+
+
+def given(**options: Any) -> dict[str, Any]:
+    """The options that were said."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def listed(value: str | None) -> Any:
+    """One word, or a list of several that are separated by commas."""
+    return value.split(",") if value is not None and "," in value else value
