@@ -27,8 +27,9 @@ _HEAD = f"""\
 # The zoo
 
 Trained agents, ready to play: one of these tables is a player by its name,
-`fpg_bench.load_agent("ally-scripted/ppo/seed_0")`, and `fpg-bench zoo` lists all that are here. `zoo.yml` says what is trained, `hyperparams/` how, `search/` how that was
-found, `agents/` holds the policies, and `scores/` one line per training seed and panel entry.
+`fpg_bench.load_agent("ally-scripted/ppo/seed_0")`, and `fpg-bench zoo` lists all that are here.
+`zoo.yml` says what is trained, `hyperparams/` how, `search/` how that was found, `agents/` holds the
+policies, and `scores/` one line per training seed and panel entry.
 `python scripts/train_zoo.py` makes all of it again, and goes on where it was stopped;
 `python scripts/train_zoo.py --check` plays every agent again and compares.
 This page and its pictures are made by `{COMMAND}`.
