@@ -15,7 +15,7 @@ from fpg_bench.cli.options import (
     SecondsOption,
     ServerOption,
     TokensOption,
-    given,
+    llm_options,
 )
 
 
@@ -46,6 +46,8 @@ def compare(
 
     from fpg_bench.evaluation.compare import compare as compare_planners
 
+    caps = {"calls": calls, "tokens": tokens, "seconds": seconds, "concurrency": concurrency}
+    llm = llm_options(deadline, prompt=prompt, server=server, **caps)
     with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("", total=None)
 
@@ -58,15 +60,7 @@ def compare(
             out,
             matches=matches,
             transcripts=transcripts,
-            llm=given(
-                prompt=prompt,
-                server=server,
-                calls=calls,
-                tokens=tokens,
-                seconds=seconds,
-                deadline_s=deadline,
-                concurrency=concurrency,
-            ),
+            llm=llm,
             progress=show,
         )
     _print_table(out)

@@ -25,9 +25,9 @@ DeadlineOption = Annotated[
 ]
 
 
-def given(**options: Any) -> dict[str, Any]:
-    """The options that were said."""
-    return {name: value for name, value in options.items() if value is not None}
+def llm_options(deadline: float | None, **options: Any) -> dict[str, Any]:
+    """Those of the planner llm that were said, by the names of LLMPlanner."""
+    return {name: value for name, value in (options | {"deadline_s": deadline}).items() if value is not None}
 
 
 def listed(value: str | None) -> Any:

@@ -17,7 +17,7 @@ from fpg_bench.cli.options import (
     SecondsOption,
     ServerOption,
     TokensOption,
-    given,
+    llm_options,
 )
 from fpg_bench.errors import UserError
 
@@ -50,15 +50,8 @@ def run(
     from fpg_bench.envs.match_picture import draw_match
     from fpg_bench.envs.matches import run_match
 
-    llm = given(
-        prompt=prompt,
-        control=control,
-        server=server,
-        calls=calls,
-        tokens=tokens,
-        seconds=seconds,
-        deadline_s=deadline,
-    )
+    told = {"prompt": prompt, "control": control, "server": server}
+    llm = llm_options(deadline, **told, calls=calls, tokens=tokens, seconds=seconds)
     name = planner if control in (None, "none") else f"{planner}-{control}"
     file, picture = _targets(out, f"{name}-{ally}-{seed}")
     with _shown(rounds) as progress:

@@ -18,8 +18,8 @@ from fpg_bench.cli.options import (
     SecondsOption,
     ServerOption,
     TokensOption,
-    given,
     listed,
+    llm_options,
 )
 
 
@@ -116,13 +116,8 @@ def train(
             resume=resume,
             restart=restart,
             transcript=transcript,
-            llm=given(
-                prompt=prompt,
-                server=server,
-                calls=calls,
-                tokens=tokens,
-                seconds=seconds,
-                deadline_s=deadline,
+            llm=llm_options(
+                deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds
             ),
             scenario=scenario,
             opponent=listed(opponent),

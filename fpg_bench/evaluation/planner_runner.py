@@ -13,7 +13,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation.planner_panel import PlannerPanel
 from fpg_bench.evaluation.runner import code_fingerprint, play_round, rounds_done, tally_row
 from fpg_bench.evaluation.seeds import evaluation_seeds
-from fpg_bench.planning import PLANNERS, TIERS, as_planner
+from fpg_bench.planning import PLANNERS, as_planner
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.seat import Seat
 from fpg_bench.rows import Row, RowFile
@@ -47,10 +47,9 @@ def contender(spec: Any, panel: PlannerPanel) -> Contender:
     code = spec if isinstance(spec, str) else f"{type(spec).__module__}:{name}"
     if not isinstance(spec, str) and name in PLANNERS:
         raise UserError(f"planner {spec!r}: calls itself {name}, as one of the package does; rename it")
-    tier = getattr(planner, "tier", None)
-    if tier not in TIERS:
-        raise UserError(f"planner {name}: its tier is {tier!r}; set it to one of {', '.join(TIERS)}")
-    return Contender(name, tier, code_fingerprint(code), lambda ally: as_planner(spec, panel.scenario))
+    return Contender(
+        name, planner.tier, code_fingerprint(code), lambda ally: as_planner(spec, panel.scenario)
+    )
 
 
 def play_planner(
