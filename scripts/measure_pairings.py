@@ -32,11 +32,11 @@ TABLES = (
 
 def play(ally: str, opponent: str, duel: Duel, rounds: int) -> Measures:
     """The measures of a pairing over as many rounds as the duel has games; returns per step."""
-    seats = [
+    one, other = (
         Seat(side, [as_player(name, side, duel.scenario)], duel.arena)
         for side, name in (("ally", ally), ("opponent", opponent))
-    ]
-    play_round(duel, *seats, seeds=np.array(evaluation_seeds(rounds)))
+    )
+    play_round(duel, one, other, np.array(evaluation_seeds(rounds)))
     found = measures(pool(duel.arena.tallies), duel.arena.histograms.sum(axis=0))
     steps = float(duel.arena.tallies["steps"].sum())
     return found | {f"{side}_return": found[f"{side}_return"] / steps for side in ("ally", "opponent")}  # type: ignore[operator]

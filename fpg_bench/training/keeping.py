@@ -13,10 +13,10 @@ from typing import Any
 
 from stable_baselines3.common.callbacks import BaseCallback
 
+from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.rows import RowFile
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.checkpoints import save_checkpoint
-from fpg_bench.training.scoring import Yardstick
 
 SAVE_EVERY_S = 60.0
 _STOPPING = b"stopping as soon as the run can be saved; Ctrl-C again stops at once\n"

@@ -14,8 +14,9 @@ from stable_baselines3.common.logger import configure
 
 from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.panel import panel_of
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
-from fpg_bench.evaluation.tuning_panel import panel_of
+from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.ids import find_view
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.callbacks import GameMeasures, TrainingBar
@@ -26,7 +27,6 @@ from fpg_bench.training.keeping import Clock, Keeping, stopped_by_ctrl_c
 from fpg_bench.training.language_model import training_planner
 from fpg_bench.training.models import make_games, make_model
 from fpg_bench.training.run_folder import RunFolder, described
-from fpg_bench.training.scoring import Yardstick
 
 LOOKS = 20
 

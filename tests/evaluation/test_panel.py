@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.panel import PANEL_FOLDER, STANDARD_ERRORS, Reference, load_panel
+from fpg_bench.evaluation.panel import PANEL_FOLDER, STANDARD_ERRORS, Reference, load_panel, panel_of
 from fpg_bench.evaluation.planner_panel import load_planner_panel
 from fpg_bench.evaluation.runner import play_entry
 
@@ -135,3 +135,18 @@ def test_scores_of_another_panel_are_refused(tmp_path):
     (tmp_path / "mine.scores.json").write_text('{"panel_hash": "0", "entries": {}}')
     with pytest.raises(UserError, match="measured for another panel"):
         load_panel(str(path))
+
+
+@pytest.mark.parametrize(
+    ("view_id", "options", "panel"),
+    [
+        ("FPG/AllyVsScripted-v0", {}, "ally-v1"),
+        ("FPG/AllyVsPlanner-v0", {}, "ally-planner-v1"),
+        ("FPG/OpponentVsScripted-v0", {}, "opponent-v1"),
+        ("FPG/OpponentVsScripted-v0", {"path": "learned"}, "opponent-learned-v1"),
+        ("FPG/OpponentVsPolicy-v0", {"path": None}, "opponent-v1"),
+    ],
+)
+def test_every_view_has_its_panel(view_id, options, panel):
+    assert panel_of(view_id, options) == panel
+    assert load_panel(panel).side in view_id.lower()

@@ -9,6 +9,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 import fpg_bench
 from fpg_bench.envs.sb3 import make_sb3
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.ids import VIEWS
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.rows import RowFile
@@ -16,7 +17,6 @@ from fpg_bench.training.algorithms import ALGORITHMS
 from fpg_bench.training.checkpoints import newest_checkpoint
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model
-from fpg_bench.training.scoring import Yardstick
 from fpg_bench.training.train import train
 
 TINY = """\

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.panel import load_panel
-from fpg_bench.evaluation.tuning_panel import panel_of
+from fpg_bench.evaluation.panel import load_panel, panel_of
 from fpg_bench.ids import find_view
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import load_hyperparameters

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import Any
 
@@ -10,14 +11,15 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
+from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.evaluation.seeds import training_seed
 from fpg_bench.evaluation.statistics import Interval, iqm, iqm_interval
-from fpg_bench.evaluation.tuning_panel import TuningPanel
+from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.game.arena import ActionError
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.export import export_onnx
-from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.models import make_games, make_model
 from fpg_bench.training.tuning.space import merged
 from fpg_bench.training.tuning.task import Task
@@ -40,7 +42,8 @@ class Objective:
     def __init__(self, task: Task) -> None:
         torch.set_num_threads(1)
         self._task = task
-        self._panel = TuningPanel(task.panel, task.rounds)
+        with contextlib.closing(self._games(task.hyperparameters, task.first_seed)[0]) as games:
+            self._yardstick = Yardstick(task.panel, task.rounds, games.core.scenario)
 
     def check(self, values: dict[str, Any]) -> None:
         """Raise UserError where the algorithm does not know a value's name."""
@@ -89,17 +92,19 @@ class Objective:
             model.get_env().close()  # type: ignore[union-attr]
 
     def _scores(self, player: Any) -> np.ndarray:
-        scores = self._panel.scores(player)
+        scores = self._yardstick.scores(player)
         if not np.isfinite(scores).all():
             raise Diverged("the policy's score is no number")
         return scores
 
     def _model(self, values: dict[str, Any], seed: int) -> BaseAlgorithm:
+        games, parameters = self._games(merged(self._task.hyperparameters, values), seed)
+        return make_model(self._task.algorithm, games, parameters, seed)
+
+    def _games(self, wanted: dict[str, Any], seed: int) -> tuple[SB3View, Hyperparameters]:
         task = self._task
-        wanted = merged(task.hyperparameters, values)
         parameters = load_hyperparameters(task.algorithm, task.view_id, wanted)
-        games = make_games(task.view_id, parameters, training_seed(seed), **task.options)
-        return make_model(task.algorithm, games, parameters, seed)
+        return make_games(task.view_id, parameters, training_seed(seed), **task.options), parameters
 
 
 class _Looks(BaseCallback):

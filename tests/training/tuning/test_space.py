@@ -94,7 +94,7 @@ def test_an_algorithm_without_a_space():
 @pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
 @pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3", "recurrent-ppo", "ppo-stack8"])
 def test_shipped_spaces_hold_names_that_their_algorithms_know(algorithm, monkeypatch):
-    monkeypatch.setattr("fpg_bench.training.tuning.trial.TuningPanel", lambda *words: None)
+    monkeypatch.setattr("fpg_bench.training.tuning.trial.Yardstick", lambda *words: None)
     view_id = "FPG/AllyVsScripted-v0"
     task = make_task(algorithm, view_id, seeds=2)
     Objective(task).check(task.ranges().first())

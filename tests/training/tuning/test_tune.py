@@ -1,5 +1,6 @@
 """The real thing, with budgets of a few rounds."""
 
+import dataclasses
 import json
 import re
 
@@ -88,6 +89,14 @@ def test_a_score_can_be_made_again_and_is_the_mean_over_its_seeds(words):
     assert both.value == pytest.approx(np.mean(alone))
     assert dict(reports)[4] == pytest.approx(alone[0])  # between the seeds
     assert [step for step, _ in reports] == [1, 2, 3, 4, 5, 6, 7]
+
+
+def test_a_policy_is_scored_in_the_scenario_that_is_tuned_on(words, files):
+    (files / "short.yml").write_text("steps_per_round: 50\n")
+    task = make_task("ppo", VIEW, seeds=1, **words)
+    other = dataclasses.replace(task, options={"scenario": str(files / "short.yml")})
+    values = {"learning_rate": 0.002}
+    assert len({Objective(t)(values, [7], lambda value, step: None).value for t in (task, other)}) == 2
 
 
 def test_pruning_stops_training(words):

@@ -9,9 +9,10 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import load_panel
 from fpg_bench.evaluation.runner import play_entry
 from fpg_bench.evaluation.seeds import tuning_seeds
+from fpg_bench.evaluation.statistics import iqm
+from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.players.naming import as_player
-from fpg_bench.training.scoring import Yardstick
 
 
 class Following:
@@ -38,6 +39,11 @@ def test_scores_are_those_of_the_match_runner_on_tuning_seeds(name):
     ]
     score = 100 * (means[2] - means[0]) / (means[1] - means[0])
     assert found["entries"][entry.name] == pytest.approx(score, abs=2e-3)
+
+    scores = yardstick.scores(Following())
+    assert scores.shape == (len(panel.entries), -(-4 // panel.scenario.rounds_per_match))
+    assert scores.mean(axis=1) == pytest.approx(list(found["entries"].values()), abs=1e-3)
+    assert iqm(scores.mean(axis=1)) == pytest.approx(found["score"], abs=1e-3)
 
 
 def test_the_reference_is_worth_100_and_its_measures_are_pooled():

@@ -1,4 +1,4 @@
-"""How good a policy is while it trains: a panel's entries on tuning seeds, all as one batch."""
+"""How good a policy is while it is trained or tuned: a panel's entries on tuning seeds, all as one batch."""
 
 from __future__ import annotations
 
@@ -57,7 +57,9 @@ class Yardstick:
             for entry, duel in zip(self.panel.entries, self._duels, strict=True)
         ]
         played = [self._play(self._script(name))[0] for name in ("random", self.panel.reference)]
-        self._references = [Reference(tuple(low), tuple(high)) for low, high in zip(*played, strict=True)]
+        self._references = [
+            Reference(tuple(low.flat), tuple(high.flat)) for low, high in zip(*played, strict=True)
+        ]
 
     def score(self, player: Player) -> dict[str, Any]:
         """What a player is worth.
@@ -67,15 +69,29 @@ class Yardstick:
             ``entries``, the normalised score of each; ``measures``, pooled over all rounds.
         """
         returns, found = self._play(self._together(player))
-        scores = [
-            _normalised(reference, row) for reference, row in zip(self._references, returns, strict=True)
-        ]
+        entries = self._normalised(returns).mean(axis=1)
         return {
-            "score": _number(float(iqm(np.array(scores)))),
-            "return": round(float(np.mean(returns)), 3),
-            "entries": {e.name: _number(s) for e, s in zip(self.panel.entries, scores, strict=True)},
+            "score": _number(float(iqm(entries))),
+            "return": round(float(returns.mean()), 3),
+            "entries": {e.name: _number(s) for e, s in zip(self.panel.entries, entries, strict=True)},
             "measures": {name: None if x is None else round(x, 5) for name, x in found.items()},
         }
+
+    def scores(self, player: Player) -> np.ndarray:
+        """``(entries, matches)`` normalised scores of a player: 0 is random, 100 the panel's reference."""
+        return self._normalised(self._play(self._together(player))[0])
+
+    def _normalised(self, returns: np.ndarray) -> np.ndarray:
+        """The normalised scores of ``(entries, rounds, matches)`` returns, ``(entries, matches)``.
+
+        No finite numbers where the reference is worth just as much as the random player.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = [
+                reference.scores(entry.ravel()).reshape(entry.shape).mean(axis=0)
+                for reference, entry in zip(self._references, returns, strict=True)
+            ]
+        return np.array(found)
 
     def _duel(self, entry: Entry, rounds: int) -> Duel:
         scenario = self.panel.entry_scenario(entry)
@@ -115,10 +131,10 @@ class Yardstick:
     def _split(self, whole: np.ndarray) -> list[np.ndarray]:
         return np.split(whole, np.cumsum([duel.count for duel in self._duels])[:-1])
 
-    def _play(self, acting: Acting) -> tuple[list[list[float]], dict[str, float | None]]:
-        """All rounds of new matches: each entry's round returns, and the pooled measures."""
+    def _play(self, acting: Acting) -> tuple[np.ndarray, dict[str, float | None]]:
+        """All rounds of new matches: returns ``(entries, rounds, matches)``, and the pooled measures."""
         begin, act = acting
-        returns: list[list[float]] = [[] for _ in self._duels]
+        returns: list[list[np.ndarray]] = [[] for _ in self._duels]
         tallies, points = [], np.zeros(1)
         for number in range(self.panel.scenario.rounds_per_match):
             seeds = None if number else np.array(tuning_seeds(self._duels[0].count))
@@ -127,23 +143,16 @@ class Yardstick:
                 other.begin(np.ones(duel.count, bool))
             while not self._duels[0].arena.games["truncated"].all():
                 self._step(act())
-            for row, duel in zip(returns, self._duels, strict=True):
+            for rounds, duel in zip(returns, self._duels, strict=True):
                 tallies.append(duel.arena.tallies.copy())
                 points = points + duel.arena.histograms.sum(axis=0)
-                row += duel.arena.tallies[f"{self.panel.side}_return"].tolist()
-        return returns, measures(pool(np.concatenate(tallies)), points)
+                rounds.append(tallies[-1][f"{self.panel.side}_return"])
+        return np.array(returns), measures(pool(np.concatenate(tallies)), points)
 
     def _step(self, actions: list[np.ndarray]) -> None:
         for own, other, duel in zip(actions, self._others, self._duels, strict=True):
             answer = other.act()
             duel.arena.step(*((own, answer) if self.panel.side == "ally" else (answer, own)))
-
-
-def _normalised(reference: Reference, returns: list[float]) -> float:
-    """The mean normalised score; NaN where the reference is worth no more than the random player."""
-    if sum(reference.reference) == sum(reference.random):
-        return math.nan
-    return float(reference.scores(np.array(returns)).mean())
 
 
 def _number(value: float) -> float | None:
