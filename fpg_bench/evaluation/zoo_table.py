@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -109,11 +110,17 @@ def _section(zoo: Zoo, view: ZooView) -> str:
 
 
 def _described(view: ZooView, panel: Panel) -> str:
-    options = "".join(f", {key} `{value}`" for key, value in view.options.items())
+    options = "".join(f", {key} {_named(value)}" for key, value in view.options.items())
     return (
         f"Trained on `{view.id}`{options}; measured by panel `{panel.name}` ({panel.hash[:12]}): "
         f"{len(panel.entries)} entries, {panel.rounds} rounds each; 100 = `{panel.reference}`."
     )
+
+
+def _named(value: Any) -> str:
+    """An option's value, or those that are drawn from, as code."""
+    names = [f"`{name}`" for name in (value if isinstance(value, list) else [value])]
+    return names[0] if len(names) == 1 else f"one of {', '.join(names)}"
 
 
 def _table(zoo: Zoo, view: ZooView, panel: Panel, lines: list[Row]) -> str:
