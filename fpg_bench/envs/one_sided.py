@@ -93,6 +93,7 @@ class OneSided:
         self.planner = _planner(planner, view, played)
         self.duel = Duel(played, games, self.planner, threads)
         self.scenario, self.side, self.count = played, view.side, self.duel.count
+        self.observation_space, self.action_space = observation_space(), action_space()
         self._seat = Seat(view.other_side, [self._other(spec) for spec in self.other_specs], self.duel.arena)
         self._bind()
 

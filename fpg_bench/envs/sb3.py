@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvStepReturn
 
-from fpg_bench.envs.one_sided import (
-    OneSided,
-    action_space,
-    first_seeds,
-    observation_space,
-    staggered_horizons,
-)
+from fpg_bench.envs.one_sided import OneSided, first_seeds, staggered_horizons
 from fpg_bench.envs.screen import Screen
 from fpg_bench.envs.single import wants_new_match
 from fpg_bench.errors import UserError
+
+if TYPE_CHECKING:
+    from fpg_bench.envs.both_sides import BothSides
 
 
 class SB3View(VecEnv):
@@ -30,21 +27,26 @@ class SB3View(VecEnv):
     handed out is a copy.
 
     Args:
-        core: the games; see :class:`fpg_bench.envs.one_sided.OneSided`.
+        core: the games, of which the caller plays one side (:class:`fpg_bench.envs.one_sided.OneSided`) or
+            both.
         seed: begins the first matches, game i with seed + i; None: by chance.
         stagger: cut the first rounds at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
     """
 
     def __init__(
-        self, core: OneSided, seed: int | None = None, stagger: bool = False, render_mode: str | None = None
+        self,
+        core: OneSided | BothSides,
+        seed: int | None = None,
+        stagger: bool = False,
+        render_mode: str | None = None,
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise UserError(f"render_mode: expected None or 'rgb_array', got {render_mode!r}")
         self.core = core
         self.render_mode = render_mode
         self._screen = Screen(core.duel.arena, render_mode)
-        super().__init__(core.count, observation_space(), action_space())
+        super().__init__(core.count, core.observation_space, core.action_space)
         self._stagger = stagger
         self._begun = False
         self._next_seeds = None if seed is None else first_seeds(seed, core.count)

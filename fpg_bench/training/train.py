@@ -204,7 +204,7 @@ class _Run:
         """Export the agent, keep the model, and let the checkpoints go."""
         done = self.model.num_timesteps
         about = self.about | {"steps_done": done, "seconds": round(self.seconds, 1)}
-        if (flown := getattr(self.games.core.planner, "flown", None)) is not None:
+        if (flown := getattr(self.games.core.duel.planner, "flown", None)) is not None:
             about["plans"] = dict(flown)  # of this part of the run
         difference = export_agent(self.model, self.folder.agent, about)
         save_model(self.model, self.folder.path)

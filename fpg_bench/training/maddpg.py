@@ -1,0 +1,270 @@
+"""MADDPG: both players learn at once, each with a critic that sees what all players see and do.
+
+Lowe et al., "Multi-Agent Actor-Critic for Mixed Cooperative-Competitive Environments" (NeurIPS 2017), with
+the defaults of Table 3 of the paper. All players together are one model of SB3's kind: it observes
+what all of them observe, one after the other, and gives all their actions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, cast
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
+from stable_baselines3.common.torch_layers import FlattenExtractor
+from stable_baselines3.common.type_aliases import ReplayBufferSamples
+from stable_baselines3.common.utils import polyak_update
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.td3.policies import Actor
+from torch import nn
+from torch.nn import functional
+
+Sizes = tuple[tuple[int, int], ...]
+
+
+class JointBuffer(ReplayBuffer):
+    """SB3's replay buffer with a reward for each player."""
+
+    def __init__(self, *arguments: Any, players: int, reward_scale: float, **more: Any) -> None:
+        super().__init__(*arguments, **more)
+        self.rewards = np.zeros((self.buffer_size, self.n_envs, players), np.float32)
+        self._scale = reward_scale
+
+    def _get_samples(self, batch_inds: np.ndarray, env: Any = None) -> ReplayBufferSamples:
+        """As SB3's, but rewards are ``(batch, players)``."""
+        games = np.random.randint(0, self.n_envs, len(batch_inds))  # noqa: NPY002
+        at = batch_inds, games
+        ended = self.dones[at] * (1 - self.timeouts[at])
+        data = (
+            self.observations[at],
+            self.actions[at],
+            self.next_observations[at],
+            ended[:, None],
+            self.rewards[at] * self._scale,
+        )
+        return ReplayBufferSamples(*map(self.to_torch, data))
+
+
+class JointPolicy(BasePolicy):
+    """All players' actors, and a critic of each that sees what all of them see and do.
+
+    Args:
+        observation_space, action_space: of all players, one after the other; boxes.
+        lr_schedule: the learning rate.
+        sizes: of each player's observation and action.
+        net_arch: the hidden layers of all networks.
+        activation_fn: between them.
+        optimizer_class, optimizer_kwargs: one optimiser for all actors, one for all critics.
+    """
+
+    def __init__(
+        self,
+        observation_space: spaces.Box,
+        action_space: spaces.Box,
+        lr_schedule: Callable[[float], float],
+        sizes: Sizes,
+        net_arch: list[int] | None = None,
+        activation_fn: type[nn.Module] = nn.ReLU,
+        optimizer_class: type[torch.optim.Optimizer] = torch.optim.Adam,
+        optimizer_kwargs: dict[str, Any] | None = None,
+        **_: Any,
+    ) -> None:
+        super().__init__(
+            observation_space,
+            action_space,
+            optimizer_class=optimizer_class,
+            optimizer_kwargs=optimizer_kwargs,
+            squash_output=True,
+        )
+        self.sizes = tuple(map(tuple, sizes))
+        self.net_arch, self.activation_fn = net_arch or [64, 64], activation_fn
+        own = list(
+            zip(*map(_parts, (observation_space, action_space), zip(*sizes, strict=True)), strict=True)
+        )
+        joint = [(observation_space, action_space)] * len(sizes)
+        self.actors, self.actor_targets = (self._each(Actor, own) for _ in range(2))
+        self.critics, self.critic_targets = (
+            self._each(ContinuousCritic, joint, n_critics=1) for _ in range(2)
+        )
+        for networks, targets in ((self.actors, self.actor_targets), (self.critics, self.critic_targets)):
+            targets.load_state_dict(networks.state_dict())
+        rate = {"lr": lr_schedule(1), **self.optimizer_kwargs}
+        self.actor_optimizer = self.optimizer_class(self.actors.parameters(), **rate)
+        self.critic_optimizer = self.optimizer_class(self.critics.parameters(), **rate)
+
+    def _each(
+        self, kind: Callable[..., nn.Module], spaces_of: list[tuple[spaces.Box, spaces.Box]], **more: Any
+    ) -> nn.ModuleList:
+        """One network for each player, by the spaces of what it sees and of what is done."""
+        arguments: dict[str, Any] = {"net_arch": self.net_arch, "activation_fn": self.activation_fn, **more}
+        return nn.ModuleList(
+            kind(
+                observation_space=seen,
+                action_space=acts,
+                features_extractor=FlattenExtractor(seen),
+                features_dim=seen.shape[0],
+                **arguments,
+            )
+            for seen, acts in spaces_of
+        )
+
+    def acted(self, actors: nn.ModuleList, observation: torch.Tensor) -> list[torch.Tensor]:
+        """What each of the actors does, in [-1, 1], by its own part of the observation ``(n, all)``."""
+        seen = observation.split([size for size, _ in self.sizes], dim=1)
+        return [actor(part) for actor, part in zip(actors, seen, strict=True)]
+
+    def _predict(self, observation: torch.Tensor, deterministic: bool = False) -> torch.Tensor:  # type: ignore[override]
+        return torch.cat(self.acted(self.actors, observation), 1)
+
+    def forward(self, observation: torch.Tensor, deterministic: bool = False) -> torch.Tensor:
+        """All players' actions in [-1, 1]."""
+        return self._predict(observation, deterministic)
+
+
+class MADDPG(OffPolicyAlgorithm):
+    """MADDPG in Stable-Baselines3's manner: ``learn``, ``predict``, ``save`` and ``load``.
+
+    Args:
+        policy: ``JointPolicy``, the only one.
+        env: games of several players as one ``VecEnv``: observations ``(n, all)``, actions ``(n, all)``,
+            rewards ``(n, players)``, and an attribute ``sizes``, the size of each player's observation and
+            action; :func:`fpg_bench.envs.both_sides.make_sb3_duel` for instance.
+        gamma, batch_size, learning_rate, buffer_size: Table 3 of the paper, which also says that the loss is
+            the mean squared error.
+        tau: how much of the networks goes into the targets at an update; the paper does not say.
+        noise_sd: standard deviation of the normal noise on actions in [-1, 1] (Algorithm 1, line 5; the paper
+            does not say how much).
+        reward_scale: what rewards are multiplied with before critics learn them; the paper does not say.
+        learning_starts: steps at random before the first update; the paper does not say.
+        train_freq, gradient_steps: after how many steps of all games there are how many updates; Algorithm 1
+            has one after each step of its one game.
+        policy_kwargs: of :class:`JointPolicy`; the paper does not say which networks.
+        tensorboard_log, verbose, seed, device: as everywhere in SB3.
+
+    Raises:
+        ValueError: games without ``sizes``.
+    """
+
+    policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {"JointPolicy": JointPolicy}
+    policy: JointPolicy
+
+    def __init__(
+        self,
+        policy: str | type[JointPolicy],
+        env: VecEnv,
+        learning_rate: float = 0.001,
+        buffer_size: int = 1_000_000,
+        batch_size: int = 32,
+        gamma: float = 0.99,
+        tau: float = 0.01,
+        noise_sd: float = 0.1,
+        reward_scale: float = 1.0,
+        learning_starts: int = 1000,
+        train_freq: int = 1,
+        gradient_steps: int = 1,
+        policy_kwargs: dict[str, Any] | None = None,
+        tensorboard_log: str | None = None,
+        verbose: int = 0,
+        seed: int | None = None,
+        device: str = "cpu",
+        _init_setup_model: bool = True,
+    ) -> None:
+        super().__init__(
+            policy,
+            env,
+            learning_rate,
+            buffer_size,
+            learning_starts,
+            batch_size,
+            tau,
+            gamma,
+            train_freq,
+            gradient_steps,
+            replay_buffer_class=JointBuffer,
+            policy_kwargs=policy_kwargs,
+            tensorboard_log=tensorboard_log,
+            verbose=verbose,
+            device=device,
+            seed=seed,
+            support_multi_env=True,
+            sde_support=False,
+            supported_action_spaces=(spaces.Box,),
+        )
+        self.noise_sd, self.reward_scale = noise_sd, reward_scale
+        if _init_setup_model:
+            self._setup_model()
+
+    def _setup_model(self) -> None:
+        if self.env is not None:
+            sizes = self.env.get_attr("sizes")[0]
+            self.policy_kwargs["sizes"] = sizes
+            self.replay_buffer_kwargs = {"players": len(sizes), "reward_scale": self.reward_scale}
+        acts = np.zeros(cast(spaces.Box, self.action_space).shape)
+        self.action_noise = NormalActionNoise(acts, acts + self.noise_sd)
+        super()._setup_model()
+
+    def train(self, gradient_steps: int, batch_size: int = 32) -> None:
+        """Update all critics and actors, as often as asked."""
+        policy = self.policy
+        policy.set_training_mode(True)
+        self._update_learning_rate([policy.actor_optimizer, policy.critic_optimizer])
+        for _ in range(gradient_steps):
+            batch = self.replay_buffer.sample(batch_size)  # type: ignore[union-attr]
+            critic_loss = self._critic_loss(batch)
+            _descend(critic_loss, policy.critic_optimizer)
+            actor_loss = self._actor_loss(batch)
+            _descend(actor_loss, policy.actor_optimizer)
+            for networks, targets in (
+                (policy.actors, policy.actor_targets),
+                (policy.critics, policy.critic_targets),
+            ):
+                polyak_update(networks.parameters(), targets.parameters(), self.tau)
+        self._n_updates += gradient_steps
+        self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
+        self.logger.record("train/actor_loss", actor_loss.item())
+        self.logger.record("train/critic_loss", critic_loss.item())
+
+    def _critic_loss(self, batch: ReplayBufferSamples) -> torch.Tensor:
+        """The mean squared error of each critic's estimate of its player's return, summed over players."""
+        policy = self.policy
+        with torch.no_grad():
+            seen = batch.next_observations
+            acts = torch.cat(policy.acted(policy.actor_targets, seen), 1)
+            future = torch.cat([critic(seen, acts)[0] for critic in policy.critic_targets], 1)
+            wanted = batch.rewards + (1 - batch.dones) * self.gamma * future
+        found = [critic(batch.observations, batch.actions)[0] for critic in policy.critics]
+        return functional.mse_loss(torch.cat(found, 1), wanted, reduction="sum") / len(wanted)
+
+    def _actor_loss(self, batch: ReplayBufferSamples) -> torch.Tensor:
+        """How little each critic expects where its player acts by its actor and the others as they did."""
+        policy = self.policy
+        did = batch.actions.split([size for _, size in policy.sizes], dim=1)
+        loss = torch.zeros(())
+        for player, act in enumerate(policy.acted(policy.actors, batch.observations)):
+            acts = torch.cat([*did[:player], act, *did[player + 1 :]], 1)
+            loss = loss - policy.critics[player](batch.observations, acts)[0].mean()
+        return loss
+
+    def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
+        return ["policy", "policy.actor_optimizer", "policy.critic_optimizer"], []
+
+
+def _descend(loss: torch.Tensor, optimizer: torch.optim.Optimizer) -> None:
+    optimizer.zero_grad()
+    loss.backward(inputs=optimizer.param_groups[0]["params"])  # not those of critics that judge an actor
+    optimizer.step()
+
+
+def _parts(space: spaces.Box, sizes: Sequence[int]) -> list[spaces.Box]:
+    """Each player's part of a box that holds all of them one after the other."""
+    ends = np.cumsum(sizes)[:-1]
+    return [
+        spaces.Box(low, high)
+        for low, high in zip(np.split(space.low, ends), np.split(space.high, ends), strict=True)
+    ]
