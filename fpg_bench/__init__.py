@@ -13,7 +13,7 @@ import gymnasium
 import pettingzoo
 
 from fpg_bench.errors import UserError
-from fpg_bench.ids import VIEWS
+from fpg_bench.ids import DUEL, VIEWS
 
 __version__ = "0.1.0.dev0"
 
@@ -53,7 +53,7 @@ def __getattr__(name: str) -> Any:
 
 def _register() -> None:
     for kind in ("parallel", "aec"):
-        pettingzoo.register(kind, "FPG/duel_v0", f"fpg_bench.envs.multi_agent:{kind}_env")
+        pettingzoo.register(kind, DUEL, f"fpg_bench.envs.multi_agent:{kind}_env")
     for view_id in VIEWS:
         gymnasium.register(
             id=view_id,

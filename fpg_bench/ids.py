@@ -76,13 +76,29 @@ VIEWS = MappingProxyType(
 )
 
 
+DUEL = "FPG/duel_v0"
+
+
+def sides_of(name: str) -> tuple[str, ...]:
+    """The sides that the caller plays in an id: one of a view, both of the duel.
+
+    Raises:
+        UserError: no such id.
+    """
+    return ("ally", "opponent") if _plain(name) == DUEL else (find_view(name).side,)
+
+
 def find_view(name: str) -> View:
     """The view of an id, with or without the ``fpg_bench:`` in front.
 
     Raises:
         UserError: no such id; the message suggests the nearest.
     """
-    name = str(name).removeprefix("fpg_bench:")
+    name = _plain(name)
     if name not in VIEWS:
         raise UserError(f"unknown id {name!r}{nearest(name, VIEWS)}")
     return VIEWS[name]
+
+
+def _plain(name: str) -> str:
+    return str(name).removeprefix("fpg_bench:")

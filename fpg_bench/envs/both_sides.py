@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
 from fpg_bench.envs.duel import make_duel
+from fpg_bench.envs.one_sided import refuse_unknown
 from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.players.player import SIDES
@@ -20,6 +22,9 @@ class BothSides:
         games: how many, N.
         **options: those of :func:`fpg_bench.envs.duel.make_duel`.
 
+    Raises:
+        UserError: something unknown, out of range, or impossible together.
+
     Attributes:
         sizes: of each side's observation and action.
         side: whose return stands for a round's in SB3's statistics.
@@ -29,6 +34,8 @@ class BothSides:
     side = "ally"
 
     def __init__(self, games: int = 1, **options: Any) -> None:
+        known = inspect.signature(make_duel).parameters
+        refuse_unknown({name: value for name, value in options.items() if name not in known}, make_duel)
         self.duel = make_duel(games, **options)
         self.scenario, self.count = self.duel.scenario, self.duel.count
         self.truncated = self.duel.arena.games["truncated"]

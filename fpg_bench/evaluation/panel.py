@@ -16,7 +16,7 @@ from fpg_bench.errors import UserError, nearest
 from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.files import read_json, read_yaml
 from fpg_bench.game.scenario import Scenario, as_scenario
-from fpg_bench.ids import find_view
+from fpg_bench.ids import DUEL, find_view
 from fpg_bench.planning import as_planner
 from fpg_bench.players.player import SIDES
 
@@ -105,16 +105,24 @@ class Panel:
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
-def panel_of(view_id: str, options: dict[str, Any]) -> str:
+def panel_of(view_id: str, options: dict[str, Any], side: str | None = None) -> str:
     """The name of the panel that an id's players are measured on, with the options of its games.
+
+    Args:
+        view_id: the id.
+        options: what its games are made with.
+        side: which side of the duel; None: that of the view.
 
     Raises:
         UserError: no such id.
     """
-    view = find_view(view_id)
-    if view.planner is not None:
-        return "ally-planner-v1"
-    return "opponent-learned-v1" if options.get("path") == "learned" else f"{view.side}-v1"
+    if side is None or view_id != DUEL:
+        view = find_view(view_id)
+        if view.planner is not None:
+            return "ally-planner-v1"
+        side = view.side
+    learned = side == "opponent" and options.get("path") == "learned"
+    return "opponent-learned-v1" if learned else f"{side}-v1"
 
 
 def load_panel(name: str, references: bool = True) -> Panel:

@@ -15,7 +15,7 @@ from fpg_bench.files import read_json
 from fpg_bench.game import draws
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.ids import VIEWS
+from fpg_bench.ids import DUEL, VIEWS, sides_of
 from fpg_bench.players.keyed import Keyed
 
 AGENT_FORMAT = 1
@@ -119,12 +119,11 @@ def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPla
         raise UserError(f"agent {folder}: agent.json lacks {', '.join(missing)}")
     if about["format"] != AGENT_FORMAT:
         raise UserError(f"agent {folder}: format {about['format']!r}, this version reads {AGENT_FORMAT}")
-    if about["id"] not in VIEWS:
+    if about["id"] not in (DUEL, *VIEWS):
         raise UserError(f"agent {folder}: made for the id {about['id']!r}, which this version does not have")
-    if side is not None and VIEWS[about["id"]].side != side:
-        raise UserError(
-            f"agent {folder}: plays the {VIEWS[about['id']].side} ({about['id']}), not the {side}"
-        )
+    plays = about.get("side") if about["id"] == DUEL else sides_of(about["id"])[0]
+    if side is not None and plays != side:
+        raise UserError(f"agent {folder}: plays the {plays} ({about['id']}), not the {side}")
     try:
         model = (folder / "policy.onnx").read_bytes()
     except OSError as error:

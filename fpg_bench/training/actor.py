@@ -36,7 +36,7 @@ class Actor(nn.Module):
         policy = model.policy
         self.features, self.lstm, self.networks = copy.deepcopy(_networks(policy))
         # TD3's networks end in a tanh of their own.
-        own_tanh = not isinstance(policy, ActorCriticPolicy) and not hasattr(policy.actor, "latent_pi")
+        own_tanh = not isinstance(policy, ActorCriticPolicy) and not hasattr(_actor(policy), "latent_pi")
         self.squash = bool(policy.squash_output) and not own_tanh
         self._normalise_as(model)
         self.frames_size = cast(tuple[int, ...], model.observation_space.shape)[0] - OBSERVATION_SIZE
@@ -91,14 +91,19 @@ def _networks(policy: Any) -> Networks:
     if isinstance(policy, ActorCriticPolicy):
         after = nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
         return policy.pi_features_extractor, _lstm(policy), after
-    actor = getattr(policy, "actor", None)
+    actor = _actor(policy)
     if isinstance(getattr(actor, "mu", None), nn.Module):  # SAC's kind has networks before the mean
-        layers = [getattr(actor, "latent_pi", nn.Identity()), actor.mu]  # type: ignore[union-attr]
-        return actor.features_extractor, None, nn.Sequential(*layers)  # type: ignore[union-attr]
+        layers = [getattr(actor, "latent_pi", nn.Identity()), actor.mu]
+        return actor.features_extractor, None, nn.Sequential(*layers)
     raise UserError(
         f"export: {type(policy).__name__} is no policy of PPO's, SAC's or TD3's kind, so no agent can be "
         "made of it; train it with its own learn() on fpg_bench.make_sb3"
     )
+
+
+def _actor(policy: Any) -> Any:
+    """The actor of a policy of SAC's and TD3's kind; MADDPG's are actors themselves."""
+    return getattr(policy, "actor", policy)
 
 
 def _lstm(policy: nn.Module) -> nn.LSTM | None:

@@ -10,12 +10,19 @@ from typing import Any
 
 from fpg_bench.errors import UserError, nearest
 
-ALGORITHMS = ("ppo", "ppo-stack8", "recurrent-ppo", "sac", "td3")  # those with shipped hyper-parameters
+ALGORITHMS = (
+    "ppo",
+    "ppo-stack8",
+    "recurrent-ppo",
+    "sac",
+    "td3",
+)  # of one side, with shipped hyper-parameters
 _CLASSES = {
     "ppo": "stable_baselines3:PPO",
     "sac": "stable_baselines3:SAC",
     "td3": "stable_baselines3:TD3",
     "recurrent-ppo": "sb3_contrib:RecurrentPPO",
+    "maddpg": "fpg_bench.training.maddpg:MADDPG",
 }
 _STACKED = re.compile(r"(ppo|sac|td3)-stack([1-9]\d*)")
 
@@ -38,10 +45,15 @@ class Algorithm:
     frame_stack: int | None = None
     custom: bool = False
 
+    @property
+    def joint(self) -> bool:
+        """Whether it trains both sides at once."""
+        return self.base == "maddpg"
+
 
 def find_algorithm(name: str | type[Any]) -> Algorithm:
     """The algorithm of a name: ``ppo``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` (any number of
-    frames, on any of the first three), or ``package.module:Class``; or of a class itself.
+    frames, on any of the first three), ``maddpg``, or ``package.module:Class``; or of a class itself.
 
     Raises:
         UserError: no such algorithm, or no algorithm class of Stable-Baselines3's kind.
@@ -53,7 +65,7 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
     if stacked := _STACKED.fullmatch(name):
         return Algorithm(name, stacked[1], _imported(_CLASSES[stacked[1]]), int(stacked[2]))
     if name not in _CLASSES:
-        raise UserError(f"unknown algorithm {name!r}{nearest(name, ALGORITHMS)}")
+        raise UserError(f"unknown algorithm {name!r}{nearest(name, [*ALGORITHMS, *_CLASSES])}")
     return Algorithm(name, name, _imported(_CLASSES[name]))
 
 

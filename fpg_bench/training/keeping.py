@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.rows import RowFile
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.checkpoints import save_checkpoint
+from fpg_bench.training.models import by_side
 
 SAVE_EVERY_S = 60.0
 _STOPPING = b"stopping as soon as the run can be saved; Ctrl-C again stops at once\n"
@@ -54,7 +55,7 @@ class Keeping(BaseCallback):
     Args:
         folder: the run's folder of checkpoints.
         clock: counts the training time.
-        yardstick: scores a policy; None: nobody does.
+        yardsticks: what scores the policy of each side that learns; none: nothing does.
         file: where the scores go.
         budget: the run's steps.
         looks: how many times to score on the way.
@@ -65,14 +66,14 @@ class Keeping(BaseCallback):
         self,
         folder: Path,
         clock: Clock,
-        yardstick: Yardstick | None,
+        yardsticks: Mapping[str, Yardstick],
         file: RowFile,
         budget: int,
         looks: int,
         stop: threading.Event,
     ) -> None:
         super().__init__()
-        self._folder, self._clock, self._yardstick, self._file = folder, clock, yardstick, file
+        self._folder, self._clock, self._yardsticks, self._file = folder, clock, yardsticks, file
         self._every = budget / max(looks, 1)
         rows = file.read()
         self._last = rows[-1]["steps"] if rows else -1
@@ -80,7 +81,7 @@ class Keeping(BaseCallback):
         self._stop = stop
 
     def _on_rollout_start(self) -> None:
-        looked = self._yardstick is not None and self.num_timesteps >= self._due
+        looked = bool(self._yardsticks) and self.num_timesteps >= self._due
         if looked:
             self._look()
         if looked or self._stop.is_set() or time.monotonic() - self._saved > SAVE_EVERY_S:
@@ -92,7 +93,7 @@ class Keeping(BaseCallback):
         return True
 
     def _on_training_end(self) -> None:
-        if self._yardstick is not None and self.num_timesteps > self._last:
+        if self._yardsticks and self.num_timesteps > self._last:
             self._look()
         self._save()
 
@@ -102,13 +103,17 @@ class Keeping(BaseCallback):
         return 0 if self._last < 0 else (self._last // self._every + 1) * self._every
 
     def _look(self) -> None:
-        assert self._yardstick is not None
         seconds = round(self._clock.seconds, 2)
         with self._clock.stopped():
-            found: dict[str, Any] = self._yardstick.score(ActorPlayer(self.model))
-        self._file.append([{"steps": self.num_timesteps, "seconds": seconds, **found}])
+            found: dict[str, Any] = {
+                side: self._yardsticks[side].score(ActorPlayer(player))
+                for side, player in by_side(self.model, tuple(self._yardsticks)).items()
+            }
+        head = {"steps": self.num_timesteps, "seconds": seconds}
+        self._file.append([head | {"side": side} | scores for side, scores in found.items()])
         self._last = self.num_timesteps
-        self.logger.record("panel/score", found["score"])
+        for side, scores in found.items():
+            self.logger.record("panel/score" if len(found) == 1 else f"panel/{side}_score", scores["score"])
 
     def _save(self) -> None:
         save_checkpoint(self.model, self._folder, seconds=self._clock.seconds)

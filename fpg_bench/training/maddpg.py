@@ -209,6 +209,11 @@ class MADDPG(OffPolicyAlgorithm):
         self.action_noise = NormalActionNoise(acts, acts + self.noise_sd)
         super()._setup_model()
 
+    @property
+    def players(self) -> list[OnePlayer]:
+        """Each player as a model of its own."""
+        return [OnePlayer(self, player) for player in range(len(self.policy.sizes))]
+
     def train(self, gradient_steps: int, batch_size: int = 32) -> None:
         """Update all critics and actors, as often as asked."""
         policy = self.policy
@@ -253,6 +258,23 @@ class MADDPG(OffPolicyAlgorithm):
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
         return ["policy", "policy.actor_optimizer", "policy.critic_optimizer"], []
+
+
+class OnePlayer:
+    """One player of a joint model as a model of its own, to be scored and exported.
+
+    Args:
+        model: a trained model; its present actor is shared, not copied.
+        player: which of its players, counted from 0.
+    """
+
+    def __init__(self, model: MADDPG, player: int) -> None:
+        self.policy = cast(Actor, model.policy.actors[player])
+        self.observation_space = self.policy.observation_space
+        self.predict = self.policy.predict
+
+    def get_vec_normalize_env(self) -> None:
+        """There is none."""
 
 
 def _descend(loss: torch.Tensor, optimizer: torch.optim.Optimizer) -> None:

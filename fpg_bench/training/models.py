@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,11 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.utils import LinearSchedule, set_random_seed
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
 
+from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.envs.sb3 import SB3View, make_sb3
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.ids import sides_of
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import Hyperparameters
 
@@ -29,7 +31,15 @@ def make_games(view_id: str, parameters: Hyperparameters, first_seed: int, **opt
     Raises:
         UserError: something unknown, out of range, or impossible together.
     """
+    if len(sides_of(view_id)) == 2:
+        given = {name: value for name, value in options.items() if value is not None}
+        return make_sb3_duel(parameters.n_envs, first_seed, stagger=True, **given)
     return make_sb3(view_id, parameters.n_envs, first_seed, stagger=True, **options)
+
+
+def by_side(model: Any, sides: Sequence[str]) -> dict[str, Any]:
+    """The sides that learn, each as a model of its own; one side's is the model itself."""
+    return {sides[0]: model} if len(sides) == 1 else dict(zip(sides, model.players, strict=True))
 
 
 def make_model(

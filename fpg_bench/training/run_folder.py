@@ -10,7 +10,7 @@ import platform
 import shlex
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,10 @@ class RunFolder:
         self.path = path
         self.agent, self.checkpoints = path / "agent", path / "checkpoints"
         self.evaluations = RowFile(path / EVALUATIONS)
+
+    def agent_of(self, side: str, sides: Sequence[str]) -> Path:
+        """The folder of a side's agent, where these sides learn."""
+        return self.agent if len(sides) == 1 else self.agent / side
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:

@@ -17,7 +17,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import panel_of
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.evaluation.yardstick import Yardstick
-from fpg_bench.ids import find_view
+from fpg_bench.ids import DUEL, VIEWS, sides_of
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.callbacks import GameMeasures, TrainingBar
 from fpg_bench.training.checkpoints import load_checkpoint, newest_checkpoint, save_model
@@ -25,7 +25,7 @@ from fpg_bench.training.export import check_exportable, export_agent
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.keeping import Clock, Keeping, stopped_by_ctrl_c
 from fpg_bench.training.language_model import training_planner
-from fpg_bench.training.models import make_games, make_model
+from fpg_bench.training.models import by_side, make_games, make_model
 from fpg_bench.training.run_folder import RunFolder, described
 
 LOOKS = 20
@@ -59,15 +59,16 @@ def train(
     behind depends on the server's speed, so ``transcript.jsonl`` keeps what each round flew.
 
     Args:
-        algorithm: ``ppo``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` and the like,
+        algorithm: ``ppo``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` and the like, ``maddpg``,
             ``package.module:Class``, or a class of SB3's kind.
-        view_id: ``FPG/AllyVsScripted-v0`` and the like.
+        view_id: ``FPG/AllyVsScripted-v0`` and the like; ``FPG/duel_v0`` for both sides.
         out: the run's folder.
         seed: the training seed k; games begin at seed k * 10^6.
         steps: the budget over all games, rounded up to what the algorithm collects at once; None: the
             hyper-parameter file's.
         hyperparams: a YAML file of one's own, or what it says for the id; None: the shipped one.
-        panel: under which the policy is scored on the way, on tuning seeds; None: the id's.
+        panel: under which the policy is scored on the way, on tuning seeds; None: the id's (both sides have
+            one each).
         evaluations: how many times; 0: never.
         progress: whether to draw a bar, or print lines where standard output is no terminal.
         restart: whether to begin an unfinished run of the folder again, from the start.
@@ -75,10 +76,11 @@ def train(
         transcript: of a run with a language model: fly its plans again, without a server.
         llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``, the profile of
             its endpoint.
-        **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
+        **options: those of :class:`fpg_bench.envs.one_sided.OneSided`, or of
+            :func:`fpg_bench.envs.duel.make_duel` where both sides learn.
 
     Returns:
-        The agent's folder.
+        The agent's folder; where both sides learn, it holds one of each.
 
     Raises:
         UserError: something unknown or out of range, a policy that can't be exported, or a folder that holds
@@ -88,37 +90,52 @@ def train(
     torch.set_num_threads(1)
     if restart and resume:
         raise UserError("resume goes on with a run, restart begins it again: say one of them")
-    found, view, folder = find_algorithm(algorithm), find_view(view_id), RunFolder(Path(out))
-    parameters = load_hyperparameters(found, view.id, hyperparams)
+    found, folder = find_algorithm(algorithm), RunFolder(Path(out))
+    view_id, sides = _sides(found, view_id)
+    parameters = load_hyperparameters(found, view_id, hyperparams)
     budget = _budget(found, parameters, steps)
-    planner = training_planner(options.get("planner") or view.planner, folder.path, transcript, llm)
-    games = make_games(view.id, parameters, training_seed(seed), **options | {"planner": planner})
-    panel = panel or panel_of(view.id, options)
+    own = VIEWS[view_id].planner if view_id in VIEWS else None
+    planner = training_planner(options.get("planner") or own, folder.path, transcript, llm)
+    games = make_games(view_id, parameters, training_seed(seed), **options | {"planner": planner})
+    if panel and len(sides) == 2:
+        raise UserError(f"panel: each side of {DUEL} is scored by its own; name none")
+    panels = [panel] if panel else [panel_of(view_id, options, side) for side in sides]
     about = described(
         found.name,
-        view.id,
-        view.side,
+        view_id,
+        " and ".join(sides),
         games.core.scenario,
         seed=seed,
         steps=budget,
-        panel=panel,
+        panel=", ".join(panels),
         parameters=parameters,
         options=options
         | {"transcript": transcript}
         | {n.removesuffix("_s"): v for n, v in (llm or {}).items()},
     )
-    run = _Run(found, parameters, games, folder, about)
+    run = _Run(found, sides, parameters, games, folder, about)
     run.begin()
     with folder.locked():
         state = folder.found(about, again=restart or resume)
         if state is None or not state.get("finished"):
-            yardstick = (
-                Yardstick(panel, scenario=games.core.scenario, side=view.side) if evaluations else None
-            )
+            yardsticks = {
+                side: Yardstick(panel, scenario=games.core.scenario, side=side)
+                for side, panel in zip(sides, panels, strict=True)
+                if evaluations
+            }
             run.go_on(state) if state is not None and resume else folder.clear()
-            run.learn(yardstick, evaluations, progress)
+            run.learn(yardsticks, evaluations, progress)
             run.finish()
     return folder.agent
+
+
+def _sides(algorithm: Algorithm, view_id: str) -> tuple[str, tuple[str, ...]]:
+    """The id as it is registered, and the sides that learn in it."""
+    sides = sides_of(view_id)
+    if algorithm.joint != (len(sides) == 2):
+        both = "trains both sides, in" if algorithm.joint else "trains one side, not both, as in"
+        raise UserError(f"{algorithm.name}: {both} {DUEL}; got {view_id}")
+    return view_id.removeprefix("fpg_bench:"), sides
 
 
 def _budget(algorithm: Algorithm, parameters: Hyperparameters, steps: int | None) -> int:
@@ -140,6 +157,7 @@ class _Run:
     """
 
     algorithm: Algorithm
+    sides: tuple[str, ...]
     parameters: Hyperparameters
     games: SB3View
     folder: RunFolder
@@ -150,7 +168,8 @@ class _Run:
     def begin(self) -> None:
         """Make the model, and see that an agent can be made of it: before anything is written."""
         self.model = make_model(self.algorithm, self.games, self.parameters, self.about["training_seed"])
-        check_exportable(self.model)
+        for player in by_side(self.model, self.sides).values():
+            check_exportable(player)
 
     def go_on(self, state: dict[str, Any]) -> None:
         """Take up the newest checkpoint; from here on, other matches are played and other numbers drawn."""
@@ -165,7 +184,7 @@ class _Run:
             self.before = progress["seconds"]
         self.games.seed(training_seed(seed) + self.part * count % (TRAINING_STRIDE - count))
 
-    def learn(self, yardstick: Yardstick | None, looks: int, progress: bool) -> None:
+    def learn(self, yardsticks: Mapping[str, Yardstick], looks: int, progress: bool) -> None:
         """Train to the budget.
 
         Raises:
@@ -178,7 +197,7 @@ class _Run:
         clock = Clock(self.before)
         with stopped_by_ctrl_c() as stop:
             keeping = Keeping(
-                self.folder.checkpoints, clock, yardstick, self.folder.evaluations, budget, looks, stop
+                self.folder.checkpoints, clock, yardsticks, self.folder.evaluations, budget, looks, stop
             )
             try:
                 if model.num_timesteps < budget:
@@ -206,7 +225,10 @@ class _Run:
         about = self.about | {"steps_done": done, "seconds": round(self.seconds, 1)}
         if (flown := getattr(self.games.core.duel.planner, "flown", None)) is not None:
             about["plans"] = dict(flown)  # of this part of the run
-        difference = export_agent(self.model, self.folder.agent, about)
+        difference = max(
+            export_agent(player, self.folder.agent_of(side, self.sides), about | {"side": side})
+            for side, player in by_side(self.model, self.sides).items()
+        )
         save_model(self.model, self.folder.path)
         rate = round(done / self.seconds)
         ended = {"finished": True, "part": self.part, "steps_per_s": rate, "largest_difference": difference}
