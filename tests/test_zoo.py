@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from fpg_bench.evaluation.panel import load_panel
+from fpg_bench.evaluation.references import measure_panel
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.evaluation.zoo_scores import add_missing_lines, complete, first_returns, read_lines
 from fpg_bench.evaluation.zoo_table import page
@@ -30,6 +31,23 @@ views:
     options: {path: circle}
     panel: PANEL
     steps: {td3: 5200}
+  duel-ally:
+    id: FPG/duel_v0
+    panel: PANEL
+    steps: {maddpg: 2400}
+  duel-opponent:
+    id: FPG/duel_v0
+    panel: OTHER
+    steps: {maddpg: 2400}
+"""
+OTHER = """\
+side: opponent
+scenario: standard
+rounds: 2
+reference: adaptive
+entries:
+  - {ally: idle, path: pursuit}
+  - {ally: expert, path: pursuit}
 """
 
 
@@ -119,7 +137,10 @@ def test_the_list_tells_scores_and_what_has_changed(tmp_path, monkeypatch, capsy
 def tiny(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tiny")
     make_zoo(folder)
-    (folder / "zoo.yml").write_text(TINY.replace("PANEL", str(folder / "small-v1.yml")))
+    (folder / "other-v1.yml").write_text(OTHER)
+    measure_panel(str(folder / "other-v1.yml"), 30)
+    zoo = TINY.replace("PANEL", str(folder / "small-v1.yml")).replace("OTHER", str(folder / "other-v1.yml"))
+    (folder / "zoo.yml").write_text(zoo)
     found = script("--zoo", folder, "--runs", folder / "runs", "--jobs", 2, folder=folder)
     assert found.returncode == 0, found.stdout + found.stderr
     return folder
@@ -127,14 +148,16 @@ def tiny(tmp_path_factory):
 
 def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
     found = script("--zoo", tiny, "--runs", tiny / "runs", "--list", folder=tiny)
+    kinds = (("small/td3", "5,200"), ("duel-ally/maddpg", "2,400"), ("duel-opponent/maddpg", "2,400"))
     assert [line.split() for line in found.stdout.splitlines()] == [
-        [f"small/td3/seed_{k}", "5,200", "shipped"] for k in (0, 1)
+        [f"{name}/seed_{k}", steps, "shipped"] for name, steps in kinds for k in (0, 1)
     ]
     zoo = load_zoo(tiny)
     assert (tiny / "README.md").read_text() == page(zoo)
     assert (tiny / "scores/small/curves.png").is_file()
-    panel = load_panel(zoo.views[0].panel)
     for member in zoo.members():
+        panel = load_panel(member.view.panel)
+        assert load_agent(member.folder).about["side"] == member.view.side == panel.side
         lines = [line for line in read_lines(zoo, member.view, panel) if line["training_seed"] == member.seed]
         played = [first_returns(str(member.folder), panel, entry) for entry in panel.entries]
         assert played == [line["returns"][:2] for line in lines]

@@ -32,7 +32,8 @@ def keep_curve(zoo: Zoo, member: Member, run: Path) -> None:
     """Keep the scores that a run's folder has seen while it trained, in place of what was kept before."""
     file = curve_file(zoo, member.view)
     others = [row for row in file.read() if (row["algorithm"], row["training_seed"]) != _who(member)]
-    mine = [_row(member, row) for row in RowFile(run / EVALUATIONS).read()]
+    rows = RowFile(run / EVALUATIONS).read()
+    mine = [_row(member, row) for row in rows if row["side"] == member.view.side]
     write_whole(file.path, "".join(json.dumps(row) + "\n" for row in [*others, *mine]))
 
 

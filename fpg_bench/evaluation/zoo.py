@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError, nearest
+from fpg_bench.evaluation.panel import load_panel
 from fpg_bench.files import read_json, read_yaml
-from fpg_bench.ids import find_view
+from fpg_bench.ids import sides_of
 from fpg_bench.players.agent import baselines_folder
 
 _KEYS = {"seeds", "views"}
@@ -33,6 +34,11 @@ class ZooView:
     options: dict[str, Any]
     panel: str
     steps: dict[str, int]
+
+    @property
+    def side(self) -> str:
+        """The side that its agents play."""
+        return load_panel(self.panel, references=False).side
 
 
 @dataclass(frozen=True)
@@ -131,7 +137,8 @@ def _view(name: str, content: Any, path: Path) -> ZooView:
         raise UserError(f"{where}: options: expected a mapping, got {options!r}")
     if not isinstance(steps, dict) or not all(_is_whole(budget, 1) for budget in steps.values()):
         raise UserError(f"{where}: steps: expected algorithm: steps, got {steps!r}")
-    return ZooView(str(name), find_view(content["id"]).id, options, str(content["panel"]), steps)
+    sides_of(content["id"])
+    return ZooView(str(name), content["id"], options, str(content["panel"]), steps)
 
 
 def _check_keys(content: Any, keys: set[str], where: str) -> None:

@@ -21,8 +21,10 @@ from fpg_bench.evaluation.curves import keep_curve
 from fpg_bench.evaluation.zoo import Member, Zoo
 from fpg_bench.evaluation.zoo_scores import add_missing_lines
 from fpg_bench.files import read_json, write_whole
+from fpg_bench.ids import DUEL, sides_of
 from fpg_bench.players.agent import load_agent
 from fpg_bench.rows import RowFile
+from fpg_bench.training.run_folder import RunFolder
 
 _LOCK = "zoo.lock"
 _PAUSE_S = 0.5
@@ -69,8 +71,8 @@ def train_zoo(
     failed: list[str] = []
     with RowFile(runs / _LOCK).locked(), _stopped_together() as running:
         while waiting or running:
-            while waiting and len(running) < jobs:
-                running.append(_start(waiting.pop(0), runs))
+            while len(running) < jobs and (member := _next(waiting, running, runs)):
+                running.append(_start(member, runs))
                 say(f"{running[-1].member.name}: training, see {running[-1].log.name}")
             for training in [t for t in running if t.process.poll() is not None]:
                 running.remove(training)
@@ -81,8 +83,10 @@ def train_zoo(
 
 
 def run_folder(member: Member, runs: Path) -> Path:
-    """Where a member is trained."""
-    return runs / member.view.name / member.algorithm / f"seed_{member.seed}"
+    """Where a member is trained; both sides of a duel in one run."""
+    view = member.view
+    name = view.name.replace(f"-{view.side}", "") if view.id == DUEL else view.name
+    return runs / name / member.algorithm / f"seed_{member.seed}"
 
 
 def command(member: Member, runs: Path) -> list[str]:
@@ -92,7 +96,8 @@ def command(member: Member, runs: Path) -> list[str]:
     for name, value in view.options.items():
         listed = ",".join(map(str, value)) if isinstance(value, list) else str(value)
         words += [f"--{name.replace('_', '-')}", listed]
-    return [*words, "--panel", view.panel, "--resume", "--out", str(run_folder(member, runs))]
+    measured = [] if view.id == DUEL else ["--panel", view.panel]
+    return [*words, *measured, "--resume", "--out", str(run_folder(member, runs))]
 
 
 def ship(member: Member, run: Path) -> None:
@@ -101,13 +106,14 @@ def ship(member: Member, run: Path) -> None:
     Raises:
         UserError: the agent is not whole, or of another budget or seed than the zoo's.
     """
-    about = load_agent(run / "agent").about
+    agent = RunFolder(run).agent_of(member.view.side, sides_of(member.view.id))
+    about = load_agent(agent).about
     wanted = {"id": member.view.id, "training_steps": member.steps, "training_seed": member.seed}
     for key, value in wanted.items():
         if about[key] != value:
             raise UserError(f"run {run}: {key} is {about[key]!r}, the zoo asks for {value!r}; remove it")
     for name in ("policy.onnx", "agent.json"):
-        write_whole(member.folder / name, (run / "agent" / name).read_bytes())
+        write_whole(member.folder / name, (agent / name).read_bytes())
 
 
 def state(member: Member, runs: Path) -> str:
@@ -118,6 +124,15 @@ def state(member: Member, runs: Path) -> str:
     if not file.is_file():
         return "missing"
     return "trained" if read_json(file, "run").get("finished") else "begun"
+
+
+def _next(waiting: list[Member], running: list[_Training], runs: Path) -> Member | None:
+    """Take the first that is not trained in a run that is under way."""
+    busy = {run_folder(training.member, runs) for training in running}
+    free = next((member for member in waiting if run_folder(member, runs) not in busy), None)
+    if free is not None:
+        waiting.remove(free)
+    return free
 
 
 def _start(member: Member, runs: Path) -> _Training:

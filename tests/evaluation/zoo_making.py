@@ -80,5 +80,7 @@ def make_agent(member: Member, folder: Path | None = None, seed: int | None = No
 
 def evaluations(count: int = 5, score: float = 0.0) -> str:
     """What a run's folder has seen of the score while it trained."""
-    rows = [{"steps": 500 * i, "seconds": 2.0 * i, "score": score + 10 * i} for i in range(count)]
+    rows = [
+        {"side": "ally", "steps": 500 * i, "seconds": 2.0 * i, "score": score + 10 * i} for i in range(count)
+    ]
     return "".join(json.dumps(row) + "\n" for row in rows)
