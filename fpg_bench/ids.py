@@ -79,6 +79,11 @@ VIEWS = MappingProxyType(
 DUEL = "FPG/duel_v0"
 
 
+def policy_view(side: str) -> View:
+    """The view in which a side plays against any player."""
+    return next(view for view in VIEWS.values() if view.side == side and not view.scripted)
+
+
 def sides_of(name: str) -> tuple[str, ...]:
     """The sides that the caller plays in an id: one of a view, both of the duel.
 

@@ -83,6 +83,12 @@ def train(
         str | None, typer.Option(help="what scores the policy on the way; default: the id's panel")
     ] = None,
     evaluations: Annotated[int, typer.Option(min=0, help="how many times; 0: never")] = 20,
+    against: Annotated[
+        str | None, typer.Option(help="the other side's player, whichever side; several, separated by commas")
+    ] = None,
+    start: Annotated[
+        Path | None, typer.Option(help="a finished run of yours, whose weights this one begins with")
+    ] = None,
     scenario: ScenarioOption = None,
     opponent: Annotated[str | None, typer.Option(help="against whom; several, separated by commas")] = None,
     ally: Annotated[str | None, typer.Option(help="against whom; several, separated by commas")] = None,
@@ -119,6 +125,8 @@ def train(
             llm=llm_options(
                 deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds
             ),
+            against=listed(against),
+            start=start,
             scenario=scenario,
             opponent=listed(opponent),
             ally=listed(ally),

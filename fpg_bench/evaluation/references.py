@@ -17,7 +17,7 @@ from fpg_bench.evaluation.panel import (
     panel_file,
     scores_file,
 )
-from fpg_bench.evaluation.runner import play_entry
+from fpg_bench.evaluation.runner import Seeds, play_entry
 from fpg_bench.files import write_whole
 
 ROUNDS = 500
@@ -42,7 +42,9 @@ def measure_panel(
         raise UserError(f"rounds: expected at least the panel's own {panel.rounds}, got {rounds}")
     entries = {}
     for entry in panel.entries:
-        found = Reference(*(_returns(spec, panel, entry, rounds) for spec in ("random", panel.reference)))
+        found = Reference(
+            *(round_returns(spec, panel, entry, rounds) for spec in ("random", panel.reference))
+        )
         progress(entry, found)
         if not found.standard_errors >= STANDARD_ERRORS:
             raise UserError(
@@ -54,8 +56,10 @@ def measure_panel(
     write_whole(scores_file(panel_file(name)), json.dumps(content))
 
 
-def _returns(spec: str, panel: Panel, entry: Entry, rounds: int) -> tuple[float, ...]:
+def round_returns(
+    spec: str, panel: Panel, entry: Entry, rounds: int, seeds: Seeds | None = None
+) -> tuple[float, ...]:
     """The panel side's round returns of a player, in the order of the chance seeds."""
-    rows = [row for batch in play_entry(spec, panel, entry, rounds) for row in batch]
+    rows = [row for batch in play_entry(spec, panel, entry, rounds, seeds) for row in batch]
     rows.sort(key=lambda row: (row["seed"], row["round"]))
     return tuple(round(row[f"{panel.side}_return"], 3) for row in rows)

@@ -24,6 +24,7 @@ from fpg_bench.players.seat import Seat
 from fpg_bench.rows import Row, RowFile
 
 TALLIES = tuple(TALLY.names or ())
+Seeds = Callable[[int], list[int]]  # gives so many
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ def play_entry(
     panel: Panel,
     entry: Entry,
     rounds: int,
-    seeds: Callable[[int], list[int]] | None = None,
+    seeds: Seeds | None = None,
 ) -> Iterator[list[Row]]:
     """Play a player against an entry as one batch of matches; gives the rows of each round as it ends.
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import shutil
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.save_util import load_from_zip_file, recursive_setattr
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
@@ -82,6 +83,33 @@ def load_checkpoint(
             f"checkpoint {checkpoint}: cannot be read ({said}); begin the run again with --restart"
         ) from error
     return model, progress
+
+
+def load_weights(model: BaseAlgorithm, run: Path) -> None:
+    """Let a new model begin with the weights, optimiser and normalisation that a finished run ended with.
+
+    SB3's files hold pickles: only one's own runs are ever read.
+
+    Args:
+        model: of the same algorithm and networks; it counts its steps from zero.
+        run: the folder of the run.
+
+    Raises:
+        UserError: no finished run of this algorithm and networks, or a file that is truncated.
+    """
+    try:
+        _, parameters, variables = load_from_zip_file(run / MODEL, device="cpu", load_data=False)
+        model.set_parameters(cast(Any, parameters), device="cpu")
+        for name, value in (variables or {}).items():  # SAC's entropy coefficient
+            recursive_setattr(model, f"{name}.data", value.data)
+        if (normalize := model.get_vec_normalize_env()) is not None:
+            kept = VecNormalize.load(str(run / NORMALIZE), normalize.venv)
+            normalize.obs_rms, normalize.ret_rms = kept.obs_rms, kept.ret_rms
+    except Exception as error:  # torch, zipfile and pickle raise many kinds
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise UserError(
+            f"start {run}: no finished run of {type(model).__name__} with these networks ({said})"
+        ) from error
 
 
 def _load(

@@ -130,7 +130,7 @@ def described(
     stack = {} if parameters.frame_stack is None else {"frame_stack": parameters.frame_stack}
     games = {"n_envs": parameters.n_envs, "normalize": parameters.normalize, **stack}
     about = {
-        "command": _command(algorithm, view_id, seed, steps, options),
+        "command": command_line("train", algorithm, view_id, seed=seed, steps=steps, **options),
         "algorithm": algorithm,
         "id": view_id,
         "side": side,
@@ -148,11 +148,11 @@ def described(
     return content
 
 
-def _command(algorithm: str, view_id: str, seed: int, steps: int, options: dict[str, Any]) -> str:
-    words = ["fpg-bench", "train", algorithm, view_id, "--seed", str(seed), "--steps", str(steps)]
+def command_line(*words: str, **options: Any) -> str:
+    """The command of these words and options, as it is typed."""
     for name, value in options.items():
-        words += [f"--{name.replace('_', '-')}", _words(value)]
-    return shlex.join(words)
+        words += (f"--{name.replace('_', '-')}", _words(value))
+    return shlex.join(("fpg-bench", *words))
 
 
 def _words(value: Any) -> str:

@@ -17,10 +17,11 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import panel_of
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.evaluation.yardstick import Yardstick
-from fpg_bench.ids import DUEL, VIEWS, sides_of
+from fpg_bench.files import read_json
+from fpg_bench.ids import DUEL, VIEWS, find_view, sides_of
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.callbacks import GameMeasures, TrainingBar
-from fpg_bench.training.checkpoints import load_checkpoint, newest_checkpoint, save_model
+from fpg_bench.training.checkpoints import load_checkpoint, load_weights, newest_checkpoint, save_model
 from fpg_bench.training.export import check_exportable, export_agent
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.keeping import Clock, Keeping, stopped_by_ctrl_c
@@ -46,6 +47,8 @@ def train(
     resume: bool = False,
     transcript: str | Path | None = None,
     llm: Mapping[str, Any] | None = None,
+    against: Any = None,
+    start: str | Path | None = None,
     **options: Any,
 ) -> Path:
     """Train an algorithm on an id and export the agent.
@@ -76,6 +79,10 @@ def train(
         transcript: of a run with a language model: fly its plans again, without a server.
         llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``, the profile of
             its endpoint.
+        against: the other side's player, or a list to draw from per round, whatever that side's option is
+            called.
+        start: the folder of a finished run of one's own, of the same side, algorithm and networks: begin
+            with its weights, optimiser and normalisation.
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`, or of
             :func:`fpg_bench.envs.duel.make_duel` where both sides learn.
 
@@ -92,6 +99,7 @@ def train(
         raise UserError("resume goes on with a run, restart begins it again: say one of them")
     found, folder = find_algorithm(algorithm), RunFolder(Path(out))
     view_id, sides = _sides(found, view_id)
+    options = _against(view_id, against, options)
     parameters = load_hyperparameters(found, view_id, hyperparams)
     budget = _budget(found, parameters, steps)
     own = VIEWS[view_id].planner if view_id in VIEWS else None
@@ -110,11 +118,11 @@ def train(
         panel=", ".join(panels),
         parameters=parameters,
         options=options
-        | {"transcript": transcript}
+        | {"transcript": transcript, "start": start}
         | {n.removesuffix("_s"): v for n, v in (llm or {}).items()},
     )
     run = _Run(found, sides, parameters, games, folder, about)
-    run.begin()
+    run.begin(start)
     with folder.locked():
         state = folder.found(about, again=restart or resume)
         if state is None or not state.get("finished"):
@@ -136,6 +144,26 @@ def _sides(algorithm: Algorithm, view_id: str) -> tuple[str, tuple[str, ...]]:
         both = "trains both sides, in" if algorithm.joint else "trains one side, not both, as in"
         raise UserError(f"{algorithm.name}: {both} {DUEL}; got {view_id}")
     return view_id.removeprefix("fpg_bench:"), sides
+
+
+def _against(view_id: str, against: Any, options: dict[str, Any]) -> dict[str, Any]:
+    """The options with the other side's players under that side's name."""
+    if against is None:
+        return options
+    if view_id == DUEL:
+        raise UserError(f"against: in {DUEL} both sides learn; name nobody")
+    other = find_view(view_id).other_side
+    if options.get(other) is not None:
+        raise UserError(f"against: names the {other}, and so does {other}; say one of them")
+    return options | {other: against}
+
+
+def _check_start(run: Path, about: dict[str, Any]) -> None:
+    """Raise UserError where a run can't be begun with the weights of that one."""
+    found = read_json(run / "run.json", "start")
+    for key, value in {"finished": True, "algorithm": about["algorithm"], "side": about["side"]}.items():
+        if found.get(key) != value:
+            raise UserError(f"start {run}: {key} is {found.get(key)!r} there, expected {value!r}")
 
 
 def _budget(algorithm: Algorithm, parameters: Hyperparameters, steps: int | None) -> int:
@@ -165,9 +193,12 @@ class _Run:
     before: float = 0.0
     part: int = 0
 
-    def begin(self) -> None:
+    def begin(self, start: str | Path | None) -> None:
         """Make the model, and see that an agent can be made of it: before anything is written."""
         self.model = make_model(self.algorithm, self.games, self.parameters, self.about["training_seed"])
+        if start is not None:
+            _check_start(Path(start), self.about)
+            load_weights(self.model, Path(start))
         for player in by_side(self.model, self.sides).values():
             check_exportable(player)
 
