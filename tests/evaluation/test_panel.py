@@ -45,7 +45,14 @@ def test_shipped_references_are_what_is_played(name):
 
 @pytest.mark.parametrize(
     ("name", "start"),
-    [("ally-v1", "c448953dd332"), ("opponent-v1", "d4b774e614c5"), ("opponent-learned-v1", "ff5f769fd0b1")],
+    [
+        ("ally-v1", "c448953dd332"),
+        ("opponent-v1", "d4b774e614c5"),
+        ("opponent-learned-v1", "ff5f769fd0b1"),
+        ("ally-planner-v1", "f480c4a81937"),
+        ("ally-paper-v1", "2399fecd4df6"),
+        ("opponent-paper-v1", "ba9fa7431ce2"),
+    ],
 )
 def test_hashes_of_published_panels_stay(name, start):
     assert load_panel(name, references=False).hash.startswith(start)
