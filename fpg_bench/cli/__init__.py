@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli import compare, plan, tune, verbs, zoo
+from fpg_bench.cli import compare, plan, selfplay, tune, verbs, zoo
 from fpg_bench.errors import UserError
 
 app = typer.Typer(
@@ -20,8 +20,8 @@ app = typer.Typer(
 )
 for verb in (verbs.envs, verbs.play, verbs.train, verbs.evaluate, verbs.measure_panel, verbs.table, zoo.zoo):
     app.command()(verb)
-for tuning in (tune.tune, tune.tune_report, tune.tune_write):
-    app.command()(tuning)
+for learning in (selfplay.selfplay, selfplay.exploit, tune.tune, tune.tune_report, tune.tune_write):
+    app.command()(learning)
 plan.app.command()(compare.compare)
 app.add_typer(plan.app, name="plan")
 _DEBUG = False

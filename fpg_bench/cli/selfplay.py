@@ -1,0 +1,89 @@
+"""The verbs of self-play and best responses: both sides learn, or one learns against the other as it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fpg_bench.cli.options import PathOption, ScenarioOption, listed
+
+HyperparamsOption = Annotated[Path | None, typer.Option(help="a YAML file of your own")]
+
+
+def selfplay(
+    algorithm: Annotated[str, typer.Argument(help="as for train")],
+    out: Annotated[Path, typer.Option(help="a folder for all generations")],
+    generations: Annotated[int, typer.Option(min=1, help="of each side")] = 10,
+    steps: Annotated[int, typer.Option(min=1, help="budget of a generation of a side")] = 500_000,
+    pool: Annotated[
+        int, typer.Option(min=1, help="most past generations of the other side to train against")
+    ] = 5,
+    seed: Annotated[int, typer.Option(min=0, help="decides who is drawn from the past, and the matches")] = 0,
+    hyperparams: HyperparamsOption = None,
+    evaluations: Annotated[int, typer.Option(min=0, help="a generation's scores on its panel; 0: none")] = 1,
+    scenario: ScenarioOption = None,
+    path: PathOption = None,
+    knowledge: Annotated[str | None, typer.Option(help="expert, none or a YAML file")] = None,
+    jamming_types: Annotated[str | None, typer.Option(help="allowed types, separated by commas")] = None,
+) -> None:
+    """Train both sides in turns against each other's past generations; run it again to go on."""
+    from fpg_bench.training.selfplay import selfplay as play
+
+    agents = play(
+        algorithm,
+        out,
+        generations=generations,
+        steps=steps,
+        pool=pool,
+        seed=seed,
+        hyperparams=hyperparams,
+        evaluations=evaluations,
+        say=_say,
+        scenario=scenario,
+        path=listed(path),
+        knowledge=knowledge,
+        jamming_types=listed(jamming_types),
+    )
+    _say(f"agents: {agents['ally']}, {agents['opponent']}")
+
+
+def exploit(
+    agent: Annotated[
+        str, typer.Argument(help="a shipped agent, an agent folder, a script, or package.module:object")
+    ],
+    out: Annotated[Path, typer.Option(help="a folder for the best responses and exploit.json")],
+    steps: Annotated[int, typer.Option(min=1, help="budget of each best response")] = 500_000,
+    seeds: Annotated[int, typer.Option(min=1, help="how many best responses")] = 3,
+    algorithm: Annotated[str, typer.Option(help="what trains them, as for train")] = "ppo",
+    hyperparams: HyperparamsOption = None,
+    side: Annotated[str | None, typer.Option(help="ally or opponent; default: the agent's")] = None,
+    scenario: ScenarioOption = None,
+    path: PathOption = None,
+) -> None:
+    """Train best responses against a player as it is, and say what it scores against them."""
+    from fpg_bench.evaluation.panel import load_panel
+    from fpg_bench.training.exploit import exploit as respond
+
+    row = respond(
+        agent,
+        out,
+        steps=steps,
+        seeds=seeds,
+        algorithm=algorithm,
+        hyperparams=hyperparams,
+        side=side,
+        scenario=scenario,
+        path=listed(path),
+    )
+    reference = load_panel(row["panel"], references=False).reference
+    _say(
+        f"{agent}: mean {row['mean']:.1f}, lowest {row['lowest']:.1f} against {len(row['responses'])} best "
+        f"responses of {algorithm}, {steps:,} steps each (0 = random, 100 = {reference} at {row['entry']})"
+    )
+
+
+def _say(line: str) -> None:
+    """Print a line at once, also into a file."""
+    print(line, flush=True)
