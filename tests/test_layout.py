@@ -23,6 +23,7 @@ FLOORS = {
     "ids": 0,
     "imports": 0,
     "rows": 0,
+    "jobs": 1,
     "game": 1,
     "players": 2,
     "planning": 2,

@@ -97,6 +97,62 @@ def train(
     torch.set_num_threads(1)
     if restart and resume:
         raise UserError("resume goes on with a run, restart begins it again: say one of them")
+    run = _prepared(
+        algorithm,
+        view_id,
+        out,
+        seed=seed,
+        steps=steps,
+        hyperparams=hyperparams,
+        panel=panel,
+        transcript=transcript,
+        llm=llm,
+        against=against,
+        start=start,
+        **options,
+    )
+    run.begin(start)
+    with run.folder.locked():
+        state = run.folder.found(run.about, again=restart or resume)
+        if state is None or not state.get("finished"):
+            yardsticks = {
+                side: Yardstick(panel, scenario=run.games.core.scenario, side=side)
+                for side, panel in zip(run.sides, run.panels, strict=True)
+                if evaluations
+            }
+            run.go_on(state) if state is not None and resume else run.folder.clear()
+            run.learn(yardsticks, evaluations, progress)
+            run.finish()
+    return run.folder.agent
+
+
+def is_finished(algorithm: str | type[BaseAlgorithm], view_id: str, out: str | Path, **words: Any) -> bool:
+    """Whether a folder holds this very run, finished; takes the words of :func:`train` that describe a run.
+
+    Raises:
+        UserError: something unknown or out of range, or a folder that holds another run.
+    """
+    run = _prepared(algorithm, view_id, out, **words)
+    state = run.folder.found(run.about, again=True)
+    return bool(state and state.get("finished"))
+
+
+def _prepared(
+    algorithm: str | type[BaseAlgorithm],
+    view_id: str,
+    out: str | Path,
+    *,
+    seed: int = 0,
+    steps: int | None = None,
+    hyperparams: str | Path | Mapping[str, Any] | None = None,
+    panel: str | None = None,
+    transcript: str | Path | None = None,
+    llm: Mapping[str, Any] | None = None,
+    against: Any = None,
+    start: str | Path | None = None,
+    **options: Any,
+) -> _Run:
+    """A run with its games, and how it is made; nothing is written yet."""
     found, folder = find_algorithm(algorithm), RunFolder(Path(out))
     view_id, sides = _sides(found, view_id)
     options = _against(view_id, against, options)
@@ -121,20 +177,7 @@ def train(
         | {"transcript": transcript, "start": start}
         | {n.removesuffix("_s"): v for n, v in (llm or {}).items()},
     )
-    run = _Run(found, sides, parameters, games, folder, about)
-    run.begin(start)
-    with folder.locked():
-        state = folder.found(about, again=restart or resume)
-        if state is None or not state.get("finished"):
-            yardsticks = {
-                side: Yardstick(panel, scenario=games.core.scenario, side=side)
-                for side, panel in zip(sides, panels, strict=True)
-                if evaluations
-            }
-            run.go_on(state) if state is not None and resume else folder.clear()
-            run.learn(yardsticks, evaluations, progress)
-            run.finish()
-    return folder.agent
+    return _Run(found, sides, panels, parameters, games, folder, about)
 
 
 def _sides(algorithm: Algorithm, view_id: str) -> tuple[str, tuple[str, ...]]:
@@ -180,12 +223,14 @@ class _Run:
     """A run under way.
 
     Attributes:
+        panels: what scores each of the sides.
         before: seconds of training before this part.
         part: how many times it was gone on with.
     """
 
     algorithm: Algorithm
     sides: tuple[str, ...]
+    panels: list[str]
     parameters: Hyperparameters
     games: SB3View
     folder: RunFolder

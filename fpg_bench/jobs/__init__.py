@@ -1,0 +1,1 @@
+"""Lists of jobs: the same list on local processes or on a Ray cluster."""
