@@ -91,7 +91,7 @@ def load_weights(model: BaseAlgorithm, run: Path) -> None:
     SB3's files hold pickles: only one's own runs are ever read.
 
     Args:
-        model: of the same algorithm and networks; it counts its steps from zero.
+        model: of the same algorithm, networks and normalisation; it counts its steps from zero.
         run: the folder of the run.
 
     Raises:
@@ -104,7 +104,9 @@ def load_weights(model: BaseAlgorithm, run: Path) -> None:
             recursive_setattr(model, f"{name}.data", value.data)
         if (normalize := model.get_vec_normalize_env()) is not None:
             kept = VecNormalize.load(str(run / NORMALIZE), normalize.venv)
-            normalize.obs_rms, normalize.ret_rms = kept.obs_rms, kept.ret_rms
+            normalize.ret_rms = kept.ret_rms
+            if normalize.norm_obs:
+                normalize.obs_rms = kept.obs_rms
     except Exception as error:  # torch, zipfile and pickle raise many kinds
         said = " ".join(str(error).split()) or type(error).__name__
         raise UserError(

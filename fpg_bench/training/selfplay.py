@@ -87,8 +87,8 @@ def selfplay(
     made = _Selfplay(algorithm, Path(out), steps, pool, seed, options)
     about, file = made.described(hyperparams), RowFile(made.folder / ROWS)
     with file.locked():
-        made.claim(about)
         done = {(row["generation"], row["side"]) for row in file.read()}
+        made.claim(about, begun=bool(done))
         for generation in range(generations):
             for side in SIDES:
                 if (generation, side) not in done:
@@ -131,12 +131,11 @@ class _Selfplay:
         content: dict[str, Any] = json.loads(json.dumps(about))
         return content
 
-    def claim(self, about: dict[str, Any]) -> None:
-        """Say in the folder whose it is; raise UserError where it is another's."""
+    def claim(self, about: dict[str, Any], begun: bool) -> None:
+        """Say in the folder whose it is; raise UserError where it holds generations of another."""
         file = self.folder / ABOUT
-        if not file.exists():
+        if not begun:
             write_json(file, about)
-            return
         found = read_json(file, "self-play")
         if different := [key for key in about if found.get(key) != about[key]]:
             raise UserError(

@@ -204,7 +204,9 @@ def _against(view_id: str, against: Any, options: dict[str, Any]) -> dict[str, A
 def _check_start(run: Path, about: dict[str, Any]) -> None:
     """Raise UserError where a run can't be begun with the weights of that one."""
     found = read_json(run / "run.json", "start")
-    for key, value in {"finished": True, "algorithm": about["algorithm"], "side": about["side"]}.items():
+    found |= found.get("hyperparameters", {})
+    wanted = {key: about[key] for key in ("algorithm", "side")} | {"finished": True}
+    for key, value in (wanted | {"normalize": about["hyperparameters"]["normalize"]}).items():
         if found.get(key) != value:
             raise UserError(f"start {run}: {key} is {found.get(key)!r} there, expected {value!r}")
 

@@ -1,0 +1,128 @@
+"""Training against any player of the other side, and from the weights that an earlier run ended with."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from fpg_bench.envs.sb3 import make_sb3
+from fpg_bench.errors import UserError
+from fpg_bench.ids import DUEL
+from fpg_bench.rows import RowFile
+from fpg_bench.training.checkpoints import load_weights, save_model
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.models import make_model
+from fpg_bench.training.train import train
+from tests.training.tiny import ALLY, settings, train_tiny
+
+AGAINST_ALLIES, AGAINST_OPPONENTS = "FPG/OpponentVsPolicy-v0", "FPG/AllyVsPolicy-v0"
+REWARDS = {"normalize": {"norm_obs": False}}  # the statistics of observations move with the first ones
+WIDER = {"policy_kwargs": {"net_arch": [9]}}
+
+
+@pytest.fixture(scope="module")
+def ally(tmp_path_factory):
+    """The run of a tiny ally that was scored once."""
+    folder = tmp_path_factory.mktemp("against") / "ally"
+    train_tiny("ppo", folder, REWARDS, steps=400, evaluations=1)
+    return folder
+
+
+def respond(out, against, view_id=AGAINST_ALLIES, **options):
+    given = {"hyperparams": settings("ppo"), "progress": False, "evaluations": 0, "steps": 400}
+    return train("ppo", view_id, out, against=against, **(given | options))
+
+
+def test_a_run_against_somebody_says_so_and_is_made_again_by_what_it_says(ally, tmp_path):
+    agent = str(ally / "agent")
+    respond(tmp_path / "run", [agent, "expert"])
+    about = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert about["options"] == {"ally": f"{agent},expert"}
+    assert about["command"].endswith(f"--ally {agent},expert")
+    assert respond(tmp_path / "run", None, ally=[agent, "expert"]) == tmp_path / "run" / "agent"
+    with pytest.raises(UserError, match="holds another run"):
+        respond(tmp_path / "run", agent)
+
+
+def test_every_player_named_is_met(ally, tmp_path, monkeypatch):
+    met = []
+    monkeypatch.setattr("fpg_bench.training.train.make_games", lambda *a, **k: met.append(k) or 1 / 0)
+    for view_id, other in ((AGAINST_ALLIES, "ally"), (AGAINST_OPPONENTS, "opponent")):
+        with pytest.raises(ZeroDivisionError):
+            respond(tmp_path / "run", ["one", "another"], view_id)
+        assert met.pop()[other] == ["one", "another"]
+
+
+@pytest.mark.parametrize(
+    ("view_id", "against", "message"),
+    [
+        (AGAINST_OPPONENTS, "{ally}/agent", "plays the ally .*, not the opponent"),
+        (AGAINST_ALLIES, "{ally}", "is a run's folder; the agent is"),
+        (AGAINST_ALLIES, "{other}", r"made for the id 'FPG/AllyVsScripted-v9', which this version does not"),
+        (AGAINST_ALLIES, "no/such", "neither a shipped agent nor a folder"),
+        (AGAINST_ALLIES, "exprt", "did you mean 'expert'"),
+        ("FPG/OpponentVsScripted-v0", "{ally}/agent", "is no script"),
+    ],
+)
+def test_somebody_that_can_t_be_met(ally, tmp_path, view_id, against, message):
+    other = tmp_path / "other"
+    other.mkdir()
+    about = json.loads((ally / "agent" / "agent.json").read_text()) | {"id": "FPG/AllyVsScripted-v9"}
+    (other / "agent.json").write_text(json.dumps(about))
+    with pytest.raises(UserError, match=message):
+        respond(tmp_path / "run", against.format(ally=ally, other=other), view_id)
+    assert not (tmp_path / "run").exists()
+
+
+def test_somebody_named_twice_or_where_both_sides_learn(tmp_path):
+    with pytest.raises(UserError, match="names the ally, and so does ally"):
+        respond(tmp_path / "run", "expert", ally="idle")
+    with pytest.raises(UserError, match="both sides learn"):
+        train("maddpg", DUEL, tmp_path / "run", against="expert")
+
+
+def test_a_run_that_starts_from_another_begins_as_good_as_that_ended(ally, tmp_path):
+    train_tiny("ppo", tmp_path / "next", REWARDS, steps=400, evaluations=1, start=ally, seed=1)
+    rows = RowFile(tmp_path / "next" / "evaluations.jsonl").read()
+    before = RowFile(ally / "evaluations.jsonl").read()[-1]
+    assert (rows[0]["steps"], rows[0]["entries"]) == (0, before["entries"])
+    assert rows[-1]["entries"] != before["entries"]
+    about = json.loads((tmp_path / "next" / "run.json").read_text())
+    assert (about["steps_done"], about["options"]) == (400, {"start": str(ally)})
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "sac", "recurrent-ppo"])
+def test_all_that_was_learned_is_taken_over(algorithm, tmp_path):
+    parameters = load_hyperparameters(algorithm, ALLY, settings(algorithm))
+    first, second = (make_model(algorithm, make_sb3(ALLY, 4, 0), parameters, seed) for seed in (0, 1))
+    first.learn(400)
+    save_model(first, tmp_path)
+    load_weights(second, tmp_path)
+    assert second.num_timesteps == 0
+    assert flat(second) == flat(first)
+    theirs, ours = first.get_vec_normalize_env(), second.get_vec_normalize_env()
+    np.testing.assert_array_equal(ours.obs_rms.mean, theirs.obs_rms.mean)
+    assert ours.ret_rms.var == theirs.ret_rms.var
+    if algorithm == "sac":
+        assert torch.equal(second.log_ent_coef, first.log_ent_coef)
+
+
+def flat(model):
+    """Weights and optimisers, to be compared."""
+    return json.dumps(model.get_parameters(), default=lambda x: np.asarray(x.detach()).tolist())
+
+
+def test_a_start_that_does_not_fit(ally, tmp_path):
+    for changes, options, message in (
+        (REWARDS, {"start": tmp_path / "nowhere"}, "start .*run.json: cannot be read"),
+        (REWARDS | WIDER, {"start": ally}, "no finished run of PPO with these networks"),
+        ({}, {"start": ally}, "normalize is {'norm_obs': False} there, expected"),
+    ):
+        with pytest.raises(UserError, match=message):
+            train_tiny("ppo", tmp_path / "run", changes, **options)
+    with pytest.raises(UserError, match="side is 'ally' there, expected 'opponent'"):
+        respond(tmp_path / "run", "expert", start=ally)
+    with pytest.raises(UserError, match="algorithm is 'ppo' there, expected 'ppo-stack2'"):
+        train_tiny("ppo-stack2", tmp_path / "run", start=ally)
+    assert not (tmp_path / "run").exists()
