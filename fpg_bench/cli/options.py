@@ -10,6 +10,12 @@ ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper or a Y
 PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]
 PlannerOption = Annotated[str | None, typer.Option(help="who plans the opponent's path between rounds")]
 
+JobsOption = Annotated[int, typer.Option(min=1, help="how many at once, one core each")]
+BackendOption = Annotated[str, typer.Option(help="where: loky, processes of this machine, or ray, a cluster")]
+AddressOption = Annotated[
+    str | None, typer.Option(help="ray: host:port of the cluster; default: RAY_ADDRESS, else this machine")
+]
+
 # Of the planner llm; the defaults are those of LLMPlanner.
 PromptOption = Annotated[str | None, typer.Option(help="llm: standard, paper or a YAML file")]
 ServerOption = Annotated[str | None, typer.Option(help="llm: the server's profile or YAML file")]
@@ -33,3 +39,8 @@ def llm_options(deadline: float | None, **options: Any) -> dict[str, Any]:
 def listed(value: str | None) -> Any:
     """One word, or a list of several that are separated by commas."""
     return value.split(",") if value is not None and "," in value else value
+
+
+def say(line: str) -> None:
+    """Print a line at once, also into a file."""
+    print(line, flush=True)

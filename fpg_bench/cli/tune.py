@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.cli.options import PathOption, PlannerOption, ScenarioOption, listed
+from fpg_bench.cli.options import (
+    AddressOption,
+    BackendOption,
+    JobsOption,
+    PathOption,
+    PlannerOption,
+    ScenarioOption,
+    listed,
+    say,
+)
 
 Folder = Annotated[Path, typer.Argument(help="the study's folder")]
 StorageOption = Annotated[
@@ -38,10 +48,17 @@ def tune(
     ally: Annotated[str | None, typer.Option(help="against whom; several, separated by commas")] = None,
     path: PathOption = None,
     planner: PlannerOption = None,
+    jobs: JobsOption = 1,
+    backend: BackendOption = "loky",
+    address: AddressOption = None,
 ) -> None:
-    """Search hyper-parameters; run it again to go on, and as often as there are cores."""
-    from fpg_bench.training.tuning.tune import tune as tune_run
+    """Search hyper-parameters; run it again to go on, and on as many machines as there are."""
+    from fpg_bench.training.tuning.tune import tune as tune_alone
+    from fpg_bench.training.tuning.workers import tune_together
 
+    tune_run: Any = partial(tune_together, workers=jobs, backend=backend, address=address)
+    if (jobs, backend, address) == (1, "loky", None):
+        tune_run = tune_alone
     tune_run(
         algorithm,
         view_id,
@@ -57,7 +74,7 @@ def tune(
         name=name,
         lost=lost or (),
         patience_s=patience,
-        say=_say,
+        say=say,
         scenario=scenario,
         opponent=listed(opponent),
         ally=listed(ally),
@@ -70,7 +87,7 @@ def tune_report(out: Folder, storage: StorageOption = None, name: NameOption = N
     """Write a study's history, importances and slices as a page."""
     from fpg_bench.training.tuning.report import write_report
 
-    typer.echo(f"written: {write_report(out, storage=storage, name=name, say=_say)}")
+    typer.echo(f"written: {write_report(out, storage=storage, name=name, say=say)}")
 
 
 def tune_write(
@@ -98,20 +115,15 @@ def tune_write(
         name=name,
         lost=lost or (),
         patience_s=patience,
-        say=_say,
+        say=say,
     )
     for confirmed in found:
         score = confirmed.score
-        _say(
+        say(
             f"trial {confirmed.trial}: {score.value:.1f} [{score.low:.1f}, {score.high:.1f}] on fresh seeds, "
             f"{confirmed.searched:.1f} in the study"
         )
     if not found:
         raise UserError(f"{out}: no trial was trained on all its fresh seeds; see the lines above")
     write_values(file, found[0])
-    _say(f"written: {file}, {found[0].task.view_id}")
-
-
-def _say(line: str) -> None:
-    """Print a line at once, also into a file."""
-    print(line, flush=True)
+    say(f"written: {file}, {found[0].task.view_id}")

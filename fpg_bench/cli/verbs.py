@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from fpg_bench.cli.options import (
+    AddressOption,
+    BackendOption,
     CallsOption,
     DeadlineOption,
+    JobsOption,
     PathOption,
     PlannerOption,
     PromptOption,
@@ -20,7 +23,9 @@ from fpg_bench.cli.options import (
     TokensOption,
     listed,
     llm_options,
+    say,
 )
+from fpg_bench.errors import UserError
 
 
 def envs() -> None:
@@ -77,6 +82,12 @@ def train(
     resume: Annotated[bool, typer.Option("--resume", help="go on with an unfinished run")] = False,
     restart: Annotated[bool, typer.Option("--restart", help="begin an unfinished run again")] = False,
     seed: Annotated[int, typer.Option(min=0, help="training seed")] = 0,
+    seeds: Annotated[
+        str | None, typer.Option(help="several, 0-4 or 0,2,5: each into OUT/seed_k; stopped, they go on")
+    ] = None,
+    jobs: JobsOption = 2,
+    backend: BackendOption = "loky",
+    address: AddressOption = None,
     steps: Annotated[int | None, typer.Option(help="budget; default: the hyper-parameter file's")] = None,
     hyperparams: Annotated[Path | None, typer.Option(help="a YAML file of your own")] = None,
     panel: Annotated[
@@ -107,34 +118,38 @@ def train(
     deadline: DeadlineOption = None,
 ) -> None:
     """Train an algorithm of Stable-Baselines3's kind on an id and export the agent."""
+    from fpg_bench.training.several import parse_seeds, train_seeds
     from fpg_bench.training.train import train as train_run
 
+    words: dict[str, Any] = {
+        "steps": steps,
+        "hyperparams": hyperparams,
+        "panel": panel,
+        "evaluations": evaluations,
+        "restart": restart,
+        "transcript": transcript,
+        "llm": llm_options(
+            deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds
+        ),
+        "against": listed(against),
+        "start": start,
+        "scenario": scenario,
+        "opponent": listed(opponent),
+        "ally": listed(ally),
+        "path": listed(path),
+        "planner": planner,
+        "knowledge": knowledge,
+        "jamming_types": listed(jamming_types),
+    }
+    if seeds is None and (backend, address) != ("loky", None):
+        raise UserError("backend, address: are for a list of runs; name its --seeds")
+    if seeds is not None:
+        where: dict[str, Any] = {"workers": jobs, "backend": backend, "address": address}
+        train_seeds(algorithm, view_id, out, parse_seeds(seeds), **where, say=say, **words)
+        typer.echo(f"agents: {out}/seed_*/agent\nlearning curves: tensorboard --logdir {out}")
+        return
     try:
-        agent = train_run(
-            algorithm,
-            view_id,
-            out,
-            seed=seed,
-            steps=steps,
-            hyperparams=hyperparams,
-            panel=panel,
-            evaluations=evaluations,
-            resume=resume,
-            restart=restart,
-            transcript=transcript,
-            llm=llm_options(
-                deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds
-            ),
-            against=listed(against),
-            start=start,
-            scenario=scenario,
-            opponent=listed(opponent),
-            ally=listed(ally),
-            path=listed(path),
-            planner=planner,
-            knowledge=knowledge,
-            jamming_types=listed(jamming_types),
-        )
+        agent = train_run(algorithm, view_id, out, seed=seed, resume=resume, **words)
     except KeyboardInterrupt as stop:
         saved = str(stop) or "the last checkpoint is kept"
         typer.echo(f"{saved}; go on by the same command with --resume", err=True)
@@ -152,6 +167,9 @@ def evaluate(
         int | None, typer.Option(help="rounds per entry, 500 at most; default: the panel's")
     ] = None,
     name: Annotated[str | None, typer.Option(help="what the table calls the agents named")] = None,
+    jobs: JobsOption = 1,
+    backend: BackendOption = "loky",
+    address: AddressOption = None,
 ) -> None:
     """Play players against a panel; rows that are in the folder already are not played again."""
     from rich.progress import Progress
@@ -167,6 +185,10 @@ def evaluate(
             rounds=rounds,
             name=name,
             progress=lambda who, entry: bar.update(task, description=f"{who.name} - {entry.name}"),
+            jobs=jobs,
+            backend=backend,
+            address=address,
+            say=lambda line: bar.update(task, description=line),
         )
     table(out)
 

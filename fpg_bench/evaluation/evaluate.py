@@ -11,6 +11,7 @@ from typing import Any
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import Entry, Panel, load_panel
 from fpg_bench.evaluation.runner import Contestant, contestant, play_panel
+from fpg_bench.evaluation.shards import play_shards
 from fpg_bench.evaluation.summary import Summary, check_references, summarise
 from fpg_bench.files import read_json, write_json
 from fpg_bench.players.scripted import SCRIPTED
@@ -28,6 +29,10 @@ def evaluate(
     rounds: int | None = None,
     name: str | None = None,
     progress: Callable[[Contestant, Entry], None] = lambda who, entry: None,
+    jobs: int = 1,
+    backend: str = "loky",
+    address: str | None = None,
+    say: Callable[[str], None] = print,
 ) -> list[Summary]:
     """Play players against a panel; rounds that are in the folder already are not played again.
 
@@ -38,7 +43,11 @@ def evaluate(
         out: the results folder; ``rows.jsonl`` grows as rounds end.
         rounds: rounds per entry and training seed; None: the panel's own.
         name: what rows and tables call the players given; None: their own names. Not a script's name.
-        progress: called before each entry.
+        progress: called before each entry, where they are played one after the other.
+        jobs: how many entries are played at once; the rows are the same, their order may differ.
+        backend: ``loky`` or ``ray``; see :func:`fpg_bench.jobs.run.run_jobs`.
+        address: of a Ray cluster.
+        say: told a line per entry that begins or ends, where several are played at once.
 
     Returns:
         The summaries of all players in the folder, best first.
@@ -54,8 +63,11 @@ def evaluate(
     claim(out, panel_name, panel.hash, rounds=panel.rounds)
     file = RowFile(out / ROWS)
     with file.locked():
-        for who in contestants:
-            play_panel(who, panel, file, functools.partial(progress, who))
+        if (jobs, backend, address) == (1, "loky", None):
+            for who in contestants:
+                play_panel(who, panel, file, functools.partial(progress, who))
+        else:
+            play_shards(contestants, panel, file, workers=jobs, backend=backend, address=address, say=say)
     return summarise(file.read(), panel)
 
 

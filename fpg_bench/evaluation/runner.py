@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -81,17 +81,32 @@ def play_panel(
     Raises:
         UserError: the file holds rows of another panel, or of another player under the same name.
     """
+    for entry, head, known in rounds_known(who, panel, file):
+        progress(entry)
+        if len(known) < panel.rounds:
+            for rows in play_entry(who.spec, panel, entry, panel.rounds):
+                append_fresh(file, head, known, rows)
+
+
+def rounds_known(
+    who: Contestant, panel: Panel, file: RowFile
+) -> Iterator[tuple[Entry, Row, set[tuple[int, int]]]]:
+    """Per entry: how its rows begin, and which rounds (seed, round) the file holds already.
+
+    Raises:
+        UserError: the file holds rows of another panel, or of another player under the same name.
+    """
     player = as_player(who.spec, panel.side, panel.scenario)
     head: Row = {"panel": panel.name, "panel_hash": panel.hash[:16], "player": who.name}
     head |= {"training_seed": who.training_seed, "fingerprint": who.fingerprint(player)[:16]}
     done = rounds_done(file, head, who=("player", "training_seed"), entry="entry")
     for entry in panel.entries:
-        progress(entry)
-        known = done.get(entry.name, set())
-        if len(known) < panel.rounds:
-            for rows in play_entry(who.spec, panel, entry, panel.rounds):
-                fresh = [row for row in rows if (row["seed"], row["round"]) not in known]
-                file.append({**head, "entry": entry.name, **row} for row in fresh)
+        yield entry, head | {"entry": entry.name}, done.get(entry.name, set())
+
+
+def append_fresh(file: RowFile, head: Row, known: set[tuple[int, int]], rows: Iterable[Row]) -> None:
+    """Append the rows of an entry that are not known yet."""
+    file.append({**head, **row} for row in rows if (row["seed"], row["round"]) not in known)
 
 
 def rounds_done(

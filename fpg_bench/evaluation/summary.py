@@ -71,9 +71,12 @@ def _summary(name: str, by_seed: dict[Any, list[Row]], panel: Panel) -> Summary 
     if not complete:
         return None
     trained = None not in complete
-    scores = np.stack([complete[seed] for seed in sorted(complete, key=str)])
+    # Sums of floats follow their order, which in the file is that in which entries ended.
+    order = {entry.name: index for index, entry in enumerate(panel.entries)}
+    seeds = sorted(complete, key=str)
+    scores = np.stack([complete[seed] for seed in seeds])
     per_entry = scores.mean(axis=(0, 2))
-    rows = [row for seed in complete for row in by_seed[seed]]
+    rows = [row for seed in seeds for row in sorted(by_seed[seed], key=lambda row: order[row["entry"]])]
     return Summary(
         player=name,
         training_seeds=len(complete) if trained else 0,

@@ -53,9 +53,11 @@ class LocalPool:
                     os.kill(number, signal.SIGINT)
 
     def close(self) -> None:
-        """Kill all workers."""
-        for process in [*self._idle, *(process for process, _ in self._busy.values())]:
+        """Let the idle workers end, and kill the others."""
+        for process, _ in self._busy.values():
             process.shutdown(kill_workers=True)
+        for process in self._idle:
+            process.shutdown()
 
     def _ready(self) -> tuple[Any, int]:
         """A worker that waits for a call, and its process id."""

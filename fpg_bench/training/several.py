@@ -9,6 +9,7 @@ from typing import Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.jobs.folders import folder_job
+from fpg_bench.jobs.job import check_all_done
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.planning import LLM_CONTROLS
 from fpg_bench.training.train import LOOKS, is_finished, train
@@ -27,7 +28,7 @@ def train_seeds(
     restart: bool = False,
     say: Callable[[str], None] = print,
     **words: Any,
-) -> dict[str, str]:
+) -> None:
     """Train several seeds, some of them at once; what was finished before is not repeated.
 
     Args:
@@ -43,12 +44,9 @@ def train_seeds(
         say: told a line per run that begins or ends.
         **words: the others of ``train``.
 
-    Returns:
-        Why runs failed, by name; empty where all is well.
-
     Raises:
-        UserError: something unknown or out of range, folders that hold other runs, or a planner that is a
-            language model.
+        UserError: something unknown or out of range, folders that hold other runs, a planner that is a
+            language model, or a run that failed (the others are not held up by it).
         KeyboardInterrupt: stopped by the user; the runs have saved where they were.
     """
     if words.get("planner") in LLM_CONTROLS:
@@ -65,7 +63,7 @@ def train_seeds(
                 partial(is_finished, algorithm, view_id, folder, **run),
             )
         )
-    return run_jobs(jobs, workers, backend, address, say)
+    check_all_done(run_jobs(jobs, workers, backend, address, say))
 
 
 def parse_seeds(text: str) -> list[int]:
