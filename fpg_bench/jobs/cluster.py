@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
@@ -11,6 +12,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.jobs.job import Outcome
 
 _ANSWER_S = 5.0
+_NO_CPU_S = 60.0
 
 
 class RayPool:
@@ -32,6 +34,7 @@ class RayPool:
         # Ray's own retries would neither be counted nor told of.
         self._call = ray.remote(num_cpus=1, max_retries=0)(_run)
         self._busy: dict[Any, Any] = {}
+        self._alive_s = time.monotonic()
 
     def submit(self, call: Callable[[], Outcome]) -> Future[Outcome]:
         """Queue a call for the next CPU that is free."""
@@ -41,9 +44,13 @@ class RayPool:
         return future
 
     def check(self) -> None:
-        """Raise UserError where no machine with a CPU is left."""
-        if self._busy and not self._ray.cluster_resources().get("CPU"):
-            raise UserError("the Ray cluster has no CPU left; what was finished is kept, start it and go on")
+        """Raise UserError where no machine with a CPU has been left for a while."""
+        if self._ray.cluster_resources().get("CPU"):
+            self._alive_s = time.monotonic()
+        elif time.monotonic() - self._alive_s > _NO_CPU_S:
+            raise UserError(
+                "the Ray cluster has no machine with a CPU left; what was finished is kept, run this again"
+            )
 
     def release(self, future: Future[Outcome]) -> None:
         """Let the cluster forget what a call returned."""
