@@ -78,9 +78,11 @@ def exploit(
         path=listed(path),
     )
     reference = load_panel(row["panel"], references=False).reference
+    script = min(row["scripts"], key=lambda name: row["scripts"][name]["score"])
     _say(
         f"{agent}: mean {row['mean']:.1f}, lowest {row['lowest']:.1f} against {len(row['responses'])} best "
-        f"responses of {algorithm}, {steps:,} steps each (0 = random, 100 = {reference} at {row['entry']})"
+        f"responses of {algorithm}, {steps:,} steps each; {row['scripts'][script]['score']:.1f} against the "
+        f"strongest script, {script} (0 = random, 100 = {reference} at {row['entry']})"
     )
 
 
