@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
@@ -74,10 +75,10 @@ def parse_seeds(text: str) -> list[int]:
     """
     seeds: list[int] = []
     for part in text.split(","):
-        first, _, last = part.partition("-")
-        if not (first.isdigit() and (last or first).isdigit()):
+        found = re.fullmatch(r"(\d+)(?:-(\d+))?", part)
+        if not found:
             raise UserError(f"seeds: expected 0-4 or 0,2,5, got {text!r}")
-        seeds += range(int(first), int(last or first) + 1)
+        seeds += range(int(found[1]), int(found[2] or found[1]) + 1)
     if not seeds or len(set(seeds)) < len(seeds):
         raise UserError(f"seeds: each has to be named once, got {text!r}")
     return seeds

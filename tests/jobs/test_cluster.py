@@ -4,7 +4,6 @@ import os
 import re
 import signal
 import threading
-import time
 from functools import partial
 
 import pytest
@@ -57,23 +56,23 @@ def test_a_machine_lost_for_good_costs_its_own_jobs_a_try_and_nothing_else(clust
     other = cluster.add_node(num_cpus=1)
     said, kept = [], []
 
-    def keep(name):
-        kept.append(name)
-        (tmp_path / "go").touch()
+    def say(line):
+        said.append(line)
+        if "its worker was lost" in line:
+            (tmp_path / "go").touch()
 
     def lose():
         wait_for(lambda: len(begun(tmp_path)) == 2)
         cluster.remove_node(other, allow_graceful=False)
-        (tmp_path / "go").touch()
 
     loss = threading.Thread(target=lose)
     loss.start()
-    assert run([job(tmp_path, name, keep=kept.append) for name in "abc"], say=said.append) == {}
+    assert run([job(tmp_path, name, keep=kept.append) for name in "abc"], say=say) == {}
     loss.join()
     assert sorted(kept) == ["a", "b", "c"]
     assert len(begun(tmp_path)) == 4  # one of them twice
     assert sum("its worker was lost" in line for line in said) == 1
-    assert run([job(tmp_path, name) for name in "abc"], say=said.append) == {}
+    assert run([job(tmp_path, name) for name in "abc"], say=say) == {}
     assert len(begun(tmp_path)) == 4
 
 
@@ -113,7 +112,7 @@ def test_ctrl_c_stops_what_runs_there(run, tmp_path):
     assert begun(tmp_path) == ["a"]
 
 
-def test_when_no_machine_is_left(cluster, run, tmp_path, monkeypatch):
+def test_when_no_machine_is_left(cluster, run, tmp_path, monkeypatch):  # the last, for good reason
     monkeypatch.setattr(clusters, "_NO_CPU_S", 1)
     monkeypatch.setattr("fpg_bench.jobs.run._CHECK_S", 0.5)
 
@@ -130,8 +129,6 @@ def test_when_no_machine_is_left(cluster, run, tmp_path, monkeypatch):
     ("address", "message"),
     [("127.0.0.1:1", "no Ray cluster answers at 127.0.0.1:1"), ("somewhere", "expected host:port")],
 )
-def test_an_address_that_does_not_answer(address, message, monkeypatch):
-    begin = time.monotonic()
+def test_an_address_that_does_not_answer(address, message):
     with pytest.raises(UserError, match=re.escape(message)):
         run_jobs([Job("job", working.threads)], backend="ray", address=address)
-    assert time.monotonic() - begin < 30
