@@ -75,7 +75,8 @@ def test_it_says_how_good_its_policy_was_on_the_way(run):
     rows = RowFile(run / "evaluations.jsonl").read()
     assert [row["steps"] for row in rows] == [0, 1200, 2400]
     for row in rows:
-        assert row.keys() == {"steps", "seconds", "score", "return", "entries", "measures"}
+        assert row.keys() == {"side", "steps", "seconds", "score", "return", "entries", "measures"}
+        assert row["side"] == "ally"
         assert len(row["entries"]) == 10
     seconds = [row["seconds"] for row in rows]
     assert seconds == sorted(seconds)
@@ -164,6 +165,7 @@ def test_shipped_files_hold_nothing_to_evaluate():
         words = [value for entry in yaml.safe_load(path.read_text()).values() for value in entry.values()]
         assert {word for word in words if isinstance(word, str)} <= {
             "MlpPolicy",
+            "JointPolicy",
             "MlpLstmPolicy",
             "normal",
         }, path
@@ -210,3 +212,18 @@ def test_unknown_words(tmp_path):
         train("pppo", "FPG/AllyVsScripted-v0", tmp_path)
     with pytest.raises(UserError, match="did you mean 'FPG/AllyVsScripted-v0'"):
         train("ppo", "FPG/AllyVsScript-v0", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "view_id", "words", "message"),
+    [
+        ("ppo", "FPG/duel_v0", {}, "ppo: trains one side, not both, as in FPG/duel_v0"),
+        ("maddpg", "FPG/AllyVsScripted-v0", {}, "maddpg: trains both sides, in FPG/duel_v0"),
+        ("maddpg", "FPG/duel_v0", {"panel": "ally-v1"}, "each side of FPG/duel_v0 is scored by its own"),
+        ("maddpg", "FPG/duel_v0", {"opponent": "tone"}, "unknown option 'opponent'"),
+    ],
+)
+def test_one_side_or_both(tmp_path, algorithm, view_id, words, message):
+    with pytest.raises(UserError, match=message):
+        train(algorithm, view_id, tmp_path / "run", **words)
+    assert not (tmp_path / "run").exists()
