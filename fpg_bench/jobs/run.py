@@ -77,7 +77,9 @@ def run_jobs(
             pool.check()
     except KeyboardInterrupt:
         pool.interrupt()
-        concurrent.futures.wait(running, timeout=GRACE_S)
+        for future in concurrent.futures.wait(running, timeout=GRACE_S).done:
+            if future.exception() is None:  # it ended by itself meanwhile
+                _settle(future, running[future], failed, say)
         raise
     finally:
         pool.close()

@@ -97,23 +97,26 @@ def test_a_job_whose_result_was_there_before_its_worker_was_lost_is_not_run_agai
 
 
 def test_ctrl_c_stops_all_and_the_next_call_goes_on(tmp_path):
-    jobs = [held(tmp_path, name) for name in ("a", "b", "c")]
+    kept = []
+    late = Job("late", partial(working.finish, tmp_path, "late"), kept.append, done=lambda: bool(kept))
+    jobs = [held(tmp_path, "a"), late, held(tmp_path, "b"), held(tmp_path, "c")]
 
     def stop():
-        wait_for(lambda: len(begun(tmp_path)) == 2)
+        wait_for(lambda: len(begun(tmp_path)) == 3)
         os.kill(os.getpid(), signal.SIGINT)
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         threading.Thread(target=stop).start()
         with pytest.raises(KeyboardInterrupt):
-            run_jobs(jobs)
+            run_jobs(jobs, workers=3)
     finally:
         signal.signal(signal.SIGINT, before)
-    assert {path.name for path in tmp_path.glob("saved_*")} == {"saved_a", "saved_b"}
+    assert {path.name for path in tmp_path.glob("saved_*")} == {"saved_a", "saved_b", "saved_late"}
+    assert kept == ["late"]
     (tmp_path / "go").touch()
     assert run_jobs(jobs) == {}
-    assert begun(tmp_path) == ["a", "a", "b", "b", "c"]
+    assert begun(tmp_path) == ["a", "a", "b", "b", "c", "late"]
 
 
 DRIVER = """
