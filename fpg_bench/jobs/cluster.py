@@ -62,7 +62,9 @@ class RayPool:
             self._ray.cancel(found)
 
     def close(self) -> None:
-        """Leave the cluster, which ends what still runs; one that was started here goes down."""
+        """End what still runs, and leave the cluster; one that was started here goes down."""
+        for found in self._busy.values():
+            self._ray.cancel(found, force=True)
         if self._joined:
             self._ray.shutdown()
 
