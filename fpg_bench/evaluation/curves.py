@@ -60,7 +60,7 @@ def curves(rows: Iterable[Row], over: str) -> dict[str, Curve]:
     """
     found: dict[str, dict[int, list[tuple[float, float]]]] = {}
     for row in rows:
-        if row[over] > 0:  # what was not trained at all has no place on a logarithmic axis
+        if row["steps"] > 0:  # what was not trained at all has no place on a logarithmic axis
             seeds = found.setdefault(row["algorithm"], {})
             seeds.setdefault(row["training_seed"], []).append((row[over], row["score"]))
     return {

@@ -38,11 +38,12 @@ def draw_curves(
         coloured: each algorithm's colour.
         path: the PNG file.
     """
+    from matplotlib.ticker import EngFormatter, LogLocator
+
     figure = _figure(9.5, 3.6)
     both = figure.subplots(1, 2, sharey=True)
-    for axes, over, label, unit in zip(
-        both, ("steps", "seconds"), ("steps", "training time (minutes)"), (1, 60), strict=True
-    ):
+    kinds = (("steps", "steps", 1, EngFormatter(sep="")), ("seconds", "training time (minutes)", 60, "{x:g}"))
+    for axes, (over, label, unit, form) in zip(both, kinds, strict=True):
         for name, curve in curves(rows, over).items():
             _draw_curve(axes, curve, unit, coloured.get(name, _GREY), name)
         for name, score in yardsticks.items():
@@ -51,6 +52,9 @@ def draw_curves(
                 name, (0.01, score), xycoords=("axes fraction", "data"), va="bottom", color=_GREY, fontsize=8
             )
         axes.set(xscale="log", xlabel=label)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_formatter(form)
+        axes.xaxis.set_minor_formatter("")
     both[0].set_ylabel("normalised score (IQM)")
     if rows:
         both[1].legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))

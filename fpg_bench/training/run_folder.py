@@ -166,12 +166,12 @@ def _changed(scenario: Scenario) -> dict[str, Any]:
 
 
 def _revision() -> str | None:
-    """The git revision that this code is at, with a + where it was changed since; None outside a checkout."""
+    """The git revision that this code is at, with a + where it has changed; None outside a checkout."""
     root = Path(fpg_bench.__file__).parents[1]
     if not (root / ".git").exists():
         return None
     try:
-        changed = _git(root, "status", "--porcelain", "--untracked-files=no")
+        changed = _git(root, "status", "--porcelain", "--", "fpg_bench", "baselines/hyperparams")
         return _git(root, "rev-parse", "HEAD") + ("+" if changed else "")
     except (OSError, subprocess.SubprocessError):
         return None
