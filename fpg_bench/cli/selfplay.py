@@ -61,6 +61,9 @@ def exploit(
     side: Annotated[str | None, typer.Option(help="ally or opponent; default: the agent's")] = None,
     scenario: ScenarioOption = None,
     path: PathOption = None,
+    reward: Annotated[
+        str, typer.Option(help="against: to lower the player's return; own: to raise the response's")
+    ] = "against",
 ) -> None:
     """Train best responses against a player as it is, and say what it scores against them."""
     from fpg_bench.evaluation.panel import load_panel
@@ -76,6 +79,7 @@ def exploit(
         side=side,
         scenario=scenario,
         path=listed(path),
+        reward=reward,
     )
     reference = load_panel(row["panel"], references=False).reference
     script = min(row["scripts"], key=lambda name: row["scripts"][name]["score"])

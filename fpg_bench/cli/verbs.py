@@ -110,6 +110,9 @@ def train(
     ] = None,
     knowledge: Annotated[str | None, typer.Option(help="expert, none or a YAML file")] = None,
     jamming_types: Annotated[str | None, typer.Option(help="allowed types, separated by commas")] = None,
+    reward: Annotated[
+        str | None, typer.Option(help="own, or against: minus the other side's; default: own")
+    ] = None,
     prompt: PromptOption = None,
     server: ServerOption = None,
     calls: CallsOption = None,
@@ -140,6 +143,7 @@ def train(
         "planner": planner,
         "knowledge": knowledge,
         "jamming_types": listed(jamming_types),
+        "reward": reward,
     }
     if seeds is None and (backend, address) != ("loky", None):
         raise UserError("backend, address: are for a list of runs; name its --seeds")

@@ -23,6 +23,8 @@ from fpg_bench.players.naming import as_player
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.players.seat import Seat
 
+REWARDS = ("own", "against")
+
 
 def observation_space() -> spaces.Box:
     """15 numbers in [-1, 1], either side."""
@@ -48,10 +50,11 @@ class OneSided:
         planner: who plans the opponent's path (planner views): a name, an object, or a function or class
             that makes one, told the scenario. ``FPG/AllyVsLLM-v0`` takes those that ask a language model.
         knowledge, jamming_types: shorthand for the scenario's fields of these names.
+        reward: ``own`` (None), as the rules say; ``against``, minus the other side's, for adversaries.
 
     Attributes:
         observations: ``(N, 15)`` float32, a buffer; copy what you keep.
-        rewards: ``(N,)`` float64, a buffer. truncated: ``(N,)`` bool, a buffer.
+        truncated: ``(N,)`` bool, a buffer.
 
     Raises:
         UserError: something unknown, out of range, of the wrong side, or impossible together.
@@ -69,6 +72,7 @@ class OneSided:
         planner: Any = None,
         knowledge: str | None = None,
         jamming_types: Any = None,
+        reward: str | None = None,
         threads: int | None = None,
         **unknown: Any,
     ) -> None:
@@ -78,6 +82,9 @@ class OneSided:
         if named[view.side] is not None:
             raise UserError(f"{view.side}: in {view.id} you play the {view.side}; name the {view.other_side}")
         self.other_specs = _as_list(named[view.other_side], view.other)
+        if reward not in (None, *REWARDS):
+            raise UserError(f"reward: expected {' or '.join(REWARDS)}, got {reward!r}")
+        self._against = reward == "against"
         if planner is not None and view.planner is None:
             raise UserError(f"planner: {view.id} plans no paths; FPG/AllyVsPlanner-v0 does")
         own_rounds = scenario is not None and not (isinstance(scenario, str) and scenario in PRESETS)
@@ -101,8 +108,16 @@ class OneSided:
         """The caller's side of the arena's buffers."""
         arena = self.duel.arena
         self.observations = arena.ally_observations if self.side == "ally" else arena.opponent_observations
-        self.rewards = arena.games[f"{self.side}_reward"]
         self.truncated = arena.games["truncated"]
+
+    @property
+    def rewards(self) -> np.ndarray:
+        """``(N,)`` float64: of the last step; a buffer, copy what you keep."""
+        games = self.duel.arena.games
+        found: np.ndarray = (
+            -games[f"{self.view.other_side}_reward"] if self._against else games[f"{self.side}_reward"]
+        )
+        return found
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

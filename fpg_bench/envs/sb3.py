@@ -163,7 +163,7 @@ def make_sb3(
         stagger: cut the first rounds at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`: ``scenario``, ``opponent`` or
-            ``ally``, ``path``, ``planner``, ``knowledge``, ``jamming_types``, ``threads``.
+            ``ally``, ``path``, ``planner``, ``knowledge``, ``jamming_types``, ``reward``, ``threads``.
 
     Raises:
         UserError: something unknown, out of range, or impossible together.

@@ -203,6 +203,22 @@ def test_every_keyword_changes_the_outcome(view_id, options):
     assert rewards(view_id) != rewards(view_id, **options)
 
 
+@pytest.mark.parametrize("view_id", ["FPG/AllyVsScripted-v0", "FPG/OpponentVsScripted-v0"])
+def test_an_adversary_is_paid_what_the_other_side_loses(view_id):
+    env, same = (gymnasium.make(view_id, reward=reward) for reward in ("against", "own"))
+    games = [e.unwrapped.core.duel.arena.games for e in (env, same)]
+    other = env.unwrapped.core.view.other_side
+    for e in (env, same):
+        e.reset(seed=3)
+    for action in np.random.default_rng(0).uniform(-1, 1, (50, 9)).astype(np.float32):
+        _, reward, *_ = env.step(action)
+        _, own, *_ = same.step(action)
+        assert reward == -games[1][f"{other}_reward"][0]
+        assert own == games[0][f"{env.unwrapped.core.side}_reward"][0]
+    with pytest.raises(UserError, match="reward: expected own or against, got 'mine'"):
+        gymnasium.make(view_id, reward="mine")
+
+
 def test_threads_reach_the_arena_and_change_nothing():
     assert gymnasium.make(ALLY, threads=1).unwrapped.core.duel.arena.threads == 1
     assert rewards(ALLY, threads=1) == rewards(ALLY, threads=2)
