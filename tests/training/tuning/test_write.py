@@ -43,8 +43,9 @@ def test_values_are_written_and_everything_else_stays(file, view_id):
     same = before[view_id].keys() - {"learning_rate", "gamma", "policy_kwargs"}
     assert {key: entry[key] for key in same} == {key: before[view_id][key] for key in same}
     assert after.keys() == before.keys()
-    if view_id == OPPONENT:
-        assert after | {OPPONENT: None} == before | {OPPONENT: None}
+    follow = {name: after[name] for name in before if before[name] == before[view_id]}
+    assert all(found == entry for found in follow.values())
+    assert after | follow == before | follow
     assert load_hyperparameters("ppo", view_id, file).algorithm["gamma"] == 0.98
 
 
