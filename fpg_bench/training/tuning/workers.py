@@ -17,6 +17,11 @@ from fpg_bench.training.tuning.storage import open_storage
 from fpg_bench.training.tuning.tune import tune
 
 
+def say_line(line: str) -> None:
+    """Print a line at once; can be pickled, as ``print`` cannot be once Ray has put its own in its place."""
+    print(line, flush=True)
+
+
 def tune_together(
     algorithm: str,
     view_id: str,
@@ -26,7 +31,7 @@ def tune_together(
     backend: str = "loky",
     address: str | None = None,
     storage: str | None = None,
-    say: Callable[[str], None] = print,
+    say: Callable[[str], None] = say_line,
     **words: Any,
 ) -> None:
     """Run several workers of a study until enough trials are finished.
@@ -39,7 +44,7 @@ def tune_together(
         backend: ``loky`` or ``ray``; see :func:`fpg_bench.jobs.run.run_jobs`.
         address: of a Ray cluster.
         storage: a database's URL, which workers need who do not see the folder.
-        say: prints a line, here and in the workers.
+        say: prints a line, here and in the workers; can be pickled.
         **words: the others of ``tune``.
 
     Raises:
