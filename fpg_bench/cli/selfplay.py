@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import PathOption, ScenarioOption, listed
+from fpg_bench.cli.options import PathOption, ScenarioOption, listed, say
 
 HyperparamsOption = Annotated[Path | None, typer.Option(help="a YAML file of your own")]
 
@@ -40,13 +40,13 @@ def selfplay(
         seed=seed,
         hyperparams=hyperparams,
         evaluations=evaluations,
-        say=_say,
+        say=say,
         scenario=scenario,
         path=listed(path),
         knowledge=knowledge,
         jamming_types=listed(jamming_types),
     )
-    _say(f"agents: {agents['ally']}, {agents['opponent']}")
+    say(f"agents: {agents['ally']}, {agents['opponent']}")
 
 
 def exploit(
@@ -83,13 +83,8 @@ def exploit(
     )
     reference = load_panel(row["panel"], references=False).reference
     script = min(row["scripts"], key=lambda name: row["scripts"][name]["score"])
-    _say(
+    say(
         f"{agent}: mean {row['mean']:.1f}, lowest {row['lowest']:.1f} against {len(row['responses'])} best "
         f"responses of {algorithm}, {steps:,} steps each; {row['scripts'][script]['score']:.1f} against the "
         f"strongest script, {script} (0 = random, 100 = {reference} at {row['entry']})"
     )
-
-
-def _say(line: str) -> None:
-    """Print a line at once, also into a file."""
-    print(line, flush=True)

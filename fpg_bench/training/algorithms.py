@@ -10,13 +10,8 @@ from typing import Any
 
 from fpg_bench.errors import UserError, nearest
 
-ALGORITHMS = (
-    "ppo",
-    "ppo-stack8",
-    "recurrent-ppo",
-    "sac",
-    "td3",
-)  # of one side, with shipped hyper-parameters
+# Of one side, with shipped hyper-parameters.
+ALGORITHMS = ("ppo", "ppo-stack8", "recurrent-ppo", "sac", "td3")
 _CLASSES = {
     "ppo": "stable_baselines3:PPO",
     "sac": "stable_baselines3:SAC",
@@ -65,7 +60,7 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
     if stacked := _STACKED.fullmatch(name):
         return Algorithm(name, stacked[1], _imported(_CLASSES[stacked[1]]), int(stacked[2]))
     if name not in _CLASSES:
-        raise UserError(f"unknown algorithm {name!r}{nearest(name, [*ALGORITHMS, *_CLASSES])}")
+        raise UserError(f"unknown algorithm {name!r}{nearest(name, (*ALGORITHMS, "maddpg"))}")
     return Algorithm(name, name, _imported(_CLASSES[name]))
 
 
