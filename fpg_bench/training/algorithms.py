@@ -60,7 +60,8 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
     if stacked := _STACKED.fullmatch(name):
         return Algorithm(name, stacked[1], _imported(_CLASSES[stacked[1]]), int(stacked[2]))
     if name not in _CLASSES:
-        raise UserError(f"unknown algorithm {name!r}{nearest(name, (*ALGORITHMS, "maddpg"))}")
+        hint = nearest(name, (*ALGORITHMS, "maddpg"))
+        raise UserError(f"unknown algorithm {name!r}{hint}")
     return Algorithm(name, name, _imported(_CLASSES[name]))
 
 
