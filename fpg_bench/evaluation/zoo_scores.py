@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, islice
 from typing import Any
 
@@ -38,13 +38,33 @@ def score_lines(spec: Any, panel: Panel, head: Row) -> list[Row]:
         measure (of the pooled rounds), its ``sd`` over rounds, and the ``rows_sha256`` of the rows.
     """
     head = {"panel": panel.name, "panel_hash": panel.hash[:16], **head}
-    return [head | {"entry": entry.name} | _line(spec, panel, entry) for entry in panel.entries]
+    return [
+        head | {"entry": entry.name} | sum_up(_entry_rows(spec, panel, entry, panel.rounds), panel)
+        for entry in panel.entries
+    ]
+
+
+def sum_up(rows: Iterable[Row], panel: Panel) -> Row:
+    """What a line says of the rounds of an entry, as :func:`score_lines` gives it.
+
+    Args:
+        rows: of all rounds of one player, in any order.
+        panel: tells whose returns count.
+    """
+    rows = _ordered(rows)
+    each = [_round_measures(row) for row in rows]
+    return {
+        "n": len(rows),
+        "returns": _returns(rows, panel),
+        "mean": {name: _rounded(value) for name, value in pooled_measures(rows).items()},
+        "sd": {name: _rounded(_sd([found[name] for found in each])) for name in each[0]},
+        "rows_sha256": hashlib.sha256("".join(json.dumps(row) + "\n" for row in rows).encode()).hexdigest(),
+    }
 
 
 def first_returns(spec: Any, panel: Panel, entry: Entry, rounds: int = FIRST_ROUNDS) -> list[float]:
     """The returns of an entry's first rounds, to be compared with the first of its line."""
-    rows = islice(chain.from_iterable(play_entry(spec, panel, entry, rounds)), rounds)
-    return _returns(_ordered(rows), panel)
+    return _returns(_ordered(islice(_entry_rows(spec, panel, entry, rounds), rounds)), panel)
 
 
 def score_member(member: Member) -> list[Row]:
@@ -188,16 +208,8 @@ def summarise_lines(lines: list[Row], panel: Panel) -> list[Summary]:
     return sorted(found, key=lambda s: -s.score.value)
 
 
-def _line(spec: Any, panel: Panel, entry: Entry) -> Row:
-    rows = _ordered(chain.from_iterable(play_entry(spec, panel, entry, panel.rounds)))
-    each = [_round_measures(row) for row in rows]
-    return {
-        "n": len(rows),
-        "returns": _returns(rows, panel),
-        "mean": {name: _rounded(value) for name, value in pooled_measures(rows).items()},
-        "sd": {name: _rounded(_sd([found[name] for found in each])) for name in each[0]},
-        "rows_sha256": hashlib.sha256("".join(json.dumps(row) + "\n" for row in rows).encode()).hexdigest(),
-    }
+def _entry_rows(spec: Any, panel: Panel, entry: Entry, rounds: int) -> Iterator[Row]:
+    return chain.from_iterable(play_entry(spec, panel, entry, rounds))
 
 
 def _ordered(rows: Iterable[Row]) -> list[Row]:
