@@ -1,0 +1,1 @@
+"""Submissions, their verified results, and how they rank."""

@@ -1,0 +1,116 @@
+"""A submission to the leaderboard: data alone, which is read without running any of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.errors import UserError
+
+# The panel of each track and path.
+PANELS = {
+    ("ally", None): "ally-v1",
+    ("opponent", "pursuit"): "opponent-v1",
+    ("opponent", "learned"): "opponent-learned-v1",
+    ("planner", None): "planner-v1",
+}
+TRACKS = ("ally", "opponent", "planner")
+
+
+@dataclass(frozen=True)
+class Training:
+    """What was spent on learning: environment steps and hours of each run, and the training seeds."""
+
+    steps: int
+    hours: float
+    seeds: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Policy:
+    """One training seed's policy, as data: ``about`` is ``agent.json``, ``model`` is ``policy.onnx``."""
+
+    seed: int
+    about: dict[str, Any]
+    model: bytes
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Submission:
+    """What somebody has entered; every text in it is untrusted.
+
+    Attributes:
+        folder: where it lies; its name is the submission's address in its track.
+        track: ``ally``, ``opponent`` or ``planner``.
+        name: what the page calls it.
+        reference: an https link, or None.
+        path: of the track ``opponent``: ``pursuit`` or ``learned``; else None.
+        training: None where nothing was trained.
+        saw: what it saw while it was trained.
+        unable: what it was not able to do.
+        script: the package's own player or planner that it names, or None.
+        policies: by training seed; none where it is a script or transcripts.
+        transcripts: of a language model that plans; their files, sorted.
+    """
+
+    folder: Path
+    track: str
+    name: str
+    authors: tuple[str, ...]
+    algorithm: str
+    reference: str | None
+    licence: str
+    path: str | None
+    training: Training | None
+    saw: str
+    unable: str
+    description: str = ""
+    script: str | None = None
+    zoo: str | None = None
+    policies: tuple[Policy, ...] = ()
+    transcripts: tuple[Path, ...] = ()
+
+    @property
+    def slug(self) -> str:
+        """The folder's name: unique in its track."""
+        return self.folder.name
+
+    @property
+    def panel(self) -> str:
+        """The panel that decides its score."""
+        return PANELS[self.track, self.path]
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of what was submitted: the fields of ``submission.yaml``, policies and transcripts."""
+        told = {
+            field.name: getattr(self, field.name)
+            for field in dataclasses.fields(self)
+            if field.name not in ("folder", "policies", "transcripts")
+        }
+        told["training"] = None if self.training is None else dataclasses.asdict(self.training)
+        told["policies"] = {policy.seed: policy.sha256 for policy in self.policies}
+        told["transcripts"] = {
+            path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in self.transcripts
+        }
+        text = json.dumps({"slug": self.slug, **told}, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def load_submission(folder: str | Path) -> Submission:
+    """The submission of a folder, checked wholly; nothing of it is run.
+
+    Raises:
+        UserError: the first of its problems (see :func:`fpg_bench.leaderboard.check.problems`).
+    """
+    from fpg_bench.leaderboard.check import examine
+
+    submission, found = examine(Path(folder))
+    if submission is None or found:
+        raise UserError(f"submission {folder}: {found[0]}")
+    return submission
