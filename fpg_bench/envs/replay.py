@@ -110,12 +110,32 @@ def _rounded(values: np.ndarray, digits: int) -> list:
 
 def replay_page(data: dict[str, Any]) -> str:
     """The HTML page of what :func:`replay_data` gives; no text in it can become markup or code."""
-    template = importlib.resources.files("fpg_bench.envs").joinpath("replay.html").read_text("utf-8")
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    for sign in "<>&":  # so that no string can end the script element
+    parts = {"title": html.escape(data["title"]), "data": script_json(data)}
+    parts |= {"css": replay_part("css"), "js": replay_part("js"), "player": replay_markup("h1")}
+    template = _resource("replay.html")
+    return re.sub("{{(title|data|css|js|player)}}", lambda found: parts[found[1]], template)
+
+
+def script_json(content: Any) -> str:
+    """JSON without spaces, in which no string can end a script element."""
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
+    for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
-    parts = {"{{title}}": html.escape(data["title"]), "{{data}}": text}
-    return re.sub("{{(title|data)}}", lambda found: parts[found[0]], template)
+    return text
+
+
+def replay_part(suffix: str) -> str:
+    """The player's styles (``css``) or code (``js``), to be put into a page beside its markup."""
+    return _resource(f"replay_player.{suffix}")
+
+
+def replay_markup(heading: str) -> str:
+    """The player's markup; ``heading`` is the element of its title, ``h1`` and the like."""
+    return _resource("replay_player.html").replace("{{heading}}", heading)
+
+
+def _resource(name: str) -> str:
+    return importlib.resources.files("fpg_bench.envs").joinpath(name).read_text("utf-8")
 
 
 def write_replay(

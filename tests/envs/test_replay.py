@@ -32,7 +32,7 @@ def recording():
 
 def embedded(page):
     """The data in a page, as a browser finds them: up to the first end of the element."""
-    found = re.search(r'<script type="application/json" id="replay">(.*?)</script', page, re.S)
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script', page, re.S)
     return json.loads(found[1])
 
 
