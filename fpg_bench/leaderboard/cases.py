@@ -1,0 +1,168 @@
+"""What is to be verified: submissions with their results, and which of their lines are played (again)."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+import random
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import platformdirs
+
+from fpg_bench.errors import UserError, nearest
+from fpg_bench.evaluation.panel import Panel, load_panel
+from fpg_bench.leaderboard.playing import Part, parts_of
+from fpg_bench.leaderboard.result import Result, differing, fingerprint, read_result
+from fpg_bench.leaderboard.submission import TRACKS, Submission, load_submission
+from fpg_bench.rows import Row
+
+
+@dataclass(frozen=True)
+class Case:
+    """A submission to be verified.
+
+    Attributes:
+        submission: whose.
+        panel: what it plays.
+        path: where its result lies, or shall lie.
+        known: its result, None where there is none that counts.
+        work: the folder of what is under way.
+        wanted: which entries each of its parts plays.
+    """
+
+    submission: Submission
+    panel: Panel
+    path: Path
+    known: Result | None
+    work: Path
+    wanted: tuple[tuple[Part, tuple[str, ...]], ...]
+
+    @property
+    def name(self) -> str:
+        """What lines about it call it."""
+        return f"{self.submission.track}/{self.submission.slug}"
+
+    @property
+    def printed(self) -> Row:
+        """The fingerprint of what is played."""
+        return fingerprint(self.submission, self.panel)
+
+    @property
+    def whole(self) -> bool:
+        """Whether all of it is wanted."""
+        return sum(len(entries) for _, entries in self.wanted) == len(_pairs(self))
+
+
+def submission_folders(board: Path, names: Sequence[str] = ()) -> list[Path]:
+    """The folders of a board's submissions, sorted by track and name.
+
+    Args:
+        board: the leaderboard's folder.
+        names: ``track/name`` each; none: all.
+
+    Raises:
+        UserError: no board there, or no submission of that name.
+    """
+    root = board / "submissions"
+    if not root.is_dir():
+        raise UserError(f"leaderboard {board}: has no folder submissions")
+    found = {
+        f"{track}/{folder.name}": folder
+        for track in TRACKS
+        for folder in sorted((root / track).glob("*"))
+        if not folder.name.startswith(".")
+    }
+    for name in names:
+        if name not in found:
+            raise UserError(f"no submission {name!r} in {root}{nearest(name, found)}")
+    return [found[name] for name in (sorted(set(names)) or found)]
+
+
+def result_file(board: Path, track: str, slug: str) -> Path:
+    """Where a submission's result lies."""
+    return board / "results" / track / f"{slug}.jsonl"
+
+
+def make_case(board: Path, folder: Path, update: bool = False) -> Case:
+    """A submission with its result, all of which is to be played.
+
+    Args:
+        board: the leaderboard's folder.
+        folder: the submission's.
+        update: take a result that does not fit for none.
+
+    Raises:
+        UserError: a submission that is wrong, or a result that is: edited, or of something else.
+    """
+    submission = load_submission(folder)
+    panel = load_panel(submission.panel)
+    path = result_file(board, submission.track, submission.slug)
+    try:
+        known = _known(path, submission, panel)
+    except UserError:
+        if not update:
+            raise
+        known = None
+    everything = tuple(entry.name for entry in panel.entries)
+    wanted = tuple((part, everything) for part in parts_of(submission))
+    return Case(submission, panel, path, known, _work(board, submission, panel), wanted)
+
+
+def _known(path: Path, submission: Submission, panel: Panel) -> Result | None:
+    """The result of just this submission on just this panel, None where there is no file."""
+    if not path.exists() and not path.is_symlink():
+        return None
+    found = read_result(path, panel)
+    if others := differing(found.fingerprint, fingerprint(submission, panel)):
+        raise UserError(f"result {path}: of another {', '.join(others)}; run submit verify with --update")
+    return found
+
+
+def _work(board: Path, submission: Submission, panel: Panel) -> Path:
+    """A folder for what is under way, outside the repository, that nobody's submission can bring along."""
+    root = platformdirs.user_cache_path("fpg_bench") / "leaderboard"
+    checkout = hashlib.sha256(str(board.resolve()).encode()).hexdigest()[:12]
+    printed = fingerprint(submission, panel)
+    played = hashlib.sha256(repr(sorted(printed.items(), key=str)).encode()).hexdigest()[:16]
+    return root / checkout / submission.track / f"{submission.slug}-{played}"
+
+
+def sampled(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
+    """Of results that are there, some lines drawn at random, at least one of each; all of those that are not.
+
+    Args:
+        cases: what could be played.
+        share: of all lines, above 0 and at most 1.
+        seed: of the draw.
+
+    Raises:
+        UserError: a share out of range.
+    """
+    if not 0 < share <= 1:
+        raise UserError(f"sample: expected a share above 0 and at most 100 %, got {100 * share:g} %")
+    cases, rng = list(cases), random.Random(seed)
+    lines = [
+        (number, *pair)
+        for number, case in enumerate(cases)
+        if case.known is not None and case.known.verified
+        for pair in _pairs(case)
+    ]
+    drawn = set(rng.sample(lines, math.ceil(share * len(lines))))
+    for number in sorted({line[0] for line in lines} - {line[0] for line in drawn}):
+        drawn.add(rng.choice([line for line in lines if line[0] == number]))
+    return [_thinned(case, {line[1:] for line in drawn if line[0] == k}) for k, case in enumerate(cases)]
+
+
+def _pairs(case: Case) -> list[tuple[str, str]]:
+    """All that could be played of a case, by the names of part and entry."""
+    return [(part.name, entry.name) for part in parts_of(case.submission) for entry in case.panel.entries]
+
+
+def _thinned(case: Case, drawn: set[tuple[str, str]]) -> Case:
+    if case.known is None:
+        return case
+    left = ((part, tuple(e for e in entries if (part.name, e) in drawn)) for part, entries in case.wanted)
+    return dataclasses.replace(case, wanted=tuple((part, entries) for part, entries in left if entries))

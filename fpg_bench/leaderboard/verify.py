@@ -1,0 +1,224 @@
+"""The verdict: submissions are played, or played again, and compared with the results that are kept."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.errors import UserError
+from fpg_bench.jobs.folders import folder_job
+from fpg_bench.jobs.job import Job, attempt
+from fpg_bench.jobs.run import run_jobs
+from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
+from fpg_bench.leaderboard.cases import Case, make_case, sampled, submission_folders
+from fpg_bench.leaderboard.playing import FAILED, Part, fill, lines_in
+from fpg_bench.leaderboard.result import Result, failed_result, verified_result, write_result
+from fpg_bench.leaderboard.submission import TRACKS
+from fpg_bench.rows import Row
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of one submission: all is well or not, and the line that says so."""
+
+    name: str
+    good: bool
+    line: str
+
+
+def verify(
+    board: str | Path,
+    names: Sequence[str] = (),
+    *,
+    sample: float | None = None,
+    sample_seed: int | None = None,
+    update: bool = False,
+    jobs: int = 1,
+    backend: str = "loky",
+    address: str | None = None,
+    say: Callable[[str], None] = print,
+) -> list[Verdict]:
+    """Verify submissions; one that is wrong does not stop the others.
+
+    One without a result is played and its result written; the result of any other is played again and
+    compared. What was stopped goes on where it was.
+
+    Args:
+        board: the leaderboard's folder.
+        names: ``track/name`` each; none: all.
+        sample: play only this share of the lines again, drawn at random, at least one of each submission.
+        sample_seed: of the draw; None: a new one, which is said.
+        update: play anew, and replace, results that do not fit what is submitted or were edited.
+        jobs: how many policies are played at once.
+        backend: ``loky`` or ``ray``; see :func:`fpg_bench.jobs.run.run_jobs`.
+        address: of a Ray cluster.
+        say: told a line per submission as it ends.
+
+    Returns:
+        The verdicts, by track and name.
+
+    Raises:
+        UserError: no such board or submission, a share out of range, or no cluster.
+    """
+    board = Path(board)
+    desk = _Desk(say)
+    cases = [
+        case for folder in submission_folders(board, names) if (case := desk.case(board, folder, update))
+    ]
+    if sample is not None:
+        seed = random.SystemRandom().randrange(2**32) if sample_seed is None else sample_seed
+        say(f"sample: {100 * sample:g} % of all lines, --sample-seed {seed}")
+        cases = sampled(cases, sample, seed)
+    if not names:
+        desk.check_strays(board)
+    _play([job for case in cases for job in desk.jobs(case)], jobs, backend, address, desk)
+    for case in cases:
+        desk.settle(case)
+    return sorted(desk.verdicts.values(), key=lambda verdict: verdict.name)
+
+
+def _play(jobs: list[Job], workers: int, backend: str, address: str | None, desk: _Desk) -> None:
+    """Run the jobs, in this process where nothing else is asked for; why some failed is left on the desk."""
+    if (workers, backend, address) != (1, "loky", None):
+        desk.failed |= run_jobs(jobs, workers, backend, address, say=lambda line: None)
+        return
+    for job in jobs:
+        if not job.done():
+            outcome = attempt(job.run, os.getcwd())
+            if outcome.error is None:
+                job.keep(outcome.result)
+            else:
+                desk.failed[job.name] = outcome.error
+
+
+class _Desk:
+    """Where lines come in; a submission is settled as soon as its last one is there."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self.verdicts: dict[str, Verdict] = {}
+        self.failed: dict[str, str] = {}
+        self._say = say
+
+    def case(self, board: Path, folder: Path, update: bool) -> Case | None:
+        """The case of a folder; None, and a verdict, where the folder or its result is wrong."""
+        try:
+            return make_case(board, folder, update)
+        except UserError as error:
+            self._give(f"{folder.parent.name}/{folder.name}", False, str(error))
+            return None
+
+    def check_strays(self, board: Path) -> None:
+        """Give a verdict on results whose submission is not there."""
+        for track in TRACKS:
+            for path in sorted((board / "results" / track).glob("*.jsonl")):
+                if not (board / "submissions" / track / path.stem).is_dir():
+                    self._give(f"{track}/{path.stem}", False, f"result {path}: no such submission")
+
+    def jobs(self, case: Case) -> list[Job]:
+        """A job per part of a case."""
+        found = []
+        for part, entries in case.wanted:
+            job = folder_job(
+                _job_name(case, part),
+                case.work / part.name,
+                partial(fill, part, case.panel, entries),
+                partial(_is_done, case.work / part.name, entries),
+            )
+            found.append(replace(job, keep=partial(self._keep, job, case)))
+        return found
+
+    def settle(self, case: Case) -> None:
+        """Give the verdict on a case, unless it is given already."""
+        if case.name in self.verdicts:
+            return
+        errors = [self.failed[n] for part, _ in case.wanted if (n := _job_name(case, part)) in self.failed]
+        if errors:
+            self._give(case.name, False, errors[0])
+            return
+        good, line = _judge(case)
+        shutil.rmtree(case.work, ignore_errors=True)
+        self._give(case.name, good, line)
+
+    def _keep(self, job: Job, case: Case, result: Any) -> None:
+        job.keep(result)
+        if all(_is_done(case.work / part.name, entries) for part, entries in case.wanted):
+            self.settle(case)
+
+    def _give(self, name: str, good: bool, line: str) -> None:
+        self.verdicts[name] = Verdict(name, good, line)
+        self._say(f"{name}: {line}")
+
+
+def _job_name(case: Case, part: Part) -> str:
+    return f"{case.name} {part.name}"
+
+
+def _is_done(folder: Path, entries: Sequence[str]) -> bool:
+    there = lines_in(folder)
+    return FAILED in there or all(entry in there for entry in entries)
+
+
+def _judge(case: Case) -> tuple[bool, str]:
+    """Whether all is well, and what is to be said; writes the result where there is none."""
+    there = [(part, entries, lines_in(case.work / part.name)) for part, entries in case.wanted]
+    why = next((rows[FAILED]["reason"] for _, _, rows in there if FAILED in rows), None)
+    lines = [rows[entry] for _, entries, rows in there for entry in entries] if why is None else []
+    if case.known is None:
+        return _first(case, lines, why)
+    if not case.known.verified:
+        return _still_failed(case, why)
+    if why is not None:
+        return False, f"the result is verified, but now: {why}"
+    found = disagreements(lines, case.known.lines, case.panel)
+    if found:
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        return False, f"the result does not hold: {found[0]}{more}"
+    same = same_to_the_bit(lines, case.known.lines)
+    return True, f"holds: {same} of {len(lines)} lines played again are the same to the bit"
+
+
+def _first(case: Case, lines: list[Row], why: str | None) -> tuple[bool, str]:
+    whose = (case.submission.slug, case.submission.track, case.printed)
+    if why is not None:
+        write_result(case.path, failed_result(*whose, why))
+        return False, f"not verified: {why}"
+    result = verified_result(*whose, lines, case.panel)
+    write_result(case.path, result)
+    return True, told(result)
+
+
+def _still_failed(case: Case, why: str | None) -> tuple[bool, str]:
+    if not case.wanted:
+        return True, "not verified; not part of a sample"
+    if why is None:
+        return False, "the result is not verified, but it plays; run submit verify with --update"
+    return True, f"not verified, as before: {why}"
+
+
+def told(result: Result) -> str:
+    """What a result says, in a line."""
+    if not result.verified:
+        return f"not verified: {result.head['reason']}"
+    summary = result.head["summary"]
+    score = summary["score"]
+    lost = f", {summary['lost']} rounds lost" if summary["lost"] else ""
+    return f"verified: score {score['value']:.1f} [{score['low']:.1f}, {score['high']:.1f}]{lost}"
+
+
+def run_one(folder: str | Path, update: bool = False, **how: Any) -> Verdict:
+    """Verify the submission of a folder ``<board>/submissions/<track>/<name>``; see :func:`verify`.
+
+    Raises:
+        UserError: a folder that lies elsewhere, or no cluster.
+    """
+    folder = Path(folder).resolve()
+    if folder.parent.parent.name != "submissions" or folder.parent.name not in TRACKS:
+        raise UserError(f"{folder}: expected a folder <leaderboard>/submissions/<{'|'.join(TRACKS)}>/<name>")
+    (verdict,) = verify(folder.parents[2], [f"{folder.parent.name}/{folder.name}"], update=update, **how)
+    return verdict
