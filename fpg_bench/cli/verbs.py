@@ -199,14 +199,24 @@ def evaluate(
 
 def measure_panel(
     panel: Annotated[str, typer.Argument(help="a panel's name or YAML file")],
-    rounds: Annotated[int, typer.Option(help="rounds per entry")] = 500,
+    rounds: Annotated[
+        int | None, typer.Option(help="rounds per entry, 500 by default; a panel of planners has its own")
+    ] = None,
 ) -> None:
     """Measure the scores that normalise a panel and write them beside its file."""
+    from fpg_bench.evaluation.panel import compares_planners
+    from fpg_bench.evaluation.planner_references import measure_planner_panel
+    from fpg_bench.evaluation.references import ROUNDS
     from fpg_bench.evaluation.references import measure_panel as measure
 
+    if compares_planners(panel):
+        if rounds is not None:
+            raise UserError(f"rounds: panel {panel} says itself how many matches and rounds it plays")
+        measure_planner_panel(panel, lambda planner, ally: typer.echo(f"{ally:24} {planner}"))
+        return
     measure(
         panel,
-        rounds,
+        ROUNDS if rounds is None else rounds,
         lambda entry, found: typer.echo(
             f"{entry.name:24} reference {found.standard_errors:6.1f} standard errors above random"
         ),

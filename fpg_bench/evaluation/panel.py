@@ -161,6 +161,11 @@ def load_panel(name: str, references: bool = True) -> Panel:
     return dataclasses.replace(panel, references=_references(path, panel)) if references else panel
 
 
+def compares_planners(name: str) -> bool:
+    """Whether a panel's name or YAML file is one of planners; raises UserError where there is none."""
+    return read_yaml(panel_file(name), "panel").get("side") == PLANNER_SIDE
+
+
 def panel_file(name: str) -> Path:
     """The YAML file of a panel's name, or the file that is named itself, which may not be there.
 

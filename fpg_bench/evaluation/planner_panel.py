@@ -44,6 +44,11 @@ class PlannerPanel:
     season: str = SEASON
 
     @property
+    def side(self) -> str:
+        """Whose returns count."""
+        return "opponent"
+
+    @property
     def rounds(self) -> int:
         """How many rounds a match has."""
         return self.scenario.rounds_per_match

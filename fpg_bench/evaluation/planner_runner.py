@@ -89,13 +89,19 @@ def play_planner(
 
 def play_pairing(planner: Any, ally: str, panel: PlannerPanel) -> Iterator[list[Row]]:
     """Play all matches of a planner and an ally as one batch; gives the rows of each round as it ends."""
+    for duel in pairing_rounds(planner, ally, panel):
+        yield [_row(duel, game) for game in range(panel.matches)]
+
+
+def pairing_rounds(planner: Any, ally: str, panel: PlannerPanel) -> Iterator[Duel]:
+    """Play all matches of a planner and an ally as one batch; gives their games at the end of each round."""
     duel = Duel(panel.scenario, panel.matches, planner)
     flown_after = Seat("ally", [as_player(ally, "ally", panel.scenario)], duel.arena)
     jammer = Seat("opponent", [as_player(panel.opponent, "opponent", panel.scenario)], duel.arena)
     seeds: Any = np.array(evaluation_seeds(panel.matches, panel.season))
     for _ in range(panel.rounds):
         play_round(duel, flown_after, jammer, seeds)
-        yield [_row(duel, game) for game in range(panel.matches)]
+        yield duel
         seeds = None
 
 

@@ -76,7 +76,7 @@ def summarise_planners(rows: Sequence[Row], panel: PlannerPanel) -> list[Planner
     for name in (panel.zero, panel.bound):
         if name not in sums:
             raise UserError(f"panel {panel.name}: rows of {name} are missing, which scores need")
-    scale = _Scale(sums[panel.zero][..., 1], sums[panel.bound][..., 1], panel)
+    scale = Scale(sums[panel.zero][..., 1], sums[panel.bound][..., 1], panel)
     summaries = [_summary(by_planner[name], sums[name], scale, panel) for name in sums]
     return sorted(summaries, key=lambda summary: -summary.last.value)
 
@@ -90,7 +90,7 @@ def _sums(rows: Sequence[Row], panel: PlannerPanel) -> np.ndarray | None:
     return values.reshape(len(panel.allies), panel.matches, panel.rounds, len(_SUMS))
 
 
-class _Scale:
+class Scale:
     """What makes scores of returns: 0 is the zero planner's, 100 the bound's.
 
     The zero planner's return is taken off match by match and round by round, as both play the same chance;
@@ -116,18 +116,34 @@ class _Scale:
         """``(allies,)`` scores over some rounds."""
         return 100 * self._gains(returns, rounds).mean(axis=1) / self._spans.mean(axis=1)
 
+    def by_match(self, returns: np.ndarray, rounds: slice) -> np.ndarray:
+        """``(allies, matches)`` scores over some rounds of each match."""
+        return 100 * self._gains(returns, rounds) / self._spans.mean(axis=1, keepdims=True)
+
+    def drawn(self, returns: np.ndarray, rounds: slice) -> np.ndarray:
+        """``(draws, allies)`` scores, each of matches drawn anew, the same ones for all allies."""
+        return 100 * (self._weights @ self._gains(returns, rounds).T) / (self._weights @ self._spans.T)
+
     def score(self, returns: np.ndarray, rounds: slice) -> Interval:
         """The mean over allies, with its interval over whole matches, the same ones for all allies."""
-        gains = self._gains(returns, rounds)
-        drawn = 100 * (self._weights @ gains.T / (self._weights @ self._spans.T)).mean(axis=1)
-        low, high = np.percentile(drawn, (2.5, 97.5))
-        return Interval(float(self.by_ally(returns, rounds).mean()), float(low), float(high), "match seeds")
+        value = float(self.by_ally(returns, rounds).mean())
+        return _interval(value, self.drawn(returns, rounds).mean(axis=1))
+
+    def ally_scores(self, returns: np.ndarray, rounds: slice) -> list[Interval]:
+        """The score against each ally, with its interval over whole matches."""
+        values, drawn = self.by_ally(returns, rounds), self.drawn(returns, rounds)
+        return [_interval(float(value), of) for value, of in zip(values, drawn.T, strict=True)]
 
     def _gains(self, returns: np.ndarray, rounds: slice) -> np.ndarray:
         return (returns - self._zero)[..., rounds].mean(axis=2)
 
 
-def _summary(rows: Sequence[Row], sums: np.ndarray, scale: _Scale, panel: PlannerPanel) -> PlannerSummary:
+def _interval(value: float, drawn: np.ndarray) -> Interval:
+    low, high = np.percentile(drawn, (2.5, 97.5))
+    return Interval(value, float(low), float(high), "match seeds")
+
+
+def _summary(rows: Sequence[Row], sums: np.ndarray, scale: Scale, panel: PlannerPanel) -> PlannerSummary:
     returns = sums[..., 1]
     last, whole = slice(panel.rounds - panel.last_rounds, None), slice(None)
     tokens = [row["tokens"] for row in rows if row["tokens"] is not None]

@@ -172,7 +172,7 @@ def play_entry(
     first: Any = np.array(evaluation_seeds(matches, panel.season) if seeds is None else seeds(matches))
     for _ in range(scenario.rounds_per_match):
         play_round(duel, seats["ally"], seats["opponent"], first)
-        yield [_row(duel, game) for game in range(matches)]
+        yield [round_row(duel, game) for game in range(matches)]
         first = None
 
 
@@ -192,7 +192,7 @@ def tally_row(duel: Duel, game: int) -> Row:
     return row | dict(zip(TALLIES, tally.item(), strict=True))
 
 
-def _row(duel: Duel, game: int) -> Row:
+def round_row(duel: Duel, game: int) -> Row:
     """One round of an entry: its tally, and the steps per frequency point of both sides."""
     ally_points, jam_points = duel.arena.histograms[game].tolist()
     return tally_row(duel, game) | {"ally_points": ally_points, "jam_points": jam_points}

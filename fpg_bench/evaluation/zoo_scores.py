@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.evaluation.panel import Entry, Panel, load_panel
+from fpg_bench.evaluation.planner_panel import PlannerPanel
 from fpg_bench.evaluation.runner import TALLIES, play_entry
 from fpg_bench.evaluation.statistics import iqm, iqm_interval
 from fpg_bench.evaluation.summary import Summary, pooled_measures
@@ -44,7 +45,7 @@ def score_lines(spec: Any, panel: Panel, head: Row) -> list[Row]:
     ]
 
 
-def sum_up(rows: Iterable[Row], panel: Panel) -> Row:
+def sum_up(rows: Iterable[Row], panel: Panel | PlannerPanel) -> Row:
     """What a line says of the rounds of an entry, as :func:`score_lines` gives it.
 
     Args:
@@ -216,7 +217,7 @@ def _ordered(rows: Iterable[Row]) -> list[Row]:
     return sorted(rows, key=lambda row: (row["seed"], row["round"]))
 
 
-def _returns(rows: list[Row], panel: Panel) -> list[float]:
+def _returns(rows: list[Row], panel: Panel | PlannerPanel) -> list[float]:
     return [round(row[f"{panel.side}_return"], 3) for row in rows]
 
 
