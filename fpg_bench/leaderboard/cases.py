@@ -121,13 +121,16 @@ def _known(path: Path, submission: Submission, panel: Panel) -> Result | None:
     return found
 
 
-def _work(board: Path, submission: Submission, panel: Panel) -> Path:
+def work_folder(board: Path) -> Path:
     """A folder for what is under way, outside the repository, that nobody's submission can bring along."""
-    root = platformdirs.user_cache_path("fpg_bench") / "leaderboard"
     checkout = hashlib.sha256(str(board.resolve()).encode()).hexdigest()[:12]
+    return platformdirs.user_cache_path("fpg_bench") / "leaderboard" / checkout
+
+
+def _work(board: Path, submission: Submission, panel: Panel) -> Path:
     printed = fingerprint(submission, panel)
     played = hashlib.sha256(repr(sorted(printed.items(), key=str)).encode()).hexdigest()[:16]
-    return root / checkout / submission.track / f"{submission.slug}-{played}"
+    return work_folder(board) / submission.track / f"{submission.slug}-{played}"
 
 
 def sampled(cases: Iterable[Case], share: float, seed: int) -> list[Case]:

@@ -23,10 +23,11 @@ FAILED = "failed"  # the key of a row that says why a part could not be played o
 
 @dataclass(frozen=True)
 class Part:
-    """What is played of a submission: a script, or the policy of one training seed."""
+    """What is played of a submission: a script, or the policy of one training seed; perhaps of the zoo."""
 
     seed: int | None
     plays: str | Policy
+    shipped: bool = False
 
     @property
     def name(self) -> str:
@@ -38,7 +39,8 @@ def parts_of(submission: Submission) -> list[Part]:
     """All that is played of a submission, by training seed."""
     if submission.script is not None:
         return [Part(None, submission.script)]
-    return [Part(policy.seed, policy) for policy in sorted(submission.policies, key=lambda p: p.seed)]
+    policies = sorted(submission.policies, key=lambda policy: policy.seed)
+    return [Part(policy.seed, policy, submission.zoo is not None) for policy in policies]
 
 
 def run_submission(submission: Submission, panel: Panel) -> list[Row]:

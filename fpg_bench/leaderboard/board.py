@@ -1,0 +1,252 @@
+"""The board: all that the site shows, as one structure that is ready for JSON."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench import __version__
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.panel import Panel, load_panel
+from fpg_bench.evaluation.seeds import PROTOCOL, SEASON
+from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.leaderboard.cases import Case, make_case, result_file, submission_folders
+from fpg_bench.leaderboard.crossplay import ROUNDS, entrants, pair_key, read_pairs
+from fpg_bench.leaderboard.nash import nash
+from fpg_bench.leaderboard.ranking import (
+    FEW_SEEDS,
+    Standing,
+    improvements,
+    lead_shares,
+    profiles,
+    rank_ranges,
+    standing,
+)
+from fpg_bench.leaderboard.result import Result, rounded
+from fpg_bench.leaderboard.submission import PANELS, Submission, load_submission
+from fpg_bench.rows import Row, RowFile
+
+# The tables that rounds decide: key, track, path, title.
+TABLES = (
+    ("ally", "ally", None, "Allies"),
+    ("opponent-pursuit", "opponent", "pursuit", "Opponents in pursuit"),
+    ("opponent-learned", "opponent", "learned", "Opponents that fly themselves"),
+)
+EXPLOIT = "exploit.jsonl"
+
+
+def make_board(folder: str | Path = "leaderboard") -> Row:
+    """Everything that the site shows: tables with ranks, and cross-play.
+
+    Figures come from results alone, texts from what was submitted. A submission whose result is missing is
+    left out; one whose result does not fit it is shown as not verified.
+
+    Args:
+        folder: the leaderboard's.
+
+    Raises:
+        UserError: no such folder, or a file of it that can't be read as what it is.
+    """
+    folder = Path(folder)
+    shown = _shown(folder)
+    return {
+        "version": __version__,
+        "protocol": PROTOCOL,
+        "season": SEASON,
+        "built": datetime.datetime.now(datetime.UTC).date().isoformat(),
+        "tracks": [_table(folder, shown, *table) for table in TABLES],
+        "crossplay": _crossplay(folder),
+    }
+
+
+def _shown(board: Path) -> list[tuple[Submission, Case | None, str | None]]:
+    """Every readable submission that has a result: its case, or why the result does not count."""
+    found: list[tuple[Submission, Case | None, str | None]] = []
+    for folder in submission_folders(board):
+        if not result_file(board, folder.parent.name, folder.name).exists():
+            continue
+        try:
+            submission = load_submission(folder)
+        except UserError:
+            continue  # nothing of it can be trusted, not even its name
+        if submission.track == "planner":
+            continue
+        try:
+            found.append((submission, make_case(board, folder), None))
+        except UserError as error:
+            found.append((submission, None, str(error)))
+    return found
+
+
+def _table(board: Path, shown: Iterable[Any], key: str, track: str, path: str | None, title: str) -> Row:
+    """One table: its rows from best to worst, those that are not verified last."""
+    panel = load_panel(PANELS[track, path])
+    mine = [item for item in shown if (item[0].track, item[0].path) == (track, path)]
+    scored = [
+        (submission, case.known, standing(case.known, panel))
+        for submission, case, _ in mine
+        if case is not None and case.known is not None and case.known.verified
+    ]
+    scored.sort(key=lambda item: (-item[2].value, item[0].slug))
+    standings = [item[2] for item in scored]
+    ranks, leads = rank_ranges(standings), lead_shares(standings)
+    exploited = _exploitability(board, track)
+    rows = [
+        _texts(submission)
+        | _figures(result, entry, panel, exploited.get(submission.slug))
+        | {"rank": list(rank), "lead": _short(lead)}
+        for (submission, result, entry), rank, lead in zip(scored, ranks, leads, strict=True)
+    ]
+    good = {row["slug"] for row in rows}
+    rows += [_texts(s) | _blank(case, why) for s, case, why in mine if s.slug not in good]
+    return {
+        "key": key,
+        "title": title,
+        "side": track,
+        "panel": panel.name,
+        "panel_hash": panel.hash,
+        "rounds": panel.rounds,
+        "reference": panel.reference,
+        "entries": [entry.name for entry in panel.entries],
+        "rows": rows,
+        "improvement": _improvement(standings),
+        "profiles": _profiles(standings),
+    }
+
+
+def _texts(submission: Submission) -> Row:
+    """What a submission says of itself."""
+    kind = "script" if submission.script is not None else "zoo" if submission.zoo is not None else "submitted"
+    training = submission.training
+    return {
+        "slug": submission.slug,
+        "name": submission.name,
+        "authors": list(submission.authors),
+        "algorithm": submission.algorithm,
+        "reference": submission.reference,
+        "licence": submission.licence,
+        "kind": kind,
+        "training": None if training is None else {**asdict(training), "seeds": list(training.seeds)},
+        "saw": submission.saw,
+        "unable": submission.unable,
+        "description": submission.description,
+        "replays": [],
+    }
+
+
+def _figures(result: Result, entry: Standing, panel: Panel, exploited: Row | None) -> Row:
+    """What a verified result says."""
+    entries = {e.name: _interval(entry.entry(k)) for k, e in enumerate(panel.entries)}
+    worst = min(entries, key=lambda name: float(entries[name]["value"]))
+    summary = result.head["summary"]
+    seeds = sorted({str(line["training_seed"]) for line in result.lines if entry.trained})  # as scores are
+    return {
+        "status": result.head["status"],
+        "reason": None,
+        "training_seeds": summary["training_seeds"],
+        "few_seeds": 0 < summary["training_seeds"] < FEW_SEEDS,
+        "score": _interval(entry.interval) | {"over": entry.interval.over},
+        "mean": _short(entry.scores.mean()),
+        "worst": {"entry": worst, "value": entries[worst]["value"]},
+        "entries": entries,
+        "seeds": {k: _short(value) for k, value in zip(seeds, entry.per_seed, strict=entry.trained)},
+        "measures": {"return": summary["measures"][f"{panel.side}_return"], **summary["measures"]},
+        "exploitability": exploited,
+        "lost": summary["lost"],
+        "histograms": {"ally": _points(result, "ally_points"), "jam": _points(result, "jam_points")},
+        "fingerprint": result.fingerprint,
+    }
+
+
+def _blank(case: Case | None, why: str | None) -> Row:
+    """What is shown of a result that is not verified, or does not count."""
+    known = None if case is None else case.known
+    empty: Row = dict.fromkeys(
+        ("rank", "lead", "score", "mean", "worst", "exploitability", "histograms", "fingerprint")
+    )
+    return empty | {
+        "status": "not verified",
+        "reason": why if known is None else str(known.head["reason"]),
+        "training_seeds": 0,
+        "few_seeds": False,
+        "entries": {},
+        "seeds": {},
+        "measures": {},
+        "lost": 0,
+    }
+
+
+def _points(result: Result, key: str) -> list[float | None]:
+    """The share of steps at each frequency point."""
+    total = np.sum([line[key] for line in result.lines], axis=0)
+    return [_short(share) for share in total / max(total.sum(), 1)]
+
+
+def _exploitability(board: Path, track: str) -> dict[str, Row]:
+    """By name, how little players earn at worst, where that was measured; the newest of each.
+
+    Raises:
+        UserError: a line without its figures.
+    """
+    file, found = RowFile(board / "results" / EXPLOIT), {}
+    for number, row in enumerate(file.read(), 1):
+        if not {"track", "slug", "value", "low", "high"} <= row.keys():
+            raise UserError(f"{file.path}: line {number} lacks track, slug, value, low or high")
+        if row["track"] == track:
+            found[str(row["slug"])] = {key: _short(row[key]) for key in ("value", "low", "high")}
+    return found
+
+
+def _improvement(standings: Sequence[Standing]) -> Row:
+    table = improvements(standings)
+
+    def each(name: str) -> list[list[float | None]]:
+        return [[None if cell is None else _short(getattr(cell, name)) for cell in row] for row in table]
+
+    names = [entry.slug for entry in standings]
+    return {"names": names, "value": each("value"), "low": each("low"), "high": each("high")}
+
+
+def _profiles(standings: Sequence[Standing]) -> Row:
+    thresholds, shares = profiles(standings)
+    return {
+        "thresholds": [_short(value) for value in thresholds],
+        "share": {
+            entry.slug: [_short(value) for value in row] for entry, row in zip(standings, shares, strict=True)
+        },
+    }
+
+
+def _crossplay(board: Path) -> Row | None:
+    """The matrix of all pairs and its Nash mixtures; None where not all pairs were played."""
+    allies, opponents = entrants(board)
+    known = read_pairs(board, allies, opponents, ROUNDS)
+    keys = [[pair_key(a, o, ROUNDS) for o in opponents] for a in allies]
+    if not allies or not opponents or not all(key in known for row in keys for key in row):
+        return None
+    matrix = np.array([[known[key]["jamming_success_rate"] for key in row] for row in keys])
+    found = nash(matrix)
+    return {
+        "allies": [a.slug for a in allies],
+        "opponents": [o.slug for o in opponents],
+        "jamming_success_rate": matrix.tolist(),
+        "rounds": ROUNDS,
+        "nash": {
+            "ally": {a.slug: _short(p) for a, p in zip(allies, found.rows, strict=True)},
+            "opponent": {o.slug: _short(p) for o, p in zip(opponents, found.columns, strict=True)},
+            "value": _short(found.value),
+        },
+    }
+
+
+def _interval(interval: Interval) -> Row:
+    return {name: _short(getattr(interval, name)) for name in ("value", "low", "high")}
+
+
+def _short(value: Any) -> float | None:
+    return rounded(float(value))

@@ -1,0 +1,259 @@
+"""Cross-play: every ally of the board against every opponent, on the same chance, by jamming success rate."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import math
+import os
+import random
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.envs.duel import Duel
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.runner import play_round
+from fpg_bench.evaluation.seeds import PROTOCOL, SEASON, evaluation_seeds
+from fpg_bench.files import write_whole
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.jobs.folders import folder_job
+from fpg_bench.jobs.job import attempt
+from fpg_bench.jobs.run import run_jobs
+from fpg_bench.leaderboard.cases import Case, make_case, submission_folders, work_folder
+from fpg_bench.leaderboard.playing import FAILED, Part, failures_told, parts_of, seated
+from fpg_bench.leaderboard.result import rounded
+from fpg_bench.leaderboard.team import Team
+from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.players.naming import as_player
+from fpg_bench.players.seat import Seat
+from fpg_bench.rows import Row, RowFile
+
+ROUNDS = 100
+WITHIN = 0.005  # of a rate, when it is played again
+_ROW = {"ally", "opponent", "key", "rounds", "jamming_success_rate", "lost"}
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """Who plays: its name in its track, its parts, and what it plays in."""
+
+    slug: str
+    side: str
+    parts: tuple[Part, ...]
+    scenario: Scenario
+
+    @property
+    def identity(self) -> list[Any]:
+        """What decides how it plays."""
+        return [part.plays if isinstance(part.plays, str) else part.plays.sha256 for part in self.parts]
+
+
+def entrants(board: Path) -> tuple[list[Entrant], list[Entrant]]:
+    """Allies and opponents of a board whose results are verified, by name; all others are left out."""
+    found = []
+    for folder in submission_folders(board):
+        if folder.parent.name in ("ally", "opponent"):
+            with contextlib.suppress(UserError):  # submit verify says what is wrong
+                found.append(make_case(board, folder))
+    verified = [case for case in found if case.known is not None and case.known.verified]
+    every = [_entrant(case) for case in verified]
+    return [e for e in every if e.side == "ally"], [e for e in every if e.side == "opponent"]
+
+
+def _entrant(case: Case) -> Entrant:
+    scenario = case.panel.entry_scenario(case.panel.entries[0])  # an opponent's entries are all on one path
+    return Entrant(case.submission.slug, case.submission.track, tuple(parts_of(case.submission)), scenario)
+
+
+def pair_key(ally: Entrant, opponent: Entrant, rounds: int) -> str:
+    """What decides a pair's figure, as 16 hexadecimal digits."""
+    content = [ally.identity, opponent.identity, opponent.scenario.hash, PROTOCOL, SEASON, rounds]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+
+def crossplay_file(board: Path) -> Path:
+    """Where the figures of all pairs lie."""
+    return board / "results" / "crossplay.jsonl"
+
+
+def read_pairs(board: Path, allies: list[Entrant], opponents: list[Entrant], rounds: int) -> dict[str, Row]:
+    """The figures that are there of pairs of these players, by their keys.
+
+    Raises:
+        UserError: a line that is none.
+    """
+    wanted = {pair_key(a, o, rounds): (a.slug, o.slug) for a in allies for o in opponents}
+    found = {}
+    for number, row in enumerate(RowFile(crossplay_file(board)).read(), 1):
+        if not _is_pair(row):
+            raise UserError(f"{crossplay_file(board)}: line {number} is not that of a pair")
+        if wanted.get(row["key"]) == (row["ally"], row["opponent"]):
+            found[row["key"]] = row
+    return found
+
+
+def _is_pair(row: Row) -> bool:
+    rate = row.get("jamming_success_rate")
+    return row.keys() == _ROW and isinstance(rate, int | float) and 0 <= rate <= 1
+
+
+def play_missing(
+    board: str | Path,
+    *,
+    rounds: int = ROUNDS,
+    jobs: int = 1,
+    backend: str = "loky",
+    address: str | None = None,
+    say: Callable[[str], None] = print,
+) -> list[str]:
+    """Play the pairs of a board that have no figure yet; those of players that are gone are dropped.
+
+    Args:
+        board: the leaderboard's folder.
+        rounds: of each pair, dealt out evenly to the training seeds of both.
+        jobs: how many allies play at once.
+        backend, address: see :func:`fpg_bench.jobs.run.run_jobs`.
+        say: told how it goes.
+
+    Returns:
+        What could not be played, one line each.
+    """
+    board = Path(board)
+    allies, opponents = entrants(board)
+    known = read_pairs(board, allies, opponents, rounds)
+    missing = [(a, o) for a in allies for o in opponents if pair_key(a, o, rounds) not in known]
+    say(f"crossplay: {len(missing)} of {len(allies) * len(opponents)} pairs to play")
+    played, failed = _play(board, missing, rounds, jobs, backend, address)
+    known |= {row["key"]: row for row in played}
+    if missing or len(known) != len(RowFile(crossplay_file(board)).read()):
+        _write(board, [known[k] for a in allies for o in opponents if (k := pair_key(a, o, rounds)) in known])
+    return failed
+
+
+def check_pairs(board: str | Path, share: float, seed: int, rounds: int = ROUNDS) -> list[str]:
+    """Play some pairs again, drawn at random; what differs, one line each.
+
+    Args:
+        board: the leaderboard's folder.
+        share: of the pairs; at least one is played.
+        seed: of the draw.
+        rounds: as they were played.
+    """
+    board = Path(board)
+    allies, opponents = entrants(board)
+    known = read_pairs(board, allies, opponents, rounds)
+    pairs = [(a, o) for a in allies for o in opponents if pair_key(a, o, rounds) in known]
+    drawn = random.Random(seed).sample(pairs, math.ceil(share * len(pairs)))
+    played, failed = _play(board, drawn, rounds)
+    for row in played:
+        then = known[row["key"]]["jamming_success_rate"]
+        if abs(row["jamming_success_rate"] - then) > WITHIN:
+            rate = row["jamming_success_rate"]
+            failed.append(f"{row['ally']} - {row['opponent']}: jammed {rate:.4f}, the figure says {then:.4f}")
+    return failed
+
+
+def _write(board: Path, rows: list[Row]) -> None:
+    text = "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
+    write_whole(crossplay_file(board), text)
+
+
+def _play(
+    board: Path,
+    pairs: Sequence[tuple[Entrant, Entrant]],
+    rounds: int,
+    workers: int = 1,
+    backend: str = "loky",
+    address: str | None = None,
+) -> tuple[list[Row], list[str]]:
+    """Play pairs, an ally's after one another: their rows, and what failed."""
+    work = work_folder(board) / "crossplay"
+    jobs, folders = [], []
+    for ally in {a.slug: a for a, _ in pairs}.values():
+        others = [o for a, o in pairs if a is ally]
+        folder = work / ally.slug
+        done = partial(_is_done, folder, [pair_key(ally, o, rounds) for o in others])
+        jobs.append(folder_job(ally.slug, folder, partial(_fill, ally, others, rounds), done))
+        folders.append((folder, {pair_key(ally, o, rounds) for o in others}))
+    failed = {}
+    if (workers, backend, address) != (1, "loky", None):
+        failed = run_jobs(jobs, workers, backend, address, say=lambda line: None)
+    else:
+        for job in jobs:
+            outcome = None if job.done() else attempt(job.run, os.getcwd())
+            if outcome is not None and outcome.error is not None:
+                failed[job.name] = outcome.error
+    rows = [row for folder, keys in folders for row in _rows(folder) if row["key"] in keys]
+    shutil.rmtree(work, ignore_errors=True)
+    lost = [f"{row['ally']} - {row['opponent']}: {row[FAILED]}" for row in rows if FAILED in row]
+    return [row for row in rows if FAILED not in row], lost + [f"{k}: {why}" for k, why in failed.items()]
+
+
+def _rows(folder: Path) -> list[Row]:
+    return RowFile(folder / "pairs.jsonl").read()
+
+
+def _is_done(folder: Path, keys: list[str]) -> bool:
+    return set(keys) <= {row["key"] for row in _rows(folder)}
+
+
+def _fill(ally: Entrant, opponents: list[Entrant], rounds: int, folder: Path) -> None:
+    """Play an ally against opponents into a folder, a line each as it ends."""
+    from fpg_bench.leaderboard.host import PolicyFailed
+
+    there = {row["key"] for row in _rows(folder)}
+    for opponent in opponents:
+        key = pair_key(ally, opponent, rounds)
+        if key in there:
+            continue
+        head = {"ally": ally.slug, "opponent": opponent.slug, "key": key}
+        try:
+            with failures_told():
+                row = head | play_pair(ally, opponent, rounds)
+        except PolicyFailed as error:
+            row = head | {FAILED: str(error)}
+        RowFile(folder / "pairs.jsonl").append([row])
+
+
+def play_pair(ally: Entrant, opponent: Entrant, rounds: int = ROUNDS) -> Row:
+    """Play one pair: all combinations of both sides' training seeds, equally often.
+
+    A round that a side loses by an answer that is none counts as jammed throughout where it is the ally's,
+    and as never jammed where it is the opponent's.
+
+    Returns:
+        ``rounds``, ``jamming_success_rate``, and how many rounds were ``lost``, ``[ally's, opponent's]``.
+    """
+    games = np.arange(rounds)
+    of_ally = games % len(ally.parts)
+    of_opponent = games // len(ally.parts) % len(opponent.parts)
+    duel = Duel(opponent.scenario, rounds)
+    with _team(ally, of_ally, duel) as one, _team(opponent, of_opponent, duel) as other:
+        seats = Seat("ally", [one], duel.arena), Seat("opponent", [other], duel.arena)
+        play_round(duel, *seats, np.array(evaluation_seeds(rounds)))
+        lost = one.invalid.copy(), other.invalid.copy()
+    rates = duel.arena.tallies["jammed"] / duel.arena.tallies["steps"]
+    rates[lost[0] & ~lost[1]], rates[lost[1] & ~lost[0]] = 1.0, 0.0
+    rate = rounded(float(rates.mean()))
+    return {"rounds": rounds, "jamming_success_rate": rate, "lost": [int(side.sum()) for side in lost]}
+
+
+@contextlib.contextmanager
+def _team(who: Entrant, seats: np.ndarray, duel: Duel) -> Iterator[Team]:
+    with contextlib.ExitStack() as stack:
+        plays = [stack.enter_context(_player(part)) for part in who.parts]
+        yield Team([as_player(player, who.side, duel.scenario) for player in plays], seats)
+
+
+def _player(part: Part) -> contextlib.AbstractContextManager[Any]:
+    """A part as a player; what the package ships needs no process of its own, which saves time."""
+    if part.shipped and not isinstance(part.plays, str):
+        return contextlib.nullcontext(OnnxPlayer(part.plays.model, part.plays.about))
+    return seated(part.plays)
