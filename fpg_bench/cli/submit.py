@@ -7,7 +7,14 @@ from typing import Annotated
 
 import typer
 
+from fpg_bench.cli.options import AddressOption, BackendOption, JobsOption, say
+from fpg_bench.errors import UserError
+
 app = typer.Typer(help="Check and verify submissions to the leaderboard.", no_args_is_help=True)
+UpdateOption = Annotated[
+    bool, typer.Option("--update", help="play anew, and replace, results that do not fit or were edited")
+]
+FolderOption = Annotated[Path, typer.Option(help="the leaderboard's folder")]
 
 
 @app.command()
@@ -21,3 +28,84 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
     if found:
         raise typer.Exit(1)
     typer.echo(f"{folder}: nothing is wrong")
+
+
+@app.command()
+def run(
+    folder: Annotated[Path, typer.Argument(help="<leaderboard>/submissions/<track>/<name>")],
+    update: UpdateOption = False,
+    jobs: JobsOption = 1,
+    backend: BackendOption = "loky",
+    address: AddressOption = None,
+) -> None:
+    """Play a submission and write its result; where it has one, play again and compare."""
+    from fpg_bench.leaderboard.verify import run_one
+
+    verdict = run_one(folder, update, jobs=jobs, backend=backend, address=address, say=say)
+    raise typer.Exit(0 if verdict.good else 1)
+
+
+@app.command()
+def verify(
+    names: Annotated[list[str] | None, typer.Argument(help="track/name; none: all")] = None,
+    folder: FolderOption = Path("leaderboard"),
+    sample: Annotated[
+        str | None,
+        typer.Option(help="play again only so many lines, drawn at random, as 5%; one of each at least"),
+    ] = None,
+    sample_seed: Annotated[
+        int | None, typer.Option(help="of the draw; default: a new one, which is said")
+    ] = None,
+    update: UpdateOption = False,
+    jobs: JobsOption = 1,
+    backend: BackendOption = "loky",
+    address: AddressOption = None,
+) -> None:
+    """Play submissions again and compare with their results; write those that are missing."""
+    from fpg_bench.leaderboard.verify import verify as verify_all
+
+    verdicts = verify_all(
+        folder,
+        names or (),
+        sample=None if sample is None else _share(sample),
+        sample_seed=sample_seed,
+        update=update,
+        jobs=jobs,
+        backend=backend,
+        address=address,
+        say=say,
+    )
+    bad = sum(not verdict.good for verdict in verdicts)
+    say(f"{len(verdicts)} verdicts, {bad} bad" if bad else f"{len(verdicts)} verdicts, all good")
+    raise typer.Exit(1 if bad else 0)
+
+
+@app.command()
+def crossplay(
+    folder: FolderOption = Path("leaderboard"),
+    check: Annotated[
+        str | None, typer.Option(help="play so many of the pairs again, as 5%, instead of those that lack")
+    ] = None,
+    sample_seed: Annotated[int, typer.Option(help="of the draw")] = 0,
+    jobs: JobsOption = 1,
+    backend: BackendOption = "loky",
+    address: AddressOption = None,
+) -> None:
+    """Play every verified ally against every opponent, where that was not done yet."""
+    from fpg_bench.leaderboard.crossplay import check_pairs, play_missing
+
+    if check is None:
+        failed = play_missing(folder, jobs=jobs, backend=backend, address=address, say=say)
+    else:
+        failed = check_pairs(folder, _share(check), sample_seed)
+    for line in failed:
+        say(line)
+    raise typer.Exit(1 if failed else 0)
+
+
+def _share(text: str) -> float:
+    """The share that a percentage says, as ``5%``."""
+    try:
+        return float(text.strip().removesuffix("%")) / 100
+    except ValueError:
+        raise UserError(f"expected a percentage as 5%, got {text!r}") from None
