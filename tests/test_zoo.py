@@ -12,11 +12,14 @@ from pathlib import Path
 
 import pytest
 
+from fpg_bench import make_sb3
+from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.evaluation.panel import load_panel
 from fpg_bench.evaluation.references import measure_panel
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.evaluation.zoo_scores import add_missing_lines, complete, first_returns, read_lines
 from fpg_bench.evaluation.zoo_table import page
+from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent
 from tests.evaluation.zoo_making import make_agent, make_zoo
 
@@ -77,12 +80,14 @@ def test_every_shipped_agent_plays_as_its_lines_say():
 
 @pytest.mark.parametrize("view", SHIPPED.views, ids=lambda view: view.name)
 def test_shipped_views_can_be_played_and_measured(view):
-    from fpg_bench import make_sb3
-
     panel = load_panel(view.panel)
     assert panel.references is not None
-    games = make_sb3(view.id, 2, 0, **view.options)
-    assert games.core.side == panel.side
+    if view.id == DUEL:
+        games = make_sb3_duel(2, 0, **view.options)
+        assert games.reset().shape == (2, 30)
+    else:
+        games = make_sb3(view.id, 2, 0, **view.options)
+        assert games.core.side == panel.side
     lines = read_lines(SHIPPED, view, panel)
     assert complete(lines, panel) == lines
 
