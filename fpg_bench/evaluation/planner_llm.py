@@ -15,11 +15,12 @@ from fpg_bench.files import read_json, write_json, write_whole
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.planning.llm.budget import Budget
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
+from fpg_bench.planning.llm.packed import PACKED
 from fpg_bench.planning.llm.prompts import load_prompt, prompt_file
 from fpg_bench.planning.llm.servers import endpoint_from_environment
 from fpg_bench.planning.llm.transcript import Transcript
 
-_ABOUT, _PROMPT = "planner.json", "prompt.yml"  # lie beside a planner's transcripts, one for each ally
+ABOUT, PROMPT = "planner.json", "prompt.yml"  # lie beside a planner's transcripts, one for each ally
 _DECIDING = ("model", "control", "prompt_hash")
 _CAPS = ("calls", "tokens", "seconds")
 
@@ -47,7 +48,7 @@ def asked(name: str, panel: PlannerPanel, folder: Path, options: Mapping[str, An
 
     def make(ally: str) -> LLMPlanner:
         _claim(folder, about, panel)
-        path = folder / _file(ally)
+        path = folder / transcript_name(ally)
         planner = LLMPlanner(
             panel.scenario, endpoint, prompt=prompt, control=control, transcript=path, mode="record", **rest
         )
@@ -68,7 +69,7 @@ def replayed(folder: Path, panel: PlannerPanel, taken: Collection[str] = ()) -> 
     Raises:
         UserError: no transcripts there, those of another panel, or a planner by the name of another.
     """
-    found = sorted(path.parent for path in folder.glob(f"*/{_ABOUT}"))
+    found = sorted(path.parent for path in folder.glob(f"*/{ABOUT}"))
     if not found:
         raise UserError(f"transcripts {folder}: hold no planner; name the folder transcripts of a comparison")
     for path in found:
@@ -80,17 +81,17 @@ def replayed(folder: Path, panel: PlannerPanel, taken: Collection[str] = ()) -> 
 
 
 def _replayed(folder: Path, panel: PlannerPanel) -> Contender:
-    about, prompt = _about(folder), load_prompt(str(folder / _PROMPT))
+    about, prompt = _about(folder), load_prompt(str(folder / PROMPT))
     _check_panel(folder, about, panel)
     if prompt.hash != about["prompt_hash"]:
-        raise UserError(f"transcripts {folder}: its {_PROMPT} is not the prompt that was recorded")
+        raise UserError(f"transcripts {folder}: its {PROMPT} is not the prompt that was recorded")
 
     def make(ally: str) -> LLMPlanner:
         planner = LLMPlanner(
             panel.scenario,
             prompt=prompt,
             control=about["control"],
-            transcript=folder / _file(ally),
+            transcript=transcript_file(folder, ally),
             mode="replay",
         )
         planner.transcript.check_told(about)
@@ -111,8 +112,8 @@ def _claim(folder: Path, about: dict[str, Any], panel: PlannerPanel) -> None:
                     "another folder"
                 )
         return
-    write_whole(folder / _PROMPT, prompt_file(about["prompt"]).read_bytes())
-    write_json(folder / _ABOUT, about)
+    write_whole(folder / PROMPT, prompt_file(about["prompt"]).read_bytes())
+    write_json(folder / ABOUT, about)
 
 
 def _check_panel(folder: Path, about: Mapping[str, Any], panel: PlannerPanel) -> None:
@@ -125,9 +126,9 @@ def _check_panel(folder: Path, about: Mapping[str, Any], panel: PlannerPanel) ->
 
 
 def _about(folder: Path) -> dict[str, Any]:
-    about = read_json(folder / _ABOUT, "transcripts")
+    about = read_json(folder / ABOUT, "transcripts")
     if not all(isinstance(about.get(key), str) for key in _DECIDING):
-        raise UserError(f"transcripts {folder / _ABOUT}: expected the keys {', '.join(_DECIDING)}")
+        raise UserError(f"transcripts {folder / ABOUT}: expected the keys {', '.join(_DECIDING)}")
     return about
 
 
@@ -144,6 +145,13 @@ def _budget(folder: Path, caps: Mapping[str, float]) -> Budget:
     return budget
 
 
-def _file(ally: str) -> str:
-    """The transcript of the matches against an ally, whose name may be a path."""
+def transcript_name(ally: str) -> str:
+    """The name of the transcript of the matches against an ally, whose own name may be a path."""
     return f"{ally.replace('/', '-').replace(':', '-')}.jsonl"
+
+
+def transcript_file(folder: Path, ally: str) -> Path:
+    """The transcript in a folder of the matches against an ally, packed where only that is there."""
+    plain = folder / transcript_name(ally)
+    packed = plain.with_name(plain.name + PACKED)
+    return packed if packed.exists() and not plain.exists() else plain

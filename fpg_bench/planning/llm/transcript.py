@@ -17,6 +17,7 @@ from typing import Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where, alike
+from fpg_bench.planning.llm.packed import PACKED, packed_rows
 from fpg_bench.planning.planner import Request
 from fpg_bench.rows import Row, RowFile
 
@@ -39,7 +40,7 @@ class Transcript:
     copy shares its file; pickling keeps name and mode alone.
 
     Args:
-        path: the file; None in mode ``live``, and only there.
+        path: the file; None in mode ``live``, and only there. One that is packed (``.gz``) can be replayed.
         mode: ``live``; ``record``: what is in the file is used, the rest is asked for and added;
             ``replay``: all must be in the file.
 
@@ -55,6 +56,8 @@ class Transcript:
             needs = "keeps no file; choose record or replay" if path else "needs the transcript's file"
             raise UserError(f"transcript: mode {mode} {needs}")
         self.path = None if path is None else Path(path)
+        if mode == "record" and self._is_packed:
+            raise UserError(f"transcript {path}: is packed, and can only be replayed; unpack it to go on")
         self.mode = mode
         self._attempts: dict[Where, Attempt] | None = None
         self._valid: dict[tuple[int, int], dict[int, Attempt]] = {}  # by seed and match, then by round
@@ -185,6 +188,10 @@ class Transcript:
         mend = "repeat what was recorded" if self.mode == "replay" else "record into a new file"
         return f"transcript {self.path}: {named} {what}; {mend}"
 
+    @property
+    def _is_packed(self) -> bool:
+        return self.path is not None and self.path.suffix == PACKED
+
     def _note_path(self, attempt: Attempt) -> None:
         rounds = self._valid.setdefault((attempt.seed, attempt.match), {})
         rounds.pop(attempt.round, None)
@@ -203,7 +210,8 @@ class Transcript:
         elif not path.is_file():
             raise UserError(f"transcript {path}: no such file to replay")
         found: dict[Where, Attempt] = {}
-        for number, row in enumerate(RowFile(path).read(), 1):
+        rows = packed_rows(path) if self._is_packed else RowFile(path).read()
+        for number, row in enumerate(rows, 1):
             if row.get("kind") == "flown":
                 self._flown[_checked_place(row, f"transcript {path}: line {number}")] = row
             elif row.get("kind") == "attempt":

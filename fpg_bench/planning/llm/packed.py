@@ -1,0 +1,69 @@
+"""Transcripts that somebody else has recorded: packed by gzip or not, and read within bounds."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import zlib
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+
+from fpg_bench.errors import UserError
+from fpg_bench.rows import Row
+
+PACKED = ".gz"
+MOST_BYTES = 16_000_000  # of one transcript, unpacked; that of 20 matches is about 1.4 MB
+MOST_LINES = 20_000
+LONGEST_LINE = 1_000_000  # bytes
+
+
+def packed_rows(path: Path) -> list[Row]:
+    """All rows of a transcript, which must be whole; no more than ``MOST_BYTES`` of it are ever held.
+
+    Args:
+        path: the file; its name ends in ``.gz`` where it is packed.
+
+    Raises:
+        UserError: it can't be read or unpacked, is too long, has a line that is too long or no row, or ends
+            in the middle of one.
+    """
+    data = _bounded(path)
+    if data.count(b"\n") > MOST_LINES:
+        raise UserError(f"transcript {path}: has more than {MOST_LINES:,} lines")
+    *lines, rest = data.split(b"\n")
+    if rest:
+        raise UserError(f"transcript {path}: is cut off in its last line")
+    return [_row(line, f"transcript {path}: line {number}") for number, line in enumerate(lines, 1)]
+
+
+def _bounded(path: Path) -> bytes:
+    try:
+        with _opened(path) as file:
+            data = file.read(MOST_BYTES + 1)
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise UserError(f"transcript {path}: cannot be unpacked: {error}") from error
+    except OSError as error:
+        raise UserError(f"transcript {path}: cannot be read: {error.strerror}") from error
+    if len(data) > MOST_BYTES:
+        raise UserError(f"transcript {path}: is longer than {MOST_BYTES:,} bytes, unpacked")
+    return data
+
+
+def _opened(path: Path) -> BinaryIO:
+    return cast(BinaryIO, gzip.open(path)) if path.suffix == PACKED else path.open("rb")
+
+
+def _row(line: bytes, where: str) -> Row:
+    if len(line) > LONGEST_LINE:
+        raise UserError(f"{where} is longer than {LONGEST_LINE:,} bytes")
+    try:
+        row = json.loads(line, parse_constant=_refused)
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{where} is no row: {str(error) or 'too deep'}") from error
+    if not isinstance(row, dict):
+        raise UserError(f"{where} is no row but {type(row).__name__}")
+    return row
+
+
+def _refused(word: str) -> Any:
+    raise ValueError(f"{word} is no number")
