@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from fpg_bench.evaluation.panel import Panel
+from fpg_bench.leaderboard.planner_track import STATUSES, TOKENS
 from fpg_bench.rows import Row
 
 # Rounds and means are compared by what they are worth: in shares of the distance between the random
@@ -70,6 +71,9 @@ def _of_line(now: Row, then: Row) -> list[str]:
     found = []
     if abs(now["lost"] - then["lost"]) > (1 - SHARE_OF_ROUNDS) * now["n"]:
         found.append(f"{where}: {now['lost']} rounds lost, the result says {then['lost']}")
+    for name in (STATUSES, TOKENS):
+        if now.get(name) != then.get(name):
+            found.append(f"{where}: {name} {now.get(name)}, the result says {then.get(name)}")
     for name, value in now["mean"].items():
         if name not in _NOT_COMPARED and not _near(value, then["mean"][name], now["sd"].get(name)):
             found.append(f"{where}: {name} {value}, the result says {then['mean'][name]}")

@@ -13,11 +13,14 @@ import numpy as np
 from fpg_bench import __version__
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import Panel, load_panel
+from fpg_bench.evaluation.planner_references import PlannerTable
 from fpg_bench.evaluation.seeds import PROTOCOL, SEASON
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.leaderboard.cases import Case, make_case, result_file, submission_folders
 from fpg_bench.leaderboard.crossplay import ROUNDS, entrants, pair_key, read_pairs
 from fpg_bench.leaderboard.nash import nash
+from fpg_bench.leaderboard.planner_ranking import planner_standing
+from fpg_bench.leaderboard.planner_track import TRACK
 from fpg_bench.leaderboard.ranking import (
     FEW_SEEDS,
     Standing,
@@ -29,6 +32,7 @@ from fpg_bench.leaderboard.ranking import (
 )
 from fpg_bench.leaderboard.result import Result, rounded
 from fpg_bench.leaderboard.submission import PANELS, Submission, load_submission
+from fpg_bench.leaderboard.transcripts import entered_table
 from fpg_bench.rows import Row, RowFile
 
 # The tables that rounds decide: key, track, path, title.
@@ -36,6 +40,7 @@ TABLES = (
     ("ally", "ally", None, "Allies"),
     ("opponent-pursuit", "opponent", "pursuit", "Opponents in pursuit"),
     ("opponent-learned", "opponent", "learned", "Opponents that fly themselves"),
+    ("planner", TRACK, None, "Planners of the opponent's path"),
 )
 EXPLOIT = "exploit.jsonl"
 
@@ -74,8 +79,6 @@ def _shown(board: Path) -> list[tuple[Submission, Case | None, str | None]]:
             submission = load_submission(folder)
         except UserError:
             continue  # nothing of it can be trusted, not even its name
-        if submission.track == "planner":
-            continue
         try:
             found.append((submission, make_case(board, folder), None))
         except UserError as error:
@@ -85,10 +88,11 @@ def _shown(board: Path) -> list[tuple[Submission, Case | None, str | None]]:
 
 def _table(board: Path, shown: Iterable[Any], key: str, track: str, path: str | None, title: str) -> Row:
     """One table: its rows from best to worst, those that are not verified last."""
-    panel = load_panel(PANELS[track, path])
+    name = PANELS[track, path]
+    panel = entered_table(name, asks=False) if track == TRACK else load_panel(name)
     mine = [item for item in shown if (item[0].track, item[0].path) == (track, path)]
     scored = [
-        (submission, case.known, standing(case.known, panel))
+        (submission, case.known, _standing(case.known, case.panel))
         for submission, case, _ in mine
         if case is not None and case.known is not None and case.known.verified
     ]
@@ -117,6 +121,11 @@ def _table(board: Path, shown: Iterable[Any], key: str, track: str, path: str | 
         "improvement": _improvement(standings),
         "profiles": _profiles(standings),
     }
+
+
+def _standing(result: Result, panel: Panel) -> Standing:
+    """The standing of a verified result, on just the matches that it played."""
+    return planner_standing(result, panel) if isinstance(panel, PlannerTable) else standing(result, panel)
 
 
 def _texts(submission: Submission) -> Row:
@@ -158,16 +167,23 @@ def _figures(result: Result, entry: Standing, panel: Panel, exploited: Row | Non
         "measures": {"return": summary["measures"][f"{panel.side}_return"], **summary["measures"]},
         "exploitability": exploited,
         "lost": summary["lost"],
+        "planner": _planner(result) if isinstance(panel, PlannerTable) else None,
         "histograms": {"ally": _points(result, "ally_points"), "jam": _points(result, "jam_points")},
         "fingerprint": result.fingerprint,
     }
+
+
+def _planner(result: Result) -> Row:
+    """What is told of planners alone: what they know, how they learn, and how a language model answered."""
+    names = ("score_all", "curve", "valid", "statuses", "tokens")
+    return {**result.fingerprint["planner"], **{name: result.head["summary"][name] for name in names}}
 
 
 def _blank(case: Case | None, why: str | None) -> Row:
     """What is shown of a result that is not verified, or does not count."""
     known = None if case is None else case.known
     empty: Row = dict.fromkeys(
-        ("rank", "lead", "score", "mean", "worst", "exploitability", "histograms", "fingerprint")
+        ("rank", "lead", "score", "mean", "worst", "exploitability", "planner", "histograms", "fingerprint")
     )
     return empty | {
         "status": "not verified",

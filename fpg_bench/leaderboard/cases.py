@@ -13,7 +13,8 @@ from pathlib import Path
 import platformdirs
 
 from fpg_bench.errors import UserError, nearest
-from fpg_bench.evaluation.panel import Panel, load_panel
+from fpg_bench.evaluation.panel import Panel
+from fpg_bench.leaderboard.planner_track import panel_of
 from fpg_bench.leaderboard.playing import Part, parts_of
 from fpg_bench.leaderboard.result import Result, differing, fingerprint, read_result
 from fpg_bench.leaderboard.submission import TRACKS, Submission, load_submission
@@ -98,7 +99,7 @@ def make_case(board: Path, folder: Path, update: bool = False) -> Case:
         UserError: a submission that is wrong, or a result that is: edited, or of something else.
     """
     submission = load_submission(folder)
-    panel = load_panel(submission.panel)
+    panel = panel_of(submission)
     path = result_file(board, submission.track, submission.slug)
     try:
         known = _known(path, submission, panel)

@@ -11,10 +11,13 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.evaluation.panel import Entry, Panel
+from fpg_bench.evaluation.planner_references import PlannerTable
 from fpg_bench.evaluation.runner import play_entry
 from fpg_bench.evaluation.summary import check_references
 from fpg_bench.evaluation.zoo_scores import sum_up
+from fpg_bench.leaderboard.planner_track import TRACK, planner_line
 from fpg_bench.leaderboard.submission import Policy, Submission
+from fpg_bench.leaderboard.transcripts import FOLDER
 from fpg_bench.rows import Row, RowFile
 
 LINES = "lines.jsonl"
@@ -23,11 +26,14 @@ FAILED = "failed"  # the key of a row that says why a part could not be played o
 
 @dataclass(frozen=True)
 class Part:
-    """What is played of a submission: a script, or the policy of one training seed; perhaps of the zoo."""
+    """What is played of a submission: a script, the policy of one training seed (perhaps of the zoo), or a
+    planner whose transcripts were ``recorded`` in the submission's folder.
+    """
 
     seed: int | None
     plays: str | Policy
     shipped: bool = False
+    recorded: Path | None = None
 
     @property
     def name(self) -> str:
@@ -39,6 +45,8 @@ def parts_of(submission: Submission) -> list[Part]:
     """All that is played of a submission, by training seed."""
     if submission.script is not None:
         return [Part(None, submission.script)]
+    if submission.track == TRACK:
+        return [Part(None, FOLDER, recorded=submission.folder)]
     policies = sorted(submission.policies, key=lambda policy: policy.seed)
     return [Part(policy.seed, policy, submission.zoo is not None) for policy in policies]
 
@@ -59,6 +67,10 @@ def run_submission(submission: Submission, panel: Panel) -> list[Row]:
 
 def part_lines(part: Part, panel: Panel, entries: Iterable[Entry]) -> Iterator[Row]:
     """The lines of a part on some entries of a panel; raises as :func:`run_submission` does."""
+    if isinstance(panel, PlannerTable):
+        planner = part.recorded or str(part.plays)
+        yield from (planner_line(planner, panel, entry) for entry in entries)
+        return
     check_references(panel)
     with seated(part.plays) as player, failures_told():
         for entry in entries:

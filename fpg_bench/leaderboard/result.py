@@ -14,11 +14,19 @@ import numpy as np
 from fpg_bench import __version__
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import Panel
+from fpg_bench.evaluation.planner_references import PlannerTable
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.zoo_scores import summarise_lines
 from fpg_bench.files import write_whole
 from fpg_bench.game.measures import measures
 from fpg_bench.game.state import TALLY
+from fpg_bench.leaderboard.planner_track import (
+    STATUSES,
+    TOKENS,
+    is_planner_line,
+    planner_facts,
+    planner_summary,
+)
 from fpg_bench.players.player import SIDES
 from fpg_bench.rows import Row
 
@@ -61,6 +69,7 @@ class Result:
 
 def fingerprint(submission: Submission, panel: Panel) -> Row:
     """All that decides a result: the version, the game, the protocol, and what was submitted."""
+    planner = planner_facts(submission, panel) if isinstance(panel, PlannerTable) else None
     return {
         "version": __version__,
         "scenario": panel.scenario.hash,
@@ -71,6 +80,7 @@ def fingerprint(submission: Submission, panel: Panel) -> Row:
         "rounds": panel.rounds,
         "policies": {str(policy.seed): policy.sha256 for policy in submission.policies},
         "submission": submission.fingerprint,
+        **({} if planner is None else {"planner": planner}),
     }
 
 
@@ -126,6 +136,9 @@ def summary_of(lines: list[Row], panel: Panel) -> Row:
         lines: of one submission, on all entries.
         panel: what was played, with its reference scores.
     """
+    if isinstance(panel, PlannerTable):
+        found: Row = all_rounded(planner_summary(lines, panel))
+        return found
     (summary,) = summarise_lines([line | {"algorithm": ""} for line in lines], panel)
     score = summary.score
     return {
@@ -146,6 +159,15 @@ def summary_of(lines: list[Row], panel: Panel) -> Row:
 def rounded(value: float | None) -> float | None:
     """To six digits that count; None where there is no finite number."""
     return None if value is None or not math.isfinite(value) else float(f"{value:.{_DIGITS}g}")
+
+
+def all_rounded(value: Any) -> Any:
+    """The same mapping or list, with all of its numbers rounded so."""
+    if isinstance(value, dict):
+        return {key: all_rounded(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [all_rounded(item) for item in value]
+    return rounded(value) if isinstance(value, float) else value
 
 
 def write_result(path: Path, result: Result) -> None:
@@ -201,7 +223,8 @@ def check_lines(result: Result, panel: Panel, path: Path) -> None:
 
 def _is_line(line: Row, panel: Panel) -> bool:
     """Whether a line has the form that scores are made of."""
-    if line.keys() != _LINE or line["entry"] not in [entry.name for entry in panel.entries]:
+    expected = _LINE | {STATUSES, TOKENS} if isinstance(panel, PlannerTable) else _LINE
+    if line.keys() != expected or line["entry"] not in [entry.name for entry in panel.entries]:
         return False
     points, whole = panel.scenario.frequency_points, isinstance(line["lost"], int)
     return (
@@ -211,6 +234,7 @@ def _is_line(line: Row, panel: Panel) -> bool:
         and _are_numbers(line["jam_points"], points)
         and _are_measures(line["mean"], {f"{side}_return" for side in SIDES})
         and (whole and 0 <= line["lost"] <= panel.rounds)
+        and (not isinstance(panel, PlannerTable) or is_planner_line(line, panel))
     )
 
 
@@ -240,6 +264,8 @@ def _alike(one: Any, other: Any) -> bool:
             and one.keys() == other.keys()
             and all(_alike(one[key], other[key]) for key in one)
         )
+    if isinstance(one, list):
+        return isinstance(other, list) and len(one) == len(other) and all(map(_alike, one, other))
     if isinstance(one, float) and _is_number(other):
         return math.isclose(one, other, rel_tol=1e-5, abs_tol=1e-9)
     return bool(one == other)

@@ -1,0 +1,227 @@
+"""What is wrong with the transcripts of a language model that somebody submits; nobody is asked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import yaml
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.planner_llm import ABOUT, PROMPT, transcript_file, transcript_name
+from fpg_bench.evaluation.planner_panel import PlannerPanel
+from fpg_bench.evaluation.planner_references import PlannerTable, load_planner_table
+from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.files import read_json
+from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Where
+from fpg_bench.planning.llm.packed import PACKED, packed_rows
+from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt
+from fpg_bench.rows import Row
+
+FOLDER = "transcripts"
+MATCHES = 20  # of each ally: five times fewer tokens than the panel's 100, for intervals twice as wide
+LARGEST_FOLDER = 10_000_000  # bytes, as it lies in the repository; a terse model's is 1 MB
+_LARGEST = {ABOUT: 10_000, PROMPT: 16_000}
+_MOST_REPEATS = 2  # of the history in a prompt: more would make one that fills the memory
+_LONGEST_NAME = 100
+_MOST = {"seconds": 1e7, "calls": 1e4, "tokens_in": 1e9, "tokens_out": 1e9}
+_RAW_CUT = 10_000  # characters that are kept of a long raw reply
+
+_ABOUT_KEYS = ("model", "server", "control", "prompt", "prompt_hash", "panel_hash")
+
+
+def entered_table(panel: str = "planner-v1", asks: bool = True) -> PlannerTable:
+    """What a submission of a planner plays: a language model the panel's first matches, others all of them.
+
+    Args:
+        panel: its name or YAML file.
+        asks: whether the planner is a language model's, in transcripts.
+
+    Raises:
+        UserError: no such panel.
+    """
+    whole = load_planner_table(panel)
+    fewer = asks and whole.planners.matches > MATCHES
+    return load_planner_table(panel, MATCHES) if fewer else whole
+
+
+def check_transcripts(folder: Path, panel: str = "planner-v1") -> list[str]:
+    """What is wrong with a submission's transcripts as far as they show it, one line each.
+
+    That their prompts are those of the game shows only when it is played again.
+
+    Args:
+        folder: the submission's.
+        panel: what was to be played, its name or YAML file.
+    """
+    plays, where = entered_table(panel).planners, folder / FOLDER
+    if found := list(_wrong_files(where, plays)):
+        return found
+    try:
+        about, _ = told(folder, plays)
+    except UserError as error:
+        return [local(error, folder)]
+    for ally in plays.allies:
+        try:
+            _check_transcript(transcript_file(where, ally), about, plays)
+        except UserError as error:
+            found.append(local(error, folder))
+    return found
+
+
+def local(error: Exception, folder: Path) -> str:
+    """An error's text in one line that names the submission's files by their place in it, on any machine."""
+    text = " ".join(str(error).replace(f"{folder}/", "").split())
+    return text if len(text) <= 300 else f"{text[:299]}…"
+
+
+def told(folder: Path, panel: PlannerPanel) -> tuple[Row, Prompt]:
+    """What is told of all of a submission's transcripts, and the prompt that they were made with.
+
+    Args:
+        folder: the submission's.
+        panel: what was played.
+
+    Raises:
+        UserError: it cannot be read, or is not of this panel's matches or this prompt.
+    """
+    file = folder / FOLDER / PROMPT
+    about = _about(folder / FOLDER / ABOUT, panel)
+    _check_plain(file)
+    prompt = load_prompt(str(file))
+    if prompt.hash != about["prompt_hash"]:
+        raise UserError(f"{file}: is not the prompt that {ABOUT} tells the hash of")
+    return about, prompt
+
+
+# Files
+
+
+def _wrong_files(where: Path, panel: PlannerPanel) -> Iterator[str]:
+    if where.is_symlink() or not where.is_dir():
+        yield f"{FOLDER}: no such folder; put there what plan compare has recorded"
+        return
+    needed = [transcript_name(ally) for ally in panel.allies]
+    names = {*_LARGEST, *needed, *(name + PACKED for name in needed)}
+    size = 0
+    for path in sorted(where.iterdir()):
+        if path.is_symlink() or not path.is_file():
+            yield f"{FOLDER}/{_shown(path.name)}: not a plain file"
+        elif path.name not in names:
+            yield f"{FOLDER}/{_shown(path.name)}: does not belong here"
+        elif (large := path.stat().st_size) > (most := _LARGEST.get(path.name, LARGEST_FOLDER)):
+            yield f"{FOLDER}/{path.name}: {large:,} bytes, more than {most:,}; pack transcripts by gzip -9"
+        else:
+            size += large
+    if size > LARGEST_FOLDER:
+        yield f"{FOLDER}: {size:,} bytes, more than {LARGEST_FOLDER:,}; pack transcripts by gzip -9"
+    for name in [*_LARGEST, *needed]:
+        there = [path for path in (where / name, where / f"{name}{PACKED}") if path.exists()]
+        if len(there) != 1:
+            yield f"{FOLDER}/{name}: {'is missing' if not there else 'lies there packed and unpacked'}"
+
+
+def _shown(name: str) -> str:
+    return name if name.isprintable() and len(name) <= _LONGEST_NAME else ascii(name[:_LONGEST_NAME])
+
+
+def _about(file: Path, panel: PlannerPanel) -> Row:
+    about = read_json(file, FOLDER)
+    for key in _ABOUT_KEYS:
+        value = about.get(key)
+        if not isinstance(value, str) or not value.isprintable() or not 0 < len(value) <= _LONGEST_NAME:
+            raise UserError(f"{file}: {key}: expected a line of at most {_LONGEST_NAME} characters")
+    if about["control"] not in CONTROLS:
+        raise UserError(f"{file}: control: expected one of {', '.join(CONTROLS)}")
+    if about["panel_hash"] != panel.hash:
+        asked = f"--panel {panel.name} --matches {panel.matches}"
+        raise UserError(f"{file}: tells of other matches; record those of plan compare {asked}")
+    return about
+
+
+def _check_plain(file: Path) -> None:
+    """Raise UserError for a prompt whose few characters stand for very many."""
+    text = file.read_bytes()
+    try:
+        repeated = any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader))
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        raise UserError(f"{file}: not valid YAML: {error}") from error
+    words = [match.group() for match in Template.pattern.finditer(text.decode("utf-8", "replace"))]
+    if repeated:
+        raise UserError(f"{file}: holds an alias (*name); write out what it stands for")
+    for word in ("history", "rounds"):
+        if sum(word in found for found in words) > _MOST_REPEATS:
+            raise UserError(f"{file}: ${word} stands there more than {_MOST_REPEATS} times")
+
+
+# Attempts
+
+
+def _check_transcript(file: Path, about: Row, panel: PlannerPanel) -> None:
+    """Check that a transcript holds all attempts at the plans of its matches, and no others."""
+    found: dict[Where, Attempt] = {}
+    for number, row in enumerate(packed_rows(file), 1):
+        where = f"transcript {file}: line {number}"
+        attempt = _attempt(row, where)
+        _check_told(attempt, row, about, where)
+        if found.setdefault(attempt.where, attempt) is not attempt:
+            raise UserError(f"{where} is another attempt at what was asked before{_at(attempt.where)}")
+    plans = [
+        (seed, 0, k) for seed in evaluation_seeds(panel.matches, panel.season) for k in range(panel.rounds)
+    ]
+    expected: set[Where] = {(*plan, FIRST) for plan in plans}
+    if lacking := sorted(expected - found.keys()):
+        raise UserError(f"transcript {file}: lacks {len(lacking)} of {len(plans)} plans{_at(lacking[0])}")
+    again = {(*plan, LAST) for plan in plans if found[*plan, FIRST].asks_again}
+    if lacking := sorted(again - found.keys()):
+        raise UserError(f"transcript {file}: lacks the second attempt{_at(lacking[0])}")
+    if extra := sorted(found.keys() - expected - again):
+        raise UserError(f"transcript {file}: holds an attempt that nothing asks for{_at(extra[0])}")
+
+
+def _at(where: Where) -> str:
+    return f": seed {where[0]}, match {where[1]}, round {where[2]}, attempt {where[3]}"
+
+
+def _attempt(row: Row, where: str) -> Attempt:
+    if row.get("kind") != "attempt":
+        raise UserError(f"{where} is no attempt; a transcript of plan compare holds nothing else")
+    attempt = Attempt.of(row, where)
+    for name in ("seed", "match", "round", "attempt", *_MOST):
+        value = getattr(attempt, name)
+        if isinstance(value, bool) or (value is not None and not 0 <= value <= _MOST.get(name, math.inf)):
+            raise UserError(f"{where}: {name}: {value!r:.40} cannot be")
+    try:
+        changed = attempt.unlike(row.get("raw"))
+        own_key = row.get("key") == attempt.key
+    except (RecursionError, ValueError) as error:
+        raise UserError(f"{where} is too deep to be read") from error
+    if changed:
+        raise UserError(f"{where} is changed: its {changed} is not what its raw reply says")
+    if not own_key:
+        raise UserError(f"{where} is changed: its key is not that of its request")
+    return attempt
+
+
+def _check_told(attempt: Attempt, row: Row, about: Row, where: str) -> None:
+    """Check that an attempt was made as is told of all, and shows what was asked and answered."""
+    unasked = attempt.error == "budget" and attempt.text is None
+    if attempt.request is None and not unasked:
+        raise UserError(f"{where} does not show what was asked")
+    if attempt.request is not None and not {"model", "messages"} <= attempt.request.keys():
+        raise UserError(f"{where} does not show the model and messages of its request")
+    model = about["model"] if attempt.request is None else attempt.request["model"]
+    made = {"model": model, "prompt_hash": attempt.prompt_hash, "control": attempt.control}
+    for name, value in made.items():
+        if value != about[name]:
+            raise UserError(f"{where} was made with {name} {value!r:.60}, and not {about[name]!r:.60}")
+    if attempt.text is not None and not _is_raw(row.get("raw")):
+        raise UserError(f"{where} does not show the raw reply")
+
+
+def _is_raw(raw: Any) -> bool:
+    """Whether this is a raw reply, kept whole, or the beginning of a long one."""
+    return isinstance(raw, dict) or (isinstance(raw, str) and len(raw) == _RAW_CUT)
