@@ -1,0 +1,161 @@
+import json
+
+import numpy as np
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.panel import load_panel
+from fpg_bench.evaluation.runner import play_entry
+from fpg_bench.leaderboard.crossplay import (
+    Entrant,
+    check_pairs,
+    crossplay_file,
+    entrants,
+    play_missing,
+    play_pair,
+)
+from fpg_bench.leaderboard.playing import Part
+from fpg_bench.leaderboard.submission import Policy
+from fpg_bench.leaderboard.team import Team
+from fpg_bench.leaderboard.verify import verify
+from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.players.naming import as_player
+from tests.evaluation.zoo_making import policy
+from tests.leaderboard.entering import enter
+
+ROUNDS = 6
+
+
+def entrant(panel, slug, *plays, shipped=True):
+    panel = load_panel(panel)
+    parts = tuple(
+        Part(None, p) if isinstance(p, str) else Part(p, Policy(p, {}, policy(p), str(p)), shipped)
+        for p in plays
+    )
+    return Entrant(slug, panel.side, parts, panel.entry_scenario(panel.entries[0]))
+
+
+def rate(spec, panel, opponent):
+    """As the match runner has it."""
+    panel = load_panel(panel)
+    (entry,) = (e for e in panel.entries if e.name == opponent)
+    rows = [row for batch in play_entry(spec, panel, entry, ROUNDS) for row in batch]
+    return sum(row["jammed"] for row in rows) / sum(row["steps"] for row in rows)
+
+
+@pytest.mark.parametrize("spec", ["reactive", 3])
+def test_a_pair_plays_as_the_match_runner_does(spec):
+    found = play_pair(entrant("ally-v1", "a", spec), entrant("opponent-v1", "o", "adaptive"), rounds=ROUNDS)
+    played = spec if isinstance(spec, str) else OnnxPlayer(policy(spec), {})
+    assert found["jamming_success_rate"] == pytest.approx(
+        rate(played, "ally-v1", "adaptive/pursuit"), rel=1e-5
+    )
+    assert (found["rounds"], found["lost"]) == (ROUNDS, [0, 0])
+
+
+def test_the_opponents_table_says_how_it_flies():
+    ally = entrant("ally-v1", "a", "expert")
+    found = [
+        play_pair(ally, entrant(panel, "o", 1), rounds=ROUNDS)["jamming_success_rate"]
+        for panel in ("opponent-v1", "opponent-learned-v1")
+    ]
+    assert found[0] != found[1]
+
+
+def test_a_team_plays_each_game_as_its_member_alone_would():
+    members = [as_player("random", "ally", load_panel("ally-v1").scenario), OnnxPlayer(policy(1), {})]
+    seats = np.array([0, 1, 1, 0, 1])
+    team = Team(members, seats)
+    seeds, seen = np.arange(5, dtype=np.uint64), np.random.default_rng(0).normal(size=(3, 5, 15)).astype("f")
+    team.reset(np.ones(5, bool), seeds)
+    memory, found = None, []
+    for step in seen:
+        actions, memory = team.predict(step, memory, np.zeros(5, bool))
+        found.append(actions)
+    for k, alone in enumerate([as_player("random", "ally", load_panel("ally-v1").scenario), members[1]]):
+        mine = seats == k
+        if hasattr(alone, "reset"):
+            alone.reset(np.ones(mine.sum(), bool), seeds[mine])
+        memory = None
+        for step, actions in zip(seen, found, strict=True):
+            expected, memory = alone.predict(step[mine], memory, np.zeros(mine.sum(), bool))
+            assert (actions[mine] == expected).all()
+
+
+def test_lost_rounds_go_to_the_other_side(in_process):
+    in_process.loses = (0,)
+    opponent = entrant("opponent-v1", "o", "tone")
+    lost = play_pair(entrant("ally-v1", "a", 0, shipped=False), opponent, rounds=2)
+    assert lost["lost"] == [1, 0]
+    assert lost["jamming_success_rate"] >= 0.5
+    ally = entrant("ally-v1", "a", "idle")
+    lost = play_pair(ally, entrant("opponent-v1", "o", 0, shipped=False), rounds=2)
+    assert lost["lost"] == [0, 1]
+    assert lost["jamming_success_rate"] <= 0.5
+
+
+@pytest.fixture
+def entered(board, in_process):
+    """A board of verified scripts and one policy."""
+    for slug in ("expert", "idle"):
+        enter(board, "ally", slug, script=slug)
+    enter(board, "opponent", "adaptive", script="adaptive")
+    enter(board, "opponent", "linear", seeds=(0, 1))
+    assert all(verdict.good for verdict in verify(board, say=lambda line: None))
+    return board
+
+
+def rows(board):
+    return [json.loads(line) for line in crossplay_file(board).read_text().splitlines()]
+
+
+def play(board, **how):
+    said = []
+    assert play_missing(board, say=said.append, **how) == []
+    return said[0]
+
+
+def test_only_new_pairs_are_played(entered):
+    assert play(entered) == "crossplay: 4 of 4 pairs to play"
+    first = rows(entered)
+    pairs = [(a, o) for a in ("expert", "idle") for o in ("adaptive", "linear")]
+    assert [(row["ally"], row["opponent"]) for row in first] == pairs
+    assert play(entered) == "crossplay: 0 of 4 pairs to play"
+    enter(entered, "ally", "always-hop", script="always-hop")
+    enter(entered, "ally", "unplayed", script="reactive")
+    verify(entered, ["ally/always-hop"], say=lambda line: None)
+    assert play(entered, jobs=2) == "crossplay: 2 of 6 pairs to play"
+    assert rows(entered)[2:] == first
+    assert rows(entered)[0]["ally"] == "always-hop"
+
+
+def test_a_policy_that_fails_leaves_a_gap_and_a_line(entered, in_process):
+    in_process.fails = True
+    assert play_missing(entered, say=lambda line: None) == [
+        "expert - linear: took longer than it may",
+        "idle - linear: took longer than it may",
+    ]
+    assert [row["opponent"] for row in rows(entered)] == ["adaptive"] * 2
+
+
+def test_figures_that_were_edited_are_found(entered):
+    play(entered)
+    assert check_pairs(entered, 1.0, seed=0) == []
+    kept = rows(entered)
+    kept[0]["jamming_success_rate"] += 0.01
+    crossplay_file(entered).write_text("".join(json.dumps(row) + "\n" for row in kept))
+    (found,) = check_pairs(entered, 1.0, seed=0)
+    assert found.startswith("expert - adaptive: jammed 0.")
+    assert len([seed for seed in range(12) if check_pairs(entered, 0.01, seed)]) in range(1, 12)
+
+
+def test_who_is_not_verified_does_not_play(entered):
+    path = entered / "results/ally/expert.jsonl"
+    path.write_text(path.read_text().replace('"season":"0"', '"season":"1"'))
+    assert [a.slug for a in entrants(entered)[0]] == ["idle"]
+
+
+def test_a_line_that_is_no_pair_is_told(entered):
+    crossplay_file(entered).write_text('{"ally": "x"}\n')
+    with pytest.raises(UserError, match=r"crossplay.jsonl: line 1 is not that of a pair"):
+        play_missing(entered, say=lambda line: None)

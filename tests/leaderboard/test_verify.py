@@ -1,0 +1,286 @@
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.panel import load_panel
+from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.evaluation.zoo_scores import read_lines, score_lines
+from fpg_bench.leaderboard.cases import make_case, sampled, work_folder
+from fpg_bench.leaderboard.playing import Part, part_lines, parts_of, run_submission
+from fpg_bench.leaderboard.submission import load_submission
+from fpg_bench.leaderboard.verify import run_one, verify
+from fpg_bench.rows import RowFile
+from tests.leaderboard.entering import enter
+
+BOARD = Path(__file__).parents[2] / "leaderboard"
+LINES = ("returns", "mean", "sd", "rows_sha256", "n")
+
+
+def told(board, *names, **how):
+    """The verdicts of a board, by name: whether good, and the line."""
+    verdicts = verify(board, names, say=lambda line: None, **how)
+    return {verdict.name: (verdict.good, verdict.line) for verdict in verdicts}
+
+
+def result(board, name):
+    return board / "results" / f"{name}.jsonl"
+
+
+def edit(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def test_a_result_is_written_and_holds(board, in_process):
+    enter(board, "ally", "wise", script="expert")
+    enter(board, "ally", "linear", seeds=(0, 2))
+    first = told(board)
+    assert [good for good, _ in first.values()] == [True, True]
+    assert first["ally/wise"][1].startswith("verified: score 100.0 [")
+    before = result(board, "ally/linear").read_bytes()
+    assert told(board)["ally/linear"] == (True, "holds: 4 of 4 lines played again are the same to the bit")
+    assert result(board, "ally/linear").read_bytes() == before
+    head, *lines = map(json.loads, before.splitlines())
+    assert (head["status"], head["summary"]["training_seeds"], head["summary"]["lost"]) == ("verified", 2, 0)
+    assert [(line["training_seed"], line["entry"]) for line in lines] == [
+        (seed, entry) for seed in (0, 2) for entry in ("adaptive/pursuit", "sweep/circle")
+    ]
+
+
+def test_lines_are_those_that_the_zoo_keeps(small_panels):
+    panel = load_panel(small_panels["ally", None])
+    (entry, _) = panel.entries
+    (line,) = part_lines(Part(None, "reactive"), panel, [entry])
+    kept = score_lines("reactive", panel, {})[0]
+    assert {key: line[key] for key in LINES} == {key: kept[key] for key in LINES}
+    assert sum(line["ally_points"]) == sum(line["jam_points"]) == 4 * 300
+
+
+def test_a_shipped_agent_plays_behind_the_door_as_it_was_scored():
+    submission = load_submission(BOARD / "submissions/ally/ally-scripted-ppo")
+    panel = load_panel(submission.panel)
+    (view,) = (view for view in load_zoo().views if view.name == "ally-scripted")
+    kept = {
+        line["entry"]: line
+        for line in read_lines(load_zoo(), view, panel)
+        if (line["algorithm"], line["training_seed"]) == ("ppo", 0)
+    }
+    written = RowFile(BOARD / "results/ally/ally-scripted-ppo.jsonl").read()[1:]
+    for line in part_lines(parts_of(submission)[0], panel, panel.entries[5:7]):
+        assert {key: line[key] for key in LINES} == {key: kept[line["entry"]][key] for key in LINES}
+        assert line in written
+
+
+def test_lost_rounds_count_as_the_lowest_return(board, in_process):
+    in_process.loses = (1, 3)
+    submission = load_submission(enter(board, "ally", "linear", seeds=(0,)))
+    panel = load_panel(submission.panel)
+    for line in run_submission(submission, panel):
+        valid = [line["returns"][k] for k in (0, 2)]
+        lowest = min(*panel.references[line["entry"]].random, *valid)
+        assert [line["returns"][k] for k in (1, 3)] == pytest.approx([lowest] * 2, abs=1e-3)
+        assert line["lost"] == 2
+        assert line["mean"]["ally_return"] == pytest.approx(sum(line["returns"]) / 4, rel=1e-5)
+    assert told(board)["ally/linear"][1].endswith(", 4 rounds lost")
+
+
+def test_a_policy_that_fails_is_not_verified_and_stops_nobody(board, in_process):
+    enter(board, "ally", "linear", seeds=(0, 1))
+    enter(board, "ally", "wise", script="expert")
+    in_process.fails = True
+    found = told(board)
+    assert found["ally/linear"] == (False, "not verified: took longer than it may")
+    assert found["ally/wise"][0]
+    head = json.loads(result(board, "ally/linear").read_text())
+    assert (head["status"], head["reason"]) == ("not verified", "took longer than it may")
+    assert told(board)["ally/linear"] == (True, "not verified, as before: took longer than it may")
+    assert told(board, sample=0.1)["ally/linear"] == (True, "not verified; not part of a sample")
+    in_process.fails = False
+    good, line = told(board)["ally/linear"]
+    assert not good
+    assert line.startswith("the result is not verified, but it plays")
+
+
+def test_a_verified_policy_that_fails_later_is_told(board, in_process):
+    enter(board, "ally", "linear", seeds=(0,))
+    told(board)
+    in_process.fails = True
+    before = result(board, "ally/linear").read_bytes()
+    assert told(board)["ally/linear"] == (False, "the result is verified, but now: took longer than it may")
+    assert result(board, "ally/linear").read_bytes() == before
+
+
+EDITS = {
+    "a return": ('"returns":[', '"returns":[9', "its lines are not those it was written with"),
+    "the summary": ('"value":100.0', '"value":140.0', "its summary does not follow from its lines"),
+    "the rounds": ('"rounds":4', '"rounds":5', "of another rounds; run submit verify with --update"),
+    "the season": ('"season":"0"', '"season":"1"', "of another season; run submit verify with --update"),
+    "the protocol": ('"protocol":"1"', '"protocol":"7"', "of another protocol; run submit verify"),
+    "the status": ('"status":"verified"', '"status":"not verified"', "not verified, but with lines or"),
+    "the name": ('"slug":"wise"', '"slug":"wiser"', "is the result of ally/wiser"),
+    "a number": ('"mean":', '"mean":NaN,"m":', "not lines of JSON: NaN is no number"),
+    "all": ('{"kind"', '[{"kind"', "not lines of JSON"),
+}
+
+
+@pytest.mark.parametrize("what", EDITS)
+def test_a_result_that_was_edited_is_told_in_a_line(board, what):
+    enter(board, "ally", "wise", script="expert")
+    enter(board, "ally", "still", script="idle")
+    told(board)
+    old, new, line = EDITS[what]
+    edit(result(board, "ally/wise"), old, new)
+    found = told(board)
+    assert not found["ally/wise"][0]
+    assert line in found["ally/wise"][1]
+    assert "\n" not in found["ally/wise"][1]
+    assert found["ally/still"][0]
+    assert told(board, update=True)["ally/wise"][1].startswith("verified: score 100.0")
+    assert told(board)["ally/wise"][0]
+
+
+def test_a_forged_result_is_found_by_playing_again(board):
+    """Lines, hash and summary fit each other; only the rounds were never played."""
+    enter(board, "ally", "still", script="idle")
+    enter(board, "ally", "wise", script="expert")
+    told(board)
+    head, *_ = result(board, "ally/still").read_text().splitlines(keepends=True)
+    forged = json.loads(result(board, "ally/wise").read_text().splitlines()[0])
+    forged |= {key: json.loads(head)[key] for key in ("slug", "fingerprint")}
+    lines = result(board, "ally/wise").read_text().splitlines(keepends=True)[1:]
+    text = json.dumps(forged, separators=(",", ":")) + "\n" + "".join(lines)
+    result(board, "ally/still").write_text(text)
+    good, line = told(board, sample=0.5)["ally/still"]
+    assert not good
+    assert line.startswith("the result does not hold: 100.0 % of ")
+
+
+def test_a_submission_that_has_changed_wants_a_new_result(board, in_process):
+    enter(board, "ally", "linear", seeds=(0,))
+    told(board)
+    edit(board / "submissions/ally/linear/submission.yaml", "much", "nothing")
+    good, line = told(board)["ally/linear"]
+    assert not good
+    assert line.endswith("of another submission; run submit verify with --update")
+    assert told(board, update=True)["ally/linear"][0]
+
+
+def test_a_bad_submission_stops_nobody(board):
+    (enter(board, "ally", "torn", script="expert") / "submission.yaml").write_text("{")
+    enter(board, "ally", "wise", script="expert")
+    found = told(board)
+    assert not found["ally/torn"][0]
+    assert "not valid YAML" in found["ally/torn"][1]
+    assert found["ally/wise"][0]
+    assert not result(board, "ally/torn").exists()
+
+
+def test_results_without_a_submission_are_told(board):
+    enter(board, "ally", "wise", script="expert")
+    told(board)
+    (board / "submissions/ally/wise").rename(board / "submissions/ally/wiser")
+    found = told(board)
+    assert not found["ally/wise"][0]
+    assert found["ally/wise"][1].endswith("no such submission")
+
+
+def test_a_sample_holds_a_line_of_each_and_can_be_drawn_again(board, in_process):
+    for slug in ("idle", "expert", "random"):
+        enter(board, "ally", f"the-{slug}", script=slug)
+    enter(board, "ally", "linear", seeds=(0, 1, 2, 3))
+    told(board)
+    cases = [make_case(board, folder) for folder in sorted((board / "submissions/ally").iterdir())]
+
+    def drawn(share, seed):
+        return [
+            [(part.name, entry) for part, entries in case.wanted for entry in entries]
+            for case in sampled(cases, share, seed)
+        ]
+
+    assert [len(lines) for lines in drawn(0.01, 5)] in ([1, 1, 1, 1],)
+    assert sum(map(len, drawn(0.75, 5))) >= 11
+    assert sum(map(len, drawn(1, 5))) == 14
+    assert drawn(0.3, 5) == drawn(0.3, 5)
+    assert len({str(drawn(0.3, seed)) for seed in range(5)}) > 1
+    lines = []
+    verify(board, sample=0.05, say=lines.append)
+    assert lines[0].startswith("sample: 5 % of all lines, --sample-seed ")
+    assert all("holds: 1 of 1 lines" in line for line in lines[1:])
+
+
+@pytest.mark.parametrize("share", [0, -0.1, 1.5])
+def test_a_sample_of_nothing_is_refused(board, share):
+    enter(board, "ally", "wise", script="expert")
+    with pytest.raises(UserError, match="sample: expected a share above 0 and at most 100 %"):
+        told(board, sample=share)
+
+
+def test_names_are_looked_up(board, tmp_path):
+    enter(board, "ally", "wise", script="expert")
+    assert list(told(board, "ally/wise")) == ["ally/wise"]
+    with pytest.raises(UserError, match=r"no submission 'ally/wide'.*did you mean 'ally/wise'"):
+        told(board, "ally/wide")
+    with pytest.raises(UserError, match="has no folder submissions"):
+        told(tmp_path)
+
+
+def test_one_folder_is_run_where_it_lies(board, tmp_path):
+    folder = enter(board, "opponent", "near", script="adaptive")
+    verdict = run_one(folder, say=lambda line: None)
+    assert (verdict.name, verdict.good) == ("opponent/near", True)
+    assert result(board, "opponent/near").exists()
+    with pytest.raises(UserError, match="expected a folder <leaderboard>/submissions/"):
+        run_one(tmp_path)
+
+
+def test_several_at_once_give_the_same_results(board, monkeypatch):
+    for slug in ("idle", "expert", "reactive"):
+        enter(board, "ally", f"the-{slug}", script=slug)
+    told(board)
+    alone = {path.name: path.read_bytes() for path in (board / "results/ally").iterdir()}
+    told(board, update=True)
+    for path in (board / "results/ally").iterdir():
+        path.unlink()
+    assert all(good for good, _ in told(board, jobs=2).values())
+    assert {path.name: path.read_bytes() for path in (board / "results/ally").iterdir()} == alone
+
+
+def command(board):
+    words = [sys.executable, "-m", "fpg_bench.cli", "submit", "verify", "--folder", str(board)]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def test_what_is_killed_goes_on_and_gives_the_same(tmp_path):
+    board = tmp_path / "board"
+    for slug in ("expert", "reactive"):
+        enter(board, "ally", f"the-{slug}", script=slug)
+    killed = command(board)
+    while not (there := _lines_under_way(board)) and killed.poll() is None:
+        time.sleep(0.005)
+    killed.kill()
+    killed.wait()
+    assert killed.returncode == -signal.SIGKILL
+    assert not (board / "results").exists() or len(there) < 20
+    again = command(board)
+    out, _ = again.communicate()
+    assert again.returncode == 0, out
+    assert out.endswith("2 verdicts, all good\n")
+    assert _lines_under_way(board) == []
+    files = {path: path.read_bytes() for path in (board / "results/ally").iterdir()}
+    assert len(files) == 2
+    for path in files:
+        path.unlink()
+    assert all(good for good, _ in told(board).values())
+    assert {path: path.read_bytes() for path in files} == files
+
+
+def _lines_under_way(board):
+    rows = [RowFile(path).read() for path in work_folder(board).rglob("lines.jsonl")]
+    return [row for each in rows for row in each]
