@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.errors import UserError
-from fpg_bench.files import read_json
+from fpg_bench.files import read_json, write_json, write_whole
 from fpg_bench.game import draws
 from fpg_bench.game.compiling import compiled
-from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+from fpg_bench.game.scenario import STANDARD
 from fpg_bench.ids import DUEL, VIEWS, sides_of
 from fpg_bench.players.keyed import Keyed
+from fpg_bench.players.signature import check_signature
 
 AGENT_FORMAT = 1
-MAX_NOISE = 16
 _FIELDS = ("format", "algorithm", "id", "scenario", "training_seed", "training_steps", "policy_sha256")
 
 
@@ -33,6 +33,9 @@ class OnnxPlayer(Keyed):
     Args:
         model: the bytes of ``policy.onnx``.
         about: the content of ``agent.json``.
+
+    Attributes:
+        state_size, noise_size: 0 where the policy has none.
 
     Raises:
         UserError: onnxruntime cannot read it, or its inputs and outputs are others.
@@ -51,10 +54,10 @@ class OnnxPlayer(Keyed):
             raise UserError(f"policy.onnx: onnxruntime cannot read it: {_first_line(error)}") from error
         inputs = {i.name: i.shape for i in self._session.get_inputs()}
         outputs = {o.name: o.shape for o in self._session.get_outputs()}
-        _check_signature(inputs, outputs)
-        self._state_size = inputs["state"][1] if "state" in inputs else 0
-        self._noise_size = inputs["noise"][1] if "noise" in inputs else 0
-        self._outputs = ["action", "next_state"] if self._state_size else ["action"]
+        check_signature(inputs, outputs)
+        self.state_size = inputs["state"][1] if "state" in inputs else 0
+        self.noise_size = inputs["noise"][1] if "noise" in inputs else 0
+        self._outputs = ["action", "next_state"] if self.state_size else ["action"]
 
     def predict(
         self,
@@ -70,21 +73,21 @@ class OnnxPlayer(Keyed):
         count = len(observation)
         memory, steps = (None, np.zeros(count, np.int64)) if state is None else state
         feeds = {"observation": np.ascontiguousarray(observation, np.float32)}
-        if self._state_size:
-            memory = np.zeros((count, self._state_size), np.float32) if memory is None else memory.copy()
+        if self.state_size:
+            memory = np.zeros((count, self.state_size), np.float32) if memory is None else memory.copy()
             if episode_start is not None:
                 memory[episode_start] = 0
             feeds["state"] = memory
-        if self._noise_size:
+        if self.noise_size:
             steps = steps.copy() if episode_start is None else np.where(episode_start, 0, steps)
             feeds["noise"] = self._noise(steps)
         found = self._session.run(self._outputs, feeds)
-        if not self._state_size and not self._noise_size:
+        if not self.state_size and not self.noise_size:
             return found[0], None
-        return found[0], (found[1] if self._state_size else None, steps + 1)
+        return found[0], (found[1] if self.state_size else None, steps + 1)
 
     def _noise(self, steps: np.ndarray) -> np.ndarray:
-        noise = np.empty((len(steps), self._noise_size), np.float32)
+        noise = np.empty((len(steps), self.noise_size), np.float32)
         _fill_noise(noise, self.keys(len(steps)), steps)
         return noise
 
@@ -114,16 +117,7 @@ def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPla
     """
     folder = agent_folder(name)
     about = read_json(folder / "agent.json", "agent")
-    missing = [field for field in _FIELDS if field not in about]
-    if missing:
-        raise UserError(f"agent {folder}: agent.json lacks {', '.join(missing)}")
-    if about["format"] != AGENT_FORMAT:
-        raise UserError(f"agent {folder}: format {about['format']!r}, this version reads {AGENT_FORMAT}")
-    if about["id"] not in (DUEL, *VIEWS):
-        raise UserError(f"agent {folder}: made for the id {about['id']!r}, which this version does not have")
-    plays = about.get("side") if about["id"] == DUEL else sides_of(about["id"])[0]
-    if side is not None and plays != side:
-        raise UserError(f"agent {folder}: plays the {plays} ({about['id']}), not the {side}")
+    check_about(about, f"agent {folder}", side)
     try:
         model = (folder / "policy.onnx").read_bytes()
     except OSError as error:
@@ -134,6 +128,45 @@ def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPla
         return OnnxPlayer(model, about)
     except UserError as error:
         raise UserError(f"agent {folder}: {error}") from error
+
+
+def check_about(about: dict[str, Any], where: str, side: str | None = None) -> None:
+    """Refuse what an ``agent.json`` says where this version cannot play it on that side.
+
+    Raises:
+        UserError: a field missing, another format, id or side; ``where`` begins the message.
+    """
+    missing = [field for field in _FIELDS if field not in about]
+    if missing:
+        raise UserError(f"{where}: agent.json lacks {', '.join(missing)}")
+    if about["format"] != AGENT_FORMAT:
+        raise UserError(f"{where}: format {about['format']!r}, this version reads {AGENT_FORMAT}")
+    if about["id"] not in (DUEL, *VIEWS):
+        raise UserError(f"{where}: made for the id {about['id']!r}, which this version does not have")
+    plays = about.get("side") if about["id"] == DUEL else sides_of(about["id"])[0]
+    if side is not None and plays != side:
+        raise UserError(f"{where}: plays the {plays} ({about['id']}), not the {side}")
+
+
+def write_agent(folder: str | os.PathLike[str], model: bytes, **about: Any) -> None:
+    """Write an agent folder around a policy of any framework: ``policy.onnx`` and ``agent.json``.
+
+    Args:
+        folder: where to.
+        model: the policy as ONNX, with the inputs and outputs of :class:`OnnxPlayer`.
+        **about: what ``agent.json`` says: ``algorithm``, ``id`` (the environment id), ``training_seed`` and
+            ``training_steps`` at least; ``scenario`` (its hash) where it was not ``standard``; in
+            ``FPG/duel_v0`` also ``side``.
+
+    Raises:
+        UserError: a field missing, or a policy off the contract.
+    """
+    sha256 = hashlib.sha256(model).hexdigest()
+    told = {"format": AGENT_FORMAT, "scenario": STANDARD.hash, **about, "policy_sha256": sha256}
+    check_about(told, f"agent {os.fspath(folder)}")
+    OnnxPlayer(model, told)
+    write_whole(Path(folder) / "policy.onnx", model)
+    write_json(Path(folder) / "agent.json", told)
 
 
 def agent_folder(name: str | os.PathLike[str]) -> Path:
@@ -159,28 +192,6 @@ def baselines_folder() -> Path:
     package = Path(str(resources.files("fpg_bench")))
     installed = package / "baselines"
     return installed if installed.is_dir() else package.parent / "baselines"
-
-
-def _check_signature(inputs: dict[str, list[Any]], outputs: dict[str, list[Any]]) -> None:
-    """Refuse a policy whose inputs and outputs are not those of the contract."""
-    wanted_in = {"observation": OBSERVATION_SIZE, "state": None, "noise": None}
-    wanted_out = {"action": ACTION_SIZE, "next_state": None}
-    for found, wanted, what in ((inputs, wanted_in, "input"), (outputs, wanted_out, "output")):
-        for name, shape in found.items():
-            if name not in wanted:
-                raise UserError(f"policy.onnx: unknown {what} {name!r}; known: {', '.join(wanted)}")
-            size = wanted[name]
-            fixed = len(shape) == 2 and isinstance(shape[1], int) and not isinstance(shape[0], int)
-            if not fixed or (size is not None and shape[1] != size):
-                raise UserError(
-                    f"policy.onnx: {what} {name!r} has shape {shape}, expected [n, {size or 'fixed'}]"
-                )
-    if "observation" not in inputs or "action" not in outputs:
-        raise UserError("policy.onnx: needs the input 'observation' and the output 'action'")
-    if inputs.get("state", [0, 0])[1] != outputs.get("next_state", [0, 0])[1]:
-        raise UserError("policy.onnx: input 'state' and output 'next_state' must have the same size")
-    if inputs.get("noise", [0, 0])[1] > MAX_NOISE:
-        raise UserError(f"policy.onnx: noise of size {inputs['noise'][1]}, at most {MAX_NOISE}")
 
 
 def _first_line(error: Exception) -> str:

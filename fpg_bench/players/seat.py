@@ -74,6 +74,8 @@ class Seat:
         memory = self._memories[index]
         try:
             actions, self._memories[index] = player.predict(seen, memory, self._starts, self._deterministic)
+        except UserError:
+            raise
         except Exception as error:  # a player is anybody's code
             name, kind = type(player).__name__, type(error).__name__
             raise UserError(f"{self.side} {name}: its predict failed: {kind}: {error}") from error

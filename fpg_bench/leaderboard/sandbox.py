@@ -1,0 +1,190 @@
+"""A process of its own for somebody's bytes: limits of memory, time and files, raw bytes in and out.
+
+What comes from the process is never unpickled. It is started from an environment without keys, in an empty
+folder, and ends when whoever started it does.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from fpg_bench.errors import UserError
+
+# What the process may know of the environment: nothing that could be a secret.
+_KEPT = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "LANG")
+_ONES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX")
+LARGEST_ANSWER = 1 << 26
+_AT_ONCE = 1 << 16
+_LATER_S = 0.5  # by how much a time limit may be overdrawn
+
+
+class PolicyFailed(UserError):
+    """A policy died, asked for more than its limits, or kept no contract: it cannot be verified."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the process may use; the time limits are generous, for nobody is scored by a clock.
+
+    Attributes:
+        memory_bytes: address space, the interpreter and its libraries included.
+        start_s: seconds until the policy is loaded.
+        call_s: seconds for one answer.
+        total_s: seconds for all answers together.
+    """
+
+    memory_bytes: int = 2 * 2**30
+    start_s: float = 120.0
+    call_s: float = 60.0
+    total_s: float = 1200.0
+
+
+class Sandbox:
+    """A running process of a module of ours, and the socket to it.
+
+    Args:
+        module: run as ``python -m module SOCKET MEMORY CPU``; it calls :func:`inside`.
+        limits: what it may use.
+    """
+
+    def __init__(self, module: str, limits: Limits) -> None:
+        self.limits = limits
+        self._left_s = limits.total_s
+        self._folder = tempfile.TemporaryDirectory(prefix="fpg-bench-")
+        self._socket, theirs = socket.socketpair()
+        self._reader, self._timeout = Reader(self._socket), 0.0
+        cpu_s = int(limits.start_s + limits.total_s) + 1
+        words = [sys.executable, "-P", "-m", module, *map(str, (theirs.fileno(), limits.memory_bytes, cpu_s))]
+        with theirs:
+            self._process = subprocess.Popen(
+                words,
+                env=_environment(),
+                cwd=self._folder.name,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                pass_fds=[theirs.fileno()],
+            )
+
+    @property
+    def pid(self) -> int:
+        """The process."""
+        return self._process.pid
+
+    @contextlib.contextmanager
+    def within(self, seconds: float) -> Iterator[None]:
+        """Limit what is sent and received meanwhile, together, and count it to the total.
+
+        Raises:
+            PolicyFailed: no answer in time, or the process has ended.
+        """
+        begin = time.monotonic()
+        allowed = min(seconds, self._left_s)
+        self._deadline = begin + allowed
+        try:
+            yield
+        except TimeoutError:
+            in_all = f"outran the {self.limits.total_s:g} s that all its answers may take"
+            late = f"gave no answer within {seconds:g} s" if allowed == seconds else in_all
+            raise PolicyFailed(late) from None
+        except (EOFError, ConnectionError):
+            raise PolicyFailed(self._ended()) from None
+        finally:
+            self._left_s -= time.monotonic() - begin
+
+    def send(self, *parts: bytes | memoryview) -> None:
+        """Send bytes, inside :meth:`within`."""
+        self._wait()
+        self._socket.sendall(b"".join(parts))
+
+    def receive(self, count: int) -> bytes:
+        """Exactly so many bytes, inside :meth:`within`."""
+        if count > LARGEST_ANSWER:
+            raise PolicyFailed(f"answers with {count:,} bytes")
+        return self._reader.read(count, self._wait)
+
+    def close(self) -> None:
+        """End the process."""
+        self._socket.close()
+        self._process.kill()
+        self._process.wait()
+        self._folder.cleanup()
+
+    def _wait(self) -> None:
+        """Let the socket wait until the deadline and no longer."""
+        left = self._deadline - time.monotonic()
+        if left <= 0:
+            raise TimeoutError
+        if not left <= self._timeout < left + _LATER_S:  # to set it is a call of the system
+            self._timeout = left + _LATER_S / 2
+            self._socket.settimeout(self._timeout)
+
+    def _ended(self) -> str:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(5)
+        status = self._process.returncode
+        if status is None or status >= 0:
+            return f"its process ended by itself (status {status})"
+        return f"its process died ({signal.Signals(-status).name})"
+
+
+def inside(words: list[str]) -> socket.socket:
+    """In the process itself: take the memory and processor limits, and give the socket to the other one."""
+    number, memory_bytes, cpu_s = map(int, words)
+    for kind, value in (
+        (resource.RLIMIT_AS, memory_bytes),
+        (resource.RLIMIT_CPU, cpu_s),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        with contextlib.suppress(ValueError, OSError):  # macOS knows no limit of the address space
+            resource.setrlimit(kind, (value, value))
+    return socket.socket(fileno=number)
+
+
+def lock_down() -> None:
+    """In the process itself, once all is loaded: write no file and start no process any more."""
+    for kind in (resource.RLIMIT_FSIZE, resource.RLIMIT_NPROC):
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(kind, (0, 0))
+
+
+class Reader:
+    """Reads bytes from a socket, as many at once as there are.
+
+    Args:
+        connection: the socket.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._socket = connection
+        self._have = b""
+
+    def read(self, count: int, before: Callable[[], None] = lambda: None) -> bytes:
+        """Exactly so many bytes; ``before`` is called before each wait.
+
+        Raises:
+            EOFError: the other end is closed.
+        """
+        while len(self._have) < count:
+            before()
+            found = self._socket.recv(max(_AT_ONCE, count - len(self._have)))
+            if not found:
+                raise EOFError
+            self._have += found
+        data, self._have = self._have[:count], self._have[count:]
+        return data
+
+
+def _environment() -> dict[str, str]:
+    kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
+    return kept | dict.fromkeys(_ONES, "1") | {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}
