@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 TRACK = "planner"
 STATUSES, TOKENS = "statuses", "tokens"  # what a planner's line says beside what any line does
 _FALLBACK = "fallback-"
-_TOLD = ("model", "server", "control", "prompt", "prompt_hash")
+_TOLD = ("model", "server", "control", "prompt_hash")
 
 
 def panel_of(submission: Submission) -> Panel:
@@ -51,7 +51,8 @@ def planner_facts(submission: Submission, table: PlannerTable) -> Row:
     if submission.script is not None:
         return {"tier": as_planner(submission.script, table.scenario).tier, **matches}
     about, _ = told(submission.folder, table.planners)
-    return {"tier": "history", **matches, **{key: about[key] for key in _TOLD}}
+    prompt = Path(about["prompt"]).stem
+    return {"tier": "history", **matches, "prompt": prompt, **{key: about[key] for key in _TOLD}}
 
 
 def planner_lines(submission: Submission, table: PlannerTable) -> list[Row]:

@@ -22,11 +22,11 @@ from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt
 from fpg_bench.rows import Row
 
 FOLDER = "transcripts"
-MATCHES = 20  # of each ally: five times fewer tokens than the panel's 100, for intervals twice as wide
+MATCHES = 20  # of each ally: a fifth of the tokens of the panel's 100, for intervals 2.4 times as wide
 LARGEST_FOLDER = 10_000_000  # bytes, as it lies in the repository; a terse model's is 1 MB
 _LARGEST = {ABOUT: 10_000, PROMPT: 16_000}
 _MOST_REPEATS = 2  # of the history in a prompt: more would make one that fills the memory
-_LONGEST_NAME = 100
+_LONGEST_NAME, _LONGEST_PATH = 100, 1000  # of a prompt, its file may be told
 _MOST = {"seconds": 1e7, "calls": 1e4, "tokens_in": 1e9, "tokens_out": 1e9}
 _RAW_CUT = 10_000  # characters that are kept of a long raw reply
 
@@ -131,9 +131,9 @@ def _shown(name: str) -> str:
 def _about(file: Path, panel: PlannerPanel) -> Row:
     about = read_json(file, FOLDER)
     for key in _ABOUT_KEYS:
-        value = about.get(key)
-        if not isinstance(value, str) or not value.isprintable() or not 0 < len(value) <= _LONGEST_NAME:
-            raise UserError(f"{file}: {key}: expected a line of at most {_LONGEST_NAME} characters")
+        value, most = about.get(key), _LONGEST_PATH if key == "prompt" else _LONGEST_NAME
+        if not isinstance(value, str) or not value.isprintable() or not 0 < len(value) <= most:
+            raise UserError(f"{file}: {key}: expected a line of at most {most} characters")
     if about["control"] not in CONTROLS:
         raise UserError(f"{file}: control: expected one of {', '.join(CONTROLS)}")
     if about["panel_hash"] != panel.hash:

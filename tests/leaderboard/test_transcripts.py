@@ -1,0 +1,345 @@
+"""What is wrong with a language model's transcripts: each way to be wrong ends in one clear line."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import re
+import shutil
+
+import pytest
+import yaml
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.planner_references import measure_planner_panel
+from fpg_bench.leaderboard import transcripts
+from fpg_bench.leaderboard.planner_track import planner_lines
+from fpg_bench.leaderboard.transcripts import check_transcripts, entered_table
+from fpg_bench.planning.llm import packed
+
+from .recording import PANEL, PLANS, enter, record, rows_of, write_rows
+
+_REWARD = re.compile(r"^(\d+,\d+,\d+,\d+,)(-?\d+\.\d\d)$")
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    (folder / "mine.yml").write_text(PANEL)
+    measure_planner_panel(str(folder / "mine.yml"))
+    record(folder, folder / "mine.yml")
+    return folder
+
+
+@pytest.fixture
+def entry(recorded, tmp_path):
+    return enter(recorded / "out", tmp_path / "toy", pack=False)
+
+
+@pytest.fixture
+def check(recorded, entry):
+    return lambda: check_transcripts(entry, str(recorded / "mine.yml"))
+
+
+def only(found):
+    (line,) = found
+    return line
+
+
+def test_what_was_recorded_may_be_run_packed_or_not(recorded, entry, check, tmp_path):
+    assert check() == []
+    packed_entry = enter(recorded / "out", tmp_path / "packed")
+    assert check_transcripts(packed_entry, str(recorded / "mine.yml")) == []
+
+
+def test_a_language_model_plays_the_first_twenty_matches_and_others_play_all():
+    asked, whole = entered_table(), entered_table(asks=False)
+    assert (asked.planners.matches, whole.planners.matches) == (20, 100)
+    assert asked.references["idle"].random == whole.references["idle"].random[:200]
+
+
+# Files
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda f: shutil.rmtree(f), "transcripts: no such folder"),
+        (lambda f: (f / "expert.jsonl").unlink(), "transcripts/expert.jsonl: is missing"),
+        (lambda f: (f / "planner.json").unlink(), "transcripts/planner.json: is missing"),
+        (lambda f: (f / "notes.txt").write_text("hello"), "transcripts/notes.txt: does not belong here"),
+        (lambda f: (f / "more").mkdir(), "transcripts/more: not a plain file"),
+        (lambda f: (f / "idle.jsonl.gz").write_bytes(b""), "lies there packed and unpacked"),
+        (lambda f: (f / "prompt.yml").write_text("#" * 20_000), "prompt.yml: 20,000 bytes, more than 16,000"),
+    ],
+)
+def test_files_that_lack_or_do_not_belong(entry, check, spoil, message):
+    spoil(entry / "transcripts")
+    assert message in only(check())
+
+
+def test_links_are_not_followed(entry, check, tmp_path):
+    file = entry / "transcripts" / "idle.jsonl"
+    shutil.move(file, tmp_path / "elsewhere.jsonl")
+    file.symlink_to(tmp_path / "elsewhere.jsonl")
+    assert only(check()) == "transcripts/idle.jsonl: not a plain file"
+    shutil.move(entry / "transcripts", tmp_path / "all")
+    (entry / "transcripts").symlink_to(tmp_path / "all")
+    assert "no such folder" in only(check())
+
+
+def test_a_folder_that_is_too_large_for_the_repository(entry, check, monkeypatch):
+    monkeypatch.setattr(transcripts, "LARGEST_FOLDER", 30_000)
+    assert "pack transcripts by gzip -9" in check()[0]
+
+
+# The prompt, and what is told of all
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("panel_hash", "0" * 64, "record those of plan compare --panel mine --matches 2"),
+        ("control", "magic", "control: expected one of none"),
+        ("model", "two\nlines", "model: expected a line"),
+        ("server", ["generic"], "server: expected a line"),
+        ("prompt_hash", "0" * 64, "is not the prompt that planner.json tells the hash of"),
+        ("model", "another", "line 1 was made with model 'toy', and not 'another'"),
+    ],
+)
+def test_what_is_told_of_all_must_be_so(entry, check, key, value, message):
+    file = entry / "transcripts" / "planner.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {key: value}))
+    assert message in check()[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: &a [1]\nb: [*a, *a]\n", "holds an alias"),
+        ("about: !!python/object/apply:os.system [echo]\n", "prompt.yml: not valid YAML"),
+        ("user: [unclosed\n", "prompt.yml: not valid YAML"),
+        (f"user: '{'$history' * 3}'\n", "$history stands there more than 2 times"),
+        (f"history: '{'${rounds}' * 3}'\n", "$rounds stands there more than 2 times"),
+    ],
+)
+def test_a_prompt_that_would_do_harm(entry, check, text, message):
+    (entry / "transcripts" / "prompt.yml").write_text(text)
+    assert message in only(check())
+
+
+# Lines
+
+
+def drop(rows):
+    return rows[1:]
+
+
+def repeat(rows):
+    return [*rows, rows[0]]
+
+
+def other_seed(rows):
+    return [*rows, rows[0] | {"seed": 3}]
+
+
+def other_match(rows):
+    return [*rows, rows[0] | {"match": 1}]
+
+
+def second_attempt(rows):
+    good = next(row for row in rows if row["waypoints"])
+    return [*rows, good | {"attempt": 1}]
+
+
+def no_second_attempt(rows):
+    return [row for row in rows if row["attempt"] == 0]
+
+
+def third_attempt(rows):
+    return [*rows, rows[0] | {"attempt": 2}]
+
+
+def each(**changes):
+    return lambda rows: [row | changes for row in rows]
+
+
+def unprompted(rows):
+    return [row | {"request": {"model": "toy"}} for row in rows]
+
+
+def other_text(rows):
+    return [row | {"text": (row["text"] or "") + " "} for row in rows]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (drop, f"lacks 1 of {PLANS} plans: seed "),
+        (no_second_attempt, "lacks the second attempt: seed "),
+        (repeat, "is another attempt at what was asked before"),
+        (other_seed, "holds an attempt that nothing asks for: seed 3, match 0, round 0, attempt 0"),
+        (other_match, "holds an attempt that nothing asks for"),
+        (second_attempt, "holds an attempt that nothing asks for"),
+        (third_attempt, "holds an attempt that nothing asks for"),
+        (lambda rows: [], f"lacks {PLANS} of {PLANS} plans"),
+        (each(request=None), "line 1 does not show what was asked"),
+        (unprompted, "line 1 does not show the model and messages of its request"),
+        (each(raw=None), "line 1 does not show the raw reply"),
+        (other_text, "line 1 is changed: its text is not what its raw reply says"),
+        (each(seconds=1e300), "seconds: 1e+300 cannot be"),
+        (each(tokens_in=-5), "tokens_in: -5 cannot be"),
+        (each(round=True), "round: True cannot be"),
+        (each(seed="1"), "is no attempt: seed is missing or changed"),
+        (each(kind="flown"), "is no attempt; a transcript of plan compare holds nothing else"),
+        (each(control="no-history"), "was made with control 'no-history', and not 'none'"),
+    ],
+)
+def test_attempts_that_are_not_those_of_the_matches(entry, check, change, message):
+    file = entry / "transcripts" / "idle.jsonl"
+    rows = [dict(row) for row in change(rows_of(file))]
+    if all(isinstance(row["seed"], int) for row in rows):
+        write_rows(file, rows)
+    else:
+        file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    line = only(check())
+    assert message in line
+    assert line.startswith("transcript transcripts/idle.jsonl: ")
+
+
+def test_a_key_that_is_not_its_request_s(entry, check):
+    file = entry / "transcripts" / "idle.jsonl"
+    file.write_text(file.read_text().replace('"temperature":0.7', '"temperature":0.1'))
+    assert "its key is not that of its request" in only(check())
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda data: data[:-1], "is cut off in its last line"),
+        (lambda data: data + b"no row\n", "is no row"),
+        (lambda data: data + b"[1]\n", "is no row but list"),
+        (lambda data: data + b'{"kind": NaN}\n', "NaN is no number"),
+        (lambda data: data + b'{"a":' + b"[" * 100_000 + b"\n", "is no row"),
+        (lambda data: data + b'{"a":"' + b"x" * 1_000_001 + b'"}\n', "is longer than 1,000,000 bytes"),
+        (lambda data: data + b"\xff\n", "is no row"),
+        (lambda data: data + b"\n" * 20_001, "has more than 20,000 lines"),
+    ],
+)
+@pytest.mark.parametrize("pack", [False, True])
+def test_bytes_that_are_no_transcript(entry, check, spoil, message, pack):
+    file = entry / "transcripts" / "idle.jsonl"
+    data = spoil(file.read_bytes())
+    if pack:
+        file.unlink()
+        file = file.with_name(file.name + ".gz")
+        data = gzip.compress(data, 1)
+    file.write_bytes(data)
+    assert message in only(check())
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda data: data[:-20], "cannot be unpacked"),
+        (lambda data: b"text " + data, "cannot be unpacked"),
+        (lambda data: data[:50] + b"????" + data[54:], "cannot be unpacked"),
+        (
+            lambda data: gzip.compress(bytes(packed.MOST_BYTES + 1), 9),
+            "is longer than 16,000,000 bytes, unpacked",
+        ),
+    ],
+)
+def test_packed_files_that_are_broken_or_blow_up(entry, check, spoil, message):
+    file = entry / "transcripts" / "idle.jsonl"
+    data = spoil(gzip.compress(file.read_bytes(), 9))
+    file.unlink()
+    file.with_name("idle.jsonl.gz").write_bytes(data)
+    assert message in only(check())
+
+
+# What shows only when the matches are played again
+
+
+def in_the_prompt(old, new):
+    def change(row):
+        messages = row["request"]["messages"]
+        messages[0]["content"] = messages[0]["content"].replace(old, new)
+
+    return change
+
+
+def a_reward(by):
+    """All rewards of the history, which stand at the end of its lines."""
+
+    def change(row):
+        for message in row["request"]["messages"][:1]:
+            lines = message["content"].split("\n")
+            message["content"] = "\n".join(
+                _REWARD.sub(lambda of: f"{of[1]}{float(of[2]) + by:.2f}", x) for x in lines
+            )
+
+    return change
+
+
+def a_path(row):
+    if row["waypoints"]:
+        row["waypoints"][0][0] += 50
+
+
+def a_status(row):
+    row["status"] = "ok" if row["status"] == "invalid" else "repaired"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            in_the_prompt("Where the reward was high", "Where the ally was"),
+            "was recorded with other messages",
+        ),
+        (in_the_prompt("at most 10 m/s", "at most 11 m/s"), "was recorded with other messages"),
+        (in_the_prompt("\n10,", "\n11,"), "was recorded with other messages"),
+        (a_reward(0.03), "was recorded with other messages"),
+        (a_path, "is changed: its waypoints are not what its text says"),
+        (a_status, "is changed: its status are not what its text says"),
+    ],
+)
+def test_a_forged_transcript_is_found_when_it_is_played(recorded, entry, check, change, message):
+    file = entry / "transcripts" / "idle.jsonl"
+    rows = rows_of(file)
+    for row in rows:
+        change(row)
+    write_rows(file, rows)
+    assert check() == []
+    with pytest.raises(UserError) as caught:
+        planner_lines(submitted(entry), entered_table(str(recorded / "mine.yml")))
+    assert message in str(caught.value)
+    assert str(caught.value).startswith("against idle: transcript transcripts/idle.jsonl: seed ")
+
+
+def test_the_last_digit_of_a_reward_may_be_another_on_another_machine(recorded, entry):
+    table = entered_table(str(recorded / "mine.yml"))
+    before = planner_lines(submitted(entry), table)
+    file = entry / "transcripts" / "idle.jsonl"
+    rows = rows_of(file)
+    for row in rows:
+        a_reward(0.01)(row)
+    write_rows(file, rows)
+    assert planner_lines(submitted(entry), table) == before
+
+
+def submitted(folder):
+    return type("Submitted", (), {"folder": folder, "script": None})
+
+
+def test_a_prompt_of_one_s_own_is_played(recorded, tmp_path):
+    prompt = {"about": "mine", "user": "Go. $history", "row": "$second $reward $x $y $z"}
+    (tmp_path / "own.yml").write_text(
+        yaml.safe_dump(prompt | {"rounds": dict.fromkeys(("first", "best", "latest"), 1)})
+    )
+    summary = record(tmp_path, recorded / "mine.yml", prompt=str(tmp_path / "own.yml"))
+    entry = enter(tmp_path / "out", tmp_path / "toy")
+    assert check_transcripts(entry, str(recorded / "mine.yml")) == []
+    lines = planner_lines(submitted(entry), entered_table(str(recorded / "mine.yml")))
+    assert sum(line["n"] for line in lines) == summary.plans
