@@ -211,7 +211,8 @@ def _exploitability(board: Path, track: str) -> dict[str, Row]:
     """
     file, found = RowFile(board / "results" / EXPLOIT), {}
     for number, row in enumerate(file.read(), 1):
-        if not {"track", "slug", "value", "low", "high"} <= row.keys():
+        figures = [row.get(key) for key in ("value", "low", "high")]
+        if not {"track", "slug"} <= row.keys() or not all(isinstance(x, int | float) for x in figures):
             raise UserError(f"{file.path}: line {number} lacks track, slug, value, low or high")
         if row["track"] == track:
             found[str(row["slug"])] = {key: _short(row[key]) for key in ("value", "low", "high")}

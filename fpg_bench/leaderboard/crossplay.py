@@ -100,8 +100,9 @@ def read_pairs(board: Path, allies: list[Entrant], opponents: list[Entrant], rou
 
 
 def _is_pair(row: Row) -> bool:
-    rate = row.get("jamming_success_rate")
-    return row.keys() == _ROW and isinstance(rate, int | float) and 0 <= rate <= 1
+    rate, words = row.get("jamming_success_rate"), [row.get(name) for name in ("ally", "opponent", "key")]
+    good = isinstance(rate, int | float) and 0 <= rate <= 1 and all(isinstance(word, str) for word in words)
+    return good and row.keys() == _ROW
 
 
 def play_missing(

@@ -226,6 +226,8 @@ def _is_line(line: Row, panel: Panel) -> bool:
     expected = _LINE | {STATUSES, TOKENS} if isinstance(panel, PlannerTable) else _LINE
     if line.keys() != expected or line["entry"] not in [entry.name for entry in panel.entries]:
         return False
+    if line["training_seed"] is not None and type(line["training_seed"]) is not int:
+        return False
     points, whole = panel.scenario.frequency_points, isinstance(line["lost"], int)
     return (
         line["n"] == panel.rounds

@@ -124,6 +124,7 @@ EDITS = {
     "the season": ('"season":"0"', '"season":"1"', "of another season; run submit verify with --update"),
     "the protocol": ('"protocol":"1"', '"protocol":"7"', "of another protocol; run submit verify"),
     "the status": ('"status":"verified"', '"status":"not verified"', "not verified, but with lines or"),
+    "a seed": ('"training_seed":null', '"training_seed":"x"', "its lines are not those it was written with"),
     "the name": ('"slug":"wise"', '"slug":"wiser"', "is the result of ally/wiser"),
     "a number": ('"mean":', '"mean":NaN,"m":', "not lines of JSON: NaN is no number"),
     "all": ('{"kind"', '[{"kind"', "not lines of JSON"),
