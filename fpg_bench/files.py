@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+from collections import Counter
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +14,38 @@ import yaml
 
 from fpg_bench.errors import UserError
 
+_MOST_NODES = 100_000
 
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """YAML's safe loader, which refuses a key that is written twice."""
+
+class _CarefulLoader(yaml.SafeLoader):
+    """YAML's safe loader, which refuses a key that is written twice and aliases that blow a file up."""
+
+    def get_single_node(self) -> yaml.Node | None:
+        node = super().get_single_node()
+        if node is not None and _expanded(node, {}) > _MOST_NODES:
+            raise yaml.constructor.ConstructorError(
+                None, None, f"its aliases stand for more than {_MOST_NODES:,} values", node.start_mark
+            )
+        return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys = [key.value for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
-        for key in {key for key in keys if keys.count(key) > 1}:
+        written = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
+        merges = {key.value for key, _ in node.value if key.tag == "tag:yaml.org,2002:merge"}
+        for key in (key for key, times in written.items() if times > 1 and key not in merges):
             raise yaml.constructor.ConstructorError(
                 None, None, f"the key {key!r} stands there twice", node.start_mark
             )
         return super().construct_mapping(node, deep)
+
+
+def _expanded(node: yaml.Node, known: dict[int, int]) -> int:
+    """How many values a node stands for, where each alias is written out."""
+    if id(node) not in known:
+        known[id(node)] = _MOST_NODES + 1  # inside itself it would be endless
+        parts = node.value if isinstance(node, yaml.CollectionNode) else ()
+        flat = chain.from_iterable(parts) if isinstance(node, yaml.MappingNode) else parts
+        known[id(node)] = 1 + sum(_expanded(part, known) for part in flat)
+    return known[id(node)]
 
 
 def read_yaml(path: Path, what: str) -> dict[str, Any]:
@@ -32,11 +55,12 @@ def read_yaml(path: Path, what: str) -> dict[str, Any]:
         UserError: the file cannot be read, is not YAML, or holds no mapping; ``what`` begins the message.
     """
     try:
-        content = _UniqueKeyLoader(_read(path, what)).get_single_data()
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        if isinstance(error, UserError):
-            raise
-        raise UserError(f"{what} {path}: not valid YAML: {' '.join(str(error).split())}") from error
+        content = _CarefulLoader(_read(path, what)).get_single_data()
+    except UserError:
+        raise
+    except Exception as error:  # PyYAML lets errors of many kinds out, tagged values above all
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise UserError(f"{what} {path}: not valid YAML: {said}") from error
     return _mapping(content, path, what)
 
 
@@ -44,7 +68,7 @@ def read_json(path: Path, what: str) -> dict[str, Any]:
     """The object in a JSON file; raises as :func:`read_yaml` does."""
     text = _read(path, what)
     try:
-        content = json.loads(text)
+        content = json.loads(text, object_pairs_hook=_unique)
     except (ValueError, RecursionError) as error:
         raise UserError(f"{what} {path}: not valid JSON: {error}") from error
     return _mapping(content, path, what)
@@ -76,6 +100,14 @@ def _read(path: Path, what: str) -> str:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise UserError(f"{what} {path}: cannot be read: {reason}") from error
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        twice = next(key for key, times in Counter(key for key, _ in pairs).items() if times > 1)
+        raise ValueError(f"the key {twice!r} stands there twice")
+    return content
 
 
 def _mapping(content: Any, path: Path, what: str) -> dict[str, Any]:

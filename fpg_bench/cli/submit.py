@@ -19,10 +19,15 @@ FolderOption = Annotated[Path, typer.Option(help="the leaderboard's folder")]
 
 @app.command()
 def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")]) -> None:
-    """Say what is wrong with a submission, line by line."""
+    """Say what is wrong with a submission, line by line, and try its policies for a few steps."""
     from fpg_bench.leaderboard.check import problems
+    from fpg_bench.leaderboard.submission import load_submission
+    from fpg_bench.leaderboard.trial import trial
 
     found = problems(folder)
+    if not found:
+        for policy in load_submission(folder).policies:
+            found += [f"seed_{policy.seed}: {line}" for line in trial(policy)]
     for line in found:
         typer.echo(f"{folder}: {line}")
     if found:

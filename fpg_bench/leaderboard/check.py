@@ -2,16 +2,178 @@
 
 from __future__ import annotations
 
+import functools
+import os
+import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+from fpg_bench.errors import UserError, nearest
+from fpg_bench.files import read_yaml
+from fpg_bench.leaderboard.fields import TRACKS, plain, read_fields
+from fpg_bench.leaderboard.folder import file_problem, folder_problem, names, shown, strays
+from fpg_bench.leaderboard.policies import MOST_TEXT_BYTES, Policy, read_policies, seed_folders
 from fpg_bench.leaderboard.submission import Submission
+from fpg_bench.planning import LLM_CONTROLS, PLANNERS
+from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.scripted import SCRIPTED
+
+ABOUT, TRANSCRIPTS = "submission.yaml", "transcripts"
+_SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
 
 
 def problems(folder: str | Path) -> list[str]:
-    """All that is wrong with a submission's folder, one line each; none where it may be run."""
-    return examine(Path(folder))[1]
+    """All that is wrong with a submission's folder, one line each; none where it may be run.
+
+    On a board (``submissions/<track>/<name>``) a name that another one of its track has is wrong, too.
+    """
+    folder = Path(os.path.abspath(folder))
+    submission, found = examine(folder)
+    return found if submission is None else found + list(_taken(submission))
 
 
 def examine(folder: Path) -> tuple[Submission | None, list[str]]:
-    """The submission of a folder, None where it cannot be read, and all that is wrong with it."""
-    return None, ["not written yet"]
+    """The submission of a folder, None where it cannot be read, and all that is wrong with it alone."""
+    folder = Path(os.path.abspath(folder))
+    problem = folder_problem(folder)
+    if problem or (problem := file_problem(folder / ABOUT, MOST_TEXT_BYTES)):
+        where = "" if folder_problem(folder) else f"{ABOUT}: "
+        return None, [f"{where}{problem}"]
+    try:
+        content = read_yaml(folder / ABOUT, ABOUT)
+    except UserError as error:
+        return None, [str(error).replace(f" {folder / ABOUT}: ", ": ", 1)]
+    fields, wrong = read_fields(content)
+    found = [*_slug(folder), *(f"{ABOUT}: {line}" for line in wrong)]
+    found += [f"{ABOUT}: {line}" for line in (*_place(folder, fields), *_named(folder, fields))]
+    policies, wrong = _policies(folder, fields)
+    found += wrong
+    if wrong := _transcripts(folder, fields):
+        found += wrong
+    if found:
+        return None, found
+    told = {key: value for key, value in fields.items() if value is not None}
+    optional = {"reference": None, "path": None, "training": None}
+    files = tuple(folder / TRANSCRIPTS / name for name in _transcript_names(folder))
+    return Submission(folder=folder, policies=policies, transcripts=files, **(optional | told)), []
+
+
+def _slug(folder: Path) -> Iterator[str]:
+    if not _SLUG.fullmatch(folder.name):
+        yield (
+            f"the folder's name {shown(folder.name)}: expected at most 40 of a-z, 0-9 and -, "
+            "a letter or digit first"
+        )
+
+
+def _place(folder: Path, fields: dict[str, Any]) -> Iterator[str]:
+    """Whether the track is that of the board's folder."""
+    around = folder.parent.name
+    if around in TRACKS and "track" in fields and fields["track"] != around:
+        yield f"track: says {fields['track']}, but the folder lies in {around}"
+
+
+def _named(folder: Path, fields: dict[str, Any]) -> Iterator[str]:
+    """Scripts and agents of the package: they must be there, and their names are nobody else's."""
+    track, script = fields.get("track"), fields.get("script")
+    if track is None:
+        return
+    if script is not None and script not in _scripts(track):
+        yield f"script: unknown {shown(script)}{nearest(script, _scripts(track))}"
+    for what, name in (("name", fields.get("name", "")), ("the folder's name", folder.name)):
+        if plain(name) in _scripts(track) and plain(name) != script:
+            yield f"{what}: {shown(name)} is what a script of the package is called; choose another"
+    zoo = fields.get("zoo")
+    if zoo is not None and zoo not in _zoo():
+        yield f"zoo: the package ships no agents {shown(zoo)}{nearest(zoo, _zoo())}"
+
+
+def _scripts(track: str) -> tuple[str, ...]:
+    if track == "planner":
+        return tuple(name for name in PLANNERS if name not in LLM_CONTROLS)
+    return SCRIPTED[track]
+
+
+@functools.cache
+def _zoo() -> tuple[str, ...]:
+    """The package's agents, ``view/algorithm``."""
+    agents = baselines_folder() / "agents"
+    found = {folder.parent.relative_to(agents).as_posix() for folder in agents.glob("*/*/seed_*")}
+    return tuple(sorted(found))
+
+
+def _policies(folder: Path, fields: dict[str, Any]) -> tuple[tuple[Policy, ...], list[str]]:
+    """The policies of a submission, and what is wrong with them and with the names in its folder."""
+    track, zoo, training = (fields.get(key) for key in ("track", "zoo", "training"))
+    own = fields.get("script") is None and zoo is None and track != "planner"
+    seeds = [path.name for path in seed_folders(folder).values()] if own else []
+    known = [ABOUT, *seeds, *(["seed_0"] if own else []), *([TRANSCRIPTS] if _records(fields) else [])]
+    found = strays(folder, known)
+    if zoo is not None and zoo not in _zoo():
+        return (), found
+    home = folder if own else baselines_folder() / "agents" / str(zoo)
+    if not own and zoo is None:
+        return (), found
+    if own and not seeds:
+        return (), [*found, "holds no seed_<k>/: the policy of each training seed"]
+    policies, wrong = read_policies(home, track if track in SCRIPTED else None)
+    found += wrong
+    there = tuple(seed_folders(home))
+    if training is not None and tuple(sorted(training.seeds)) != there:
+        told, lie = (", ".join(map(str, seeds)) for seeds in (training.seeds, there))
+        found.append(f"{ABOUT}: training: seeds: says {told}, but the policies are of {lie}")
+    return policies, found
+
+
+def _records(fields: dict[str, Any]) -> bool:
+    """Whether it is a language model's, which is entered by its transcripts."""
+    return fields.get("track") == "planner" and fields.get("script") is None
+
+
+def _transcripts(folder: Path, fields: dict[str, Any]) -> list[str]:
+    if not _records(fields):
+        return []
+    from fpg_bench.leaderboard.transcripts import check_transcripts
+
+    problem = folder_problem(folder / TRANSCRIPTS)
+    return [f"{TRANSCRIPTS}: {problem}"] if problem else check_transcripts(folder)
+
+
+def _transcript_names(folder: Path) -> list[str]:
+    return [] if folder_problem(folder / TRANSCRIPTS) else names(folder / TRANSCRIPTS)
+
+
+def _taken(submission: Submission) -> Iterator[str]:
+    """Names that another submission of the board's track and table has."""
+    if submission.folder.parent.name != submission.track:
+        return
+    mine = (submission.path, plain(submission.name))
+    for name in names(submission.folder.parent):
+        other = submission.folder.parent / name
+        if name == submission.slug or folder_problem(other):
+            continue
+        if name.casefold() == submission.slug.casefold():
+            yield f"the folder's name: {shown(name)} differs by case only"
+        if _shown_as(other) == mine:
+            yield f"{ABOUT}: name: {shown(submission.name)} is that of {shown(name)}, too; choose another"
+
+
+def _shown_as(folder: Path) -> tuple[str | None, str] | None:
+    """Under which name a submission stands in which table, None where that cannot be read."""
+    try:
+        stamp = (folder / ABOUT).lstat()
+    except OSError:
+        return None
+    return _read_name(folder, stamp.st_mtime_ns, stamp.st_size)
+
+
+@functools.lru_cache(maxsize=4096)
+def _read_name(folder: Path, changed: int, size: int) -> tuple[str | None, str] | None:
+    if file_problem(folder / ABOUT, MOST_TEXT_BYTES):
+        return None
+    try:
+        fields, _ = read_fields(read_yaml(folder / ABOUT, ABOUT))
+    except UserError:
+        return None
+    return (fields.get("path"), plain(fields["name"])) if "name" in fields else None

@@ -1,7 +1,8 @@
-"""What runs in the process that reads somebody's ONNX: one file in, what is wrong with it out, as JSON."""
+"""What runs in the process that reads somebody's ONNX: files in, what is wrong with each out, as JSON."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 
@@ -11,17 +12,19 @@ from fpg_bench.leaderboard.sandbox import Reader, inside, lock_down
 
 
 def main() -> None:
-    """Read one policy and end."""
+    """Read policies until whoever started the process is gone."""
     connection = inside(sys.argv[1:])
     lock_down()
     reader = Reader(connection)
-    (size,) = SIZE.unpack(reader.read(SIZE.size))
-    try:
-        found = violations(reader.read(size))
-    except MemoryError:
-        found = ["takes more memory to read than a policy may"]
-    answer = json.dumps([line[:400] for line in found[:50]]).encode()
-    connection.sendall(SIZE.pack(len(answer)) + answer)
+    with contextlib.suppress(EOFError, ConnectionError):
+        while True:
+            (size,) = SIZE.unpack(reader.read(SIZE.size))
+            try:
+                found = violations(reader.read(size))
+            except MemoryError:
+                found = ["takes more memory to read than a policy may"]
+            answer = json.dumps([line[:400] for line in found[:50]]).encode()
+            connection.sendall(SIZE.pack(len(answer)) + answer)
 
 
 if __name__ == "__main__":

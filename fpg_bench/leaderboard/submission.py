@@ -7,9 +7,12 @@ import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.errors import UserError
+from fpg_bench.leaderboard.fields import TRACKS, Training
+from fpg_bench.leaderboard.policies import Policy
+
+__all__ = ["PANELS", "TRACKS", "Policy", "Submission", "Training", "load_submission"]
 
 # The panel of each track and path.
 PANELS = {
@@ -18,26 +21,6 @@ PANELS = {
     ("opponent", "learned"): "opponent-learned-v1",
     ("planner", None): "planner-v1",
 }
-TRACKS = ("ally", "opponent", "planner")
-
-
-@dataclass(frozen=True)
-class Training:
-    """What was spent on learning: environment steps and hours of each run, and the training seeds."""
-
-    steps: int
-    hours: float
-    seeds: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class Policy:
-    """One training seed's policy, as data: ``about`` is ``agent.json``, ``model`` is ``policy.onnx``."""
-
-    seed: int
-    about: dict[str, Any]
-    model: bytes
-    sha256: str
 
 
 @dataclass(frozen=True)
@@ -54,6 +37,7 @@ class Submission:
         saw: what it saw while it was trained.
         unable: what it was not able to do.
         script: the package's own player or planner that it names, or None.
+        zoo: the package's own agents that it names, as ``ally-scripted/ppo``, or None.
         policies: by training seed; none where it is a script or transcripts.
         transcripts: of a language model that plans; their files, sorted.
     """
