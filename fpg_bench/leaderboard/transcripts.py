@@ -16,6 +16,8 @@ from fpg_bench.evaluation.planner_panel import PlannerPanel
 from fpg_bench.evaluation.planner_references import PlannerTable, load_planner_table
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.files import read_json
+from fpg_bench.leaderboard.folder import names
+from fpg_bench.leaderboard.submission import PANELS
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Where
 from fpg_bench.planning.llm.packed import PACKED, packed_rows
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt
@@ -48,16 +50,16 @@ def entered_table(panel: str = "planner-v1", asks: bool = True) -> PlannerTable:
     return load_planner_table(panel, MATCHES) if fewer else whole
 
 
-def check_transcripts(folder: Path, panel: str = "planner-v1") -> list[str]:
+def check_transcripts(folder: Path, panel: str | None = None) -> list[str]:
     """What is wrong with a submission's transcripts as far as they show it, one line each.
 
     That their prompts are those of the game shows only when it is played again.
 
     Args:
         folder: the submission's.
-        panel: what was to be played, its name or YAML file.
+        panel: what was to be played, its name or YAML file; None: the track's.
     """
-    plays, where = entered_table(panel).planners, folder / FOLDER
+    plays, where = entered_table(panel or PANELS["planner", None]).planners, folder / FOLDER
     if found := list(_wrong_files(where, plays)):
         return found
     try:
@@ -105,13 +107,13 @@ def _wrong_files(where: Path, panel: PlannerPanel) -> Iterator[str]:
         yield f"{FOLDER}: no such folder; put there what plan compare has recorded"
         return
     needed = [transcript_name(ally) for ally in panel.allies]
-    names = {*_LARGEST, *needed, *(name + PACKED for name in needed)}
+    known = {*_LARGEST, *needed, *(name + PACKED for name in needed)}
     size = 0
-    for path in sorted(where.iterdir()):
+    for path in (where / name for name in names(where)):
         if path.is_symlink() or not path.is_file():
-            yield f"{FOLDER}/{_shown(path.name)}: not a plain file"
-        elif path.name not in names:
-            yield f"{FOLDER}/{_shown(path.name)}: does not belong here"
+            yield f"{FOLDER}/{path.name!r:.60}: not a plain file"
+        elif path.name not in known:
+            yield f"{FOLDER}/{path.name!r:.60}: does not belong here"
         elif (large := path.stat().st_size) > (most := _LARGEST.get(path.name, LARGEST_FOLDER)):
             yield f"{FOLDER}/{path.name}: {large:,} bytes, more than {most:,}; pack transcripts by gzip -9"
         else:
@@ -122,10 +124,6 @@ def _wrong_files(where: Path, panel: PlannerPanel) -> Iterator[str]:
         there = [path for path in (where / name, where / f"{name}{PACKED}") if path.exists()]
         if len(there) != 1:
             yield f"{FOLDER}/{name}: {'is missing' if not there else 'lies there packed and unpacked'}"
-
-
-def _shown(name: str) -> str:
-    return name if name.isprintable() and len(name) <= _LONGEST_NAME else ascii(name[:_LONGEST_NAME])
 
 
 def _about(file: Path, panel: PlannerPanel) -> Row:

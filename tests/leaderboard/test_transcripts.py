@@ -67,8 +67,8 @@ def test_a_language_model_plays_the_first_twenty_matches_and_others_play_all():
         (lambda f: shutil.rmtree(f), "transcripts: no such folder"),
         (lambda f: (f / "expert.jsonl").unlink(), "transcripts/expert.jsonl: is missing"),
         (lambda f: (f / "planner.json").unlink(), "transcripts/planner.json: is missing"),
-        (lambda f: (f / "notes.txt").write_text("hello"), "transcripts/notes.txt: does not belong here"),
-        (lambda f: (f / "more").mkdir(), "transcripts/more: not a plain file"),
+        (lambda f: (f / "notes.txt").write_text("hello"), "transcripts/'notes.txt': does not belong here"),
+        (lambda f: (f / "more").mkdir(), "transcripts/'more': not a plain file"),
         (lambda f: (f / "idle.jsonl.gz").write_bytes(b""), "lies there packed and unpacked"),
         (lambda f: (f / "prompt.yml").write_text("#" * 20_000), "prompt.yml: 20,000 bytes, more than 16,000"),
     ],
@@ -82,7 +82,7 @@ def test_links_are_not_followed(entry, check, tmp_path):
     file = entry / "transcripts" / "idle.jsonl"
     shutil.move(file, tmp_path / "elsewhere.jsonl")
     file.symlink_to(tmp_path / "elsewhere.jsonl")
-    assert only(check()) == "transcripts/idle.jsonl: not a plain file"
+    assert only(check()) == "transcripts/'idle.jsonl': not a plain file"
     shutil.move(entry / "transcripts", tmp_path / "all")
     (entry / "transcripts").symlink_to(tmp_path / "all")
     assert "no such folder" in only(check())
