@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli import compare, plan, selfplay, submit, tune, verbs, zoo
+from fpg_bench.cli import compare, leaderboard, plan, selfplay, submit, tune, verbs, zoo
 from fpg_bench.errors import UserError
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ for learning in (selfplay.selfplay, selfplay.exploit, tune.tune, tune.tune_repor
 plan.app.command()(compare.compare)
 app.add_typer(plan.app, name="plan")
 app.add_typer(submit.app, name="submit")
+app.add_typer(leaderboard.app, name="leaderboard")
 _DEBUG = False
 _STOPPED = 130
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)

@@ -1,0 +1,58 @@
+"""The verbs of ``fpg-bench leaderboard``: building the site, and showing it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fpg_bench.cli.options import say
+
+app = typer.Typer(help="Build and show the leaderboard's site.", no_args_is_help=True)
+SITE = Path("leaderboard/site")
+
+
+@app.command()
+def build(
+    out: Annotated[Path, typer.Option(help="the site's folder")] = SITE,
+    folder: Annotated[Path, typer.Option(help="the leaderboard's folder")] = Path("leaderboard"),
+    replays: Annotated[bool, typer.Option(help="simulate rounds to watch, where they are not there")] = True,
+) -> None:
+    """Write the site: it needs no network and no server."""
+    from rich.progress import Progress
+
+    from fpg_bench.leaderboard.board import make_board
+    from fpg_bench.leaderboard.site.build import build_site, check_folder
+    from fpg_bench.leaderboard.site.replays import make_replays
+
+    check_folder(out)
+    with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
+        task = bar.add_task("ranks", total=None)
+        board = make_board(folder)
+
+        def show(name: str) -> None:
+            bar.update(task, description=name)
+
+        rounds = make_replays(board, folder, out, show) if replays else {}
+        files = build_site(board, out, rounds, show)
+    entries = sum(len(track["rows"]) for track in board["tracks"])
+    shown = sum(map(len, rounds.values()))
+    say(f"{entries} entries, {shown} rounds to watch, {len(files)} files: open {out / 'index.html'}")
+
+
+@app.command()
+def serve(
+    site: Annotated[Path, typer.Argument(help="the site's folder")] = SITE,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="of this machine; 0: any that is free")] = 8000,
+) -> None:
+    """Show a built site on this machine, until Ctrl-C."""
+    from fpg_bench.leaderboard.site.serve import HOST, make_server
+
+    with make_server(site, port) as server:
+        try:
+            say(f"http://{HOST}:{server.server_port}/ (Ctrl-C ends it)")
+            server.serve_forever()
+        except KeyboardInterrupt:
+            say("stopped")

@@ -1,0 +1,168 @@
+"""Building the site: a board in, a folder of files out, which refer to nothing but each other."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fpg_bench.envs.replay import replay_markup, replay_part
+from fpg_bench.errors import UserError
+from fpg_bench.files import write_whole
+from fpg_bench.leaderboard.site import scripts_data, views
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+    from fpg_bench.leaderboard.site.replays import Replay
+
+MARK = ".fpg-site"  # what tells a folder that this has written, and may clear, from any other
+PLOTLY = "plotly.min.js"
+Replays = Mapping[tuple[str, str], list["Replay"]]
+Row = dict[str, Any]
+
+
+def build_site(
+    board: Row,
+    out: str | Path,
+    replays: Replays | None = None,
+    progress: Callable[[str], None] = lambda page: None,
+) -> list[Path]:
+    """Write a board's site.
+
+    Args:
+        board: what :func:`fpg_bench.leaderboard.board.make_board` gives, or its JSON.
+        out: the folder; files of an earlier build that are no longer needed are removed from it.
+        replays: by track and entry, the rounds that its page shows; None: none.
+        progress: called with each file's name.
+
+    Returns:
+        The files, sorted.
+
+    Raises:
+        UserError: the folder holds something else, or the board a name that can't be a file's.
+        OSError: a file cannot be written.
+    """
+    views.check_board(board)
+    folder = Path(out)
+    check_folder(folder)
+    board = _with_replays(board, replays or {})
+    wanted = {MARK: "made by fpg-bench leaderboard build\n"} | _pages(board, replays or {})
+    wanted |= _scripts(board) | _static()
+    wanted |= {replay.file: replay.script for found in (replays or {}).values() for replay in found}
+    for name, content in wanted.items():
+        progress(name)
+        _write(folder / name, content)
+    kept = {folder / name for name in wanted} | {_copy_plotly(folder)}
+    _clear(folder, kept)
+    return sorted(kept)
+
+
+def check_folder(folder: Path) -> None:
+    """Raise UserError for a folder that holds something else than a site."""
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"out: {folder} is a file; name a folder")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / MARK).is_file():
+        raise UserError(f"out: {folder} holds files that are not a leaderboard's site; name another folder")
+
+
+def _with_replays(board: Row, replays: Replays) -> Row:
+    """The board, in which each entry names the files of its rounds."""
+    return board | {
+        "tracks": [
+            track
+            | {
+                "rows": [
+                    row | {"replays": [r.file for r in replays.get((track["key"], row["slug"]), [])]}
+                    for row in track["rows"]
+                ]
+            }
+            for track in board["tracks"]
+        ]
+    }
+
+
+def _pages(board: Row, replays: Replays) -> dict[str, str]:
+    """All HTML pages by their names."""
+    environment = _environment(board)
+    tracks = [views.track_view(track) for track in board["tracks"]]
+    crossplay = scripts_data.crossplay_data(board)
+    shown: list[tuple[str, str, Row]] = [
+        ("index.html", "index.html", {"tracks": tracks}),
+        ("compare.html", "compare.html", {"tracks": tracks}),
+        ("statistics.html", "statistics.html", {"tracks": tracks}),
+        ("crossplay.html", "crossplay.html", {"crossplay": crossplay}),
+        ("submit.html", "submit.html", {}),
+    ]
+    for track in board["tracks"]:
+        for row in track["rows"]:
+            rounds = replays.get((track["key"], row["slug"]), [])
+            entry = {"entry": views.entry_view(track, row), "replays": rounds}
+            shown.append((views.page_of(track, row), "entry.html", entry))
+    return {
+        name: environment.get_template(template).render(page=name, root="../" * name.count("/"), **content)
+        for name, template, content in shown
+    }
+
+
+def _environment(board: Row) -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    loader = PackageLoader("fpg_bench.leaderboard.site", "templates")
+    found = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    about = {key: board.get(key) for key in ("version", "protocol", "season", "built")}
+    found.globals |= {
+        "board": about,
+        "player": Markup(replay_markup("h3")),  # the package's own
+        "few_seeds": views.FEW_SEEDS,
+    }
+    return found
+
+
+def _scripts(board: Row) -> dict[str, str]:
+    """The board as data: for the page's scripts, and whole for everybody else's."""
+    return {
+        "board.json": json.dumps(board, allow_nan=False, separators=(",", ":")) + "\n",
+        "data/compare.js": scripts_data.data_file(scripts_data.compare_data(board)),
+        "data/statistics.js": scripts_data.data_file(scripts_data.statistics_data(board)),
+        "data/crossplay.js": scripts_data.data_file(scripts_data.crossplay_data(board)),
+    }
+
+
+def _static() -> dict[str, str]:
+    """Styles and scripts, the player of replays among them."""
+    folder = resources.files("fpg_bench.leaderboard.site").joinpath("static")
+    found = {f"static/{file.name}": file.read_text("utf-8") for file in folder.iterdir() if file.is_file()}
+    return found | {f"static/replay.{suffix}": replay_part(suffix) for suffix in ("css", "js")}
+
+
+def _write(path: Path, content: str) -> None:
+    """Write a file, unless it is there just so."""
+    data = content.encode()
+    if not path.is_file() or path.read_bytes() != data:
+        write_whole(path, data)
+
+
+def _copy_plotly(folder: Path) -> Path:
+    """Copy the plotting library's own bundle from the installed package; only two pages load it."""
+    source = Path(str(resources.files("plotly"))) / "package_data" / PLOTLY
+    target = folder / "static" / PLOTLY
+    if not target.is_file() or target.stat().st_size != source.stat().st_size:
+        shutil.copyfile(source, target)
+    return target
+
+
+def _clear(folder: Path, kept: set[Path]) -> None:
+    """Remove what an earlier build has left."""
+    for path in sorted(folder.rglob("*"), reverse=True):
+        if path.is_dir() and not path.is_symlink():
+            if not any(path.iterdir()):
+                path.rmdir()
+        elif path not in kept:
+            path.unlink()

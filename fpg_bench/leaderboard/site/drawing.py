@@ -1,0 +1,74 @@
+"""Small pictures as numbers: where the lines of an interval and the bars of a histogram stand, in pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from fpg_bench.leaderboard.site.wording import finite
+
+WIDTH = 130  # of an interval's picture
+MARGIN = 5
+HEAT_STEPS = 9
+Domain = tuple[float, float]
+
+
+def domain_of(intervals: Sequence[Any]) -> Domain:
+    """The scores that a column of pictures spans: 0 and 100, and all that is shown."""
+    numbers = [0.0, 100.0]
+    for interval in intervals:
+        if isinstance(interval, dict) and finite(interval.get("value")) is not None:
+            found = (finite(interval.get(key)) for key in ("value", "low", "high"))
+            numbers += [number for number in found if number is not None]
+    return min(numbers), max(numbers)
+
+
+def place(value: float, domain: Domain) -> float:
+    """Where a value stands."""
+    low, high = domain
+    return round(MARGIN + (value - low) / (high - low) * (WIDTH - 2 * MARGIN), 1)
+
+
+def interval_picture(interval: Any, domain: Domain) -> dict[str, float] | None:
+    """Where an interval's dot and ends stand, and the marks of 0 and 100; None without a value."""
+    value = finite(interval.get("value")) if isinstance(interval, dict) else None
+    if value is None:
+        return None
+    low, high = finite(interval.get("low")), finite(interval.get("high"))
+    ends = (value, value) if low is None or high is None else (low, high)
+    drawn = {"zero": 0.0, "hundred": 100.0, "dot": value, "low": ends[0], "high": ends[1]}
+    return {name: place(number, domain) for name, number in drawn.items()}
+
+
+def heat(value: Any, domain: Domain = (0.0, 100.0)) -> int | None:
+    """How strongly a cell is tinted, 0 to 8; None without a value."""
+    number = finite(value)
+    if number is None:
+        return None
+    share = (number - domain[0]) / ((domain[1] - domain[0]) or 1)
+    return max(0, min(HEAT_STEPS - 1, int(share * HEAT_STEPS)))
+
+
+def histogram_picture(shares: Any, width: int = 480, height: int = 110) -> dict[str, Any] | None:
+    """The bars of a histogram over frequency points; None where there is none.
+
+    Args:
+        shares: one number of 0 or more per point, in any unit.
+        width, height: in pixels, of the whole picture.
+    """
+    numbers = [finite(share) for share in shares] if isinstance(shares, list | tuple) else []
+    known = [max(number, 0.0) for number in numbers if number is not None]
+    if len(known) != len(numbers) or not known or not sum(known):
+        return None
+    total, top, step = sum(known), max(known), width / len(known)
+    bars = [
+        {
+            "x": round(index * step + 1, 1),
+            "y": round(height - number / top * height, 1),
+            "width": round(step - 2, 1),
+            "height": round(number / top * height, 1),
+            "share": number / total,
+        }
+        for index, number in enumerate(known)
+    ]
+    return {"bars": bars, "width": width, "height": height, "top": top / total}

@@ -1,0 +1,51 @@
+"""Showing a built site on this machine alone."""
+
+from __future__ import annotations
+
+import errno
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.errors import UserError
+from fpg_bench.leaderboard.site.build import MARK
+
+HOST = "127.0.0.1"
+
+
+class _Quiet(SimpleHTTPRequestHandler):
+    """Serves files without a line for each, and nothing that is hidden."""
+
+    def log_message(self, format: str, *args: Any) -> None:
+        pass
+
+    def end_headers(self) -> None:
+        self.send_header("Cache-Control", "no-cache")  # a site that was built anew is shown anew
+        self.send_header("X-Content-Type-Options", "nosniff")
+        super().end_headers()
+
+
+def make_server(folder: str | Path, port: int) -> ThreadingHTTPServer:
+    """A server of a built site, not yet serving.
+
+    Args:
+        folder: the site's.
+        port: of this machine; 0: any that is free.
+
+    Raises:
+        UserError: no site there, or the port is taken or not allowed.
+    """
+    folder = Path(folder)
+    if not (folder / MARK).is_file():
+        raise UserError(f"site {folder}: nothing is built there; run fpg-bench leaderboard build")
+    try:
+        return ThreadingHTTPServer((HOST, port), partial(_Quiet, directory=str(folder)))
+    except OverflowError as error:
+        raise UserError(f"port: expected 0 to 65535, got {port}") from error
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise UserError(f"port {port}: is in use; name another by --port, 0 for any") from error
+        if error.errno == errno.EACCES:
+            raise UserError(f"port {port}: is not allowed; name one above 1023 by --port") from error
+        raise

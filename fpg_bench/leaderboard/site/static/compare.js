@@ -1,0 +1,184 @@
+/* Two entries side by side; the address keeps which. All texts are set as text, never as markup. */
+"use strict";
+(() => {
+  const NS = "http://www.w3.org/2000/svg";
+  const { tracks, measures } = window.fpgData;
+  const select = Object.fromEntries(["track", "a", "b"].map((id) => [id, document.getElementById(id)]));
+  const number = (value) => (value === null || value === undefined ? "–" : value.toFixed(1).replace("-", "−"));
+  const percent = (share) => (share === null || share === undefined ? "–" : `${(100 * share).toFixed(1)} %`);
+
+  function styled(value, style) {
+    if (value === null || value === undefined) return "–";
+    if (style === "share") return percent(value);
+    if (style === "whole") return Math.round(value).toLocaleString("en").replace("-", "−");
+    return style === "score" ? number(value) : `${number(value)} ${style}`;
+  }
+
+  function make(kind, text, name) {
+    const found = document.createElement(kind);
+    if (text !== undefined) found.textContent = text;
+    if (name) found.className = name;
+    return found;
+  }
+
+  const track = () => tracks.find((one) => one.key === select.track.value);
+  const entry = (side) => track().rows.find((row) => row.slug === select[side].value);
+
+  function fillEntries(wanted) {
+    const rows = track().rows;
+    for (const [index, side] of ["a", "b"].entries()) {
+      select[side].replaceChildren(...rows.map((row) => new Option(`${row.name} (${row.kind})`, row.slug)));
+      const slug = wanted[side];
+      const known = rows.some((row) => row.slug === slug);
+      const other = rows.findIndex((row) => row.slug !== select.a.value);
+      const fallback = index ? Math.max(0, other) : 0;
+      if (rows.length) select[side].value = known ? slug : rows[fallback].slug;
+    }
+  }
+
+  function read() {
+    const asked = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
+    if (tracks.some((one) => one.key === asked.track)) select.track.value = asked.track;
+    fillEntries(asked);
+    show();
+  }
+
+  function keep() {
+    const words = new URLSearchParams({ track: select.track.value, a: select.a.value, b: select.b.value });
+    history.replaceState(null, "", `#${words}`);
+    show();
+  }
+
+  /** Both intervals on one axis. */
+  function picture(domain, pair) {
+    const width = 190, margin = 6;
+    const x = (value) => margin + ((value - domain[0]) / (domain[1] - domain[0])) * (width - 2 * margin);
+    const svg = document.createElementNS(NS, "svg");
+    const draw = (kind, attributes) => {
+      const found = svg.appendChild(document.createElementNS(NS, kind));
+      for (const [name, value] of Object.entries(attributes)) found.setAttribute(name, value);
+    };
+    for (const [name, value] of Object.entries({ width, height: 28, "aria-hidden": "true", class: "interval both" })) svg.setAttribute(name, value);
+    for (const mark of [0, 100]) draw("line", { class: "mark", x1: x(mark), x2: x(mark), y1: 1, y2: 27 });
+    pair.forEach(([value, low, high], i) => {
+      if (value === null) return;
+      const y = i ? 20 : 8, name = i ? "second" : "first";
+      draw("line", { class: `range ${name}`, x1: x(low ?? value), x2: x(high ?? value), y1: y, y2: y });
+      if (i) draw("rect", { class: `dot ${name}`, x: x(value) - 4, y: y - 4, width: 8, height: 8 });
+      else draw("circle", { class: `dot ${name}`, cx: x(value), cy: y, r: 4.5 });
+    });
+    return svg;
+  }
+
+  function section(title, head, rows) {
+    const box = make("section");
+    const heading = make("h2", title);
+    heading.id = `part-${title.toLowerCase().replace(/\W+/g, "-")}`;
+    box.setAttribute("aria-labelledby", heading.id);
+    const scroll = make("div", undefined, "scroll");
+    scroll.tabIndex = 0;
+    scroll.setAttribute("role", "region");
+    scroll.setAttribute("aria-labelledby", heading.id);
+    const table = make("table", undefined, "plaintable compared");
+    table.append(make("caption", title, "unseen"));
+    const line = table.createTHead().insertRow();
+    head.forEach((text, i) => {
+      const cell = make("th", text, ["", "num first", "num second", "num", "picture"][i]);
+      cell.scope = "col";
+      line.append(cell);
+    });
+    const body = table.createTBody();
+    for (const [name, ...cells] of rows) {
+      const row = body.insertRow();
+      const first = make("th", name);
+      first.scope = "row";
+      row.append(first);
+      for (const cell of cells) {
+        const place = make("td", undefined, cell instanceof Element ? "" : "num");
+        place.append(cell);
+        row.append(place);
+      }
+    }
+    scroll.append(table);
+    box.append(heading, scroll);
+    return box;
+  }
+
+  function scored(a, b) {
+    const pairs = [["All counterparts", a.score, b.score], ...track().entries.map((name) => [name, a.entries[name], b.entries[name]])];
+    const numbers = pairs.flatMap(([, one, two]) => [...one, ...two]).filter((value) => value !== null);
+    const domain = [Math.min(0, ...numbers), Math.max(100, ...numbers)];
+    const told = ([value, low, high]) => (low === null || value === null ? number(value) : `${number(value)}  (${number(low)} to ${number(high)})`);
+    return pairs.map(([name, one, two]) => [
+      name, told(one), told(two), one[0] === null || two[0] === null ? "–" : signed(one[0] - two[0]), picture(domain, [one, two]),
+    ]);
+  }
+
+  const signed = (value) => (value >= 0 ? "+" : "−") + Math.abs(value).toFixed(1);
+
+  function facts(a, b) {
+    const about = (row) => row.training;
+    const budget = (row) => (about(row) ? `${Number(about(row).steps).toLocaleString("en")} steps` : "–");
+    return [
+      ["Rank", a.rank, b.rank], ["Leads", percent(a.lead), percent(b.lead)], ["Mean score", number(a.mean), number(b.mean)],
+      ["Algorithm", a.algorithm, b.algorithm], ["Authors", a.authors, b.authors], ["Learning budget a seed", budget(a), budget(b)],
+    ];
+  }
+
+  function measured(a, b) {
+    const names = [...Object.keys(measures), ...Object.keys(a.measures).filter((name) => !(name in measures))];
+    return names.filter((name) => (a.measures[name] ?? null) !== null || (b.measures[name] ?? null) !== null).map((name) => {
+      const { label, style } = measures[name] ?? { label: name.replaceAll("_", " "), style: "score" };
+      return [label, styled(a.measures[name], style), styled(b.measures[name], style)];
+    });
+  }
+
+  /** In a sentence: who is ahead, and how sure that is. */
+  function verdict(a, b) {
+    const found = track().improvement;
+    const i = found ? found.names.indexOf(a.slug) : -1, j = found ? found.names.indexOf(b.slug) : -1;
+    const wins = track().entries.filter((name) => a.entries[name][0] > b.entries[name][0]).length;
+    let text = `${a.name} scores ${number(a.score[0])}, ${b.name} ${number(b.score[0])}; the first is ahead against ${wins} of ${track().entries.length} counterparts.`;
+    if (i >= 0 && j >= 0 && i !== j) {
+      const share = (value) => `${Math.round(100 * value)} %`;
+      text += ` A new run of the first scores more than one of the second with a probability of ${share(found.value[i][j])} (${share(found.low[i][j])} to ${share(found.high[i][j])}).`;
+    }
+    return text;
+  }
+
+  function show() {
+    const place = document.getElementById("comparison");
+    const a = entry("a"), b = entry("b");
+    if (!a || !b) {
+      document.getElementById("verdict").textContent = "This track has no ranked entries yet.";
+      place.replaceChildren();
+      return;
+    }
+    document.getElementById("verdict").textContent = a === b ? "Choose two different entries." : verdict(a, b);
+    const heads = [a.name, b.name];
+    const links = make("p", "Their pages: ");
+    for (const [index, row] of [a, b].entries()) {
+      const link = make("a", row.name);
+      link.href = row.page;
+      links.append(index ? " · " : "", link);
+    }
+    const columns = make("div", undefined, "columns");
+    columns.append(
+      section("At a glance", ["Fact", ...heads], facts(a, b)),
+      section("What happens in their games", ["Measure", ...heads], measured(a, b)),
+    );
+    place.replaceChildren(section("Scores", ["Counterpart", ...heads, "Difference", "Picture"], scored(a, b)), columns, links);
+  }
+
+  select.track.addEventListener("change", () => {
+    fillEntries({});
+    keep();
+  });
+  for (const side of ["a", "b"]) select[side].addEventListener("change", keep);
+  document.getElementById("swap").addEventListener("click", () => {
+    [select.a.value, select.b.value] = [select.b.value, select.a.value];
+    keep();
+  });
+  window.addEventListener("hashchange", read);
+  read();
+})();

@@ -1,0 +1,282 @@
+"""What each page shows, taken from a board: plain words and numbers, ready for the templates.
+
+A board is data from outside (see :func:`fpg_bench.leaderboard.board.make_board`): a number may be missing,
+a text may hold anything. Templates escape all text; what becomes part of a file's name is checked here.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fpg_bench.leaderboard.site import drawing, wording
+from fpg_bench.leaderboard.site.wording import finite, written
+
+Row = dict[str, Any]
+KINDS = {"script": "script", "zoo": "zoo", "submitted": "submitted"}
+FEW_SEEDS = "fewer than three training seeds: its interval says little"
+_COLUMNS_MOST = 6
+
+
+def check_board(board: Row) -> None:
+    """Raise UserError where a track or an entry has a name that can't be part of a file's."""
+    for track in board["tracks"]:
+        key = wording.safe_slug(track["key"], "track")
+        for row in track["rows"]:
+            wording.safe_slug(row["slug"], f"entry of {key}")
+
+
+def is_verified(row: Row) -> bool:
+    """Whether an entry is ranked."""
+    return row.get("status") == "verified"
+
+
+def ordered(rows: list[Row]) -> list[Row]:
+    """Entries by rank, then score; those that are not verified last."""
+
+    def place(row: Row) -> tuple[bool, float, float, str]:
+        rank, score = row.get("rank"), finite((row.get("score") or {}).get("value"))
+        low = finite(rank[0]) if isinstance(rank, list | tuple) and rank else None
+        return not is_verified(row), low or 1e9, -(score or -1e9), row["slug"]
+
+    return sorted(rows, key=place)
+
+
+def page_of(track: Row, row: Row) -> str:
+    """The address of an entry's page, from the site's root."""
+    return f"entries/{track['key']}/{row['slug']}.html"
+
+
+def track_view(track: Row) -> Row:
+    """What the front page shows of a track."""
+    rows = ordered(track["rows"])
+    domain = drawing.domain_of([row.get("score") for row in rows])
+    names = _columns(rows)
+    exploitability = any(_value(row.get("exploitability")) is not None for row in rows)
+    return {
+        "key": track["key"],
+        "title": track["title"],
+        "side": track.get("side"),
+        "panel": track.get("panel"),
+        "rounds": track.get("rounds"),
+        "reference": track.get("reference"),
+        "entries": list(track.get("entries") or []),
+        "columns": [{"name": name, **wording.measure_of(name)._asdict()} for name in names],
+        "exploitability": exploitability,
+        "axis": _axis(domain),
+        "rows": [_row_view(track, row, names, domain) for row in rows],
+        "strengths": _strengths(track, rows),
+        "leaders": _leaders(rows),
+    }
+
+
+def _columns(rows: list[Row]) -> list[str]:
+    """Which measures stand in the table: those that matter most, else the first that there are."""
+    there = [name for row in rows for name in (row.get("measures") or {})]
+    known = [name for name in wording.COLUMNS if name in there]
+    return known or list(dict.fromkeys(there))[:_COLUMNS_MOST]
+
+
+def _in_column(value: Any, style: str) -> str:
+    """A number under a heading that says its unit."""
+    return written(value, "score" if "/" in style else style)
+
+
+def _axis(domain: drawing.Domain) -> Row:
+    return {"zero": drawing.place(0, domain), "hundred": drawing.place(100, domain)}
+
+
+def _row_view(track: Row, row: Row, names: list[str], domain: drawing.Domain) -> Row:
+    measures = row.get("measures") or {}
+    score, worst = row.get("score") or {}, row.get("worst") or {}
+    return {
+        **entry_head(track, row),
+        "score": written(score.get("value")),
+        "score_sort": finite(score.get("value")),
+        "interval": wording.interval_text(score),
+        "over": score.get("over") or "",
+        "picture": drawing.interval_picture(score, domain),
+        "rank_sort": finite((row.get("rank") or [None])[0]),
+        "lead": _share(_lead(row)),
+        "lead_sort": _lead(row),
+        "worst": written(worst.get("value")),
+        "worst_sort": finite(worst.get("value")),
+        "worst_entry": worst.get("entry") or "",
+        "exploitability": written(_value(row.get("exploitability"))),
+        "exploitability_sort": _value(row.get("exploitability")),
+        "measures": [
+            {
+                "text": _in_column(measures.get(name), wording.measure_of(name).style),
+                "sort": finite(measures.get(name)),
+            }
+            for name in names
+        ],
+    }
+
+
+def entry_head(track: Row, row: Row) -> Row:
+    """What stands wherever an entry is named."""
+    return {
+        "slug": row["slug"],
+        "name": row["name"],
+        "page": page_of(track, row),
+        "algorithm": row.get("algorithm") or "",
+        "authors": ", ".join(map(str, row.get("authors") or [])),
+        "kind": KINDS.get(str(row.get("kind")), "submitted"),
+        "verified": is_verified(row),
+        "reason": row.get("reason") or "",
+        "few_seeds": bool(row.get("few_seeds")),
+        "rank": wording.rank_text(row.get("rank")) if is_verified(row) else wording.NONE,
+        "lost": int(finite(row.get("lost")) or 0),
+    }
+
+
+def _value(interval: Any) -> float | None:
+    return finite(interval.get("value")) if isinstance(interval, dict) else None
+
+
+def _lead(row: Row) -> float | None:
+    return finite(row.get("lead")) if is_verified(row) else None
+
+
+def _share(value: Any) -> str:
+    number = finite(value)
+    return wording.NONE if number is None else f"{100 * number:.0f} %"
+
+
+def _strengths(track: Row, rows: list[Row]) -> list[Row]:
+    """The score of each entry against each pairing of the panel, tinted."""
+    names = list(track.get("entries") or [])
+    return [
+        {**entry_head(track, row), "cells": [_cell((row.get("entries") or {}).get(name)) for name in names]}
+        for row in rows
+        if is_verified(row) and row.get("entries")
+    ]
+
+
+def _cell(interval: Any) -> Row:
+    value = _value(interval)
+    return {"text": wording.NONE if value is None else written(value, "whole"), "heat": drawing.heat(value)}
+
+
+def _leaders(rows: list[Row]) -> list[str]:
+    """Who can't be told apart from the best."""
+    first = [row for row in rows if is_verified(row) and (row.get("rank") or [0])[0] == 1]
+    return [row["name"] for row in first]
+
+
+def entry_view(track: Row, row: Row) -> Row:
+    """What an entry's own page shows."""
+    entries = row.get("entries") or {}
+    names = [name for name in (track.get("entries") or []) if name in entries]
+    domain = drawing.domain_of([entries[name] for name in names] + [row.get("score")])
+    score, worst = row.get("score") or {}, row.get("worst") or {}
+    return {
+        **entry_head(track, row),
+        "track": track["title"],
+        "key": track["key"],
+        "panel": track.get("panel"),
+        "reference_player": track.get("reference"),
+        "entrants": sum(map(is_verified, track["rows"])),
+        "score": written(score.get("value")),
+        "interval": wording.interval_text(score),
+        "over": score.get("over") or "",
+        "mean": written(row.get("mean")),
+        "lead": _share(row.get("lead")),
+        "worst": worst.get("entry") or "",
+        "worst_score": written(worst.get("value")),
+        "best": _best(entries, names),
+        "exploitability": _exploitability(row.get("exploitability")),
+        "axis": _axis(domain),
+        "entries": [_scored(name, entries[name], domain) for name in names],
+        "seeds": _seeds(row, domain),
+        "measures": _measures(row.get("measures") or {}),
+        "histograms": _histograms(row.get("histograms")),
+        **_about(row),
+    }
+
+
+def _best(entries: Row, names: list[str]) -> str:
+    known = {name: value for name in names if (value := _value(entries[name])) is not None}
+    return max(known, key=lambda name: known[name]) if known else ""
+
+
+def _exploitability(found: Any) -> str:
+    if _value(found) is None:
+        return ""
+    between = wording.interval_text(found)
+    return written(found["value"]) + (f" ({between})" if between else "")
+
+
+def _scored(name: str, interval: Row, domain: drawing.Domain) -> Row:
+    return {
+        "name": name,
+        "score": written(interval.get("value")),
+        "interval": wording.interval_text(interval),
+        "picture": drawing.interval_picture(interval, domain),
+    }
+
+
+def _seeds(row: Row, domain: drawing.Domain) -> list[Row]:
+    """The score of each training seed; none for scripts."""
+    seeds = row.get("seeds") or {}
+    return [
+        {
+            "seed": seed,
+            "score": written(value),
+            "picture": drawing.interval_picture({"value": value}, domain),
+        }
+        for seed, value in seeds.items()
+        if finite(value) is not None and seed != "None"
+    ]
+
+
+def _measures(found: Row) -> list[Row]:
+    names = [name for name in wording.MEASURES if name in found]
+    names += [name for name in found if name not in wording.MEASURES]
+    listed = [(name, wording.measure_of(name)) for name in names]
+    return [
+        {"label": told.label, "text": written(found[name], told.style), "about": told.about}
+        for name, told in listed
+        if finite(found[name]) is not None
+    ]
+
+
+def _histograms(found: Any) -> list[Row]:
+    """The time that both sides spend on each frequency point."""
+    titles = (("ally", "Where the ally transmits"), ("jam", "Where the opponent jams"))
+    drawn = [
+        {"side": side, "title": title, "picture": drawing.histogram_picture((found or {}).get(side))}
+        for side, title in titles
+    ]
+    return [one for one in drawn if one["picture"] is not None]
+
+
+def _about(row: Row) -> Row:
+    training = row.get("training")
+    return {
+        "reference": wording.safe_link(row.get("reference")),
+        "licence": row.get("licence") or "",
+        "saw": row.get("saw") or "",
+        "unable": row.get("unable") or "",
+        "description": row.get("description") or "",
+        "training": None
+        if not isinstance(training, dict)
+        else {
+            "steps": written(training.get("steps"), "whole"),
+            "hours": written(training.get("hours")),
+            "seeds": ", ".join(map(str, training.get("seeds") or [])) or wording.NONE,
+        },
+        "fingerprint": _flat(row.get("fingerprint") or {}),
+    }
+
+
+def _flat(content: Row) -> list[tuple[str, str]]:
+    """A fingerprint as lines: nested mappings with their names joined."""
+    lines = []
+    for key, value in content.items():
+        name = str(key).replace("_", " ")
+        if isinstance(value, dict):
+            lines += [(f"{name} {inner}", text) for inner, text in _flat(value)]
+        else:
+            lines.append((name, wording.NONE if value is None else str(value)))
+    return lines

@@ -1,0 +1,257 @@
+"""The built site as files: what may stand in them, and that they refer to nothing but each other."""
+
+import json
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.leaderboard.site.build import build_site
+from fpg_bench.leaderboard.site.replays import Replay
+from fpg_bench.leaderboard.site.serve import make_server
+from fpg_bench.leaderboard.site.wording import interval_text, rank_text, safe_link, written
+from tests.leaderboard.example_board import HOSTILE, example_board
+
+LEADS_AWAY = {"src", "srcset", "poster", "action", "formaction", "data", "background", "ping"}
+
+
+class Page(HTMLParser):
+    """What a browser would find: elements, their attributes, and text."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.elements, self.text = [], []
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """A site whose every text tries to become markup."""
+    folder = tmp_path_factory.mktemp("site") / "out"
+    rounds = [Replay("replays/ally/player-1/ab.js", HOSTILE[0], HOSTILE[1], 'fpgRound({"label":"x"});\n')]
+    build_site(example_board(7, hostile=True), folder, {("ally", "player-1"): rounds})
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pages(site):
+    return {path: Page(path) for path in site.rglob("*.html")}
+
+
+def test_there_is_a_page_for_all_that_is_to_be_seen(site):
+    names = {str(path.relative_to(site)) for path in site.rglob("*.html")}
+    shared = {"index.html", "crossplay.html", "statistics.html", "compare.html", "submit.html"}
+    entries = {f"entries/ally/player-{k}.html" for k in range(7)}
+    assert names == shared | entries | {f"entries/opponent-pursuit/player-{k}.html" for k in range(2)}
+
+
+def test_no_text_of_a_submission_becomes_markup(pages):
+    for path, page in pages.items():
+        assert not [name for tag, attrs in page.elements for name in attrs if name.startswith("on")], path
+        assert not [attrs for tag, attrs in page.elements if tag == "img"], path
+        scripts = [attrs for tag, attrs in page.elements if tag == "script"]
+        assert all("src" in attrs for attrs in scripts), path
+    texts = "".join("".join(page.text) for page in pages.values())
+    assert all(text in texts for text in HOSTILE)
+
+
+@pytest.mark.parametrize("text", [text for text in HOSTILE if re.search("[<>']", text)])
+def test_hostile_texts_never_stand_there_raw(site, text):
+    for path in site.rglob("*.html"):
+        assert text not in path.read_text(encoding="utf-8"), path
+    for path in (site / "data").iterdir():
+        assert not re.search("[<>]", path.read_text(encoding="utf-8")), path
+
+
+def test_links_of_submissions_are_https_or_none(pages):
+    links = [attrs["href"] for page in pages.values() for tag, attrs in page.elements if tag == "a"]
+    assert not [link for link in links if re.match(r"(?i)\s*(javascript|data|vbscript):", link)]
+
+
+def test_nothing_is_loaded_from_anywhere_else(pages):
+    for path, page in pages.items():
+        for tag, attrs in page.elements:
+            addresses = [value for name, value in attrs.items() if name in LEADS_AWAY and tag != "a"]
+            addresses += [attrs["href"]] if tag == "link" else []
+            assert not [value for value in addresses if re.match(r"(?i)([a-z]+:)?//|[a-z]+:", value)], path
+
+
+def test_every_file_that_a_page_refers_to_is_there(site, pages):
+    for path, page in pages.items():
+        for _, attrs in page.elements:
+            for name in ("href", "src", "data-file"):
+                address = attrs.get(name) or "#"
+                if address.startswith(("#", "https://")):
+                    continue
+                target = path.parent / unquote(address.partition("#")[0])
+                assert target.is_file(), (path, address)
+
+
+def test_links_within_a_page_lead_somewhere(site, pages):
+    for path, page in pages.items():
+        ids = [attrs["id"] for _, attrs in page.elements if "id" in attrs]
+        assert len(ids) == len(set(ids)), path
+        inside = [
+            attrs["href"][1:] for _, attrs in page.elements if (attrs.get("href") or "").startswith("#")
+        ]
+        assert set(inside) <= set(ids), path
+
+
+def test_every_page_forbids_what_it_does_not_need(pages):
+    for path, page in pages.items():
+        (policy,) = [
+            attrs["content"]
+            for _, attrs in page.elements
+            if attrs.get("http-equiv") == "Content-Security-Policy"
+        ]
+        assert "default-src 'none'" in policy, path
+        scripts = re.search("script-src ([^;]*)", policy)[1]
+        assert scripts == "'self' file:", path
+        assert ("unsafe-inline" in policy) == (path.stem in {"crossplay", "statistics"}), path
+
+
+def test_styles_and_scripts_of_ours_load_nothing(site):
+    for path in (site / "static").glob("*"):
+        if path.name != "plotly.min.js":
+            text = path.read_text(encoding="utf-8")
+            for word in (
+                "fetch(",
+                "XMLHttpRequest",
+                "@import",
+                "url(",
+                "innerHTML",
+                "eval(",
+                "insertAdjacent",
+            ):
+                assert word not in text, (path, word)
+
+
+def test_the_board_can_be_taken_away_whole(site):
+    board = json.loads((site / "board.json").read_text())
+    assert [row["slug"] for row in board["tracks"][0]["rows"]] == [f"player-{k}" for k in range(7)]
+    assert board["tracks"][0]["rows"][1]["replays"] == ["replays/ally/player-1/ab.js"]
+
+
+def test_the_front_page_stays_small_for_many_entries(tmp_path):
+    build_site(example_board(200, counterparts=10), tmp_path)
+    page = Page(tmp_path / "index.html")
+    loaded = [
+        attrs.get("src") or attrs.get("href") for tag, attrs in page.elements if tag in ("script", "link")
+    ]
+    assert "static/plotly.min.js" not in loaded
+    files = [tmp_path / "index.html", *(tmp_path / name for name in loaded)]
+    assert sum(file.stat().st_size for file in files) < 1_500_000
+
+
+def test_a_board_without_entries_has_a_site(tmp_path):
+    board = example_board(1) | {"crossplay": None}
+    for track in board["tracks"]:
+        track |= {"rows": [], "improvement": {"names": [], "value": [], "low": [], "high": []}}
+        track["profiles"] = {"thresholds": [], "share": {}}
+    build_site(board, tmp_path)
+    assert "No entries yet" in (tmp_path / "index.html").read_text()
+    assert "has not been played" in (tmp_path / "crossplay.html").read_text()
+
+
+def test_building_again_removes_what_is_no_longer_there(tmp_path):
+    build_site(example_board(4), tmp_path)
+    before = (tmp_path / "index.html").stat().st_mtime_ns
+    build_site(example_board(4), tmp_path)
+    assert (tmp_path / "index.html").stat().st_mtime_ns == before
+    build_site(example_board(2), tmp_path)
+    assert len(list((tmp_path / "entries" / "ally").iterdir())) == 2
+
+
+def test_a_folder_of_other_files_is_left_alone(tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(UserError, match="not a leaderboard's site"):
+        build_site(example_board(1), tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+@pytest.mark.parametrize("slug", ["../../escaped", "a/b", "", "UPPER", "x" * 41, None, ".hidden", "a\n"])
+def test_a_name_that_is_no_files_is_refused(tmp_path, slug):
+    board = example_board(1)
+    board["tracks"][0]["rows"][0]["slug"] = slug
+    with pytest.raises(UserError, match="entry of ally"):
+        build_site(board, tmp_path / "out")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("link", "kept"),
+    [
+        ("https://example.org/a?b=1&c=2#d", True),
+        ("https://example.org:8080/", True),
+        ("http://example.org", False),
+        ("javascript:alert(1)", False),
+        ("https://user@evil.example", False),
+        ('https://x.org/"onmouseover="alert(1)', False),
+        ("https://x.org/ y", False),
+        ("https://x.org\n", False),
+        (None, False),
+        (["https://x.org"], False),
+    ],
+)
+def test_only_plain_https_links_are_kept(link, kept):
+    assert safe_link(link) == (link if kept else None)
+
+
+def test_numbers_are_written_alike_and_missing_ones_as_a_dash():
+    assert [written(value) for value in (1.26, -3, None, float("nan"), "7", True)] == ["1.3", "−3.0", *"––––"]
+    assert (written(0.1234, "share"), written(12345.6, "whole"), written(2, "dB")) == (
+        "12.3 %",
+        "12,346",
+        "2.0 dB",
+    )
+    assert [rank_text(rank) for rank in ([1, 1], [2, 5], None, [None, 2])] == ["1", "2–5", "–", "–"]
+    assert interval_text({"low": -1.0, "high": 2}) == "−1.0 to 2.0"
+    assert interval_text({"low": None, "high": 2}) == ""
+
+
+def test_serving_needs_a_site_and_a_free_port(site, tmp_path):
+    with pytest.raises(UserError, match="nothing is built there"):
+        make_server(tmp_path, 0)
+    with make_server(site, 0) as server, pytest.raises(UserError, match="is in use"):
+        make_server(site, server.server_port)
+
+
+def test_the_verbs_build_and_say_what_is_wrong(tmp_path):
+    (tmp_path / "board" / "submissions").mkdir(parents=True)
+    out = tmp_path / "out"
+    words = [sys.executable, "-m", "fpg_bench.cli", "leaderboard"]
+    built = [*words, "build", "--folder", str(tmp_path / "board"), "--out", str(out)]
+    found = subprocess.run(built, capture_output=True, text=True, check=True)
+    assert found.stdout.startswith("0 entries, 0 rounds to watch")
+    assert (out / "index.html").is_file()
+    served = subprocess.run([*words, "serve", str(tmp_path / "none")], capture_output=True, text=True)
+    assert (served.returncode, served.stderr.count("\n")) == (2, 1)
+    assert "leaderboard build" in served.stderr
+
+
+def test_ctrl_c_ends_serving_with_one_line(site):
+    import signal
+
+    words = [sys.executable, "-m", "fpg_bench.cli", "leaderboard", "serve", str(site), "--port", "0"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline().startswith("http://127.0.0.1:")
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=30)
+    assert (process.returncode, out, err) == (0, "stopped\n", "")
+
+
+def test_templates_are_part_of_the_package():
+    import fpg_bench.leaderboard.site as package
+
+    assert (Path(package.__file__).parent / "templates" / "base.html").is_file()

@@ -1,0 +1,306 @@
+"""The site in a real browser: headless Chromium, from the disk and from a server of this machine."""
+
+import os
+import re
+import shutil
+import threading
+from pathlib import Path
+
+import pytest
+
+from fpg_bench.evaluation.panel import load_panel
+from fpg_bench.leaderboard.site.build import build_site
+from fpg_bench.leaderboard.site.replays import Replay, simulated
+from fpg_bench.leaderboard.site.serve import make_server
+from fpg_bench.leaderboard.submission import Submission
+from tests.leaderboard.example_board import HOSTILE, example_board
+
+CHROMIUM = shutil.which("chromium")
+if CHROMIUM is None and not os.environ.get("CI"):
+    pytest.skip("chromium is not installed; .ci/run installs it", allow_module_level=True)
+
+from axe_playwright_python.sync_playwright import Axe  # noqa: E402
+from playwright.sync_api import expect, sync_playwright  # noqa: E402
+
+ENTRIES = 27
+WATCHED = "entries/ally/player-3.html"
+PAGES = ("index.html", WATCHED, "crossplay.html", "statistics.html", "compare.html", "submit.html")
+PHONE = {"width": 390, "height": 844}
+GRAVE = ("error", "warning")
+DESKTOP = {"width": 1280, "height": 900}
+
+
+def rounds() -> list[Replay]:
+    """Two rounds of a script, under a name that tries to become markup."""
+    texts = {"algorithm": "", "reference": None, "licence": "", "path": None, "training": None}
+    submission = Submission(
+        Path("player-3"), "ally", HOSTILE[0], (), saw="", unable="", script="expert-spread", **texts
+    )
+    panel = load_panel("ally-v1", references=False)
+    return [
+        simulated(submission, "expert-spread", panel, entry, f"replays/ally/player-3/{index}.js")
+        for index, entry in enumerate(panel.entries[:2])
+    ]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("site") / "a b#c"  # a path that addresses must escape
+    build_site(example_board(ENTRIES, hostile=True), folder, {("ally", "player-3"): rounds()})
+    return folder
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def visit(browser, site):
+    """Opens pages, and sees to it that nothing was said on the console nor asked of anybody else."""
+    contexts, complaints = [], []
+
+    def go(name="index.html", origin=None, viewport=DESKTOP, **options):
+        context = browser.new_context(viewport=viewport, **options)
+        contexts.append(context)
+        context.set_default_timeout(10_000)
+        home = origin or site.as_uri()
+
+        def route(route, request):
+            ours = request.url.startswith((home, "data:", "blob:"))
+            if not ours:
+                complaints.append(f"asks for {request.url}")
+            route.continue_() if ours else route.abort()
+
+        context.route("**/*", route)
+        page = context.new_page()
+        page.on("console", lambda told: complaints.append(told.text) if told.type in GRAVE else None)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("dialog", lambda dialog: (complaints.append(f"alert {dialog.message}"), dialog.dismiss()))
+        page.goto(f"{home}/{name}")
+        return page
+
+    yield go
+    for context in contexts:
+        context.close()
+    assert not complaints
+
+
+def column(page, index):
+    """What is shown in a column of the first table, row by row."""
+    rows = page.locator("#ally table.board tbody tr:not([hidden])")
+    return rows.evaluate_all(f"rows => rows.map(row => row.cells[{index}].dataset.v)")
+
+
+def test_the_first_table_is_there_when_the_page_is(visit):
+    page = visit(java_script_enabled=False)
+    assert page.locator("#ally table.board tbody tr").count() == ENTRIES
+    assert page.locator("#ally table.board tbody tr").last.is_visible()
+
+
+def test_a_column_is_sorted_both_ways_by_its_button(visit):
+    page = visit()
+    header = page.locator("#ally thead th").nth(2)
+    assert [float(value) for value in column(page, 0)[:3]] == [1, 1, 3]
+    assert page.locator("#ally thead th").first.get_attribute("aria-sort") == "ascending"
+    header.locator("button").click()
+    scores = [float(value) for value in column(page, 2)]
+    assert (header.get_attribute("aria-sort"), scores) == ("descending", sorted(scores, reverse=True))
+    header.locator("button").focus()
+    page.keyboard.press("Enter")
+    scores = [float(value) for value in column(page, 2)]
+    assert (header.get_attribute("aria-sort"), scores) == ("ascending", sorted(scores))
+    page.locator("#ally .all").click()
+    assert column(page, 2)[-1] == ""  # what has no score is last, whichever way
+
+
+def test_a_long_table_shows_its_beginning_until_asked(visit):
+    page = visit()
+    assert len(column(page, 0)) == 25
+    page.get_by_role("button", name=f"Show all {ENTRIES}").click()
+    assert len(column(page, 0)) == ENTRIES
+
+
+def test_filters_hide_rows_and_say_how_many_are_left(visit):
+    page = visit()
+    count = page.locator("#ally .count")
+    page.locator("#ally .filter").fill("player 12")
+    assert len(column(page, 0)) == 1
+    assert count.inner_text() == f"1 of {ENTRIES} entries"
+    page.locator("#ally .filter").fill("")
+    page.locator('#ally .kind[value="script"]').uncheck()
+    shown = page.locator("#ally .board tbody tr:not([hidden])")
+    assert set(shown.evaluate_all("rows => rows.map(row => row.dataset.kind)")) == {"zoo", "submitted"}
+    page.locator('#ally .kind[value="script"]').check()
+    page.locator("#ally .unverified").uncheck()
+    assert count.inner_text().startswith(f"{ENTRIES - 1} of {ENTRIES} entries")
+    assert page.locator("#opponent-pursuit .board tbody tr:not([hidden])").count() == 2  # as it was
+
+
+def test_what_is_not_verified_says_why(visit):
+    page = visit()
+    page.locator("#ally .all").click()
+    row = page.locator("#ally tr[data-unverified]")
+    assert "not verified: seed_0: outran the limit" in row.inner_text()
+    assert row.locator("td").first.inner_text() == "–"
+
+
+def test_two_entries_are_compared_and_the_address_keeps_which(visit, site):
+    page = visit("compare.html")
+    page.locator("#a").select_option("player-4")
+    page.locator("#b").select_option("player-7")
+    assert "Player 4" in page.locator("#verdict").inner_text()
+    assert "probability of" in page.locator("#verdict").inner_text()
+    heads = page.locator("#comparison th.second").all_inner_texts()
+    assert heads
+    assert all(head.startswith("Player 7") for head in heads)
+    address = page.url
+    assert address.endswith("#track=ally&a=player-4&b=player-7")
+    page.locator("#swap").click()
+    assert page.locator("#a").input_value() == "player-7"
+    page.goto("about:blank")
+    page.goto(address)
+    assert (page.locator("#a").input_value(), page.locator("#b").input_value()) == ("player-4", "player-7")
+    page.locator("#track").select_option("opponent-pursuit")
+    assert page.locator("#comparison svg").count() == 3
+
+
+def test_an_entry_leads_to_its_comparison(visit):
+    page = visit(WATCHED)
+    page.get_by_role("link", name="Compare with another").click()
+    expect(page.locator("#a")).to_have_value("player-3")
+    expect(page.locator("#b")).not_to_have_value("player-3")
+
+
+def test_a_round_is_played_paused_and_scrubbed(visit):
+    page = visit(WATCHED)
+    step, button = page.locator("#replay-step"), page.locator("#replay-play")
+    expect(page.locator("#replay-step")).to_have_attribute("max", "300")
+    assert page.locator("#told").inner_text().startswith("Jammed ")
+    button.click()
+    expect(step).not_to_have_value(re.compile("^[0-2]$"))
+    button.click()
+    at = int(step.input_value())
+    page.wait_for_timeout(250)
+    assert int(step.input_value()) == at
+    step.focus()
+    page.keyboard.press("End")
+    expect(step).to_have_value("300")
+    page.keyboard.press("Shift+ArrowLeft")
+    expect(step).to_have_value("290")
+    assert "290 / 300" in page.locator("#replay-figures").inner_text()
+    step.fill("42")
+    expect(page.locator("#replay-figures")).to_contain_text("42 / 300")
+
+
+def test_a_round_is_drawn_and_another_can_be_chosen(visit):
+    page = visit(WATCHED)
+    expect(page.locator("#replay-step")).to_have_attribute("max", "300")
+    page.wait_for_timeout(100)  # until the next frame is painted
+    for name in ("arena", "spectrum", "snr"):
+        colours = page.evaluate(
+            """id => { const c = document.getElementById(id);
+            const d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
+            return new Set(new Uint32Array(d.buffer)).size; }""",
+            f"replay-{name}",
+        )
+        assert colours > 20, name
+    told = page.locator("#replay-title").inner_text()
+    page.locator("button.round").nth(1).click()
+    expect(page.locator("#replay-title")).not_to_have_text(told)
+    assert HOSTILE[0] in page.locator("#replay-title").inner_text()
+    assert page.locator("button.round").nth(1).get_attribute("aria-pressed") == "true"
+
+
+def test_arrow_keys_scroll_the_page_where_no_player_has_the_focus(visit):
+    page = visit(WATCHED)
+    expect(page.locator("#replay-step")).to_have_attribute("max", "300")
+    page.locator("#main").focus()
+    page.keyboard.press("End")
+    assert page.locator("#replay-step").input_value() == "0"
+
+
+def test_the_theme_follows_the_system_until_it_is_switched_and_is_remembered(visit):
+    page = visit(color_scheme="dark")
+    scheme = "getComputedStyle(document.documentElement).colorScheme"
+    dark = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert page.evaluate(scheme) == "dark"
+    page.locator("#theme").click()
+    assert page.evaluate(scheme) == "light"
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") != dark
+    page.get_by_role("link", name="Submit", exact=True).click()
+    assert page.evaluate(scheme) == "light"
+
+
+def test_cross_play_is_drawn_and_told(visit):
+    page = visit("crossplay.html")
+    page.wait_for_selector("#heatmap .hm")
+    page.locator("#who").select_option(label=page.locator("#who option").last.inner_text())
+    assert page.locator("#row tbody tr").count() == ENTRIES
+    assert page.locator("#value").inner_text() == "18.0 %"
+    assert page.locator("#nash-ally tbody tr").count() == 2
+    assert page.locator("#nash-ally tbody td").first.inner_text() == "75.0 %"
+
+
+def test_statistics_are_drawn_and_told_per_track(visit):
+    page = visit("statistics.html")
+    page.wait_for_selector("#profile .scatterlayer .trace")
+    assert page.locator("#profile .scatterlayer .trace").count() == 6
+    assert page.locator("#row tbody tr").count() == ENTRIES - 2
+    page.locator("#track").select_option("opponent-pursuit")
+    assert page.locator("#row tbody tr").count() == 1
+    assert page.url.endswith("#track=opponent-pursuit")
+
+
+def grave(page, **options) -> list:
+    """What axe finds serious or critical on a page."""
+    # It would load styles a second time, which the pages forbid; they are on this page anyhow.
+    options |= {"preload": False, "resultTypes": ["violations"]}
+    found = Axe().run(page, options=options).response["violations"]
+    return [
+        (rule["id"], [node["html"][:200] for node in rule["nodes"][:3]])
+        for rule in found
+        if rule["impact"] in ("serious", "critical")
+    ]
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_axe_finds_nothing_serious(visit, name):
+    page = visit(name, color_scheme="light")
+    assert not grave(page)
+    page.emulate_media(color_scheme="dark")  # the same but for its colours
+    assert not grave(page, runOnly={"type": "rule", "values": ["color-contrast"]})
+
+
+def test_no_page_scrolls_sideways_on_a_phone(visit, site):
+    page = visit(viewport=PHONE)
+    for name in PAGES:
+        page.goto(f"{site.as_uri()}/{name}")
+        wide = page.evaluate("document.documentElement.scrollWidth")
+        assert wide <= PHONE["width"], name
+
+
+def test_the_skip_link_comes_first_and_leads_to_the_content(visit):
+    page = visit()
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.className") == "skip"
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.id") == "main"
+
+
+def test_it_can_be_served_as_well(visit, site):
+    with make_server(site, 0) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            home = f"http://127.0.0.1:{server.server_port}"
+            page = visit(origin=home)
+            for name in PAGES:
+                page.goto(f"{home}/{name}")
+                assert page.locator("h1").is_visible()
+        finally:
+            server.shutdown()
+            thread.join()
