@@ -1,0 +1,154 @@
+"""Planners on a board: verified, verified again, found out and ranked, as all other submissions are."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+
+import pytest
+import yaml
+
+from fpg_bench.evaluation.planner_references import measure_planner_panel
+from fpg_bench.leaderboard import submission
+from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.check import problems
+from fpg_bench.leaderboard.verify import verify
+
+from . import recording
+from .entering import enter
+
+NAMES = ["planner/hold", "planner/pursuit", "planner/toy"]
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    (folder / "mine.yml").write_text(recording.PANEL)
+    measure_planner_panel(str(folder / "mine.yml"))
+    recording.record(folder, folder / "mine.yml")
+    return folder
+
+
+@pytest.fixture
+def entered(board, recorded, monkeypatch):
+    """A board with two planners of the package and a model."""
+    monkeypatch.setitem(submission.PANELS, ("planner", None), str(recorded / "mine.yml"))
+    for name in ("hold", "pursuit"):
+        enter(board, "planner", name, script=name)
+    recording.enter(recorded / "out", enter(board, "planner", "toy"))
+    return board
+
+
+def lines_of(verdicts):
+    return {verdict.name: (verdict.good, verdict.line) for verdict in verdicts}
+
+
+def quietly(board, *names, **how):
+    return lines_of(verify(board, names, say=lambda line: None, **how))
+
+
+def test_a_board_of_planners_is_verified_and_holds(entered):
+    first = quietly(entered)
+    assert list(first) == NAMES
+    assert all(good and line.startswith("verified: score ") for good, line in first.values())
+    kept = {path: path.read_bytes() for path in (entered / "results").rglob("*.jsonl")}
+    again = quietly(entered, sample=0.01, sample_seed=1)
+    assert all(good and line.startswith("holds: 1 of 1 lines") for good, line in again.values())
+    assert {path: path.read_bytes() for path in kept} == kept
+
+
+def test_the_board_tells_tier_model_and_valid_answers(entered):
+    quietly(entered)
+    table = next(table for table in make_board(entered)["tracks"] if table["key"] == "planner")
+    assert table["entries"] == ["idle", "expert"]
+    rows = {row["slug"]: row for row in table["rows"]}
+    assert [row["rank"][0] for row in table["rows"]] == sorted(row["rank"][0] for row in table["rows"])
+    assert (rows["pursuit"]["planner"]["tier"], rows["pursuit"]["planner"]["valid"]) == ("ally", None)
+    told = rows["toy"]["planner"]
+    assert (told["model"], told["tier"], told["valid"]) == ("toy", "history", pytest.approx(2 / 3, rel=1e-5))
+    assert len(told["curve"]) == 3
+    assert rows["toy"]["kind"] == "submitted"
+    assert rows["toy"]["score"]["over"] == "match seeds"
+    assert json.loads(json.dumps(table, allow_nan=False)) == table
+
+
+def test_a_model_without_transcripts_is_refused_and_nothing_else_is_touched(entered):
+    folder = entered / "submissions" / "planner" / "toy"
+    shutil.rmtree(folder / "transcripts")
+    found = quietly(entered)
+    assert found["planner/toy"] == (False, f"submission {folder}: transcripts: is not there")
+    assert found["planner/hold"][0]
+    assert not (entered / "results" / "planner" / "toy.jsonl").exists()
+
+
+def test_prompts_that_do_not_match_are_one_line_and_no_result(entered, recorded):
+    folder = entered / "submissions" / "planner" / "toy"
+    shutil.rmtree(folder / "transcripts")
+    recording.enter(recorded / "out", folder, pack=False)
+    file = folder / "transcripts" / "expert.jsonl"
+    rows = recording.rows_of(file)
+    rows[-1]["request"]["messages"][0]["content"] += " Fly well."
+    recording.write_rows(file, rows)
+    assert problems(folder) == []
+    good, line = quietly(entered, "planner/toy")["planner/toy"]
+    assert not good
+    assert line.startswith("against expert: transcript transcripts/expert.jsonl: seed ")
+    assert "was recorded with other messages" in line
+    assert "\n" not in line
+    assert not (entered / "results" / "planner" / "toy.jsonl").exists()
+
+
+def test_a_share_of_valid_answers_that_was_edited_is_found(entered):
+    quietly(entered, "planner/toy")
+    path = entered / "results" / "planner" / "toy.jsonl"
+    head, *lines = [json.loads(line) for line in path.read_text().splitlines()]
+    for line in lines:
+        line["statuses"] = {"ok": line["n"]}
+    head["summary"] |= {"valid": 1.0, "statuses": {"ok": sum(line["n"] for line in lines)}}
+    text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
+    head["lines_sha256"] = hashlib.sha256(text.encode()).hexdigest()
+    path.write_text(json.dumps(head, separators=(",", ":")) + "\n" + text)
+    good, line = quietly(entered, "planner/toy")["planner/toy"]
+    assert not good
+    assert "the result does not hold: idle: statuses" in line
+
+
+def test_what_was_stopped_goes_on_and_comes_to_the_same(entered, monkeypatch):
+    from fpg_bench.leaderboard import playing
+
+    quietly(entered, "planner/toy")
+    path = entered / "results" / "planner" / "toy.jsonl"
+    whole = path.read_bytes()
+    path.unlink()
+    played, line_of = [], playing.planner_line
+
+    def stops(planner, panel, entry):
+        played.append(entry.name)
+        if len(played) == 2:
+            raise KeyboardInterrupt
+        return line_of(planner, panel, entry)
+
+    monkeypatch.setattr(playing, "planner_line", stops)
+    with pytest.raises(KeyboardInterrupt):
+        quietly(entered, "planner/toy")
+    quietly(entered, "planner/toy")
+    assert played == ["idle", "expert", "expert"]
+    assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"script": "llm"}, "script: unknown 'llm'"),
+        ({"script": "my_module:Planner"}, "script: unknown 'my_module:Planner'"),
+        ({"zoo": "ally-scripted/ppo"}, "zoo: its agents are no planners"),
+    ],
+)
+def test_planners_that_are_not_the_package_s_are_refused(entered, changes, message):
+    folder = entered / "submissions" / "planner" / "pursuit"
+    file = folder / "submission.yaml"
+    told = yaml.safe_load(file.read_text())
+    del told["script"]
+    file.write_text(yaml.safe_dump(told | {"name": "other"} | changes))
+    assert any(message in line for line in problems(folder))
