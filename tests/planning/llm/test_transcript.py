@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import gzip
 import json
 import pickle
 import subprocess
@@ -270,3 +271,18 @@ def test_what_was_flown_comes_back(file):
     with pytest.raises(UserError, match="seed 1, match 0, round 2 has no line"):
         again.flown(request(2))
     assert transcript.flown(request(2)) is None
+
+
+def test_a_packed_transcript_is_replayed_and_never_added_to(tmp_path):
+    file = tmp_path / "asked.jsonl"
+    recorded = Transcript(file, "record")
+    recorded.add(ATTEMPT, {"raw": RAW})
+    recorded.close()
+    packed = tmp_path / "asked.jsonl.gz"
+    packed.write_bytes(gzip.compress(file.read_bytes()))
+    assert Transcript(packed, "replay").attempts() == [ATTEMPT]
+    with pytest.raises(UserError, match="is packed, and can only be replayed"):
+        Transcript(packed, "record")
+    packed.write_bytes(packed.read_bytes()[:-9])
+    with pytest.raises(UserError, match=r"asked.jsonl.gz: cannot be unpacked"):
+        Transcript(packed, "replay").attempts()
