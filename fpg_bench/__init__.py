@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from fpg_bench.envs.supersuit_bridge import supersuit_vec_env
     from fpg_bench.game.scenario import Scenario, preset
     from fpg_bench.players.agent import load_agent
+    from fpg_bench.players.writing import write_agent
+    from fpg_bench.training.live import export_agent
 
 _HOMES = {
     "Scenario": "fpg_bench.game.scenario",
@@ -31,17 +33,21 @@ _HOMES = {
     "make_sb3": "fpg_bench.envs.sb3",
     "supersuit_vec_env": "fpg_bench.envs.supersuit_bridge",
     "load_agent": "fpg_bench.players.agent",
+    "write_agent": "fpg_bench.players.writing",
+    "export_agent": "fpg_bench.training.live",
 }
 
 __all__ = [
     "Scenario",
     "UserError",
     "__version__",
+    "export_agent",
     "load_agent",
     "make_duel",
     "make_sb3",
     "preset",
     "supersuit_vec_env",
+    "write_agent",
 ]
 
 

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli import compare, leaderboard, plan, selfplay, submit, tune, verbs, zoo
+from fpg_bench.cli import compare, export, leaderboard, plan, selfplay, submit, tune, verbs, zoo
 from fpg_bench.errors import UserError
 
 app = typer.Typer(
@@ -20,8 +20,16 @@ app = typer.Typer(
 )
 for verb in (verbs.envs, verbs.play, verbs.train, verbs.evaluate, verbs.measure_panel, verbs.table, zoo.zoo):
     app.command()(verb)
-for learning in (selfplay.selfplay, selfplay.exploit, tune.tune, tune.tune_report, tune.tune_write):
+for learning in (
+    selfplay.selfplay,
+    selfplay.exploit,
+    export.export,
+    tune.tune,
+    tune.tune_report,
+    tune.tune_write,
+):
     app.command()(learning)
+app.command()(export.export)
 plan.app.command()(compare.compare)
 app.add_typer(plan.app, name="plan")
 app.add_typer(submit.app, name="submit")

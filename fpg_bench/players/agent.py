@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.errors import UserError
-from fpg_bench.files import read_json, write_json, write_whole
+from fpg_bench.files import read_json
 from fpg_bench.game import draws
 from fpg_bench.game.compiling import compiled
-from fpg_bench.game.scenario import STANDARD
 from fpg_bench.ids import DUEL, VIEWS, sides_of
 from fpg_bench.players.keyed import Keyed
 from fpg_bench.players.signature import check_signature
@@ -146,27 +145,6 @@ def check_about(about: dict[str, Any], where: str, side: str | None = None) -> N
     plays = about.get("side") if about["id"] == DUEL else sides_of(about["id"])[0]
     if side is not None and plays != side:
         raise UserError(f"{where}: plays the {plays} ({about['id']}), not the {side}")
-
-
-def write_agent(folder: str | os.PathLike[str], model: bytes, **about: Any) -> None:
-    """Write an agent folder around a policy of any framework: ``policy.onnx`` and ``agent.json``.
-
-    Args:
-        folder: where to.
-        model: the policy as ONNX, with the inputs and outputs of :class:`OnnxPlayer`.
-        **about: what ``agent.json`` says: ``algorithm``, ``id`` (the environment id), ``training_seed`` and
-            ``training_steps`` at least; ``scenario`` (its hash) where it was not ``standard``; in
-            ``FPG/duel_v0`` also ``side``.
-
-    Raises:
-        UserError: a field missing, or a policy off the contract.
-    """
-    sha256 = hashlib.sha256(model).hexdigest()
-    told = {"format": AGENT_FORMAT, "scenario": STANDARD.hash, **about, "policy_sha256": sha256}
-    check_about(told, f"agent {os.fspath(folder)}")
-    OnnxPlayer(model, told)
-    write_whole(Path(folder) / "policy.onnx", model)
-    write_json(Path(folder) / "agent.json", told)
 
 
 def agent_folder(name: str | os.PathLike[str]) -> Path:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-import onnx
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
@@ -18,6 +17,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.files import write_json, write_whole
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer
+from fpg_bench.players.writing import stripped
 from fpg_bench.training.actor import Actor, ActorPlayer
 
 GREATEST_DIFFERENCE = 1e-4
@@ -56,19 +56,7 @@ def export_onnx(model: BaseAlgorithm) -> bytes:
             external_data=False,
             verbose=False,
         )
-        return _stripped(onnx.load(path))
-
-
-def _stripped(proto: onnx.ModelProto) -> bytes:
-    """Without what the exporter noted of this machine: paths, stack traces, names of modules."""
-    del proto.metadata_props[:]
-    proto.doc_string = proto.graph.doc_string = ""
-    del proto.graph.metadata_props[:]
-    for item in (*proto.graph.node, *proto.graph.value_info, *proto.graph.input, *proto.graph.output):
-        item.doc_string = ""
-        del item.metadata_props[:]
-    del proto.graph.value_info[:]
-    return proto.SerializeToString(deterministic=True)
+        return stripped(path.read_bytes())
 
 
 def export_agent(model: BaseAlgorithm, folder: Path, about: dict[str, Any]) -> float:

@@ -1,0 +1,128 @@
+"""A model of Stable-Baselines3 from its zip, without opening a pickle: weights, sizes and plain words."""
+
+from __future__ import annotations
+
+import json
+import re
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import torch
+from stable_baselines3 import A2C, PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.save_util import load_from_zip_file
+from stable_baselines3.common.vec_env import VecEnv, VecFrameStack
+
+from fpg_bench.envs.sb3 import make_sb3
+from fpg_bench.errors import UserError, nearest
+from fpg_bench.game.state import OBSERVATION_SIZE
+
+KINDS: dict[str, Any] = {"ppo": PPO, "a2c": A2C, "sac": SAC, "td3": TD3}
+_ACTIVATIONS = ("Tanh", "ReLU", "ELU", "GELU", "SiLU", "LeakyReLU")
+# What policy_kwargs may say without changing what predict computes, beside the sizes that the weights tell.
+_HARMLESS = {
+    "net_arch",
+    "activation_fn",
+    "log_std_init",
+    "ortho_init",
+    "n_critics",
+    "share_features_extractor",
+}
+_HARMLESS |= {"use_sde", "optimizer_class", "optimizer_kwargs", ":type:", ":serialized:"}
+INSTEAD = "load it yourself and call fpg_bench.export_agent(model, folder, training_seed=...)"
+
+
+def load_zip(path: Path, algorithm: str, id: str) -> BaseAlgorithm:
+    """A model with the weights of a zip that SB3's ``save`` has written; its pickles stay closed.
+
+    Args:
+        path: the zip.
+        algorithm: ``ppo``, ``a2c``, ``sac`` or ``td3``.
+        id: the environment id that it was trained on.
+
+    Raises:
+        UserError: no such zip, or a policy that its weights alone do not tell.
+    """
+    if algorithm not in KINDS:
+        raise UserError(f"export: algorithm {algorithm!r}{nearest(algorithm, KINDS)}; else {INSTEAD}")
+    words, weights = _read(path)
+    try:
+        model: BaseAlgorithm = KINDS[algorithm](
+            "MlpPolicy", _games(id, weights), policy_kwargs=_policy_kwargs(words, weights), device="cpu"
+        )
+        model.policy.load_state_dict(weights)
+    except (KeyError, RuntimeError, TypeError) as error:
+        said = " ".join(str(error).split())[:120]
+        raise UserError(
+            f"export: {path} holds no plain MlpPolicy of {algorithm} ({said}); {INSTEAD}"
+        ) from error
+    steps = words.get("num_timesteps")
+    model.num_timesteps = steps if isinstance(steps, int) else 0
+    return model
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
+    """What the zip says in plain JSON, and the policy's weights."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            words = json.loads(archive.read("data"))
+        _, parameters, _ = load_from_zip_file(path, device="cpu", load_data=False)
+        weights: Any = parameters["policy"]
+    except Exception as error:  # zip's, JSON's and torch's kinds
+        raise UserError(f"export: {path} is no zip that SB3's save has written: {error}") from error
+    return words, weights
+
+
+def _policy_kwargs(words: dict[str, Any], weights: dict[str, torch.Tensor]) -> dict[str, Any]:
+    """The networks' sizes, which the weights tell, and their activation, which stands there as a word."""
+    told = words.get("policy_kwargs") or {}
+    if other := sorted(set(told) - _HARMLESS):
+        raise UserError(f"export: its policy_kwargs name {', '.join(other)}; {INSTEAD}")
+    if words.get("use_sde") or told.get("use_sde"):
+        raise UserError(f"export: it was trained with use_sde; {INSTEAD}")
+    kwargs: dict[str, Any] = {"net_arch": _sizes(weights)}
+    if "activation_fn" in told:
+        name = re.sub(r"\W+$", "", str(told["activation_fn"])).rpartition(".")[2]
+        if name not in _ACTIVATIONS:
+            raise UserError(f"export: its activation is {name!r}; {INSTEAD}")
+        kwargs["activation_fn"] = getattr(torch.nn, name)
+    if critics := {key.split(".")[1] for key in weights if key.startswith("critic.qf")}:
+        kwargs["n_critics"] = len(critics)
+    return kwargs
+
+
+def _sizes(weights: dict[str, torch.Tensor]) -> dict[str, list[int]]:
+    if any(key.startswith("mlp_extractor.") for key in weights) or "action_net.weight" in weights:
+        parts = {"pi": "mlp_extractor.policy_net", "vf": "mlp_extractor.value_net"}
+        return {name: _layers(weights, prefix) for name, prefix in parts.items()}
+    actor = _layers(weights, "actor.latent_pi") or _layers(weights, "actor.mu")[:-1]
+    return {"pi": actor, "qf": _layers(weights, "critic.qf0")[:-1]}
+
+
+def _layers(weights: dict[str, torch.Tensor], prefix: str) -> list[int]:
+    """The sizes of a chain of layers, first to last."""
+    found = {
+        int(match[1]): tensor.shape[0]
+        for key, tensor in weights.items()
+        if (match := re.fullmatch(re.escape(prefix) + r"\.(\d+)\.weight", key))
+    }
+    return [found[index] for index in sorted(found)]
+
+
+def _games(id: str, weights: dict[str, torch.Tensor]) -> VecEnv:
+    """A game of the id, with as many stacked frames as the first layer reads."""
+    first = next(
+        tensor
+        for key, tensor in weights.items()
+        if re.fullmatch(
+            r"(mlp_extractor\.policy_net|actor\.latent_pi|actor\.mu)\.0\.weight|action_net\.weight", key
+        )
+    )
+    frames, rest = divmod(first.shape[1], OBSERVATION_SIZE)
+    games: VecEnv = make_sb3(id, 1)
+    if rest:
+        raise UserError(
+            f"export: it reads {first.shape[1]} numbers, not frames of {OBSERVATION_SIZE}; {INSTEAD}"
+        )
+    return games if frames == 1 else VecFrameStack(games, frames)
