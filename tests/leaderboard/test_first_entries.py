@@ -1,0 +1,102 @@
+"""The board as it is committed: who stands on it, and what a small sample of it says when played again."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.cases import make_case, submission_folders
+from fpg_bench.players.scripted import SCRIPTED
+
+ROOT = Path(__file__).parents[2]
+BOARD = ROOT / "leaderboard"
+
+
+@pytest.fixture(scope="module")
+def shown():
+    return {track["key"]: track for track in make_board(BOARD)["tracks"]}
+
+
+def test_everybody_on_the_board_is_verified():
+    for folder in submission_folders(BOARD):
+        case = make_case(BOARD, folder)
+        assert case.known is not None, f"{case.name}: no result; run fpg-bench submit verify"
+        assert case.known.verified, case.name
+        assert case.path.stat().st_size < 150_000
+
+
+def test_all_scripts_and_shipped_algorithms_are_entered(shown):
+    assert {f"{name}-learned" for name in SCRIPTED["opponent"]} <= _slugs(shown["opponent-learned"])
+    assert set(SCRIPTED["opponent"]) <= _slugs(shown["opponent-pursuit"])
+    assert set(SCRIPTED["ally"]) <= _slugs(shown["ally"])
+    made = subprocess.run(
+        [sys.executable, str(ROOT / "scripts/enter_zoo.py"), "--folder", str(BOARD)],
+        capture_output=True,
+        text=True,
+    )
+    assert (made.returncode, made.stdout) == (0, ""), "entries were missing; run submit verify"
+
+
+def _slugs(track):
+    return {row["slug"] for row in track["rows"]}
+
+
+def test_who_is_not_shipped_whole_is_not_entered(tmp_path):
+    zoo = load_zoo()
+    missing = [m for m in zoo.members() if not m.shipped]
+    run = [sys.executable, str(ROOT / "scripts/enter_zoo.py"), "--folder", str(tmp_path)]
+    assert subprocess.run(run, capture_output=True).returncode == 0
+    for member in missing:
+        name = f"{member.view.name}-{member.algorithm}"
+        assert not list(tmp_path.glob(f"submissions/*/{name}")), name
+
+
+def test_the_reference_stands_at_100_and_random_at_0(shown):
+    for key in ("ally", "opponent-pursuit", "opponent-learned"):
+        values = {row["slug"].removesuffix("-learned"): row["score"]["value"] for row in shown[key]["rows"]}
+        assert values[shown[key]["reference"]] == pytest.approx(100)
+        assert values["random"] == pytest.approx(0, abs=1e-9)
+
+
+def test_crossplay_has_all_pairs():
+    assert make_board(BOARD)["crossplay"] is not None, "pairs are missing; run fpg-bench submit crossplay"
+
+
+def submit(*words):
+    run = [sys.executable, "-m", "fpg_bench.cli", "submit", *words]
+    return subprocess.run(run, capture_output=True, text=True)
+
+
+def test_the_verbs_play_compare_and_say_so(tmp_path):
+    folder = tmp_path / "submissions" / "ally" / "expert"
+    shutil.copytree(BOARD / "submissions/ally/expert", folder)
+    shutil.copytree(BOARD / "submissions/opponent/tone", tmp_path / "submissions/opponent/tone")
+    run = submit("run", str(folder))
+    assert (run.returncode, run.stderr) == (0, "")
+    assert run.stdout.startswith("ally/expert: verified: score 100.0 [")
+    written = tmp_path / "results/ally/expert.jsonl"
+    assert written.read_bytes() == (BOARD / "results/ally/expert.jsonl").read_bytes()
+    written.write_text(written.read_text().replace('"value":100.0', '"value":101.0', 1))
+    verified = submit("verify", "--folder", str(tmp_path), "--sample", "5%", "--sample-seed", "3")
+    assert verified.returncode == 1
+    assert "edited by hand" in verified.stdout
+    assert verified.stdout.endswith("2 verdicts, 1 bad\n")
+    crossed = submit("crossplay", "--folder", str(tmp_path))
+    assert (crossed.returncode, crossed.stdout) == (0, "crossplay: 0 of 0 pairs to play\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("verify", "--sample", "much"), "expected a percentage as 5%, got 'much'"),
+        (("verify", "--folder", "nowhere"), "leaderboard nowhere: has no folder submissions"),
+    ],
+)
+def test_bad_words_are_one_line(words, message):
+    found = submit(*words)
+    assert found.returncode == 2
+    assert found.stderr.strip() == f"fpg-bench: {message}"
