@@ -6,6 +6,7 @@ import dataclasses
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -57,6 +58,11 @@ class PlannerTable(Panel):
         """
         if self.references is None:
             raise UserError(f"panel {self.name}: has no reference scores; run fpg-bench measure-panel first")
+        return self._scale
+
+    @cached_property
+    def _scale(self) -> Scale:
+        assert self.references is not None
         kept = [self.references[entry.name] for entry in self.entries]
         return Scale(self.by_match(kept, "random"), self.by_match(kept, "reference"), self.planners)
 

@@ -105,6 +105,7 @@ class Scale:
         self._zero = zero
         self._spans = (bound - zero).mean(axis=2)
         self._weights = resampled(panel.matches)
+        self._drawn_spans = self._weights @ self._spans.T
         for ally, span in zip(panel.allies, self._spans.mean(axis=1), strict=True):
             if not span > 0:
                 raise UserError(
@@ -122,7 +123,7 @@ class Scale:
 
     def drawn(self, returns: np.ndarray, rounds: slice) -> np.ndarray:
         """``(draws, allies)`` scores, each of matches drawn anew, the same ones for all allies."""
-        return 100 * (self._weights @ self._gains(returns, rounds).T) / (self._weights @ self._spans.T)
+        return 100 * (self._weights @ self._gains(returns, rounds).T) / self._drawn_spans
 
     def score(self, returns: np.ndarray, rounds: slice) -> Interval:
         """The mean over allies, with its interval over whole matches, the same ones for all allies."""
