@@ -79,8 +79,10 @@ def _node(node: NodeProto) -> Iterator[str]:
     if node.domain not in DOMAINS:
         name, domain = _word(node.op_type), _word(node.domain)
         yield f"operator {name} of the domain {domain}; only ONNX's own are allowed"
-    elif node.op_type not in OPERATORS:
+        return
+    if node.op_type not in OPERATORS:
         yield f"operator {_word(node.op_type)}: {_why_not(node.op_type)}"
+        return
     for attribute in node.attribute:
         if attribute.HasField("t"):
             yield from _tensor(attribute.t)

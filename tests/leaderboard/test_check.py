@@ -1,0 +1,262 @@
+import os
+import subprocess
+import sys
+
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.leaderboard.check import problems
+from fpg_bench.leaderboard.submission import load_submission
+from tests.evaluation.zoo_making import policy
+from tests.leaderboard.making import write_seed, write_submission
+
+BOMB = "\n".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}' if i else 'x'] * 9)}]" for i in range(12))
+
+
+def only(folder):
+    """The one line that is said of a submission."""
+    (line,) = problems(folder)
+    assert "\n" not in line
+    assert len(line) < 250
+    with pytest.raises(UserError) as raised:
+        load_submission(folder)
+    assert line in str(raised.value)
+    return line
+
+
+def test_a_sound_submission_is_read(tmp_path):
+    folder = write_submission(tmp_path / "mine", description="two\nlines")
+    assert problems(folder) == []
+    found = load_submission(folder)
+    assert (found.slug, found.panel, found.track, found.training.seeds) == ("mine", "ally-v1", "ally", (0, 1))
+    assert [(p.seed, p.model == policy(p.seed)) for p in found.policies] == [(0, True), (1, True)]
+    before = found.fingerprint
+    (folder / "submission.yaml").write_text("# a remark\n" + (folder / "submission.yaml").read_text())
+    assert load_submission(folder).fingerprint == before
+    write_seed(folder / "seed_1", 1, policy(9))
+    assert load_submission(folder).fingerprint != before
+
+
+def test_what_the_package_ships_is_named_alone(tmp_path):
+    script = write_submission(tmp_path / "expert", (), name="expert", training=None, script="expert")
+    assert load_submission(script).script == "expert"
+    seeds = {"steps": 1, "hours": 0, "seeds": [0, 1, 2, 3, 4]}
+    zoo = write_submission(tmp_path / "zoo", (), training=seeds, zoo="ally-scripted/ppo")
+    assert [p.about["algorithm"] for p in load_submission(zoo).policies] == ["ppo"] * 5
+    planner = write_submission(
+        tmp_path / "hold", (), name="hold", track="planner", training=None, script="hold"
+    )
+    assert load_submission(planner).panel == "planner-v1"
+
+
+@pytest.mark.parametrize(("path", "panel"), [("pursuit", "opponent-v1"), ("learned", "opponent-learned-v1")])
+def test_the_opponents_path_decides_the_panel(tmp_path, path, panel):
+    fields = {"track": "opponent", "path": path, "training": None, "script": "tone", "name": "tone"}
+    assert load_submission(write_submission(tmp_path / "tone", (), **fields)).panel == panel
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        ({"nmae": "x"}, r"unknown key 'nmae'; did you mean 'name'?"),
+        ({"licence": ...}, "lacks 'licence'"),
+        ({"name": "x" * 61}, "name: expected 1 to 60 characters, got 61"),
+        ({"name": 5}, "name: expected text, got 5; put it in quotes"),
+        ({"name": "a\u202eb"}, "name: holds the control character U+202E"),
+        ({"name": "a\x1b[31mb"}, "name: holds the control character U+001B"),
+        ({"name": "Expert"}, "name: 'Expert' is what a script"),
+        ({"name": "ｅｘｐｅｒｔ"}, "is what a script"),
+        ({"saw": ["x"]}, "saw: expected text"),
+        ({"authors": "me"}, "authors: expected a list"),
+        ({"authors": []}, "authors: expected a list of 1 to 20 names, got []"),
+        ({"reference": "javascript:alert(1)"}, "reference: expected null or a link"),
+        ({"reference": "http://example.org"}, "reference: expected null or a link"),
+        ({"reference": 'https://x.org/"onclick=x'}, "reference: expected null or a link"),
+        ({"reference": "https://user:pw@x.org"}, "reference: expected null or a link"),
+        ({"track": "allies"}, "track: expected ally, opponent, planner, got 'allies'"),
+        ({"track": ["ally"]}, "track: expected ally, opponent, planner, got ['ally']"),
+        ({"path": "pursuit"}, "path: is of the track opponent only"),
+        ({"training": None}, "training: expected steps, hours and seeds, got null"),
+        ({"training": {"steps": 1, "hours": 1}}, "training: lacks seeds"),
+        ({"training": {"steps": 1, "hours": 1, "seeds": [0, 0]}}, "one stands there twice"),
+        ({"training": {"steps": 1, "hours": float("nan"), "seeds": [0, 1]}}, "hours: expected a number"),
+        ({"training": {"steps": 1, "hours": float("inf"), "seeds": [0, 1]}}, "hours: expected a number"),
+        ({"training": {"steps": True, "hours": 1, "seeds": [0, 1]}}, "steps: expected a whole number"),
+        ({"training": {"steps": 1, "hours": 1, "seeds": [0, 2]}}, "says 0, 2, but the policies are of 0, 1"),
+    ],
+)
+def test_fields_that_do_not_do_are_named(tmp_path, change, line):
+    assert line in only(write_submission(tmp_path / "mine", **change))
+
+
+def test_everything_that_is_wrong_is_said_at_once(tmp_path):
+    folder = write_submission(tmp_path / "Mine!", name="", licence=..., track="opponent")
+    (folder / "notes.txt").write_text("x")
+    os.remove(folder / "seed_1" / "policy.onnx")
+    lines = problems(folder)
+    for part in ("'Mine!'", "name: expected 1 to 60", "lacks 'licence'", "lacks 'path'", "'notes.txt'"):
+        assert any(part in line for line in lines), part
+    assert any(line.startswith("seed_0/agent.json: plays the ally") for line in lines)
+    assert "seed_1/policy.onnx: is missing" in lines
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        (BOMB, "aliases stand for more than 100,000 values"),
+        ("a: &a [*a]", "aliases stand for more than"),
+        ("a: !!python/object/apply:os.system [id]", "could not determine a constructor"),
+        ("a: !!timestamp x", "not valid YAML"),
+        ("a: !!int ''", "not valid YAML"),
+        ("a: " + "[" * 20_000, "recursion"),
+        (f"a: {'9' * 5000}", "not valid YAML"),
+        ("name: a\nname: b", "the key 'name' stands there twice"),
+        ("[1, 2]", "expected a mapping"),
+        ("a: \x00", "not valid YAML"),
+        ("a" * 64_001, "64,001 bytes, at most 64,000"),
+        ("a: [", "not valid YAML"),
+    ],
+    ids=["bomb", "cycle", "tag", "time", "int", "deep", "digits", "twice", "list", "null", "large", "torn"],
+)
+def test_hostile_yaml_is_one_line(tmp_path, text, line):
+    folder = write_submission(tmp_path / "mine")
+    (folder / "submission.yaml").write_text(text)
+    found = problems(folder)
+    assert len(found) == 1
+    assert found[0].startswith("submission.yaml: ")
+    assert line in found[0]
+
+
+def test_what_is_no_text_is_one_line(tmp_path):
+    folder = write_submission(tmp_path / "mine")
+    (folder / "submission.yaml").write_bytes(b"\xff\xfe\x00")
+    assert "cannot be read" in only(folder)
+
+
+def test_links_lead_nowhere(tmp_path):
+    folder = write_submission(tmp_path / "mine")
+    other = write_submission(tmp_path / "other")
+    (tmp_path / "link").symlink_to(folder)
+    assert only(tmp_path / "link") == "is a link; put the folder itself there"
+    (folder / "seed_1" / "policy.onnx").unlink()
+    (folder / "seed_1" / "policy.onnx").symlink_to(other / "seed_1" / "policy.onnx")
+    assert "seed_1/policy.onnx: is a link; put the file itself there" in problems(folder)
+    for path, target in (("seed_1", other / "seed_1"), ("submission.yaml", "/dev/zero")):
+        copy = write_submission(tmp_path / f"copy-{path[:4]}")
+        subprocess.run(["rm", "-r", str(copy / path)], check=True)
+        (copy / path).symlink_to(target)
+        assert any(line.startswith(f"{path}: is a link") for line in problems(copy))
+
+
+def test_what_is_no_file_is_not_opened(tmp_path):
+    folder = write_submission(tmp_path / "mine")
+    (folder / "seed_0" / "agent.json").unlink()
+    os.mkfifo(folder / "seed_0" / "agent.json")
+    assert "seed_0/agent.json: is no plain file" in problems(folder)
+    (folder / "submission.yaml").unlink()
+    os.mkfifo(folder / "submission.yaml")
+    assert only(folder) == "submission.yaml: is no plain file"
+
+
+def test_files_that_are_too_large_are_not_read(tmp_path):
+    folder = write_submission(tmp_path / "mine")
+    for name, size in (("policy.onnx", 5_000_001), ("agent.json", 64_001)):
+        with (folder / "seed_0" / name).open("wb") as file:
+            file.truncate(size)
+    lines = problems(folder)
+    assert "seed_0/policy.onnx: holds 5,000,001 bytes, at most 5,000,000 are allowed" in lines
+    assert "seed_0/agent.json: holds 64,001 bytes, at most 64,000 are allowed" in lines
+
+
+def test_unknown_names_are_strays(tmp_path):
+    folder = write_submission(tmp_path / "mine")
+    for name in ("seed_01", "seed_x", "..evil", "a\nb"):
+        (folder / name).mkdir()
+    (folder / "seed_0" / "weights.bin").write_text("x")
+    lines = problems(folder)
+    assert len(lines) == 5
+    assert all("is no file of a submission" in line and "\n" not in line for line in lines)
+    assert any(line.startswith("seed_0/'weights.bin'") for line in lines)
+
+
+@pytest.mark.parametrize("name", ["../../../etc", "ally-scripted/../..", "/etc/passwd", "ally-scripted/pp"])
+def test_the_zoo_is_no_way_out(tmp_path, name):
+    folder = write_submission(tmp_path / "mine", (), zoo=name)
+    assert f"zoo: the package ships no agents {name!r}" in only(folder)
+
+
+def test_scripts_that_are_not_there(tmp_path):
+    folder = write_submission(tmp_path / "mine", (), training=None, script="os:system")
+    assert "script: unknown 'os:system'" in only(folder)
+    both = write_submission(tmp_path / "b", (), training=None, script="expert", zoo="ally-scripted/ppo")
+    assert any("only one of them" in line for line in problems(both))
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        ({"policy_sha256": "0"}, "policy_sha256: is not that of policy.onnx"),
+        ({"id": "FPG/OpponentVsScripted-v0"}, "plays the opponent"),
+        ({"id": "FPG/AllyVsScripted-v9"}, "which this version does not have"),
+        ({"id": ["x"]}, "which this version does not have"),
+        ({"format": 7}, "format 7"),
+        ({"training_seed": 3}, "training_seed: expected 1, as the folder is called, got 3"),
+        ({"training_steps": "many"}, "training_steps: expected a whole number"),
+        ({"seconds": float("nan")}, "holds a number that is not finite"),
+        ({"algorithm": "x" * 61}, "algorithm: expected text"),
+    ],
+)
+def test_agents_that_do_not_fit_are_named(tmp_path, change, line):
+    folder = write_submission(tmp_path / "mine")
+    write_seed(folder / "seed_1", 1, **change)
+    found = only(folder)
+    assert found.startswith("seed_1/agent.json: ")
+    assert line in found
+
+
+def test_an_agents_keys_stand_there_once(tmp_path):
+    folder = write_submission(tmp_path / "mine")
+    about = folder / "seed_1" / "agent.json"
+    about.write_text(about.read_text().replace('{"format"', '{"format": 1, "format"'))
+    assert "the key 'format' stands there twice" in only(folder)
+
+
+def test_one_policy_is_not_two_seeds(tmp_path):
+    folder = write_submission(tmp_path / "mine")
+    write_seed(folder / "seed_1", 1, policy(0))
+    assert "seed_1: holds the same policy as seed_0" in only(folder)
+
+
+def test_a_policy_off_the_contract_is_named_with_its_seed(tmp_path):
+    folder = write_submission(tmp_path / "mine")
+    write_seed(folder / "seed_1", 1, policy(1)[:200])
+    assert only(folder).startswith("seed_1/policy.onnx: is no ONNX file")
+
+
+def test_names_are_taken_once_on_a_board(tmp_path):
+    board = tmp_path / "submissions" / "ally"
+    first = write_submission(board / "mine")
+    second = write_submission(board / "other", name="  ｍine ")
+    for folder, other in ((first, "other"), (second, "mine")):
+        assert f"is that of {other!r}, too" in problems(folder)[0]
+        load_submission(folder)  # by itself it is sound: nobody's entry can be taken off the board by a name
+    (board / "broken").mkdir()
+    lost = write_submission(tmp_path / "submissions" / "opponent" / "lost")
+    assert problems(lost)[0] == "submission.yaml: track: says ally, but the folder lies in opponent"
+
+
+def test_script_tags_in_names_are_text(tmp_path):
+    name = "<script>alert(1)</script>"
+    assert load_submission(write_submission(tmp_path / "mine", name=name)).name == name
+
+
+def test_the_verb_says_line_by_line(tmp_path):
+    folder = write_submission(tmp_path / "mine", name="")
+    words = [sys.executable, "-m", "fpg_bench.cli", "submit", "check"]
+    found = subprocess.run([*words, str(folder)], capture_output=True, text=True)
+    assert found.returncode == 1
+    assert found.stdout == f"{folder}: submission.yaml: name: expected 1 to 60 characters, got 0\n"
+    sound = write_submission(tmp_path / "sound")
+    found = subprocess.run([*words, str(sound)], capture_output=True, text=True)
+    assert (found.returncode, found.stdout) == (0, f"{sound}: nothing is wrong\n")
+    assert subprocess.run([*words, str(tmp_path / "none")], capture_output=True, text=True).returncode == 1

@@ -1,0 +1,203 @@
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from onnx import TensorProto
+
+from fpg_bench.evaluation.panel import Entry, Panel
+from fpg_bench.evaluation.runner import play_entry
+from fpg_bench.game.scenario import STANDARD
+from fpg_bench.leaderboard.host import Limits, PolicyFailed, PolicyHost
+from fpg_bench.leaderboard.sandbox import Sandbox
+from fpg_bench.leaderboard.trial import trial
+from fpg_bench.players.agent import OnnxPlayer
+from tests.evaluation.zoo_making import policy
+from tests.leaderboard.making import as_policy, model, node, through, value, weights, whole
+from tests.players.test_agent import model_bytes
+
+PANEL = Panel("small", "ally", STANDARD, 3, "expert", (Entry("adaptive", "pursuit"),))
+MEMORY = model_bytes(state=3, noise=2)
+# Four gigabytes, where the contract did not see them coming.
+GIGABYTES = model(
+    [
+        node("ConstantOfShape", ["size"], ["much"]),
+        node("Cast", ["observation"], ["drawn"], to=TensorProto.FLOAT),
+        node("ReduceSum", ["drawn"], ["seen"]),
+        node("Add", ["much", "seen"], ["more"]),
+        node("ReduceSum", ["more"], ["one"], keepdims=0),
+        node("MatMul", ["observation", "w"], ["x"]),
+        node("Add", ["x", "one"], ["action"]),
+    ],
+    [whole([10**9], "size"), weights()],
+)
+
+
+def observations(steps, games, seed=0):
+    return np.random.default_rng(seed).uniform(-1, 1, (steps, games, 15)).astype(np.float32)
+
+
+def played(player, seen, restarts=()):
+    player.reset(np.ones(seen.shape[1], bool), np.arange(seen.shape[1], dtype=np.uint64))
+    state, actions = None, []
+    for step, observation in enumerate(seen):
+        starts = np.full(seen.shape[1], step == 0)
+        starts[list(restarts) if step == 5 else []] = True
+        action, state = player.predict(observation, state, starts)
+        actions.append(action)
+    return np.array(actions)
+
+
+@pytest.fixture(scope="module")
+def host():
+    with PolicyHost(as_policy(MEMORY)) as host:
+        yield host
+
+
+def test_a_policy_plays_as_it_does_without_a_host(host):
+    for games in (1, 7):
+        seen = observations(12, games)
+        expected = played(OnnxPlayer(MEMORY, {}), seen, [0])
+        expected[(np.abs(expected) > 1).any(axis=2)] = 0  # its noise leaves the range now and then
+        assert (played(host, seen, [0]) == expected).all()
+        assert np.ptp(expected[..., 2]) > 0.1
+
+
+def test_a_single_observation_is_answered_with_a_single_action(host):
+    host.reset(np.ones(1, bool), np.zeros(1, np.uint64))
+    assert host.predict(np.zeros(15, np.float32))[0].shape == (9,)
+
+
+def test_the_memory_of_another_batch_is_refused(host):
+    _, first = host.predict(np.zeros((2, 15), np.float32))
+    host.predict(np.zeros((3, 15), np.float32))
+    with pytest.raises(ValueError, match="one batch"):
+        host.predict(np.zeros((2, 15), np.float32), first)
+
+
+@pytest.mark.parametrize(
+    ("data", "lost"),
+    [
+        (through("Sqrt"), [False, True, False]),  # NaN of a negative number
+        (through("Reciprocal"), [False, False, True]),  # infinite of zero
+        (through("Ceil", scale=0.1), [False, False, False]),
+        (through("Ceil", scale=2.0), [True, True, False]),  # outside the range
+    ],
+    ids=["nan", "infinite", "valid", "outside"],
+)
+def test_answers_that_are_none_lose_the_rounds_of_their_games_alone(data, lost):
+    seen = np.zeros((3, 15), np.float32)
+    seen[:, 0] = [1, -1, 0]
+    with PolicyHost(as_policy(data)) as host:
+        host.reset(np.ones(3, bool), np.zeros(3, np.uint64))
+        actions, state = host.predict(seen, None, np.ones(3, bool))
+        assert host.invalid.tolist() == lost
+        assert (actions[lost] == 0).all()
+        host.predict(np.abs(seen) + 0.0, state, np.zeros(3, bool))
+        assert host.invalid[lost].all()  # to the round's end
+        host.reset(np.array([False, True, False]), np.zeros(3, np.uint64))
+        assert not host.invalid[1]
+
+
+def test_an_answer_of_another_shape_loses_every_round():
+    nodes = [node("MatMul", ["observation", "w"], ["x"]), node("Concat", ["x", "x"], ["action"], axis=0)]
+    with PolicyHost(as_policy(model(nodes, [weights()]))) as host:
+        host.reset(np.ones(4, bool), np.zeros(4, np.uint64))
+        actions, _ = host.predict(observations(1, 4)[0])
+        assert host.invalid.all()
+        assert actions.shape == (4, 9)
+        assert not actions.any()
+
+
+def test_a_next_state_of_another_shape_loses_every_round():
+    nodes = [
+        node("MatMul", ["observation", "w"], ["action"]),
+        node("Concat", ["state", "state"], ["next_state"], axis=0),
+    ]
+    inputs, outputs = [value("observation"), value("state", 2)], [value("action", 9), value("next_state", 2)]
+    with PolicyHost(as_policy(model(nodes, [weights(scale=0.01)], inputs, outputs))) as host:
+        state = None
+        for _ in range(3):
+            _, state = host.predict(np.zeros((4, 15), np.float32), state)
+        assert host.invalid.all()
+
+
+def test_gigabytes_of_memory_end_the_policy_alone():
+    with pytest.raises(PolicyFailed, match="more memory than it may use"), PolicyHost(as_policy(GIGABYTES)):
+        pass
+
+
+def test_a_policy_that_never_answers_is_given_up():
+    with PolicyHost(as_policy(policy(0)), Limits(call_s=0.2)) as host:
+        os.kill(host.pid, signal.SIGSTOP)
+        with pytest.raises(PolicyFailed, match=r"no answer within 0\.2 s"):
+            host.predict(np.zeros((2, 15), np.float32))
+
+
+def test_a_policy_that_is_slow_in_all_is_given_up():
+    with PolicyHost(as_policy(policy(0))) as host:
+        host._sandbox._left_s = 0.0
+        with pytest.raises(PolicyFailed, match="all its answers"):
+            host.predict(np.zeros((2, 15), np.float32))
+
+
+def test_a_policy_that_dies_in_a_match_says_so_itself():
+    with PolicyHost(as_policy(policy(0))) as host:
+        os.kill(host.pid, signal.SIGKILL)
+        with pytest.raises(PolicyFailed, match=r"its process died \(SIGKILL\)"):
+            list(play_entry(host, PANEL, PANEL.entries[0], 2))
+
+
+def test_what_onnxruntime_cannot_read_is_told():
+    with pytest.raises(PolicyFailed, match="onnxruntime cannot read it"), PolicyHost(as_policy(b"nonsense")):
+        pass
+
+
+def test_rows_are_those_of_the_agent_without_a_host():
+    data = policy(3)
+    with PolicyHost(as_policy(data)) as host:
+        hosted = list(play_entry(host, PANEL, PANEL.entries[0], 3))
+    assert hosted == list(play_entry(OnnxPlayer(data, {}), PANEL, PANEL.entries[0], 3))
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="reads what Linux says of a process")
+def test_its_process_knows_no_key_has_no_files_and_ends_with_its_host(monkeypatch):
+    monkeypatch.setenv("FPG_LLM_API_KEY", "very-secret")
+    with PolicyHost(as_policy(policy(0))) as host:
+        known = Path(f"/proc/{host.pid}/environ").read_bytes()
+        place, pid = Path(os.readlink(f"/proc/{host.pid}/cwd")), host.pid
+        limits = Path(f"/proc/{host.pid}/limits").read_text()
+        assert os.listdir(place) == []
+    assert b"secret" not in known
+    assert b"PATH" in known
+    for line in ("Max file size             0 ", "Max core file size        0 "):
+        assert line in limits
+    assert not place.exists()
+    assert not Path(f"/proc/{pid}").exists()
+
+
+def test_an_answer_that_is_announced_as_huge_is_not_waited_for(monkeypatch):
+    with PolicyHost(as_policy(policy(0))) as host:
+        monkeypatch.setattr("fpg_bench.leaderboard.sandbox.LARGEST_ANSWER", 10)
+        with pytest.raises(PolicyFailed, match="answers with"):
+            host.predict(np.zeros((2, 15), np.float32))
+
+
+def test_a_process_that_cannot_begin_is_told():
+    sandbox = Sandbox("fpg_bench.no_such_module", Limits())
+    with pytest.raises(PolicyFailed, match="ended by itself"), sandbox.within(60):
+        sandbox.receive(1)
+    sandbox.close()
+
+
+def test_a_trial_says_what_would_go_wrong():
+    assert trial(as_policy(policy(0))) == []
+    assert "loses rounds" in trial(as_policy(through("Sqrt")))[0]
+    assert "more memory" in trial(as_policy(GIGABYTES))[0]
+    mean = [
+        node("MatMul", ["observation", "w"], ["x"]),
+        node("ReduceMean", ["x"], ["m"], axes=[0], keepdims=1),
+    ]
+    both = [*mean, node("Sub", ["x", "m"], ["y"]), node("Tanh", ["y"], ["action"])]
+    assert "other games of the batch" in trial(as_policy(model(both, [weights()], opsets=[("", 17)])))[0]

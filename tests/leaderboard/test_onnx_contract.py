@@ -1,0 +1,157 @@
+import re
+
+import numpy as np
+import pytest
+from onnx import ModelProto, TensorProto, helper, numpy_helper
+
+from fpg_bench.leaderboard.onnx_contract import check_policies, check_policy
+from fpg_bench.players.agent import baselines_folder
+from tests.evaluation.zoo_making import policy
+from tests.leaderboard.making import model, node, through, value, weights, whole
+
+DEEP = model(
+    [node("MatMul", ["observation", "w"], ["x0"])]
+    + [node("MatMul", [f"x{i}", "m"], [f"x{i + 1}"]) for i in range(12)]
+    + [node("MatMul", ["x12", "v"], ["action"])],
+    [weights("w", 15, 500), weights("m", 500, 500), weights("v", 500, 9)],
+)
+
+
+def external(**where):
+    proto = ModelProto.FromString(policy(0))
+    tensor = proto.graph.initializer[0]
+    tensor.ClearField("raw_data")
+    tensor.data_location = TensorProto.EXTERNAL
+    for key, content in where.items():
+        tensor.external_data.add(key=key, value=content)
+    return proto.SerializeToString()
+
+
+def with_graph(kind):
+    """An operator that holds a graph."""
+    inside = helper.make_graph([node("Identity", ["x"], ["y"])], "inside", [], [value("y", 9)])
+    branches = {"then_branch": inside, "else_branch": inside} if kind == "If" else {"body": inside}
+    first = node("MatMul", ["observation", "w"], ["x"])
+    return model([first, node(kind, ["c"], ["action"], **branches)], [weights()])
+
+
+def own_function():
+    imports = [helper.make_opsetid("", 18)]
+    function = helper.make_function("mine", "F", ["a"], ["b"], [node("Tanh", ["a"], ["b"])], imports)
+    nodes = [node("MatMul", ["observation", "w"], ["x"]), node("F", ["x"], ["action"], domain="mine")]
+    return model(nodes, [weights()], opsets=[("", 18), ("mine", 1)], functions=[function])
+
+
+def sparse():
+    proto = ModelProto.FromString(policy(0))
+    values = numpy_helper.from_array(np.ones(1, np.float32), "s")
+    proto.graph.sparse_initializer.append(helper.make_sparse_tensor(values, whole([0], "i"), [9]))
+    return proto.SerializeToString()
+
+
+def huge():
+    """Four gigabytes out of nothing."""
+    made = [node("ConstantOfShape", ["size"], ["much"]), node("ReduceSum", ["much"], ["one"])]
+    end = [node("MatMul", ["observation", "w"], ["x"]), node("Add", ["x", "one"], ["action"])]
+    return model(made + end, [whole([10**9], "size"), weights()])
+
+
+def many_axes():
+    """Shapes of millions of axes, once for each of many operators."""
+    axes = whole(np.arange(1, 600_001), "axes")
+    chain = [node("Unsqueeze", [f"x{i}", "axes"], [f"x{i + 1}"]) for i in range(500)]
+    first = node("MatMul", ["observation", "w"], ["x0"])
+    return model([first, *chain, node("Flatten", ["x500"], ["action"])], [axes, weights()])
+
+
+def by_content():
+    """A size that depends on what is seen."""
+    nodes = [
+        node("ReduceMax", ["observation"], ["most"], keepdims=0),
+        node("Cast", ["most"], ["limit"], to=TensorProto.INT64),
+        node("Range", ["zero", "limit", "step"], ["range"]),
+        node("Cast", ["range"], ["floats"], to=TensorProto.FLOAT),
+        node("ReduceSum", ["floats"], ["one"]),
+        node("MatMul", ["observation", "w"], ["x"]),
+        node("Add", ["x", "one"], ["action"]),
+    ]
+    return model(nodes, [whole(0, "zero"), whole(1, "step"), weights()])
+
+
+HOSTILE = {
+    "nonsense": (b"nonsense", "no ONNX file"),
+    "empty": (b"", "no ONNX file"),
+    "truncated": (policy(0)[:300], "truncated"),
+    "oversized": (b"0" * 5_000_001, "5,000,001 bytes, at most 5,000,000"),
+    "custom domain": (
+        model([node("Magic", ["observation"], ["action"], domain="com.microsoft")]),
+        "'Magic' of the domain 'com.microsoft'",
+    ),
+    "if": (with_graph("If"), "control flow"),
+    "loop": (with_graph("Loop"), "control flow"),
+    "scan": (with_graph("Scan"), "control flow"),
+    "smuggled graph": (with_graph("Identity"), "holds a graph of its own"),
+    "own function": (own_function(), "functions of its own"),
+    "random": (through("RandomNormalLike"), "draws at random"),
+    "bernoulli": (through("Bernoulli"), "draws at random"),
+    "dropout": (through("Dropout"), "draws at random"),
+    "unknown": (through("NonZero"), "not on the list"),
+    "external": (external(location="../../../etc/passwd"), "in another file"),
+    "external in place": (external(location="weights.bin", length="100"), "in another file"),
+    "sparse": (sparse(), "sparse"),
+    "observation": (
+        model([node("Tanh", ["observation"], ["action"])], inputs=[value("observation", 16)]),
+        "16",
+    ),
+    "one game": (
+        model([node("Tanh", ["observation"], ["action"])], inputs=[value("observation", 15, batch=1)]),
+        r"\[1, 15\]",
+    ),
+    "float64": (
+        model(
+            [node("Cast", ["observation"], ["action"], to=TensorProto.DOUBLE)],
+            outputs=[value("action", 9, TensorProto.DOUBLE)],
+        ),
+        "expected float32",
+    ),
+    "input": (model([node("Tanh", ["seen"], ["action"])], inputs=[value("seen")]), "unknown input 'seen'"),
+    "output": (model([node("Tanh", ["observation"], ["x"])], outputs=[value("x")]), "unknown output 'x'"),
+    "shapes": (model([node("Tanh", ["observation"], ["action"])]), "no valid ONNX"),
+    "costly": (DEEP, r"3,01\d,\d+ multiply-adds a row, at most 2,000,000"),
+    "huge": (huge(), r"needs 2,000,000,\d+ multiply-adds"),
+    "many axes": (many_axes(), "cannot be read|no valid ONNX|more than 8 axes|memory|worked out"),
+    "by content": (by_content(), "does not follow from the file"),
+}
+
+
+@pytest.fixture(scope="module")
+def found():
+    return dict(zip(HOSTILE, check_policies([data for data, _ in HOSTILE.values()]), strict=True))
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_policies_are_named_in_one_line(name, found):
+    assert len(found[name]) == (3 if name == "own function" else 1)
+    assert any(re.search(HOSTILE[name][1], line) for line in found[name])
+    assert all("\n" not in line and len(line) <= 400 for line in found[name])
+
+
+def test_sound_policies_pass():
+    lstm = [
+        node("Unsqueeze", ["observation", "first"], ["x"]),
+        node("LSTM", ["x", "W", "R"], ["", "h"], hidden_size=4),
+        node("Squeeze", ["h", "first"], ["y"]),
+        node("Gemm", ["y", "v"], ["action"]),
+    ]
+    tensors = {"W": (1, 16, 15), "R": (1, 16, 4), "v": (4, 9)}
+    constants = [numpy_helper.from_array(np.ones(s, np.float32), n) for n, s in tensors.items()]
+    shipped = sorted((baselines_folder() / "agents").glob("*/*/seed_0/policy.onnx"))
+    assert shipped
+    files = [file.read_bytes() for file in shipped]
+    assert check_policies([model(lstm, [*constants, whole([0], "first")]), *files]) == [[]] * (1 + len(files))
+
+
+def test_what_it_says_of_its_own_sizes_is_not_believed():
+    proto = ModelProto.FromString(DEEP)
+    proto.graph.value_info.append(value("x1", 1))
+    assert check_policy(proto.SerializeToString()) != []
