@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli import compare, export, leaderboard, plan, selfplay, submit, tune, verbs, zoo
+from fpg_bench.cli import compare, export, leaderboard, plan, reproduce, selfplay, submit, tune, verbs, zoo
 from fpg_bench.errors import UserError
 
 app = typer.Typer(
@@ -23,13 +23,13 @@ for verb in (verbs.envs, verbs.play, verbs.train, verbs.evaluate, verbs.measure_
 for learning in (
     selfplay.selfplay,
     selfplay.exploit,
-    export.export,
     tune.tune,
     tune.tune_report,
     tune.tune_write,
 ):
     app.command()(learning)
-app.command()(export.export)
+for whole in (export.export, reproduce.reproduce):
+    app.command()(whole)
 plan.app.command()(compare.compare)
 app.add_typer(plan.app, name="plan")
 app.add_typer(submit.app, name="submit")

@@ -1,0 +1,45 @@
+"""``fpg-bench reproduce``: the paper's figures, tables and claims."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fpg_bench.cli.options import say
+
+
+def reproduce(
+    target: Annotated[str, typer.Argument(help="fig3, fig4, fig5, fig6, fig7, tables or all")] = "all",
+    scenario: Annotated[str, typer.Option(help="paper or standard")] = "paper",
+    seeds: Annotated[int | None, typer.Option(min=1, help="runs a condition; default: the budget's")] = None,
+    budget: Annotated[str, typer.Option(help="quick (minutes) or full (hours)")] = "quick",
+    out: Annotated[Path, typer.Option(help="the folder of rows, figures and reports")] = Path("reproduced"),
+    jobs: Annotated[int, typer.Option(min=1, help="runs at once, one thread each")] = 2,
+    backend: Annotated[str, typer.Option(help="loky (this machine) or ray (a cluster)")] = "loky",
+    address: Annotated[str | None, typer.Option(help="of the Ray cluster, host:port")] = None,
+    llm: Annotated[bool, typer.Option("--llm", help="run the environment's language model as well")] = False,
+    transcript: Annotated[
+        Path | None, typer.Option(help="replay this language model's transcript; no server is asked")
+    ] = None,
+) -> None:
+    """Run the paper's experiments over seeds, draw its figures and say what holds; run it again to go on."""
+    from fpg_bench.reproduce.reproduce import reproduce as run
+
+    asked = llm or transcript is not None
+    words = {} if transcript is None else {"transcript": str(transcript)}
+    written = run(
+        target,
+        out,
+        scenario=scenario,
+        seeds=seeds,
+        budget=budget,
+        jobs=jobs,
+        backend=backend,
+        address=address,
+        llm=words if asked else None,
+        say=say,
+    )
+    for path in written:
+        say(f"written: {path}")

@@ -1,0 +1,1 @@
+"""The paper's experiments: every figure, table and claim, made again over seeds."""

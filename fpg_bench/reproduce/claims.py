@@ -1,0 +1,130 @@
+"""The paper's claims as paired tests: what it states, what is compared, and whether that holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.reproduce.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER
+from fpg_bench.reproduce.paired import Paired, holm, paired
+from fpg_bench.reproduce.results import Results
+from fpg_bench.reproduce.windows import STAGES
+
+LEVEL = 0.05
+HOLDS, REVERSED, OPEN = "holds", "the opposite", "not shown"
+CLAIMS = {
+    "D1": "Planned paths serve the opponent better than fixed ones (Fig. 3)",
+    "D2": "Overlap falls over training while jamming success rises (Fig. 4 and 5)",
+    "D3": "Each jamming type alone leaves the opponent below the ally; single tone is weakest, broadband "
+    "strongest (Fig. 6)",
+    "D4": "Without the planner the opponent is worse, without the knowledge base the ally (Fig. 7)",
+}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One test behind a claim.
+
+    Attributes:
+        claim: ``D1`` to ``D4``.
+        statement: what is claimed to be positive.
+        found: what the pairs say.
+        check: the same mean difference in rounds without noise after training; None where there is none.
+        p: corrected for all tests of the report (Holm).
+    """
+
+    claim: str
+    statement: str
+    found: Paired
+    check: float | None
+    p: float
+
+    @property
+    def verdict(self) -> str:
+        """Whether the statement holds, its opposite does, or neither is shown."""
+        if self.p >= LEVEL:
+            return OPEN
+        return HOLDS if self.found.mean > 0 else REVERSED
+
+
+def compare(results: Results) -> list[Comparison]:
+    """All tests whose runs are there, with at least two seeds."""
+    pairs = [pair for pair in _differences(results) if len(pair[2]) > 1]
+    found = [paired(differences) for _, _, differences, _ in pairs]
+    corrected = holm([each.p for each in found])
+    return [
+        Comparison(claim, statement, each, None if check is None else float(check.mean()), p)
+        for (claim, statement, _, check), each, p in zip(pairs, found, corrected, strict=True)
+    ]
+
+
+def verdict(comparisons: list[Comparison]) -> str:
+    """What the tests behind one claim come to: it holds where all of them do."""
+    found = [each.verdict for each in comparisons]
+    if not found:
+        return "not run"
+    if all(each == HOLDS for each in found):
+        return HOLDS
+    held = f"{found.count(HOLDS)} of {len(found)} parts hold"
+    against = f", of {found.count(REVERSED)} the opposite" if REVERSED in found else ""
+    return (
+        f"does not hold as a whole: {held}{against}" if REVERSED in found else f"not shown as a whole: {held}"
+    )
+
+
+_Difference = tuple[str, str, np.ndarray, np.ndarray | None]
+
+
+def _differences(results: Results) -> Iterator[_Difference]:
+    """The claim, what is claimed to be positive, the differences by seed, and the same without noise."""
+    for path in FIXED_PATHS:
+        yield _between(results, "D1", f"opponent's reward: planned - {path}", "opponent_reward", BASE, path)
+    yield from _over_time(results)
+    for kind in JAMMING_TYPES:
+        yield _sides(results, kind)
+    for kind in JAMMING_TYPES[1:]:
+        yield _between(results, "D3", f"opponent's reward: {kind} - tone", "opponent_reward", kind, "tone")
+    for kind in ("narrowband", "comb"):
+        statement = f"opponent's reward: broadband - {kind}"
+        yield _between(results, "D3", statement, "opponent_reward", "broadband", kind)
+    statement = "opponent's reward: planned - learned path"
+    yield _between(results, "D4", statement, "opponent_reward", BASE, NO_PLANNER)
+    statement = "ally's reward: with - without knowledge base"
+    yield _between(results, "D4", statement, "ally_reward", BASE, NO_KNOWLEDGE)
+
+
+def _between(results: Results, claim: str, statement: str, name: str, one: str, other: str) -> _Difference:
+    seeds = results.seeds(one, other)
+    levels, finals = (
+        read(one, name, seeds) - read(other, name, seeds) if seeds else np.empty(0)
+        for read in (results.level, results.final)
+    )
+    return claim, statement, levels, finals
+
+
+def _sides(results: Results, kind: str) -> _Difference:
+    seeds = results.seeds(kind)
+    levels, finals = (
+        read(kind, "ally_reward", seeds) - read(kind, "opponent_reward", seeds) if seeds else np.empty(0)
+        for read in (results.level, results.final)
+    )
+    return "D3", f"{kind} alone: ally's - opponent's reward", levels, finals
+
+
+def _over_time(results: Results) -> Iterator[_Difference]:
+    """Late minus early, in the windows of Fig. 4; the claim is that overlap falls and success rises."""
+    seeds = results.seeds(BASE)
+    for name, said, sign in (
+        ("overlap_ratio", "overlap ratio: early - late", -1),
+        ("jamming_success_rate", "jamming success rate: late - early", 1),
+    ):
+        early, late = (
+            results.mean(BASE, name, STAGES[stage], seeds) if seeds else np.empty(0)
+            for stage in ("early", "late")
+        )
+        yield "D2", said, sign * (late - early), None
+    early, late = (results.overlap(BASE, stage, seeds) for stage in ("early", "late"))
+    yield "D2", "spectrum overlap: early - late", early - late, None

@@ -1,0 +1,145 @@
+"""Under which conditions the paper's experiments are run: what differs from its game, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from fpg_bench.errors import UserError, nearest
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
+
+ROUNDS_PER_MATCH = 10
+BASE = "planned"
+FIXED_PATHS = ("triangle", "circle", "rectangle")
+PLANNERS = ("hill-climb", "cma-es", "optimised")
+NO_PLANNER, NO_KNOWLEDGE = "no-planner", "no-knowledge"
+LLM, LONG = "llm", "planned-long"
+SHORT_SEEDS = 5  # of conditions that no claim rests on
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One way in which both sides learn.
+
+    Attributes:
+        name: what rows and figures call it.
+        about: what it is, for the report.
+        options: those of :func:`fpg_bench.envs.duel.make_duel`: ``planner``, ``path``.
+        changes: fields of the scenario that are other ones.
+        tested: whether a claim rests on it, so that it needs all seeds.
+        budgets: how many times the budget of the others it is trained.
+    """
+
+    name: str
+    about: str
+    options: Mapping[str, Any] = field(default_factory=lambda: {"planner": "interceptor"})
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    tested: bool = False
+    budgets: int = 1
+
+    def scenario(self, preset: str) -> Scenario:
+        """What is played: a preset with this condition's changes, in matches of ten rounds."""
+        return as_scenario(preset, rounds_per_match=ROUNDS_PER_MATCH, **self.changes)
+
+
+_MAIN = (
+    Condition(BASE, "path planned between rounds (interceptor), all jamming types", tested=True),
+    *(Condition(path, f"fixed path: {path}", {"path": path}, tested=True) for path in FIXED_PATHS),
+    *(Condition(name, f"path planned by {name}", {"planner": name}) for name in PLANNERS),
+    *(
+        Condition(kind, f"{kind} jamming alone", changes={"jamming_types": (kind,)}, tested=True)
+        for kind in JAMMING_TYPES
+    ),
+    Condition(NO_PLANNER, "no planner: the opponent learns to fly, too", {"path": "learned"}, tested=True),
+    Condition(
+        NO_KNOWLEDGE,
+        "no knowledge base: the ally chooses by itself",
+        changes={"knowledge": "none"},
+        tested=True,
+    ),
+    Condition(LONG, "as planned, with ten times the budget", budgets=10),
+)
+# k as a factor of the power in mW, not of its level in dBm: 20 dBm + 10 lg k, as a multiple of 20 dBm.
+_POWER_FACTORS = (1.088046, 1.03959, 0.801030, 0.951545)
+_VISIBLE = {"first_check_s": (5, 5), "check_interval_s": (5, 5)}
+_HIDDEN = {"first_check_s": (1, 5), "check_interval_s": (4, 6), "check_scale_s": 6.0}
+_OTHERWISE: dict[str, dict[str, tuple[str, dict[str, Any]]]] = {
+    "paper": {
+        "hidden-checks": ("the time of the next check is hidden (every 4 to 6 s)", _HIDDEN),
+        "interference-once": ("interference counts once, beside the noise", {"snr_model": "sinr"}),
+        "own-receiver": ("the opponent hears by its own receiver", {"detection": "emission"}),
+    },
+    "standard": {
+        "visible-checks": ("checks come every 5 s, and both sides may know", _VISIBLE),
+        "interference-twice": (
+            "Eq. 2 and 3 to the letter: interference counts twice",
+            {"snr_model": "paper"},
+        ),
+        "blinded": ("the opponent hears by the ally's SNR, which its jamming lowers", {"detection": "link"}),
+    },
+}
+_HOP_COSTS = (0, 40, 100, 200)
+
+
+def main_conditions() -> tuple[Condition, ...]:
+    """Those of the paper's figures, the same in both scenarios."""
+    return _MAIN
+
+
+def sensitivity(preset: str) -> tuple[Condition, ...]:
+    """What the paper leaves open, settled otherwise than the scenario does, one thing at a time."""
+    found = [
+        Condition(
+            "k-power",
+            "k is a factor of the power, not of the dBm",
+            changes={"jamming_coefficients": _POWER_FACTORS},
+        ),
+        *(Condition(name, about, changes=changes) for name, (about, changes) in _OTHERWISE[preset].items()),
+    ]
+    own = PRESETS[preset].hop_cost
+    costs = [cost for cost in _HOP_COSTS if cost != own]
+    return (
+        *found,
+        *(
+            Condition(f"hop-cost-{cost}", f"a hop costs H = {cost}", changes={"hop_cost": cost})
+            for cost in costs
+        ),
+    )
+
+
+# What each figure is made of.
+TARGETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "fig3": (BASE, *FIXED_PATHS, *PLANNERS),
+        "fig4": (BASE,),
+        "fig5": (BASE,),
+        "fig6": (BASE, *JAMMING_TYPES),
+        "fig7": (BASE, NO_PLANNER, NO_KNOWLEDGE),
+        "tables": (),
+    }
+)
+ALL = "all"
+
+
+def conditions_of(target: str, preset: str, full: bool) -> list[Condition]:
+    """The conditions to be run for a figure, or for all of them.
+
+    Args:
+        target: ``fig3`` to ``fig7``, ``tables`` or ``all``.
+        preset: ``paper`` or ``standard``.
+        full: whether the sensitivity study and the long run belong to ``all``.
+
+    Raises:
+        UserError: another target or preset.
+    """
+    if preset not in _OTHERWISE:
+        raise UserError(f"scenario: expected paper or standard, got {preset!r}{nearest(preset, _OTHERWISE)}")
+    if target == ALL:
+        more = sensitivity(preset) if full else ()
+        return [c for c in (*_MAIN, *more) if full or c.name != LONG]
+    if target not in TARGETS:
+        raise UserError(f"unknown target {target!r}{nearest(target, [*TARGETS, ALL])}")
+    return [c for c in _MAIN if c.name in TARGETS[target]]

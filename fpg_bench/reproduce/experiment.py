@@ -1,0 +1,127 @@
+"""One run of the paper's experiment: both sides learn by MADDPG under a condition (Algorithm 1, Table 3)."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.logger import configure
+
+import fpg_bench
+from fpg_bench.envs.sb3 import SB3View
+from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
+from fpg_bench.ids import DUEL
+from fpg_bench.reproduce.conditions import Condition
+from fpg_bench.reproduce.recorded import Recorded
+from fpg_bench.reproduce.windows import FINAL, window_row, windows_of, write_windows
+from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
+from fpg_bench.training.language_model import training_planner
+from fpg_bench.training.models import make_model
+
+ALGORITHM = "maddpg"
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How long a run trains.
+
+    Attributes:
+        name: what folders call it.
+        steps: game steps, over all games.
+        games: how many at once.
+        train_freq, gradient_steps: so many updates after so many steps of all games.
+        seeds: how many runs each condition that a claim rests on has, where nothing else is said.
+    """
+
+    name: str
+    steps: int
+    games: int
+    train_freq: int
+    gradient_steps: int
+    seeds: int
+
+    def updates(self, budgets: int = 1) -> int:
+        """About how many updates a run makes."""
+        return budgets * self.steps // self.games // self.train_freq * self.gradient_steps
+
+
+BUDGETS: Mapping[str, Budget] = MappingProxyType(
+    {
+        "quick": Budget("quick", 192_000, 64, 15, 15, 2),  # 3 * 10^3 updates
+        "full": Budget("full", 1_000_000, 64, 5, 16, 10),  # 5 * 10^4 updates
+    }
+)
+
+
+def hyperparameters(budget: Budget) -> Hyperparameters:
+    """Table 3, and what the shipped file says where the paper says nothing."""
+    shipped = load_hyperparameters(ALGORITHM, DUEL)
+    rhythm = {"train_freq": budget.train_freq, "gradient_steps": budget.gradient_steps}
+    return dataclasses.replace(shipped, n_envs=budget.games, algorithm=shipped.algorithm | rhythm)
+
+
+def run_experiment(
+    condition: Condition,
+    preset: str,
+    budget: Budget,
+    seed: int,
+    path: Path,
+    llm: Mapping[str, Any] | None = None,
+) -> None:
+    """Train both sides under a condition, play the last policies without noise, and write the run's file.
+
+    Args:
+        condition: under which.
+        preset: the scenario, ``paper`` or ``standard``.
+        budget: how long.
+        seed: the training seed; the same one begins with the same networks and matches under every condition.
+        path: the CSV file, written at the end; see :mod:`fpg_bench.reproduce.windows`.
+        llm: options of a language model's planner, and ``transcript`` to replay one.
+    """
+    torch.set_num_threads(1)
+    began = time.monotonic()
+    scenario, options = condition.scenario(preset), dict(condition.options)
+    words = dict(llm or {}) if options.get("planner") == "llm" else {}
+    planner = training_planner(
+        options.pop("planner", None), path.with_suffix(""), words.pop("transcript", None), words
+    )
+
+    def games_of(first_seed: int | None, stagger: bool) -> SB3View:
+        core = Recorded(budget.games, scenario=scenario, planner=planner, **options)
+        return SB3View(core, first_seed, stagger)
+
+    games = games_of(training_seed(seed), stagger=True)
+    model: Any = make_model(ALGORITHM, games, hyperparameters(budget), seed)
+    model.set_logger(configure(None, []))
+    steps = condition.budgets * budget.steps
+    model.learn(steps)
+    rows = windows_of(games.core.rounds, steps)  # type: ignore[union-attr]
+    final = played_without_noise(model, games_of(None, stagger=False))
+    about = {
+        "condition": condition.name,
+        "scenario": f"{preset}, {scenario.hash}",
+        "budget": f"{budget.name}, {steps} steps, {model._n_updates} updates",
+        "seed": seed,
+        "versions": f"fpg-bench {fpg_bench.__version__}, torch {torch.__version__}, numpy {np.__version__}",
+        "seconds": round(time.monotonic() - began),
+    }
+    write_windows(path, about, [*rows, window_row(FINAL, steps, final)])
+
+
+def played_without_noise(model: BaseAlgorithm, games: SB3View) -> list[tuple[np.void, np.ndarray]]:
+    """Play a match in every game, on evaluation seeds: each round's tally and histogram."""
+    core: Any = games.core
+    core.reset(seeds=np.array(evaluation_seeds(games.num_envs)))
+    for _ in range(core.scenario.rounds_per_match * core.scenario.steps_per_round):
+        core.step(model.predict(core.observations, deterministic=True)[0])
+        if core.truncated.any():
+            core.reset(core.truncated.copy())
+    return [(tally, histogram) for _, tally, histogram in core.rounds]

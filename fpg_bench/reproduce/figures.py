@@ -1,0 +1,191 @@
+"""The paper's figures in the paper's form, as PNG and SVG."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.files import write_whole
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import preset as scenario_of
+from fpg_bench.reproduce.conditions import BASE, FIXED_PATHS, LLM, NO_KNOWLEDGE, NO_PLANNER, PLANNERS
+from fpg_bench.reproduce.results import Results
+from fpg_bench.reproduce.windows import STAGES, WINDOWS
+
+_ALLY, _OPPONENT = "#c1272d", "#0b5fa5"  # red and blue, as in the paper
+_SMOOTHED = 5  # windows of the moving average
+_TITLES = {
+    BASE: "planned path",
+    NO_PLANNER: "without the planner (learned path)",
+    NO_KNOWLEDGE: "without the knowledge base",
+}
+
+
+def draw(results: Results, preset: str, folder: Path) -> dict[str, list[Path]]:
+    """Draw every figure whose runs are there.
+
+    Args:
+        results: the runs.
+        preset: the scenario, which names the files.
+        folder: where they go.
+
+    Returns:
+        The files of each figure.
+    """
+    written = {}
+    for name, painter in FIGURES.items():
+        figure = painter(results, preset)
+        if figure is not None:
+            written[name] = _save(figure, folder / f"{name}-{preset}")
+    return written
+
+
+def rewards(
+    conditions: Sequence[str], columns: int, width: float, height: float
+) -> Callable[[Results, str], Any]:
+    """A painter of both sides' rewards over training, a panel for each condition that was run."""
+
+    def paint(results: Results, preset: str) -> Any:
+        there = [condition for condition in conditions if condition in results.runs]
+        if not there or there == [BASE] != list(conditions):
+            return None
+        lines = -(-len(there) // columns)
+        figure = _figure(width, 0.4 + height * lines)
+        panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
+        for axes, condition in zip(panels.flat, there, strict=False):
+            for side, colour in (("ally", _ALLY), ("opponent", _OPPONENT)):
+                _draw_reward(axes, results, condition, side, colour)
+            axes.set_title(_TITLES.get(condition, condition), fontsize=10)
+        for axes in panels.flat[len(there) :]:
+            axes.set_visible(False)
+        panels[0][0].legend(frameon=False, fontsize=8)
+        for axes in panels[:, 0]:
+            axes.set_ylabel("reward a step")
+        for axes in panels[-1]:
+            axes.set_xlabel("share of training")
+        return figure
+
+    return paint
+
+
+def _draw_reward(axes: Any, results: Results, condition: str, side: str, colour: str) -> None:
+    """The mean over seeds and its moving average (dashed), with 2 sigma over rounds and seeds."""
+    each, within = (results.series(condition, f"{side}_{kind}") for kind in ("reward", "sd"))
+    time = (np.arange(WINDOWS) + 0.5) / WINDOWS
+    mean = np.nanmean(each, axis=0)
+    sigma = np.sqrt(np.nanmean(within**2, axis=0) + np.nanvar(each, axis=0))
+    smooth, spread = _smoothed(mean), _smoothed(sigma)
+    axes.plot(time, mean, color=colour, lw=1.1, alpha=0.6, label=side)
+    axes.plot(time, smooth, "--", color=colour, lw=1.8)
+    axes.fill_between(time, smooth - 2 * spread, smooth + 2 * spread, color=colour, alpha=0.15, lw=0)
+
+
+def _smoothed(values: np.ndarray) -> np.ndarray:
+    """The moving average over five windows, fewer at the ends."""
+    kernel = np.ones(_SMOOTHED)
+    return np.convolve(values, kernel, "same") / np.convolve(np.ones(len(values)), kernel, "same")
+
+
+def frequencies(results: Results, preset: str) -> Any:
+    """Fig. 4: the centre frequencies of both sides, early, in the middle and late, all seeds together."""
+    seeds = results.seeds(BASE)
+    if not seeds:
+        return None
+    scenario = scenario_of(preset)
+    points = np.linspace(scenario.band_low_mhz, scenario.band_high_mhz, scenario.frequency_points)
+    figure = _figure(11, 3.6)
+    panels = figure.subplots(1, len(STAGES), sharey=True)
+    for axes, stage in zip(panels, STAGES, strict=True):
+        counts = np.sum([results.histogram(BASE, stage, seed) for seed in seeds], axis=0)
+        for shift, share, side, colour in zip(
+            (-1.4, 1.4),
+            counts / counts.sum(axis=1, keepdims=True),
+            ("ally", "opponent"),
+            (_ALLY, _OPPONENT),
+            strict=True,
+        ):
+            axes.bar(points + shift, share, 2.8, color=colour, alpha=0.75, label=side)
+            _mark(axes, points, share, shift, colour)
+        overlap = results.overlap(BASE, stage, seeds)
+        axes.set_title(f"{stage}: overlap {overlap.mean():.1%} (each run's own)", fontsize=10)
+        axes.set_xlabel("centre frequency (MHz)")
+    panels[0].set_ylabel("share of steps")
+    panels[0].legend(frameon=False, fontsize=8)
+    return figure
+
+
+def _mark(axes: Any, points: np.ndarray, share: np.ndarray, shift: float, colour: str) -> None:
+    """The quartiles (lines), mean and standard deviation (bar on top), and the highest point (frame)."""
+    below = np.cumsum(share)
+    for quarter in (0.25, 0.75):
+        at = points[min(int(np.searchsorted(below, quarter)), len(points) - 1)] + shift
+        axes.axvline(at, color=colour, lw=0.9, ls=":")
+    mean = float(share @ points)
+    sd = float(np.sqrt(share @ (points - mean) ** 2))
+    axes.errorbar(mean, 1.06 * share.max(), xerr=sd, color=colour, fmt="o", ms=3, capsize=3, lw=1)
+    top = int(share.argmax())
+    axes.bar(points[top] + shift, share[top], 2.8, fill=False, ec=colour, lw=1.6)
+
+
+def overlap_and_success(results: Results, preset: str) -> Any:
+    """Fig. 5: overlap ratio and jamming success rate over training, with standard deviations over seeds."""
+    if BASE not in results.runs:
+        return None
+    figure = _figure(7, 3.6)
+    left = figure.subplots()
+    right = left.twinx()
+    time = (np.arange(WINDOWS) + 0.5) / WINDOWS
+    for axes, name, said, colour in (
+        (left, "overlap_ratio", "overlap ratio", _OPPONENT),
+        (right, "jamming_success_rate", "jamming success rate", _ALLY),
+    ):
+        each = results.series(BASE, name)
+        mean, sd = np.nanmean(each, axis=0), np.nanstd(each, axis=0)
+        axes.plot(time, _smoothed(mean), color=colour, lw=1.8)
+        axes.errorbar(time[::4], mean[::4], sd[::4], color=colour, fmt="o", ms=3, capsize=3, lw=1)
+        axes.set_ylabel(said, color=colour)
+        axes.set_ylim(bottom=0)
+    left.set_xlabel("share of training")
+    return figure
+
+
+FIGURES: Mapping[str, Callable[[Results, str], Any]] = MappingProxyType(
+    {
+        "fig3": rewards((BASE, *FIXED_PATHS, *PLANNERS, LLM), 4, 11, 2.5),
+        "fig4": frequencies,
+        "fig5": overlap_and_success,
+        "fig6": rewards((*JAMMING_TYPES, BASE), 3, 10, 2.6),
+        "fig7": rewards((BASE, NO_PLANNER, NO_KNOWLEDGE), 3, 10, 2.9),
+    }
+)
+
+
+def _figure(width: float, height: float) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=100, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _save(figure: Any, stem: Path) -> list[Path]:
+    """Write PNG and SVG, the same bytes for the same picture."""
+    from matplotlib import rc_context
+
+    paths = []
+    for axes in figure.axes:
+        axes.spines["top"].set_visible(False)
+    for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
+        image = io.BytesIO()
+        with rc_context({"svg.hashsalt": stem.name, "svg.fonttype": "none"}):
+            figure.savefig(image, format=form, metadata=metadata)
+        path = stem.with_suffix(f".{form}")
+        write_whole(path, image.getvalue())
+        paths.append(path)
+    return paths

@@ -1,0 +1,130 @@
+"""A run in forty windows of its budget: a row each, in a CSV file whose heading says how it was made."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.errors import UserError
+from fpg_bench.files import write_whole
+from fpg_bench.game.measures import measures, pool
+from fpg_bench.game.state import TALLY
+
+WINDOWS = 40
+FINAL = WINDOWS  # the row of what was played without noise once training was over
+# Fig. 4 looks at the first 5 %, at 47.5 to 52.5 %, and at the last 5 % of the time.
+STAGES = {"early": (0, 1), "middle": (19, 20), "late": (38, 39)}
+_REWARDS = ("ally_reward", "ally_sd", "opponent_reward", "opponent_sd")
+MEASURES = (
+    "overlap_ratio",
+    "jamming_success_rate",
+    "spectrum_overlap",
+    "hop_rate",
+    "spread_ratio",
+    "near_ratio",
+    "snr_db",
+    "share_tone",
+    "share_narrowband",
+    "share_broadband",
+    "share_comb",
+)
+_HISTOGRAMS = ("ally_points", "jam_points")
+COLUMNS = ("window", "steps", "rounds", *_REWARDS, *MEASURES, *_HISTOGRAMS)
+Row = dict[str, Any]
+
+
+def window_row(window: int, steps: int, rounds: Sequence[tuple[np.void, np.ndarray]]) -> Row:
+    """One row: the rounds of a window, pooled.
+
+    Args:
+        window: its number; :data:`FINAL` for the rounds without noise.
+        steps: steps of the run at the window's end.
+        rounds: the tally and the histogram ``(2, points)`` of each.
+
+    Returns:
+        By the names of :data:`COLUMNS`: rewards per step with their standard deviation over rounds,
+        measures of the pooled rounds, and in the windows of Fig. 4 the steps per frequency point.
+    """
+    tallies = np.array([tally for tally, _ in rounds], TALLY)
+    histogram = np.sum([each for _, each in rounds], axis=0)
+    found = measures(pool(tallies), histogram)
+    row: Row = {"window": window, "steps": steps, "rounds": len(rounds)}
+    for side in ("ally", "opponent"):
+        each = tallies[f"{side}_return"] / tallies["steps"]
+        row[f"{side}_reward"] = float(tallies[f"{side}_return"].sum() / tallies["steps"].sum())
+        row[f"{side}_sd"] = float(each.std(ddof=1)) if len(each) > 1 else 0.0
+    row |= {name: found[name] for name in MEASURES}
+    shown = window == FINAL or any(window in stage for stage in STAGES.values())
+    return row | dict(zip(_HISTOGRAMS, histogram.tolist() if shown else ([], []), strict=True))
+
+
+def windows_of(rounds: Iterable[tuple[int, np.void, np.ndarray]], budget: int) -> list[Row]:
+    """The rows of a run's rounds; a window in which no round ended has none."""
+    by_window: dict[int, list[tuple[np.void, np.ndarray]]] = {}
+    for played, tally, histogram in rounds:
+        window = min(WINDOWS * (played - 1) // budget, WINDOWS - 1)
+        by_window.setdefault(window, []).append((tally, histogram))
+    return [
+        window_row(window, budget * (window + 1) // WINDOWS, by_window[window])
+        for window in sorted(by_window)
+    ]
+
+
+def write_windows(path: Path, about: dict[str, Any], rows: Iterable[Row]) -> None:
+    """Write a run's file, whole.
+
+    Args:
+        path: the CSV file.
+        about: what its heading says, a line ``# name: value`` each.
+        rows: see :func:`window_row`; numbers are kept to five digits.
+    """
+    text = io.StringIO()
+    for name, value in about.items():
+        text.write(f"# {name}: {value}\n")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows([_written(row[name]) for name in COLUMNS] for row in rows)
+    write_whole(path, text.getvalue())
+
+
+def read_windows(path: Path) -> tuple[dict[str, str], list[Row]]:
+    """The heading and the rows of a run's file.
+
+    Raises:
+        UserError: it cannot be read, or is no such file.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"run {path}: cannot be read: {error}") from error
+    heading = [line[2:].partition(": ") for line in lines if line.startswith("# ")]
+    about = {name: value for name, _, value in heading}
+    table = csv.DictReader(line for line in lines if not line.startswith("# "))
+    try:
+        rows = [{name: _read(name, row[name]) for name in COLUMNS} for row in table]
+    except (KeyError, ValueError, TypeError, AttributeError) as error:
+        raise UserError(f"run {path}: is no table of a run: {error}") from error
+    if not rows or rows[-1]["window"] != FINAL:
+        raise UserError(f"run {path}: is not whole; remove it, and it is run again")
+    return about, rows
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, list):
+        return " ".join(map(str, value))
+    if value is None:
+        return ""
+    return str(value) if isinstance(value, int) else f"{value:.5g}"
+
+
+def _read(name: str, text: str) -> Any:
+    if name in _HISTOGRAMS:
+        return [int(number) for number in text.split()]
+    if name in ("window", "steps", "rounds"):
+        return int(text)
+    return float(text) if text else None

@@ -1,0 +1,79 @@
+"""Verdicts on runs whose outcome is known, because they are made up."""
+
+import numpy as np
+import pytest
+
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.reproduce.claims import CLAIMS, compare, verdict
+from fpg_bench.reproduce.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER
+from fpg_bench.reproduce.results import Results
+from fpg_bench.reproduce.windows import COLUMNS, FINAL, WINDOWS
+
+SEEDS = range(10)
+LEVELS = dict.fromkeys(FIXED_PATHS, 5.0) | {"tone": 3.0, "narrowband": 6.0, "comb": 5.0, "broadband": 9.0}
+LEVELS |= {BASE: 10.0, NO_PLANNER: 4.0, NO_KNOWLEDGE: 10.0}
+
+
+def run(condition: str, seed: int, levels: dict[str, float], rising: float) -> list[dict]:
+    """A run whose opponent's reward is its condition's level, with overlap falling as success rises."""
+    rng = np.random.default_rng([seed, len(condition)])
+    rows = []
+    for window in range(WINDOWS + 1):
+        row = dict.fromkeys(COLUMNS, 0.0) | {"window": window, "rounds": 10}
+        row["opponent_reward"] = levels[condition] + rng.normal(0, 0.1)
+        row["ally_reward"] = (15.0 if condition == NO_KNOWLEDGE else 20.0) + rng.normal(0, 0.1)
+        part = min(window, FINAL - 1) / WINDOWS
+        row["overlap_ratio"] = 0.5 - rising * 0.2 * part + rng.normal(0, 0.01)
+        row["jamming_success_rate"] = 0.1 + rising * 0.2 * part + rng.normal(0, 0.01)
+        own = np.full(15, 100)
+        own[window % 15] += 100
+        own[0] += int(rising * 300 * part)
+        row |= {"ally_points": own.tolist(), "jam_points": [100] * 15}
+        rows.append(row)
+    return rows
+
+
+def results(levels=LEVELS, rising=1.0, seeds=SEEDS) -> Results:
+    runs = {name: {seed: run(name, seed, levels, rising) for seed in seeds} for name in levels}
+    return Results(runs, {})
+
+
+def by_claim(found):
+    comparisons = compare(found)
+    return {claim: verdict([c for c in comparisons if c.claim == claim]) for claim in CLAIMS}
+
+
+def test_claims_that_are_true_hold_with_ten_seeds():
+    assert by_claim(results()) == dict.fromkeys(CLAIMS, "holds")
+
+
+def test_the_opposite_is_told_as_such():
+    found = by_claim(results(LEVELS | {"tone": 9.0, "broadband": 3.0, BASE: 1.0}, rising=-1.0))
+    assert "the opposite" in found["D1"]
+    assert "the opposite" in found["D2"]
+    assert "the opposite" in found["D3"]
+    assert "1 of 2 parts hold" in found["D4"]
+
+
+def test_five_seeds_can_show_nothing():
+    assert by_claim(results(seeds=range(5))) == {
+        claim: f"not shown as a whole: 0 of {parts} parts hold"
+        for claim, parts in zip(CLAIMS, (3, 3, 9, 2), strict=True)
+    }
+
+
+def test_only_what_was_run_is_tested():
+    found = compare(results({BASE: 10.0, "circle": 5.0}))
+    assert {each.claim for each in found} == {"D1", "D2"}
+    assert verdict([]) == "not run"
+
+
+def test_single_types_are_each_compared_with_the_ally():
+    found = compare(results(LEVELS | {"tone": 25.0}))
+    alone = {c.statement.split()[0]: c.verdict for c in found if "alone" in c.statement}
+    assert alone == dict.fromkeys(JAMMING_TYPES, "holds") | {"tone": "the opposite"}
+
+
+def test_a_difference_without_noise_stands_beside():
+    (first, *_) = compare(results())
+    assert first.check == pytest.approx(5, abs=0.2)

@@ -1,0 +1,171 @@
+"""The paper's experiments with a tiny budget: what is run, kept, drawn, written, and gone on with."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.game.scenario import PAPER, STANDARD
+from fpg_bench.reproduce.conditions import ALL, BASE, TARGETS, conditions_of, sensitivity
+from fpg_bench.reproduce.experiment import BUDGETS, Budget, run_experiment
+from fpg_bench.reproduce.recorded import Recorded
+from fpg_bench.reproduce.reproduce import reproduce
+from fpg_bench.reproduce.tables import tables
+from fpg_bench.reproduce.windows import FINAL, STAGES, WINDOWS, read_windows, windows_of
+
+# Enough for a round in each of the forty windows, and for some updates.
+TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder in which Fig. 7 was made, and the lines that were said."""
+    out = tmp_path_factory.mktemp("reproduced")
+    said: list[str] = []
+    written = reproduce("fig7", out, budget=TINY, jobs=1, say=said.append)
+    return out, written, said
+
+
+def test_runs_become_rows_figures_and_a_report(made):
+    out, written, _ = made
+    names = [path.name for path in written]
+    assert names == [
+        *(f"{figure}-paper.{form}" for figure in ("fig4", "fig5", "fig7") for form in ("png", "svg")),
+        "report-paper.md",
+        "report-paper.html",
+    ]
+    assert all(path.stat().st_size > 500 for path in written)
+    text = (out / "report-paper.md").read_text()
+    for link in (line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")):
+        assert (out / link).is_file(), link
+    assert "was **not run**" in text  # the language model, said before anything else
+    assert text.index("could not be reproduced") < text.index("What holds")
+    assert "<table>" in (out / "report-paper.html").read_text()
+
+
+def test_a_run_says_how_it_was_made_and_what_happened(made):
+    out, *_ = made
+    about, rows = read_windows(out / "rows/paper-tiny" / BASE / "seed_0.csv")
+    assert about["condition"] == BASE
+    assert about["scenario"].startswith("paper, ")
+    assert about["budget"].startswith("tiny, 8000 steps, ")
+    assert [row["window"] for row in rows] == [*range(WINDOWS), FINAL]
+    assert rows[-1]["rounds"] == 8 * 10
+    for row in rows:
+        shares = [row[f"share_{kind}"] for kind in ("tone", "narrowband", "broadband", "comb")]
+        assert sum(shares) == pytest.approx(1, abs=1e-3)
+        shown = row["window"] == FINAL or any(row["window"] in stage for stage in STAGES.values())
+        assert len(row["ally_points"]) == (15 if shown else 0)
+
+
+def test_what_was_run_is_not_run_again(made):
+    out, _, first = made
+    assert sum("begins" in line for line in first) == 3
+    said: list[str] = []
+    reproduce("fig5", out, budget=TINY, jobs=1, say=said.append)
+    assert said == []
+
+
+def test_the_same_seed_gives_the_same_rows(made, tmp_path):
+    out, *_ = made
+    (base,) = conditions_of("fig4", "paper", full=False)
+    run_experiment(base, "paper", TINY, 0, tmp_path / "again.csv")
+    first, again = (
+        read_windows(path)[1]
+        for path in (out / "rows/paper-tiny" / BASE / "seed_0.csv", tmp_path / "again.csv")
+    )
+    assert first == again
+
+
+def test_a_file_that_was_cut_off_is_named(made, tmp_path):
+    out, *_ = made
+    whole = (out / "rows/paper-tiny" / BASE / "seed_0.csv").read_text()
+    broken = tmp_path / "seed_0.csv"
+    for text in (whole[: len(whole) // 2], "", "window,steps\n1,2\n"):
+        broken.write_text(text)
+        with pytest.raises(UserError, match=r"seed_0\.csv"):
+            read_windows(broken)
+
+
+def test_the_ally_asks_the_knowledge_base_where_it_is():
+    hops = np.zeros((4, 18), np.float32)
+    hops[:, 0] = 1  # hop gate on; preference 0 means the middle point
+    hops[:, 4] = -1  # knowledge gate off, as a policy might say
+    points = {}
+    for knowledge in ("expert", "none"):
+        games = Recorded(4, scenario="paper", path="circle", knowledge=knowledge)
+        games.reset(seeds=0)
+        games.step(hops)
+        points[knowledge] = set(games.duel.arena.games["point"].tolist())
+    assert points["none"] == {7}
+    assert points["expert"] != {7}
+    assert hops[0, 4] == -1  # what the learner keeps is its own
+
+
+def test_rounds_are_counted_into_the_window_in_which_they_end():
+    games = Recorded(2, scenario="paper", path="circle")
+    games.reset(seeds=0)
+    still = np.zeros((2, 18), np.float32)
+    for _ in range(300):
+        games.step(still)
+        if games.truncated.any():
+            games.reset(games.truncated.copy())
+    assert [played for played, *_ in games.rounds] == [200, 200, 400, 400, 600, 600]
+    rows = windows_of(games.rounds, 8_000)
+    assert [(row["window"], row["rounds"]) for row in rows] == [(0, 2), (1, 2), (2, 2)]
+
+
+def test_every_target_names_conditions_and_all_has_them_all():
+    for preset in ("paper", "standard"):
+        every = {c.name for c in conditions_of(ALL, preset, full=True)}
+        assert len(every) == len(conditions_of(ALL, preset, full=True))
+        assert set().union(*TARGETS.values()) <= every
+        for condition in conditions_of(ALL, preset, full=True):
+            condition.scenario(preset)  # can be played
+    hashes = [c.scenario("paper").hash for c in sensitivity("paper")]
+    assert len(set(hashes)) == len(hashes)
+    assert PAPER.hash not in hashes
+
+
+def test_k_as_a_power_factor_is_what_it_says():
+    k_power = next(c for c in sensitivity("standard") if c.name == "k-power").scenario("standard")
+    levels = np.array(k_power.jamming_coefficients) * k_power.opponent_power_dbm
+    milliwatts = 100 * np.array(STANDARD.jamming_coefficients)  # 20 dBm are 100 mW
+    assert levels == pytest.approx(10 * np.log10(milliwatts), abs=1e-3)
+
+
+def test_the_full_budget_is_the_announced_one():
+    full = BUDGETS["full"]
+    assert (full.steps, full.games, full.updates()) == (1_000_000, 64, 50_000)
+
+
+def test_tables_speak_of_what_is_in_use():
+    (_, jamming), (_, environment), (_, algorithm) = tables()
+    assert [line[2] for line in jamming[1:]] == ["1.5", "1.2", "0.4", "0.8"]
+    assert ["M (dB)", "8", "8", "8", ""] in environment
+    assert [line[2] for line in algorithm if line[0] == "batch size"] == ["32"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["fig8"], "did you mean 'fig"),
+        (["fig3", "--scenario", "papr"], "expected paper or standard"),
+        (["fig3", "--budget", "ful"], "full"),
+    ],
+)
+def test_the_verb_refuses_what_it_does_not_know(words, said, tmp_path):
+    command = [sys.executable, "-m", "fpg_bench.cli", "reproduce", *words, "--out", str(tmp_path)]
+    found = subprocess.run(command, capture_output=True, text=True)
+    assert found.returncode == 2
+    assert said in found.stderr
+    assert len(found.stderr.strip().splitlines()) == 1
+
+
+def test_the_verb_writes_the_tables_at_once(tmp_path):
+    command = [sys.executable, "-m", "fpg_bench.cli", "reproduce", "tables", "--out", str(tmp_path)]
+    found = subprocess.run(command, capture_output=True, text=True)
+    assert found.returncode == 0, found.stderr
+    assert "Table 2" in (tmp_path / "report-paper.md").read_text()
