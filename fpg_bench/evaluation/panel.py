@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import json
 from collections.abc import Set
@@ -94,7 +95,7 @@ class Panel:
         """The scenario of an entry: the panel's, on the entry's path."""
         return as_scenario(self.scenario, opponent_path=entry.path)
 
-    @property
+    @functools.cached_property
     def hash(self) -> str:
         """SHA-256 of everything that decides a result under this panel, as 64 hexadecimal digits."""
         entries = [

@@ -16,8 +16,8 @@ from fpg_bench.evaluation.panel import Panel, load_panel
 from fpg_bench.evaluation.planner_references import PlannerTable
 from fpg_bench.evaluation.seeds import PROTOCOL, SEASON
 from fpg_bench.evaluation.statistics import Interval
-from fpg_bench.leaderboard.cases import Case, make_case, result_file, submission_folders
-from fpg_bench.leaderboard.crossplay import ROUNDS, entrants, pair_key, read_pairs
+from fpg_bench.leaderboard.cases import Case, case_of, result_file, submission_folders
+from fpg_bench.leaderboard.crossplay import ROUNDS, entrants_of, pair_key, read_pairs
 from fpg_bench.leaderboard.nash import nash
 from fpg_bench.leaderboard.planner_ranking import planner_standing
 from fpg_bench.leaderboard.planner_track import TRACK
@@ -65,7 +65,7 @@ def make_board(folder: str | Path = "leaderboard") -> Row:
         "season": SEASON,
         "built": datetime.datetime.now(datetime.UTC).date().isoformat(),
         "tracks": [_table(folder, shown, *table) for table in TABLES],
-        "crossplay": _crossplay(folder),
+        "crossplay": _crossplay(folder, [case for _, case, _ in shown if case is not None]),
     }
 
 
@@ -76,11 +76,11 @@ def _shown(board: Path) -> list[tuple[Submission, Case | None, str | None]]:
         if not result_file(board, folder.parent.name, folder.name).exists():
             continue
         try:
-            submission = load_submission(folder)
+            submission = load_submission(folder, contract=False)
         except UserError:
             continue  # nothing of it can be trusted, not even its name
         try:
-            found.append((submission, make_case(board, folder), None))
+            found.append((submission, case_of(board, submission), None))
         except UserError as error:
             found.append((submission, None, str(error)))
     return found
@@ -239,9 +239,9 @@ def _profiles(standings: Sequence[Standing]) -> Row:
     }
 
 
-def _crossplay(board: Path) -> Row | None:
+def _crossplay(board: Path, cases: list[Case]) -> Row | None:
     """The matrix of all pairs and its Nash mixtures; None where not all pairs were played."""
-    allies, opponents = entrants(board)
+    allies, opponents = entrants_of(cases)
     known = read_pairs(board, allies, opponents, ROUNDS)
     keys = [[pair_key(a, o, ROUNDS) for o in opponents] for a in allies]
     if not allies or not opponents or not all(key in known for row in keys for key in row):

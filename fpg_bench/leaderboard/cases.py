@@ -88,17 +88,21 @@ def result_file(board: Path, track: str, slug: str) -> Path:
 
 
 def make_case(board: Path, folder: Path, update: bool = False) -> Case:
+    """The case of a submission's folder, checked wholly; see :func:`case_of`."""
+    return case_of(board, load_submission(folder), update)
+
+
+def case_of(board: Path, submission: Submission, update: bool = False) -> Case:
     """A submission with its result, all of which is to be played.
 
     Args:
         board: the leaderboard's folder.
-        folder: the submission's.
+        submission: one that it holds.
         update: take a result that does not fit for none.
 
     Raises:
-        UserError: a submission that is wrong, or a result that is: edited, or of something else.
+        UserError: a result that is edited, or of something else.
     """
-    submission = load_submission(folder)
     panel = panel_of(submission)
     path = result_file(board, submission.track, submission.slug)
     try:

@@ -33,8 +33,13 @@ def problems(folder: str | Path) -> list[str]:
     return found if submission is None else found + list(_taken(submission))
 
 
-def examine(folder: Path) -> tuple[Submission | None, list[str]]:
-    """The submission of a folder, None where it cannot be read, and all that is wrong with it alone."""
+def examine(folder: Path, contract: bool = True) -> tuple[Submission | None, list[str]]:
+    """The submission of a folder, None where it cannot be read, and all that is wrong with it alone.
+
+    Args:
+        folder: the submission's.
+        contract: whether to check what the policies hold, too; needless where they are not played.
+    """
     folder = Path(os.path.abspath(folder))
     problem = folder_problem(folder)
     if problem or (problem := file_problem(folder / ABOUT, MOST_TEXT_BYTES)):
@@ -47,7 +52,7 @@ def examine(folder: Path) -> tuple[Submission | None, list[str]]:
     fields, wrong = read_fields(content)
     found = [*_slug(folder), *(f"{ABOUT}: {line}" for line in wrong)]
     found += [f"{ABOUT}: {line}" for line in (*_place(folder, fields), *_named(folder, fields))]
-    policies, wrong = _policies(folder, fields)
+    policies, wrong = _policies(folder, fields, contract)
     found += wrong
     if wrong := _transcripts(folder, fields):
         found += wrong
@@ -103,7 +108,7 @@ def _zoo() -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
-def _policies(folder: Path, fields: dict[str, Any]) -> tuple[tuple[Policy, ...], list[str]]:
+def _policies(folder: Path, fields: dict[str, Any], contract: bool) -> tuple[tuple[Policy, ...], list[str]]:
     """The policies of a submission, and what is wrong with them and with the names in its folder."""
     track, zoo, training = (fields.get(key) for key in ("track", "zoo", "training"))
     own = fields.get("script") is None and zoo is None and track != "planner"
@@ -117,7 +122,7 @@ def _policies(folder: Path, fields: dict[str, Any]) -> tuple[tuple[Policy, ...],
         return (), found
     if own and not seeds:
         return (), [*found, "holds no seed_<k>/: the policy of each training seed"]
-    policies, wrong = read_policies(home, track if track in SCRIPTED else None)
+    policies, wrong = read_policies(home, track if track in SCRIPTED else None, contract)
     found += wrong
     there = tuple(seed_folders(home))
     if training is not None and tuple(sorted(training.seeds)) != there:

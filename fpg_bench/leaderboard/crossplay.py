@@ -9,9 +9,9 @@ import math
 import os
 import random
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,7 @@ from fpg_bench.leaderboard.result import rounded
 from fpg_bench.leaderboard.team import Team
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.naming import as_player
+from fpg_bench.players.player import SIDES
 from fpg_bench.players.seat import Seat
 from fpg_bench.rows import Row, RowFile
 
@@ -49,21 +50,34 @@ class Entrant:
     parts: tuple[Part, ...]
     scenario: Scenario
 
-    @property
-    def identity(self) -> list[Any]:
+    @cached_property
+    def identity(self) -> list[str]:
         """What decides how it plays."""
         return [part.plays if isinstance(part.plays, str) else part.plays.sha256 for part in self.parts]
+
+    @cached_property
+    def scenario_hash(self) -> str:
+        """What its games are: of a pair, those of the opponent."""
+        return self.scenario.hash
 
 
 def entrants(board: Path) -> tuple[list[Entrant], list[Entrant]]:
     """Allies and opponents of a board whose results are verified, by name; all others are left out."""
     found = []
     for folder in submission_folders(board):
-        if folder.parent.name in ("ally", "opponent"):
+        if folder.parent.name in SIDES:
             with contextlib.suppress(UserError):  # submit verify says what is wrong
                 found.append(make_case(board, folder))
-    verified = [case for case in found if case.known is not None and case.known.verified]
-    every = [_entrant(case) for case in verified]
+    return entrants_of(found)
+
+
+def entrants_of(cases: Iterable[Case]) -> tuple[list[Entrant], list[Entrant]]:
+    """Allies and opponents among cases, of those whose results are verified."""
+    every = [
+        _entrant(case)
+        for case in cases
+        if case.known is not None and case.known.verified and case.submission.track in SIDES
+    ]
     return [e for e in every if e.side == "ally"], [e for e in every if e.side == "opponent"]
 
 
@@ -74,7 +88,7 @@ def _entrant(case: Case) -> Entrant:
 
 def pair_key(ally: Entrant, opponent: Entrant, rounds: int) -> str:
     """What decides a pair's figure, as 16 hexadecimal digits."""
-    content = [ally.identity, opponent.identity, opponent.scenario.hash, PROTOCOL, SEASON, rounds]
+    content = [ally.identity, opponent.identity, opponent.scenario_hash, PROTOCOL, SEASON, rounds]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
 

@@ -86,15 +86,19 @@ class Submission:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-def load_submission(folder: str | Path) -> Submission:
+def load_submission(folder: str | Path, contract: bool = True) -> Submission:
     """The submission of a folder, checked wholly; nothing of it is run.
+
+    Args:
+        folder: the submission's.
+        contract: whether to check what its policies hold, too; needless where they are only told of.
 
     Raises:
         UserError: the first of its problems (see :func:`fpg_bench.leaderboard.check.problems`).
     """
     from fpg_bench.leaderboard.check import examine
 
-    submission, found = examine(Path(folder))
+    submission, found = examine(Path(folder), contract)
     if submission is None or found:
         raise UserError(f"submission {folder}: {found[0]}")
     return submission
