@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+from pathlib import Path
 
 import pytest
 import yaml
@@ -12,12 +13,15 @@ import yaml
 from fpg_bench.evaluation.planner_references import measure_planner_panel
 from fpg_bench.leaderboard import submission
 from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.check import problems
 from fpg_bench.leaderboard.verify import verify
+from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 
 from . import recording
 from .entering import enter
 
+BOARD = Path(__file__).parents[2] / "leaderboard"
 NAMES = ["planner/hold", "planner/pursuit", "planner/toy"]
 
 
@@ -152,3 +156,15 @@ def test_planners_that_are_not_the_package_s_are_refused(entered, changes, messa
     del told["script"]
     file.write_text(yaml.safe_dump(told | {"name": "other"} | changes))
     assert any(message in line for line in problems(folder))
+
+
+def test_all_planners_that_ask_no_model_stand_on_the_board_as_their_scores_say():
+    found = {}
+    for name in (name for name in PLANNERS if name not in LLM_CONTROLS):
+        case = make_case(BOARD, BOARD / "submissions" / "planner" / name)
+        assert case.known is not None, f"{name}: no result; run fpg-bench submit verify"
+        assert case.known.verified, name
+        found[name] = case.known.head["summary"]["score"]["value"]
+    assert found["random"] == 0
+    assert found["optimised"] == pytest.approx(100, abs=0.5)
+    assert found["hold"] < found["random"] < found["hill-climb"] < found["interceptor"] < found["pursuit"]
