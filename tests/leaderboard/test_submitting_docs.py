@@ -1,0 +1,83 @@
+"""The page on entering a player: its snippets are run in their order, with small budgets."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fpg_bench.leaderboard import onnx_contract, onnx_rules, policies
+from fpg_bench.leaderboard.check import problems
+from fpg_bench.leaderboard.fields import read_fields
+from fpg_bench.leaderboard.host import Limits
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "submitting.md").read_text()
+BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL)
+ENTRY = "leaderboard/submissions/ally/my-agent"
+
+
+def small(code):
+    code = re.sub(r"(--steps |total_timesteps=)[\d_]+", r"\g<1>5000", code)
+    code = code.replace("(0, 1, 2)", "(0,)").replace("seeds: [0, 1, 2, 3, 4]", "seeds: [0, 3, 4]")
+    return code.replace("fpg-bench train ", "fpg-bench train --evaluations 0 ")
+
+
+@pytest.fixture(scope="module")
+def entered(tmp_path_factory):
+    """What has come of the page's snippets, but for the verdict, which has tests of its own."""
+    folder = tmp_path_factory.mktemp("page")
+    command = folder / "bin" / "fpg-bench"
+    command.parent.mkdir()
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m fpg_bench.cli "$@"\n')
+    command.chmod(0o755)
+    environment = os.environ | {"PATH": f"{command.parent}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
+    said = ""
+    for language, code in BLOCKS:
+        if language == "yaml":
+            (folder / ENTRY / "submission.yaml").write_text(small(code))
+        if language == "yaml" or "submit run" in code:
+            continue
+        words = [sys.executable, "-c"] if language == "python" else ["sh", "-e", "-c"]
+        found = subprocess.run(
+            [*words, small(code)], cwd=folder, env=environment, capture_output=True, text=True
+        )
+        assert found.returncode == 0, f"{code}\n{found.stdout}\n{found.stderr}"
+        said += found.stdout
+    return folder, said
+
+
+def test_the_page_s_snippets_make_a_sound_submission(entered):
+    folder, said = entered
+    assert problems(folder / ENTRY) == []
+    assert said.count("from the model's own predict") == 1
+    assert "largest difference to predict: " in said
+    assert said.endswith(f"{ENTRY}: nothing is wrong\n")
+
+
+def test_every_key_is_told_of():
+    _, wrong = read_fields({})
+    assert [line for line in wrong if f"`{line.removeprefix('lacks ').strip(chr(39))}`" not in PAGE] == []
+
+
+def test_the_page_s_limits_are_the_code_s():
+    assert f"| {onnx_contract.MOST_BYTES // 10**6} MB |" in PAGE
+    assert f"| {onnx_rules.MOST_MULTIPLY_ADDS:,};" in PAGE
+    assert f"{onnx_rules.MOST_NODES:,} at most" in PAGE
+    assert f"| {policies.MOST_TEXT_BYTES // 1000} kB each" in PAGE
+    limits = Limits()
+    assert f"| {limits.memory_bytes >> 30} GB |" in PAGE
+    assert f"| {limits.call_s:g} s an answer, {limits.total_s / 60:g} minutes in all" in PAGE
+
+
+def test_links_lead_somewhere():
+    for link in re.findall(r"\]\(([^)]+)\)", PAGE):
+        file, _, anchor = link.partition("#")
+        target = ROOT / "docs" / file
+        assert target.exists(), link
+        headings = re.findall(r"^#+ (.+)$", target.read_text(), re.MULTILINE) if anchor else []
+        assert not anchor or anchor in [heading.lower().replace(" ", "-") for heading in headings], link
