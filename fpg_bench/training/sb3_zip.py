@@ -52,7 +52,7 @@ def load_zip(path: Path, algorithm: str, id: str) -> BaseAlgorithm:
             "MlpPolicy", _games(id, weights), policy_kwargs=_policy_kwargs(words, weights), device="cpu"
         )
         model.policy.load_state_dict(weights)
-    except (KeyError, RuntimeError, TypeError) as error:
+    except (KeyError, RuntimeError, TypeError, AssertionError, StopIteration) as error:
         said = " ".join(str(error).split())[:120]
         raise UserError(
             f"export: {path} holds no plain MlpPolicy of {algorithm} ({said}); {INSTEAD}"

@@ -1,0 +1,114 @@
+import json
+import pickle
+import shutil
+import subprocess
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
+
+import fpg_bench
+from fpg_bench.errors import UserError
+from fpg_bench.players.agent import load_agent
+from fpg_bench.training.live import export_agent
+from fpg_bench.training.sb3_zip import load_zip
+from tests.training.tiny import train_tiny
+
+ID = "FPG/OpponentVsScripted-v0"
+SMALL = {"net_arch": [16, 8]}
+SEEN = np.random.default_rng(0).uniform(-1, 1, (5, 15)).astype(np.float32)
+
+
+def export(*words):
+    return subprocess.run(
+        [sys.executable, "-m", "fpg_bench.cli", "export", *map(str, words)], capture_output=True, text=True
+    )
+
+
+def games(frames=1, view=ID):
+    made = fpg_bench.make_sb3(view, 2, 0)
+    return made if frames == 1 else VecFrameStack(made, frames)
+
+
+def saved(kind, folder, frames=1, **options):
+    model = kind("MlpPolicy", games(frames), device="cpu", seed=1, **options)
+    model.save(folder / "model.zip")
+    return model
+
+
+def test_a_live_model_is_an_agent(tmp_path):
+    model = PPO("MlpPolicy", VecNormalize(games()), policy_kwargs=SMALL, device="cpu")
+    assert fpg_bench.export_agent(model, tmp_path / "seed_4", training_seed=4, hours=0.1) < 1e-5
+    about = load_agent(tmp_path / "seed_4", "opponent").about
+    told = {key: about[key] for key in ("algorithm", "id", "training_seed", "training_steps", "hours")}
+    assert told == {"algorithm": "ppo", "id": ID, "training_seed": 4, "training_steps": 0, "hours": 0.1}
+    model.env = None
+    with pytest.raises(UserError, match="say which id"):
+        fpg_bench.export_agent(model, tmp_path / "seed_5", training_seed=5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "algorithm", "frames", "options"),
+    [
+        (PPO, "ppo", 1, {}),
+        (PPO, "ppo", 3, {"policy_kwargs": SMALL | {"activation_fn": torch.nn.ReLU}}),
+        (SAC, "sac", 1, {"policy_kwargs": SMALL, "buffer_size": 10}),
+        (TD3, "td3", 1, {"policy_kwargs": SMALL | {"n_critics": 1}, "buffer_size": 10}),
+    ],
+)
+def test_a_zip_is_read_without_its_pickles(kind, algorithm, frames, options, tmp_path, monkeypatch):
+    model = saved(kind, tmp_path, frames, **options)
+    monkeypatch.setattr(pickle, "loads", None)
+    monkeypatch.setattr("cloudpickle.loads", None)
+    found = load_zip(tmp_path / "model.zip", algorithm, ID)
+    assert export_agent(found, tmp_path / "seed_0", training_seed=0) < 1e-5
+    seen = np.zeros((5, 15 * frames), np.float32)
+    seen[:, -15:] = SEEN
+    theirs = model.predict(seen, deterministic=True)[0]
+    assert np.abs(load_agent(tmp_path / "seed_0").predict(SEEN)[0] - theirs).max() < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("options", "algorithm", "message"),
+    [
+        ({"use_sde": True}, "ppo", "use_sde"),
+        ({"policy_kwargs": SMALL | {"activation_fn": torch.nn.Softplus}}, "ppo", "activation is 'Softplus'"),
+        ({"policy_kwargs": SMALL | {"normalize_images": False}}, "ppo", "normalize_images"),
+        ({}, "sac", "no plain MlpPolicy of sac"),
+        ({}, "dqn", "algorithm 'dqn'"),
+    ],
+)
+def test_a_zip_that_does_not_tell_enough_names_the_other_road(options, algorithm, message, tmp_path):
+    saved(PPO, tmp_path, **options)
+    with pytest.raises(UserError, match=message) as raised:
+        load_zip(tmp_path / "model.zip", algorithm, ID)
+    assert "fpg_bench.export_agent(model, folder" in str(raised.value)
+
+
+def test_what_is_no_zip_of_a_model_is_told(tmp_path):
+    (tmp_path / "text.zip").write_text("no zip")
+    with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:
+        archive.writestr("data", json.dumps({}))
+    for name in ("text.zip", "other.zip"):
+        with pytest.raises(UserError, match="is no zip that SB3"):
+            load_zip(tmp_path / name, "ppo", ID)
+
+
+def test_the_verb_reads_runs_and_zips(tmp_path):
+    train_tiny("ppo", tmp_path / "run", seed=3)
+    found = export(tmp_path / "run", "--out", tmp_path / "mine" / "seed_3")
+    assert found.returncode == 0, found.stderr
+    assert found.stdout.startswith(f"agent: {tmp_path}/mine/seed_3\nlargest difference to predict: ")
+    assert load_agent(tmp_path / "mine" / "seed_3").about["training_seed"] == 3
+    again = export(tmp_path / "run", "--out", tmp_path / "mine" / "seed_3")
+    assert (again.returncode, "holds an agent" in again.stderr) == (2, True)
+    shutil.copy(tmp_path / "run" / "model.zip", tmp_path / "model.zip")
+    words = [tmp_path / "model.zip", "--algo", "ppo", "--out", tmp_path / "mine" / "seed_7"]
+    found = export(*words)
+    assert (found.returncode, "--not-normalized" in found.stderr) == (2, True)
+    assert export(*words, "--not-normalized").returncode == 0
+    assert load_agent(tmp_path / "mine" / "seed_7").about["training_seed"] == 7
