@@ -7,6 +7,7 @@ entry. Entries of a panel are never resampled: they are fixed, not drawn.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,6 +71,9 @@ def _bootstrap_rounds(scores: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
+@functools.cache
 def resampled(units: int) -> np.ndarray:
     """``(BOOTSTRAPS, units)``: how much each of the units weighs in each resampling, always the same."""
-    return np.random.default_rng(0).multinomial(units, np.full(units, 1 / units), BOOTSTRAPS) / units
+    found = np.random.default_rng(0).multinomial(units, np.full(units, 1 / units), BOOTSTRAPS) / units
+    found.flags.writeable = False  # all callers share it
+    return found

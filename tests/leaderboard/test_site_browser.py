@@ -231,7 +231,8 @@ def test_the_theme_follows_the_system_until_it_is_switched_and_is_remembered(vis
     page.locator("#theme").click()
     assert page.evaluate(scheme) == "light"
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") != dark
-    page.get_by_role("link", name="Submit", exact=True).click()
+    with page.expect_navigation():
+        page.get_by_role("link", name="Submit", exact=True).click()
     assert page.evaluate(scheme) == "light"
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fpg_bench.envs.replay import replay_markup, replay_part
 from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
-from fpg_bench.leaderboard.site import scripts_data, views
+from fpg_bench.leaderboard.site import entry_page, scripts_data, views
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -100,7 +100,7 @@ def _pages(board: Row, replays: Replays) -> dict[str, str]:
     for track in board["tracks"]:
         for row in track["rows"]:
             rounds = replays.get((track["key"], row["slug"]), [])
-            entry = {"entry": views.entry_view(track, row), "replays": rounds}
+            entry = {"entry": entry_page.entry_view(track, row), "replays": rounds}
             shown.append((views.page_of(track, row), "entry.html", entry))
     return {
         name: environment.get_template(template).render(page=name, root="../" * name.count("/"), **content)

@@ -40,7 +40,7 @@ def interval_picture(interval: Any, domain: Domain) -> dict[str, float] | None:
     return {name: place(number, domain) for name, number in drawn.items()}
 
 
-def heat(value: Any, domain: Domain = (0.0, 100.0)) -> int | None:
+def heat(value: Any, domain: Domain) -> int | None:
     """How strongly a cell is tinted, 0 to 8; None without a value."""
     number = finite(value)
     if number is None:

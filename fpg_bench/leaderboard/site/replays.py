@@ -32,6 +32,7 @@ from fpg_bench.players.seat import Seat
 
 Row = dict[str, Any]
 STRONG = ("adaptive/pursuit", "expert/pursuit", "expert/learned", "expert")  # of any track's panel
+_FORM = 2  # of labels and texts; another number has all rounds made anew
 _CALL, _END = "fpgRound(", ");\n"
 
 
@@ -113,7 +114,7 @@ def _rounds(
 
 def _file(submission: Submission, panel: Panel, entry: Entry, key: str) -> str:
     """Where a round lies; all that decides it decides its name."""
-    content = [FORMAT, __version__, submission.fingerprint, panel.hash, panel.season, entry.name]
+    content = [FORMAT, _FORM, __version__, submission.fingerprint, panel.hash, panel.season, entry.name]
     digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
     return f"replays/{key}/{submission.slug}/{digest}.js"
 
@@ -154,7 +155,7 @@ def simulated(submission: Submission, player: Any, panel: Panel, entry: Entry, f
     if submission.track == PLANNERS:
         names = {"ally": entry.other, "opponent": submission.name}
     label = f"against {entry.name}"
-    title = f"{names['ally']} (ally) against {names['opponent']} (opponent)"
+    title = f"{names['ally']} against {names['opponent']}"
     summary = _summary(measures)
     content = {"label": label, "summary": summary, "replay": replay_data([recording], title, **names)}
     return Replay(file, label, summary, _CALL + script_json(content) + _END)

@@ -26,6 +26,10 @@ class _Quiet(SimpleHTTPRequestHandler):
         super().end_headers()
 
 
+class _Server(ThreadingHTTPServer):
+    request_queue_size = 128  # a page asks for all of its files at once; five, the default, refuses some
+
+
 def make_server(folder: str | Path, port: int) -> ThreadingHTTPServer:
     """A server of a built site, not yet serving.
 
@@ -40,7 +44,7 @@ def make_server(folder: str | Path, port: int) -> ThreadingHTTPServer:
     if not (folder / MARK).is_file():
         raise UserError(f"site {folder}: nothing is built there; run fpg-bench leaderboard build")
     try:
-        return ThreadingHTTPServer((HOST, port), partial(_Quiet, directory=str(folder)))
+        return _Server((HOST, port), partial(_Quiet, directory=str(folder)))
     except OverflowError as error:
         raise UserError(f"port: expected 0 to 65535, got {port}") from error
     except OSError as error:

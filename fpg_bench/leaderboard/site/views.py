@@ -1,4 +1,4 @@
-"""What each page shows, taken from a board: plain words and numbers, ready for the templates.
+"""What the tables show, taken from a board: plain words and numbers, ready for the templates.
 
 A board is data from outside (see :func:`fpg_bench.leaderboard.board.make_board`): a number may be missing,
 a text may hold anything. Templates escape all text; what becomes part of a file's name is checked here.
@@ -51,7 +51,7 @@ def track_view(track: Row) -> Row:
     rows = ordered(track["rows"])
     domain = drawing.domain_of([row.get("score") for row in rows])
     names = _columns(rows)
-    exploitability = any(_value(row.get("exploitability")) is not None for row in rows)
+    exploitability = any(value_of(row.get("exploitability")) is not None for row in rows)
     return {
         "key": track["key"],
         "title": track["title"],
@@ -62,7 +62,7 @@ def track_view(track: Row) -> Row:
         "entries": list(track.get("entries") or []),
         "columns": [{"name": name, **wording.measure_of(name)._asdict()} for name in names],
         "exploitability": exploitability,
-        "axis": _axis(domain),
+        "axis": axis_of(domain),
         "rows": [_row_view(track, row, names, domain) for row in rows],
         "strengths": _strengths(track, rows),
         "leaders": _leaders(rows),
@@ -81,7 +81,8 @@ def _in_column(value: Any, style: str) -> str:
     return written(value, "score" if "/" in style else style)
 
 
-def _axis(domain: drawing.Domain) -> Row:
+def axis_of(domain: drawing.Domain) -> Row:
+    """Where the marks of 0 and 100 stand."""
     return {"zero": drawing.place(0, domain), "hundred": drawing.place(100, domain)}
 
 
@@ -96,13 +97,13 @@ def _row_view(track: Row, row: Row, names: list[str], domain: drawing.Domain) ->
         "over": score.get("over") or "",
         "picture": drawing.interval_picture(score, domain),
         "rank_sort": finite((row.get("rank") or [None])[0]),
-        "lead": _share(_lead(row)),
+        "lead": share_text(_lead(row)),
         "lead_sort": _lead(row),
         "worst": written(worst.get("value")),
         "worst_sort": finite(worst.get("value")),
         "worst_entry": worst.get("entry") or "",
-        "exploitability": written(_value(row.get("exploitability"))),
-        "exploitability_sort": _value(row.get("exploitability")),
+        "exploitability": written(value_of(row.get("exploitability"))),
+        "exploitability_sort": value_of(row.get("exploitability")),
         "measures": [
             {
                 "text": _in_column(measures.get(name), wording.measure_of(name).style),
@@ -130,7 +131,8 @@ def entry_head(track: Row, row: Row) -> Row:
     }
 
 
-def _value(interval: Any) -> float | None:
+def value_of(interval: Any) -> float | None:
+    """The value of an interval, None where there is none."""
     return finite(interval.get("value")) if isinstance(interval, dict) else None
 
 
@@ -138,7 +140,8 @@ def _lead(row: Row) -> float | None:
     return finite(row.get("lead")) if is_verified(row) else None
 
 
-def _share(value: Any) -> str:
+def share_text(value: Any) -> str:
+    """A share in whole per cent."""
     number = finite(value)
     return wording.NONE if number is None else f"{100 * number:.0f} %"
 
@@ -146,137 +149,24 @@ def _share(value: Any) -> str:
 def _strengths(track: Row, rows: list[Row]) -> list[Row]:
     """The score of each entry against each pairing of the panel, tinted."""
     names = list(track.get("entries") or [])
+    shown = [row for row in rows if is_verified(row) and row.get("entries")]
+    values = [
+        value for row in shown for cell in row["entries"].values() if (value := value_of(cell)) is not None
+    ]
+    domain = (0.0, max([100.0, *values]))
     return [
-        {**entry_head(track, row), "cells": [_cell((row.get("entries") or {}).get(name)) for name in names]}
-        for row in rows
-        if is_verified(row) and row.get("entries")
+        {**entry_head(track, row), "cells": [_cell(row["entries"].get(name), domain) for name in names]}
+        for row in shown
     ]
 
 
-def _cell(interval: Any) -> Row:
-    value = _value(interval)
-    return {"text": wording.NONE if value is None else written(value, "whole"), "heat": drawing.heat(value)}
+def _cell(interval: Any, domain: drawing.Domain) -> Row:
+    value = value_of(interval)
+    text = wording.NONE if value is None else written(value, "whole")
+    return {"text": text, "heat": drawing.heat(value, domain)}
 
 
 def _leaders(rows: list[Row]) -> list[str]:
     """Who can't be told apart from the best."""
     first = [row for row in rows if is_verified(row) and (row.get("rank") or [0])[0] == 1]
     return [row["name"] for row in first]
-
-
-def entry_view(track: Row, row: Row) -> Row:
-    """What an entry's own page shows."""
-    entries = row.get("entries") or {}
-    names = [name for name in (track.get("entries") or []) if name in entries]
-    domain = drawing.domain_of([entries[name] for name in names] + [row.get("score")])
-    score, worst = row.get("score") or {}, row.get("worst") or {}
-    return {
-        **entry_head(track, row),
-        "track": track["title"],
-        "key": track["key"],
-        "panel": track.get("panel"),
-        "reference_player": track.get("reference"),
-        "entrants": sum(map(is_verified, track["rows"])),
-        "score": written(score.get("value")),
-        "interval": wording.interval_text(score),
-        "over": score.get("over") or "",
-        "mean": written(row.get("mean")),
-        "lead": _share(row.get("lead")),
-        "worst": worst.get("entry") or "",
-        "worst_score": written(worst.get("value")),
-        "best": _best(entries, names),
-        "exploitability": _exploitability(row.get("exploitability")),
-        "axis": _axis(domain),
-        "entries": [_scored(name, entries[name], domain) for name in names],
-        "seeds": _seeds(row, domain),
-        "measures": _measures(row.get("measures") or {}),
-        "histograms": _histograms(row.get("histograms")),
-        **_about(row),
-    }
-
-
-def _best(entries: Row, names: list[str]) -> str:
-    known = {name: value for name in names if (value := _value(entries[name])) is not None}
-    return max(known, key=lambda name: known[name]) if known else ""
-
-
-def _exploitability(found: Any) -> str:
-    if _value(found) is None:
-        return ""
-    between = wording.interval_text(found)
-    return written(found["value"]) + (f" ({between})" if between else "")
-
-
-def _scored(name: str, interval: Row, domain: drawing.Domain) -> Row:
-    return {
-        "name": name,
-        "score": written(interval.get("value")),
-        "interval": wording.interval_text(interval),
-        "picture": drawing.interval_picture(interval, domain),
-    }
-
-
-def _seeds(row: Row, domain: drawing.Domain) -> list[Row]:
-    """The score of each training seed; none for scripts."""
-    seeds = row.get("seeds") or {}
-    return [
-        {
-            "seed": seed,
-            "score": written(value),
-            "picture": drawing.interval_picture({"value": value}, domain),
-        }
-        for seed, value in seeds.items()
-        if finite(value) is not None and seed != "None"
-    ]
-
-
-def _measures(found: Row) -> list[Row]:
-    names = [name for name in wording.MEASURES if name in found]
-    names += [name for name in found if name not in wording.MEASURES]
-    listed = [(name, wording.measure_of(name)) for name in names]
-    return [
-        {"label": told.label, "text": written(found[name], told.style), "about": told.about}
-        for name, told in listed
-        if finite(found[name]) is not None
-    ]
-
-
-def _histograms(found: Any) -> list[Row]:
-    """The time that both sides spend on each frequency point."""
-    titles = (("ally", "Where the ally transmits"), ("jam", "Where the opponent jams"))
-    drawn = [
-        {"side": side, "title": title, "picture": drawing.histogram_picture((found or {}).get(side))}
-        for side, title in titles
-    ]
-    return [one for one in drawn if one["picture"] is not None]
-
-
-def _about(row: Row) -> Row:
-    training = row.get("training")
-    return {
-        "reference": wording.safe_link(row.get("reference")),
-        "licence": row.get("licence") or "",
-        "saw": row.get("saw") or "",
-        "unable": row.get("unable") or "",
-        "description": row.get("description") or "",
-        "training": None
-        if not isinstance(training, dict)
-        else {
-            "steps": written(training.get("steps"), "whole"),
-            "hours": written(training.get("hours")),
-            "seeds": ", ".join(map(str, training.get("seeds") or [])) or wording.NONE,
-        },
-        "fingerprint": _flat(row.get("fingerprint") or {}),
-    }
-
-
-def _flat(content: Row) -> list[tuple[str, str]]:
-    """A fingerprint as lines: nested mappings with their names joined."""
-    lines = []
-    for key, value in content.items():
-        name = str(key).replace("_", " ")
-        if isinstance(value, dict):
-            lines += [(f"{name} {inner}", text) for inner, text in _flat(value)]
-        else:
-            lines.append((name, wording.NONE if value is None else str(value)))
-    return lines

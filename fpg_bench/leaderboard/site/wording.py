@@ -24,6 +24,8 @@ class Measure(NamedTuple):
 # In the order in which an entry's page lists them.
 MEASURES = {
     "return": Measure("Return", "whole", "sum of its own rewards in a round"),
+    "ally_return": Measure("Ally's return", "whole", "sum of the ally's rewards in a round"),
+    "opponent_return": Measure("Opponent's return", "whole", "sum of the opponent's rewards in a round"),
     "jamming_success_rate": Measure(
         "Jammed", "share", "time in which jamming covers the ally and breaks its link"
     ),
@@ -53,6 +55,7 @@ MEASURES = {
     "share_comb": Measure("Comb", "share", "time in which it jams a comb of tones"),
 }
 # Beside the score in a track's table, where any of its entries has them.
+HIDDEN = ("recoveries_cut",)  # of use to those who compute the others
 COLUMNS = ("return", "overlap_ratio", "jamming_success_rate", "spectrum_overlap", "outage", "capacity_mbit_s")
 
 

@@ -24,10 +24,10 @@
       yaxis: { title: { text: "share of runs above it" }, tickformat: ".0%", range: [-0.02, 1.03] },
       legend: { orientation: "h", y: -0.22 }, height: 400,
     }));
-    const wanted = [0, 25, 50, 75, 100, 125].map((score) => thresholds.findIndex((x) => x !== null && x >= score)).filter((i) => i >= 0);
-    const columns = [...new Set(wanted)];
+    const nearest = (score) => thresholds.reduce((best, x, i) => (Math.abs(x - score) < Math.abs(thresholds[best] - score) ? i : best), 0);
+    const columns = thresholds.length ? [...new Set([0, 25, 50, 75, 100, 125].map(nearest))] : [];
     table(document.getElementById("profile-table"), "Share of runs that score more than a threshold",
-      ["Entry", ...columns.map((i) => `> ${thresholds[i]}`)],
+      ["Entry", ...columns.map((i) => `> ${Math.round(thresholds[i])}`)],
       Object.entries(track.share).map(([slug, line]) => [names[slug], ...columns.map((i) => percent(line[i], 0))]));
   }
 
