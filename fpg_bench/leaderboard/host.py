@@ -129,8 +129,9 @@ class PolicyHost:
 
     def _valid(self, actions: np.ndarray) -> np.ndarray:
         """The actions, with zeros in the games that lose their round by them."""
-        if actions.size and not np.abs(actions).max() <= 1 + _ROUNDING:  # NaN too
-            wrong = ~(np.abs(actions) <= 1 + _ROUNDING).all(axis=1)
+        most = 1 + _ROUNDING
+        if actions.size and not (actions.max() <= most and actions.min() >= -most):  # NaN too
+            wrong = ~(np.abs(actions) <= most).all(axis=1)
             self.invalid |= wrong
             actions[wrong] = 0
         return actions
