@@ -52,7 +52,9 @@ const fpgCharts = (() => {
     });
     const cell = Math.max(22, Math.min(34, 900 / rows.length));
     const written = columns.length <= 16 ? { texttemplate: "%{z:.0%}", textfont: { size: 11 } } : {};
-    document.getElementById(id).style.maxWidth = `${Math.max(420, 260 + 72 * columns.length)}px`;
+    const box = document.getElementById(id).style;
+    box.maxWidth = `${Math.max(420, 260 + 72 * columns.length)}px`;
+    box.minWidth = big ? "" : `${230 + (columns.length <= 16 ? 34 : 14) * columns.length}px`; // else it scrolls
     draw(id, (c) => ({
       traces: [{
         type: "heatmap", ...written, z: values, zmin: 0, zmax: scale.top, colorscale: scale.colours(c), hoverongaps: false,
