@@ -22,6 +22,7 @@ BUDGETS = (
     (r"tune-write .*", r"\g<0> --best 1 --seeds 1"),
     (r"plan compare .*", r"\g<0> --matches 1"),
     (r"plan run .*", r"\g<0> --rounds 3"),
+    (r"reproduce fig\d", "reproduce tables"),
 )
 WAYPOINTS = [{"x": 200 + 50 * i, "y": 700, "z": 300} for i in range(16)]
 
@@ -67,7 +68,8 @@ def language_model():
 def test_every_block_works_in_the_order_of_the_page(page, folder, environment, language_model):
     ran = []
     for language, code in blocks(page):
-        if named := re.match(r"# (\w+\.(?:py|yml))\n", code):
+        if named := re.match(r"# ([\w/-]+\.(?:py|ya?ml))\n", code):
+            (folder / named[1]).parent.mkdir(parents=True, exist_ok=True)
             (folder / named[1]).write_text(code)
         if language == "yaml":
             continue

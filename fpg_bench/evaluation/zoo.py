@@ -14,7 +14,7 @@ from fpg_bench.ids import sides_of
 from fpg_bench.players.agent import baselines_folder
 
 _KEYS = {"seeds", "views"}
-_VIEW_KEYS = {"id", "options", "panel", "steps"}
+_VIEW_KEYS = {"id", "options", "panel", "steps", "hyperparams"}
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,7 @@ class ZooView:
         options: what it is made with, as :class:`fpg_bench.envs.one_sided.OneSided` takes it.
         panel: the panel that its agents are measured by.
         steps: the training budget of each algorithm.
+        hyperparams: files in the zoo's folder, of algorithms that need other values here.
     """
 
     name: str
@@ -34,6 +35,7 @@ class ZooView:
     options: dict[str, Any]
     panel: str
     steps: dict[str, int]
+    hyperparams: dict[str, str]
 
     @property
     def side(self) -> str:
@@ -130,15 +132,19 @@ def load_zoo(folder: Path | None = None) -> Zoo:
 
 def _view(name: str, content: Any, path: Path) -> ZooView:
     where = f"zoo {path}: {name}"
-    content = {"options": {}, **content} if isinstance(content, dict) else content
+    content = {"options": {}, "hyperparams": {}, **content} if isinstance(content, dict) else content
     _check_keys(content, _VIEW_KEYS, where)
-    steps, options = content["steps"], content["options"]
-    if not isinstance(options, dict):
-        raise UserError(f"{where}: options: expected a mapping, got {options!r}")
+    steps, options, files = content["steps"], content["options"], content["hyperparams"]
+    for key in ("options", "hyperparams"):
+        if not isinstance(content[key], dict):
+            raise UserError(f"{where}: {key}: expected a mapping, got {content[key]!r}")
     if not isinstance(steps, dict) or not all(_is_whole(budget, 1) for budget in steps.values()):
         raise UserError(f"{where}: steps: expected algorithm: steps, got {steps!r}")
     sides_of(content["id"])
-    return ZooView(str(name), content["id"], options, str(content["panel"]), steps)
+    for algorithm, file in files.items():
+        if algorithm not in steps or not (path.parent / str(file)).is_file():
+            raise UserError(f"{where}: hyperparams: no {file!r}, or no {algorithm!r} among the steps")
+    return ZooView(str(name), content["id"], options, str(content["panel"]), steps, files)
 
 
 def _check_keys(content: Any, keys: set[str], where: str) -> None:

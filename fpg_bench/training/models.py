@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.utils import LinearSchedule, set_random_seed
@@ -106,12 +107,22 @@ def _arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict
             raise UserError(f"{where}: expected noise_type: normal and a number noise_std, got {kind}, {sd}")
         arguments["action_noise"] = NormalActionNoise(np.zeros(ACTION_SIZE), np.full(ACTION_SIZE, sd))
     check_names(arguments, algorithm.kind.__init__, where, _OURS)
+    policy = arguments.get("policy_kwargs", {})
+    if isinstance(policy.get("log_std_init"), list):  # one for each action
+        policy["log_std_init"] = _log_sds(policy["log_std_init"], f"{where}: log_std_init")
     for name in _SCHEDULED:
         if isinstance(arguments.get(name), str):
             arguments[name] = _schedule(arguments[name], f"{where}: {name}")
     if isinstance(arguments.get("train_freq"), list):
         arguments["train_freq"] = tuple(arguments["train_freq"])
     return arguments
+
+
+def _log_sds(values: list[Any], where: str) -> torch.Tensor:
+    """How widely each of the actions is drawn at first."""
+    if len(values) != ACTION_SIZE or not all(isinstance(value, int | float) for value in values):
+        raise UserError(f"{where}: expected a number, or {ACTION_SIZE} of them, got {values}")
+    return torch.tensor(values, dtype=torch.float32)
 
 
 def _schedule(word: str, where: str) -> LinearSchedule:

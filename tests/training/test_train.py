@@ -160,6 +160,15 @@ def test_shipped_hyperparameters_make_a_model_for_every_id(algorithm, monkeypatc
         make_model(algorithm, make_sb3(view_id, n_envs=2), parameters, seed=0)
 
 
+@pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
+def test_actions_may_begin_with_a_noise_each():
+    file = baselines_folder() / "hyperparams" / "ppo-learned.yml"
+    parameters = load_hyperparameters("ppo", "FPG/OpponentVsScripted-v0", file)
+    games = make_sb3("FPG/OpponentVsScripted-v0", n_envs=2, path="learned")
+    model = make_model("ppo", games, parameters, seed=0)
+    assert model.policy.log_std.tolist() == pytest.approx([-1.0] * 6 + [0.3] * 3)
+
+
 def test_shipped_files_hold_nothing_to_evaluate():
     for path in (baselines_folder() / "hyperparams").glob("*.yml"):
         words = [value for entry in yaml.safe_load(path.read_text()).values() for value in entry.values()]
@@ -178,6 +187,7 @@ def test_shipped_files_hold_nothing_to_evaluate():
         ("n_steps: 300", "n_steps: 300\n  seed: 3", "unknown key 'seed'"),
         ("norm_obs", "norm_obz", "normalize: unknown key 'norm_obz'; did you mean 'norm_obs'"),
         ("net_arch", "net_arc", "net_arc"),
+        ("net_arch", "log_std_init: [-1.0, 0.3], net_arch", "expected a number, or 9 of them"),
         ("n_steps: 300", "n_steps: 300\n  learning_rate: line_3", "expected a number or lin_<number>"),
         ("n_steps: 300", "n_steps: 300\n  noise_std: 0.1", "noise_type"),
         ("n_steps: 300", "n_steps: 300\n  frame_stack: 0", "frame_stack: expected a whole number"),
