@@ -177,6 +177,7 @@ def test_shipped_files_hold_nothing_to_evaluate():
             "JointPolicy",
             "MlpLstmPolicy",
             "normal",
+            "auto_0.1",
         }, path
 
 
