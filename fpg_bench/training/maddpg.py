@@ -19,7 +19,6 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.common.type_aliases import ReplayBufferSamples
-from stable_baselines3.common.utils import polyak_update
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.td3.policies import Actor
 from torch import nn
@@ -219,17 +218,18 @@ class MADDPG(OffPolicyAlgorithm):
         policy = self.policy
         policy.set_training_mode(True)
         self._update_learning_rate([policy.actor_optimizer, policy.critic_optimizer])
+        networks, targets = (
+            [weights for part in parts for weights in part.parameters()]
+            for parts in ((policy.actors, policy.critics), (policy.actor_targets, policy.critic_targets))
+        )
         for _ in range(gradient_steps):
             batch = self.replay_buffer.sample(batch_size)  # type: ignore[union-attr]
             critic_loss = self._critic_loss(batch)
             _descend(critic_loss, policy.critic_optimizer)
             actor_loss = self._actor_loss(batch)
             _descend(actor_loss, policy.actor_optimizer)
-            for networks, targets in (
-                (policy.actors, policy.actor_targets),
-                (policy.critics, policy.critic_targets),
-            ):
-                polyak_update(networks.parameters(), targets.parameters(), self.tau)
+            with torch.no_grad():
+                torch._foreach_lerp_(targets, networks, self.tau)  # Polyak's average
         self._n_updates += gradient_steps
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
         self.logger.record("train/actor_loss", actor_loss.item())
