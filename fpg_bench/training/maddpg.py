@@ -219,7 +219,7 @@ class MADDPG(OffPolicyAlgorithm):
         policy.set_training_mode(True)
         self._update_learning_rate([policy.actor_optimizer, policy.critic_optimizer])
         networks, targets = (
-            [weights for part in parts for weights in part.parameters()]
+            [weights.data for part in parts for weights in part.parameters()]
             for parts in ((policy.actors, policy.critics), (policy.actor_targets, policy.critic_targets))
         )
         for _ in range(gradient_steps):
@@ -228,8 +228,7 @@ class MADDPG(OffPolicyAlgorithm):
             _descend(critic_loss, policy.critic_optimizer)
             actor_loss = self._actor_loss(batch)
             _descend(actor_loss, policy.actor_optimizer)
-            with torch.no_grad():
-                torch._foreach_lerp_(targets, networks, self.tau)  # Polyak's average
+            torch._foreach_lerp_(targets, networks, self.tau)  # Polyak's average
         self._n_updates += gradient_steps
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
         self.logger.record("train/actor_loss", actor_loss.item())
