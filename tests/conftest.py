@@ -1,7 +1,6 @@
 """Settings shared by all tests."""
 
 import re
-from collections import Counter
 
 from hypothesis import settings
 
@@ -10,10 +9,7 @@ settings.register_profile("fpg_bench", deadline=None, derandomize=True, max_exam
 settings.load_profile("fpg_bench")
 
 
-def pytest_collection_modifyitems(items):
+def pytest_make_parametrize_id(val):
     """Names of tests without addresses of objects, so that all workers collect the same ones."""
-    seen = Counter()
-    for item in items:
-        name = re.sub(r" at 0x[0-9a-f]+", "", item.nodeid)
-        seen[name] += 1
-        item._nodeid = name if seen[name] == 1 else f"{name}#{seen[name]}"
+    name = str(val)
+    return re.sub(r" at 0x[0-9a-f]+", "", name) if " at 0x" in name else None

@@ -87,9 +87,7 @@ def test_it_has_ten_rounds_a_match_and_takes_every_planner_that_asks_a_model(mon
 @pytest.mark.parametrize(
     "make", [gymnasium.make, gymnasium.make_vec, make_sb3], ids=lambda make: make.__name__
 )
-@pytest.mark.parametrize(
-    "spec", ["interceptor", Circling, lambda scenario: Beside(Circling(), scenario)], ids=str
-)
+@pytest.mark.parametrize("spec", ["interceptor", Circling, lambda scenario: Beside(Circling(), scenario)])
 def test_it_refuses_a_planner_that_asks_no_language_model(make, spec):
     with pytest.raises(UserError, match="asks none; FPG/AllyVsPlanner-v0 takes any planner") as caught:
         make(LLM, planner=spec)

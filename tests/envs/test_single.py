@@ -197,7 +197,7 @@ def rewards(view_id, **options):
     return found
 
 
-@pytest.mark.parametrize(("view_id", "options"), CHANGES, ids=str)
+@pytest.mark.parametrize(("view_id", "options"), CHANGES)
 def test_every_keyword_changes_the_outcome(view_id, options):
     assert rewards(view_id) == rewards(view_id)
     assert rewards(view_id) != rewards(view_id, **options)
@@ -286,7 +286,7 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("view_id", "options", "message"), MISTAKES, ids=str)
+@pytest.mark.parametrize(("view_id", "options", "message"), MISTAKES)
 def test_a_mistaken_keyword_is_refused_in_one_line(view_id, options, message):
     with pytest.raises(UserError, match=message) as caught:
         gymnasium.make(view_id, **options)

@@ -101,7 +101,6 @@ def test_an_object_with_plan_is_taken_as_it_is(planner):
         (f"{__name__}:Psychic", "planner mine: its tier is 'psychic'; set it to one of none, history, ally"),
         (Tierless(), "planner tierless: its tier is None; set it to one of none, history, ally"),
     ],
-    ids=str,
 )
 def test_what_is_no_planner_is_refused_in_one_line(spec, message):
     with pytest.raises(UserError, match=message) as caught:
