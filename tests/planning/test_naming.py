@@ -75,7 +75,7 @@ def test_a_class_or_function_is_told_the_scenario(maker):
     assert as_planner(maker, PAPER).scenario == PAPER
 
 
-@pytest.mark.parametrize("planner", [as_planner("hold", STANDARD), READY, Called()], ids=repr)
+@pytest.mark.parametrize("planner", [as_planner("hold", STANDARD), READY, Called()])
 def test_an_object_with_plan_is_taken_as_it_is(planner):
     assert as_planner(planner, STANDARD) is planner
 
