@@ -47,6 +47,11 @@ class Standing:
         """How many units its interval over training seeds has; 0 where that has none."""
         return len(self.scores) if self.trained and len(self.scores) > 1 else 0
 
+    @property
+    def few(self) -> bool:
+        """Whether it has so few training seeds that their spread is hardly known."""
+        return self.trained and len(self.scores) < FEW_SEEDS
+
     @cached_property
     def per_seed(self) -> np.ndarray:
         """``(training seeds,)`` IQM over entries."""
@@ -97,12 +102,18 @@ def standing(result: Result, panel: Panel) -> Standing:
 
 
 def lead_shares(entries: Sequence[Standing]) -> np.ndarray:
-    """``(n,)``: in which share of the bootstraps each leads; those who lead together share it."""
-    if not entries:
-        return np.zeros(0)
-    drawn = np.array([entry.drawn for entry in entries])
+    """``(n,)``: in which share of the bootstraps each leads; those who lead together share it.
+
+    Entries with few training seeds do not take part: their draws reach so far that any of them, playing at
+    random even, would lead in a part.
+    """
+    part = [entry for entry in entries if not entry.few]
+    if not part:
+        return np.zeros(len(entries))
+    drawn = np.array([entry.drawn for entry in part])
     first = drawn == drawn.max(axis=0)
-    return (first / first.sum(axis=0)).mean(axis=1)
+    shares = iter((first / first.sum(axis=0)).mean(axis=1).tolist())
+    return np.array([0.0 if entry.few else next(shares) for entry in entries])
 
 
 def is_better(one: Standing, other: Standing) -> bool:
@@ -110,13 +121,15 @@ def is_better(one: Standing, other: Standing) -> bool:
 
     The 95 % interval of the difference, by Welch's t, lies above 0. Its variance is that over training
     seeds of each that has several; where one has not, that of the difference over evaluation seeds, which
-    both have played, is added. Pairs are not corrected for how many there are.
+    both have played, is added. The spread of the other's few training seeds is left out: it would keep
+    anybody from being better than an entry at random. Pairs are not corrected for how many there are.
     """
     difference = one.value - other.value
     if difference <= 0:
         return False
-    parts = [(e.per_seed.var(ddof=1) / e.seeds, e.seeds - 1) for e in (one, other) if e.seeds]
-    if not (one.seeds and other.seeds):
+    several = [e for e in (one, other) if e.seeds and not (e is other and e.few)]
+    parts = [(e.per_seed.var(ddof=1) / e.seeds, e.seeds - 1) for e in several]
+    if len(parts) < 2:
         chance = one.over_chance - other.over_chance
         parts.append((chance.var(ddof=1), one.scores.shape[2] - 1))
     return difference > _welch_half(parts)

@@ -47,6 +47,17 @@ def test_few_seeds_that_agree_by_chance_are_not_taken_for_sure():
     assert is_better(agent("a", *[105, 106, 104, 105, 105]), agent("b", *[94, 95, 93, 95, 94]))
 
 
+def test_an_entry_with_few_seeds_neither_leads_nor_keeps_others_from_leading():
+    lost = agent("lost", -1100, -100)  # its interval reaches far above everybody
+    good = agent("good", *[100, 101, 99, 100, 100])
+    lucky = agent("lucky", 110, 131)
+    assert lead_shares([lost, good]).tolist() == [0, 1]
+    assert rank_ranges([lost, good]) == [(2, 2), (1, 1)]
+    assert lead_shares([good, lucky, lost]).tolist() == [1, 0, 0]
+    assert not is_better(lucky, script("script", 100))
+    assert lead_shares([lost]).tolist() == [0]
+
+
 def test_scripts_are_compared_on_the_same_chance():
     """Alone each varies far more than the two differ."""
     one, other = script("one", 101.0), script("other", 100.0)
