@@ -48,8 +48,11 @@ def serve(
     port: Annotated[int, typer.Option(min=0, max=65535, help="of this machine; 0: any that is free")] = 8000,
 ) -> None:
     """Show a built site on this machine, until Ctrl-C."""
+    import signal
+
     from fpg_bench.leaderboard.site.serve import HOST, make_server
 
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background has it ignored
     with make_server(site, port) as server:
         try:
             say(f"http://{HOST}:{server.server_port}/ (Ctrl-C ends it)")
