@@ -12,8 +12,8 @@ TOLD = {"algorithm": "mine", "id": "FPG/AllyVsScripted-v0", "training_seed": 0, 
 
 def test_a_file_of_another_framework_becomes_an_agent(tmp_path):
     model = onnx.load_model_from_string(policy(0))
-    model.graph.node[0].doc_string = "some/where/secret.py"
-    model.graph.node[0].metadata_props.add(key="stack", value="some/where/secret.py")
+    model.graph.node[0].doc_string = "where/somebody/works/secret.py"
+    model.graph.node[0].metadata_props.add(key="stack", value="where/somebody/works/secret.py")
     onnx.save(model, tmp_path / "mine.onnx")
     fpg_bench.write_agent(tmp_path / "agent", tmp_path / "mine.onnx", **TOLD)
     agent = fpg_bench.load_agent(tmp_path / "agent", "ally")
