@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from fpg_bench.evaluation.canvas import blank_figure
 from fpg_bench.evaluation.planner_panel import PlannerPanel
 from fpg_bench.evaluation.planner_summary import NEAR_BOUND, PlannerSummary
 from fpg_bench.evaluation.statistics import Interval
@@ -100,12 +101,8 @@ def _scored(name: str, score: Interval) -> dict[str, float]:
 
 def planner_picture(summaries: Sequence[PlannerSummary], panel: PlannerPanel, path: Path) -> None:
     """Draw the scores by round, and beside them those of the last rounds, which name the planners."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     height = max(4.0, 1.5 + 0.32 * len(summaries))
-    figure = Figure(figsize=(11, height), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = blank_figure(11, height, dpi=120)
     by_round, last = figure.subplots(1, 2, width_ratios=(3, 2))
     for index, s in enumerate(summaries):
         again, colour = divmod(index, len(_COLOURS))

@@ -26,6 +26,11 @@ def student_t(count: int) -> float:
     return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)
 
 
+def student_half(values: np.ndarray) -> float:
+    """Half of the 95 % interval of the mean of values ``(n,)``, two at least, by Student's t."""
+    return float(student_t(len(values)) * float(values.std(ddof=1)) / np.sqrt(len(values)))
+
+
 @dataclass(frozen=True)
 class Interval:
     """A value with its 95 % interval and the unit that the interval speaks of."""
@@ -58,7 +63,7 @@ def iqm_interval(scores: np.ndarray, trained: bool) -> Interval:
         over = "rounds" if trained else "evaluation seeds"
         return Interval(value, *_bootstrap_rounds(scores[0]), over)
     if count < SEEDS_FOR_BOOTSTRAP:
-        half = student_t(count) * float(per_seed.std(ddof=1)) / np.sqrt(count)
+        half = student_half(per_seed)
         return Interval(value, value - half, value + half, "training seeds")
     draws = np.random.default_rng(0).integers(0, count, (BOOTSTRAPS, count))
     low, high = np.percentile(per_seed[draws].mean(axis=1), (2.5, 97.5))

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from fpg_bench.evaluation.canvas import blank_figure
 from fpg_bench.evaluation.panel import Panel
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.files import write_whole
@@ -98,10 +99,7 @@ def _flat(s: Summary) -> dict[str, Any]:
 
 def picture(summaries: Sequence[Summary], panel: Panel, path: Path) -> None:
     """Draw the scores with their intervals, best on top, and each entry's score as a small mark."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8, 1.2 + 0.45 * len(summaries)), dpi=120, layout="constrained")
+    figure = blank_figure(8, 1.2 + 0.45 * len(summaries), dpi=120)
     axes = figure.subplots()
     for line, s in enumerate(reversed(summaries)):
         colour = "#0072b2" if s.training_seeds else "#7f7f7f"
@@ -120,7 +118,6 @@ def picture(summaries: Sequence[Summary], panel: Panel, path: Path) -> None:
     axes.set_title(f"{panel.name}, {panel.rounds} rounds per entry", fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
     image = io.BytesIO()
-    FigureCanvasAgg(figure)
     figure.savefig(image, format="png")
     write_whole(path, image.getvalue())
 

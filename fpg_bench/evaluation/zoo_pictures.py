@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.evaluation.canvas import blank_figure
 from fpg_bench.evaluation.curves import Curve, curves
 from fpg_bench.evaluation.profiles import performance_profile, probability_of_improvement
 from fpg_bench.files import write_whole
@@ -40,7 +41,7 @@ def draw_curves(
     """
     from matplotlib.ticker import EngFormatter, LogLocator
 
-    figure = _figure(9.5, 3.6)
+    figure = blank_figure(9.5, 3.6)
     both = figure.subplots(1, 2, sharey=True)
     kinds = (("steps", "steps", 1, EngFormatter(sep="")), ("seconds", "training time (minutes)", 60, "{x:g}"))
     for axes, (over, label, unit, form) in zip(both, kinds, strict=True):
@@ -71,7 +72,7 @@ def draw_profiles(scores: Mapping[str, np.ndarray], coloured: Mapping[str, str],
         coloured: each algorithm's colour; scripts have none.
         path: the PNG file.
     """
-    figure = _figure(6, 3.8)
+    figure = blank_figure(6, 3.8)
     axes = figure.subplots()
     values = np.concatenate([found.ravel() for found in scores.values()])
     thresholds = np.linspace(max(values.min(), -50.0) - 5, values.max() + 5, 400)
@@ -89,7 +90,7 @@ def draw_profiles(scores: Mapping[str, np.ndarray], coloured: Mapping[str, str],
 def draw_improvement(scores: Mapping[str, np.ndarray], coloured: Mapping[str, str], path: Path) -> None:
     """Draw for each pair, the better one first, how likely it scores more; arguments as above."""
     pairs = [pair for pair in combinations(scores, 2) if set(pair) & set(coloured)]
-    figure = _figure(6, 1.1 + 0.3 * len(pairs))
+    figure = blank_figure(6, 1.1 + 0.3 * len(pairs))
     axes = figure.subplots()
     labels = []
     for line, (one, other) in enumerate(reversed(pairs)):
@@ -110,15 +111,6 @@ def draw_improvement(scores: Mapping[str, np.ndarray], coloured: Mapping[str, st
 def _draw_curve(axes: Any, curve: Curve, unit: float, colour: str, name: str) -> None:
     axes.plot(curve.x / unit, curve.mean, color=colour, lw=1.8, label=name)
     axes.fill_between(curve.x / unit, curve.low, curve.high, color=colour, alpha=0.2, lw=0)
-
-
-def _figure(width: float, height: float) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), dpi=100, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
 
 
 def _save(figure: Any, path: Path) -> None:

@@ -27,7 +27,7 @@ from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.job import attempt
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.leaderboard.cases import Case, make_case, submission_folders, work_folder
-from fpg_bench.leaderboard.playing import FAILED, Part, failures_told, parts_of, seated
+from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, seated
 from fpg_bench.leaderboard.result import rounded
 from fpg_bench.leaderboard.team import Team
 from fpg_bench.players.agent import OnnxPlayer
@@ -230,8 +230,7 @@ def _fill(ally: Entrant, opponents: list[Entrant], rounds: int, folder: Path) ->
             continue
         head = {"ally": ally.slug, "opponent": opponent.slug, "key": key}
         try:
-            with failures_told():
-                row = head | play_pair(ally, opponent, rounds)
+            row = head | play_pair(ally, opponent, rounds)
         except PolicyFailed as error:
             row = head | {FAILED: str(error)}
         RowFile(folder / "pairs.jsonl").append([row])

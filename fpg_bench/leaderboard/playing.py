@@ -72,7 +72,7 @@ def part_lines(part: Part, panel: Panel, entries: Iterable[Entry]) -> Iterator[R
         yield from (planner_line(planner, panel, entry) for entry in entries)
         return
     check_references(panel)
-    with seated(part.plays) as player, failures_told():
+    with seated(part.plays) as player:
         for entry in entries:
             yield _line(player, part, panel, entry)
 
@@ -87,19 +87,6 @@ def seated(plays: str | Policy) -> Iterator[Any]:
 
     with PolicyHost(plays) as host:
         yield host
-
-
-@contextlib.contextmanager
-def failures_told() -> Iterator[None]:
-    """Raise PolicyFailed itself where a seat has wrapped it as any player's error."""
-    from fpg_bench.leaderboard.host import PolicyFailed
-
-    try:
-        yield
-    except Exception as error:
-        if isinstance(error.__cause__, PolicyFailed):
-            raise error.__cause__ from None
-        raise
 
 
 def fill(part: Part, panel: Panel, entries: Sequence[str], folder: Path) -> None:

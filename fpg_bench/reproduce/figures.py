@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.evaluation.canvas import blank_figure
 from fpg_bench.files import write_whole
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import preset as scenario_of
@@ -55,7 +56,7 @@ def rewards(
         if not there or there == [BASE] != list(conditions):
             return None
         lines = -(-len(there) // columns)
-        figure = _figure(width, 0.4 + height * lines)
+        figure = blank_figure(width, 0.4 + height * lines)
         panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
         for axes, condition in zip(panels.flat, there, strict=False):
             for side, colour in (("ally", _ALLY), ("opponent", _OPPONENT)):
@@ -98,7 +99,7 @@ def frequencies(results: Results, preset: str) -> Any:
         return None
     scenario = scenario_of(preset)
     points = np.linspace(scenario.band_low_mhz, scenario.band_high_mhz, scenario.frequency_points)
-    figure = _figure(11, 3.6)
+    figure = blank_figure(11, 3.6)
     panels = figure.subplots(1, len(STAGES), sharey=True)
     for axes, stage in zip(panels, STAGES, strict=True):
         counts = np.sum([results.histogram(BASE, stage, seed) for seed in seeds], axis=0)
@@ -136,7 +137,7 @@ def overlap_and_success(results: Results, preset: str) -> Any:
     """Fig. 5: overlap ratio and jamming success rate over training, with standard deviations over seeds."""
     if BASE not in results.runs:
         return None
-    figure = _figure(7, 3.6)
+    figure = blank_figure(7, 3.6)
     left = figure.subplots()
     right = left.twinx()
     time = (np.arange(WINDOWS) + 0.5) / WINDOWS
@@ -163,15 +164,6 @@ FIGURES: Mapping[str, Callable[[Results, str], Any]] = MappingProxyType(
         "fig7": rewards((BASE, NO_PLANNER, NO_KNOWLEDGE), 3, 10, 2.9),
     }
 )
-
-
-def _figure(width: float, height: float) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), dpi=100, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
 
 
 def _save(figure: Any, stem: Path) -> list[Path]:

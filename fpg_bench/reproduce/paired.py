@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from fpg_bench.evaluation.statistics import student_t
+from fpg_bench.evaluation.statistics import student_half
 
 MOST_PAIRS = 16  # 2^16 patterns of signs
 
@@ -43,7 +43,7 @@ def paired(differences: np.ndarray) -> Paired:
     if not 2 <= count <= MOST_PAIRS:
         raise ValueError(f"expected 2 to {MOST_PAIRS} pairs, got {count}")
     mean, spread = float(differences.mean()), float(differences.std(ddof=1))
-    half = student_t(count) * spread / np.sqrt(count)
+    half = student_half(differences)
     effect = mean / spread if spread > 0 else None
     return Paired(mean, mean - half, mean + half, effect, sign_flip_p(differences), count)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.evaluation.statistics import student_t
+from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.files import write_whole
 from fpg_bench.reproduce.claims import CLAIMS, Comparison, compare, verdict
 from fpg_bench.reproduce.conditions import BASE, LLM, LONG, conditions_of, sensitivity
@@ -149,11 +149,8 @@ def _otherwise(results: Results, preset: str) -> Lines:
 
 def _around(values: np.ndarray, factor: float, digits: int) -> str:
     """The mean over seeds, and how far its 95 % interval reaches (Student's t)."""
-    count = len(values)
     said = f"{factor * values.mean() + 0.0:.{digits}f}"
-    if count < 2:
-        return said
-    return f"{said} ± {factor * student_t(count) * values.std(ddof=1) / np.sqrt(count):.{digits}f}"
+    return said if len(values) < 2 else f"{said} ± {factor * student_half(values):.{digits}f}"
 
 
 def _number(value: float) -> str:

@@ -21,7 +21,7 @@ from fpg_bench.evaluation.panel import Entry, Panel
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.leaderboard.planner_track import TRACK as PLANNERS
 from fpg_bench.leaderboard.planner_track import panel_of
-from fpg_bench.leaderboard.playing import failures_told, parts_of, seated
+from fpg_bench.leaderboard.playing import parts_of, seated
 from fpg_bench.leaderboard.sandbox import PolicyFailed
 from fpg_bench.leaderboard.site.wording import written
 from fpg_bench.leaderboard.submission import Submission, load_submission
@@ -107,7 +107,7 @@ def _rounds(
     if None not in known:
         yield from (replay for replay in known if replay is not None)
         return
-    with _player(submission) as player, failures_told():
+    with _player(submission) as player:
         for entry, file in zip(entries, files, strict=True):
             yield simulated(submission, player, panel, entry, file)
 
