@@ -19,6 +19,7 @@ import fpg_bench
 from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
 from fpg_bench.ids import DUEL
+from fpg_bench.players.player import SIDES
 from fpg_bench.reproduce.conditions import Condition
 from fpg_bench.reproduce.recorded import Recorded
 from fpg_bench.reproduce.windows import FINAL, window_row, windows_of, write_windows
@@ -27,6 +28,7 @@ from fpg_bench.training.language_model import training_planner
 from fpg_bench.training.models import make_model
 
 ALGORITHM = "maddpg"
+_POSITIONS = 50  # of a round that is drawn
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ def run_experiment(
     steps = condition.budgets * budget.steps
     model.learn(steps)
     rows = windows_of(games.core.rounds, steps)  # type: ignore[union-attr]
-    final = played_without_noise(model, games_of(None, stagger=False))
+    final, paths = played_without_noise(model, games_of(None, stagger=False))
     about = {
         "condition": condition.name,
         "scenario": f"{preset}, {scenario.hash}",
@@ -113,15 +115,26 @@ def run_experiment(
         "versions": f"fpg-bench {fpg_bench.__version__}, torch {torch.__version__}, numpy {np.__version__}",
         "seconds": round(time.monotonic() - began),
     }
-    write_windows(path, about, [*rows, window_row(FINAL, steps, final)])
+    write_windows(path, about, [*rows, window_row(FINAL, steps, final, paths)])
 
 
-def played_without_noise(model: BaseAlgorithm, games: SB3View) -> list[tuple[np.void, np.ndarray]]:
-    """Play a match in every game, on evaluation seeds: each round's tally and histogram."""
+def played_without_noise(
+    model: BaseAlgorithm, games: SB3View
+) -> tuple[list[tuple[np.void, np.ndarray]], np.ndarray]:
+    """Play a match in every game, on evaluation seeds.
+
+    Returns:
+        Each round's tally and histogram, and both sides' ``(2, n, 3)`` positions in m, in the last round of
+        the first game's match, every few steps.
+    """
     core: Any = games.core
+    scenario, state = core.scenario, core.duel.arena.games
     core.reset(seeds=np.array(evaluation_seeds(games.num_envs)))
-    for _ in range(core.scenario.rounds_per_match * core.scenario.steps_per_round):
+    flown = []
+    for _ in range(scenario.rounds_per_match * scenario.steps_per_round):
+        flown.append([state[f"{side}_position"][0].copy() for side in SIDES])
         core.step(model.predict(core.observations, deterministic=True)[0])
         if core.truncated.any():
             core.reset(core.truncated.copy())
-    return [(tally, histogram) for _, tally, histogram in core.rounds]
+    last = np.array(flown[-scenario.steps_per_round :: max(scenario.steps_per_round // _POSITIONS, 1)])
+    return [(tally, histogram) for _, tally, histogram in core.rounds], last.transpose(1, 0, 2)

@@ -155,6 +155,27 @@ def overlap_and_success(results: Results, preset: str) -> Any:
     return figure
 
 
+def paths(results: Results, preset: str) -> Any:
+    """Where both sides flew in a round after training (Algorithm 1, line 18), from above."""
+    there = [name for name in (*FIXED_PATHS, BASE, NO_PLANNER) if 0 in results.runs.get(name, {})]
+    if BASE not in there:
+        return None
+    scenario = scenario_of(preset)
+    figure = blank_figure(2.6 * len(there) + 0.6, 3.2)
+    for axes, condition in zip(figure.subplots(1, len(there), squeeze=False)[0], there, strict=True):
+        row = results.runs[condition][0][-1]
+        for side, colour in (("ally", _ALLY), ("opponent", _OPPONENT)):
+            x, y, _ = np.reshape(row[f"{side}_path"], (-1, 3)).T
+            axes.plot(x, y, color=colour, lw=1.3, label=side)
+            axes.plot(x[0], y[0], "o", color=colour, ms=4)
+        axes.plot(*scenario.base_station_m[:2], "^", color="black", ms=5, label="base station")
+        axes.set(xlim=(0, scenario.box_m[0]), ylim=(0, scenario.box_m[1]), aspect="equal", xlabel="x (m)")
+        axes.set_title(_TITLES.get(condition, condition), fontsize=9)
+    figure.axes[0].set_ylabel("y (m)")
+    figure.axes[0].legend(frameon=False, fontsize=7)
+    return figure
+
+
 FIGURES: Mapping[str, Callable[[Results, str], Any]] = MappingProxyType(
     {
         "fig3": rewards((BASE, *FIXED_PATHS, *PLANNERS, LLM), 4, 11, 2.5),
@@ -162,6 +183,7 @@ FIGURES: Mapping[str, Callable[[Results, str], Any]] = MappingProxyType(
         "fig5": overlap_and_success,
         "fig6": rewards((*JAMMING_TYPES, BASE), 3, 10, 2.6),
         "fig7": rewards((BASE, NO_PLANNER, NO_KNOWLEDGE), 3, 10, 2.9),
+        "paths": paths,
     }
 )
 

@@ -34,21 +34,27 @@ MEASURES = (
     "share_comb",
 )
 _HISTOGRAMS = ("ally_points", "jam_points")
-COLUMNS = ("window", "steps", "rounds", *_REWARDS, *MEASURES, *_HISTOGRAMS)
+_PATHS = ("ally_path", "opponent_path")
+_LISTS = (*_HISTOGRAMS, *_PATHS)
+COLUMNS = ("window", "steps", "rounds", *_REWARDS, *MEASURES, *_LISTS)
 Row = dict[str, Any]
 
 
-def window_row(window: int, steps: int, rounds: Sequence[tuple[np.void, np.ndarray]]) -> Row:
+def window_row(
+    window: int, steps: int, rounds: Sequence[tuple[np.void, np.ndarray]], paths: np.ndarray | None = None
+) -> Row:
     """One row: the rounds of a window, pooled.
 
     Args:
         window: its number; :data:`FINAL` for the rounds without noise.
         steps: steps of the run at the window's end.
         rounds: the tally and the histogram ``(2, points)`` of each.
+        paths: where both sides flew in a round, ``(2, n, 3)`` in m; None: not to be drawn.
 
     Returns:
         By the names of :data:`COLUMNS`: rewards per step with their standard deviation over rounds,
-        measures of the pooled rounds, and in the windows of Fig. 4 the steps per frequency point.
+        measures of the pooled rounds, in the windows of Fig. 4 the steps per frequency point, and the
+        paths in whole metres, x, y and z of one position after the other.
     """
     tallies = np.array([tally for tally, _ in rounds], TALLY)
     histogram = np.sum([each for _, each in rounds], axis=0)
@@ -60,7 +66,9 @@ def window_row(window: int, steps: int, rounds: Sequence[tuple[np.void, np.ndarr
         row[f"{side}_sd"] = float(each.std(ddof=1)) if len(each) > 1 else 0.0
     row |= {name: found[name] for name in MEASURES}
     shown = window == FINAL or any(window in stage for stage in STAGES.values())
-    return row | dict(zip(_HISTOGRAMS, histogram.tolist() if shown else ([], []), strict=True))
+    row |= dict(zip(_HISTOGRAMS, histogram.tolist() if shown else ([], []), strict=True))
+    flown = ([], []) if paths is None else paths.round().astype(int).reshape(2, -1).tolist()
+    return row | dict(zip(_PATHS, flown, strict=True))
 
 
 def windows_of(rounds: Iterable[tuple[int, np.void, np.ndarray]], budget: int) -> list[Row]:
@@ -123,7 +131,7 @@ def _written(value: Any) -> str:
 
 
 def _read(name: str, text: str) -> Any:
-    if name in _HISTOGRAMS:
+    if name in _LISTS:
         return [int(number) for number in text.split()]
     if name in ("window", "steps", "rounds"):
         return int(text)

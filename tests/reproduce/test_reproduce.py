@@ -32,7 +32,11 @@ def test_runs_become_rows_figures_and_a_report(made):
     out, written, _ = made
     names = [path.name for path in written]
     assert names == [
-        *(f"{figure}-paper.{form}" for figure in ("fig4", "fig5", "fig7") for form in ("png", "svg")),
+        *(
+            f"{figure}-paper.{form}"
+            for figure in ("fig4", "fig5", "fig7", "paths")
+            for form in ("png", "svg")
+        ),
         "report-paper.md",
         "report-paper.html",
     ]
@@ -58,6 +62,12 @@ def test_a_run_says_how_it_was_made_and_what_happened(made):
         assert sum(shares) == pytest.approx(1, abs=1e-3)
         shown = row["window"] == FINAL or any(row["window"] in stage for stage in STAGES.values())
         assert len(row["ally_points"]) == (15 if shown else 0)
+    for side in ("ally", "opponent"):
+        assert not any(row[f"{side}_path"] for row in rows[:-1])
+        flown = np.reshape(rows[-1][f"{side}_path"], (-1, 3))
+        moved = np.linalg.norm(np.diff(flown, axis=0), axis=1)
+        assert len(flown) == 50  # of the round's hundred steps of a second, every other one
+        assert 0 < moved.max() <= 2 * PAPER.opponent_speed_m_s + 2  # whole metres
 
 
 def test_what_was_run_is_not_run_again(made):
