@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+_NEAR = 0.6  # of difflib's ratio
+
 
 class UserError(ValueError):
     """Bad input: the message says in one line what is wrong, where, and what to write instead.
@@ -15,6 +17,23 @@ class UserError(ValueError):
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """What to append to an error about an unknown word: the nearest known one, else all of them."""
-    known = sorted(known)
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
-    return f"; did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"
+    known = sorted(set(known))
+    return meant(word, known) or f"; known: {', '.join(known)}"
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """What to append to an error about an unknown word: the nearest known one, nothing where none is near.
+
+    Of words as ``a/b`` the last parts must be near, too: all that lies in one folder begins alike.
+    """
+    near = [name for name in sorted(set(known)) if _ends_near(word, name)]
+    close = difflib.get_close_matches(word, near, n=1, cutoff=_NEAR)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def _ends_near(word: str, name: str) -> bool:
+    """Whether the last parts are near; true where the words have not as many parts."""
+    if word.count("/") != name.count("/"):
+        return True
+    ends = [text.rpartition("/")[2] for text in (word, name)]
+    return difflib.SequenceMatcher(None, *ends).ratio() >= _NEAR

@@ -63,7 +63,7 @@ def _from_zip(
     from fpg_bench.training.sb3_zip import INSTEAD, load_zip
 
     if not path.is_file():
-        raise UserError(f"export: {path} is neither a run's folder nor a zip")
+        raise UserError(f"export: {path} is neither a run's folder nor a zip: there is no such file")
     if algorithm is None:
         raise UserError("export: a zip does not say its algorithm; say --algo ppo, a2c, sac or td3")
     if not not_normalized:

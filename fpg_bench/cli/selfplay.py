@@ -83,8 +83,12 @@ def exploit(
     )
     reference = load_panel(row["panel"], references=False).reference
     script = min(row["scripts"], key=lambda name: row["scripts"][name]["score"])
+    strongest = row["scripts"][script]["score"]
+    count = len(row["responses"])
     say(
-        f"{agent}: mean {row['mean']:.1f}, lowest {row['lowest']:.1f} against {len(row['responses'])} best "
-        f"responses of {algorithm}, {steps:,} steps each; {row['scripts'][script]['score']:.1f} against the "
+        f"{agent}: mean {row['mean']:.1f}, lowest {row['lowest']:.1f} against {count} best "
+        f"response{'s' if count > 1 else ''} of {algorithm}, {steps:,} steps each; {strongest:.1f} against the "
         f"strongest script, {script} (0 = random, 100 = {reference} at {row['entry']})"
     )
+    if strongest < row["lowest"]:
+        say(f"{script} takes more than these responses: they are no best ones yet; give more --steps")

@@ -78,7 +78,9 @@ def submission_folders(board: Path, names: Sequence[str] = ()) -> list[Path]:
     }
     for name in names:
         if name not in found:
-            raise UserError(f"no submission {name!r} in {root}{nearest(name, found)}")
+            elsewhere = [other for other in found if other.partition("/")[2] == name.partition("/")[2]]
+            hint = f"; did you mean {elsewhere[0]!r}?" if elsewhere else nearest(name, found)
+            raise UserError(f"no submission {name!r} in {root}{hint}")
     return [found[name] for name in (sorted(set(names)) or found)]
 
 

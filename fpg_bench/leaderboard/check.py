@@ -5,13 +5,13 @@ from __future__ import annotations
 import functools
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.files import read_yaml
-from fpg_bench.leaderboard.fields import TRACKS, plain, read_fields
+from fpg_bench.leaderboard.fields import TRACKS, Training, plain, read_fields
 from fpg_bench.leaderboard.folder import file_problem, folder_problem, names, shown, strays
 from fpg_bench.leaderboard.policies import MOST_TEXT_BYTES, Policy, read_policies, seed_folders
 from fpg_bench.leaderboard.submission import Submission
@@ -21,6 +21,7 @@ from fpg_bench.players.scripted import SCRIPTED
 
 ABOUT, TRANSCRIPTS = "submission.yaml", "transcripts"
 _SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
+_OVER = 1.05  # training ends with a whole rollout, a little after its budget
 
 
 def problems(folder: str | Path) -> list[str]:
@@ -74,9 +75,14 @@ def _slug(folder: Path) -> Iterator[str]:
 
 def _place(folder: Path, fields: dict[str, Any]) -> Iterator[str]:
     """Whether the track is that of the board's folder."""
-    around = folder.parent.name
-    if around in TRACKS and "track" in fields and fields["track"] != around:
-        yield f"track: says {fields['track']}, but the folder lies in {around}"
+    around, track = folder.parent.name, fields.get("track")
+    says = f"track: says {track}, but the folder lies in"
+    if track is None or track == around:
+        return
+    if around in TRACKS:
+        yield f"{says} {around}; move it to submissions/{track}, or write track: {around}"
+    elif folder.parent.parent.name == "submissions":
+        yield f"{says} {shown(around)}, which is no track; move it to submissions/{track}"
 
 
 def _named(folder: Path, fields: dict[str, Any]) -> Iterator[str]:
@@ -113,7 +119,8 @@ def _policies(folder: Path, fields: dict[str, Any], contract: bool) -> tuple[tup
     track, zoo, training = (fields.get(key) for key in ("track", "zoo", "training"))
     own = fields.get("script") is None and zoo is None and track != "planner"
     seeds = [path.name for path in seed_folders(folder).values()] if own else []
-    known = [ABOUT, *seeds, *(["seed_0"] if own else []), *([TRANSCRIPTS] if _records(fields) else [])]
+    wanted = (seeds or ["seed_0"]) if own else []
+    known = [ABOUT, *wanted, *([TRANSCRIPTS] if _records(fields) else [])]
     found = strays(folder, known)
     if zoo is not None and zoo not in _zoo():
         return (), found
@@ -124,11 +131,27 @@ def _policies(folder: Path, fields: dict[str, Any], contract: bool) -> tuple[tup
         return (), [*found, "holds no seed_<k>/: the policy of each training seed"]
     policies, wrong = read_policies(home, track if track in SCRIPTED else None, contract)
     found += wrong
-    there = tuple(seed_folders(home))
-    if training is not None and tuple(sorted(training.seeds)) != there:
-        told, lie = (", ".join(map(str, seeds)) for seeds in (training.seeds, there))
-        found.append(f"{ABOUT}: training: seeds: says {told}, but the policies are of {lie}")
+    if training is not None:
+        found += [f"{ABOUT}: training: {line}" for line in _trained(training, seed_folders(home), policies)]
     return policies, found
+
+
+def _trained(training: Training, there: Iterable[int], policies: Iterable[Policy]) -> Iterator[str]:
+    """Where the seeds and steps of training are not those of the policies."""
+    there = set(there)
+    lacking, more = (_folders(seeds) for seeds in (set(training.seeds) - there, there - set(training.seeds)))
+    if lacking:
+        yield f"seeds: no folder {lacking}; there are: {_folders(there)}"
+    if more:
+        yield f"seeds: does not name {more}, which is there"
+    steps = [policy.about["training_steps"] for policy in policies if policy.about]
+    if steps and not min(steps) / _OVER <= training.steps <= max(steps) * _OVER:
+        told = f"{min(steps):,}" + (f" to {max(steps):,}" if min(steps) < max(steps) else "")
+        yield f"steps: says {training.steps:,}, but training_steps of agent.json {told}"
+
+
+def _folders(seeds: Iterable[int]) -> str:
+    return ", ".join(f"seed_{seed}" for seed in sorted(seeds))
 
 
 def _records(fields: dict[str, Any]) -> bool:

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 from urllib.parse import urlsplit
 
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.errors import UserError, meant, nearest
 from fpg_bench.leaderboard.folder import shown
 
 TRACKS = ("ally", "opponent", "planner")
@@ -96,7 +96,8 @@ def _text(value: Any, most: int, lines: bool = False, least: int = 1) -> str:
 
 def _word(value: Any, choices: tuple[str, ...]) -> str:
     if not isinstance(value, str) or value not in choices:
-        raise UserError(f"expected {', '.join(choices)}, got {shown(value)}")
+        hint = meant(value, choices) if isinstance(value, str) else ""
+        raise UserError(f"expected {', '.join(choices)}, got {shown(value)}{hint}")
     return value
 
 

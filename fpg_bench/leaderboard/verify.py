@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.errors import UserError
+from fpg_bench.errors import UserError, meant
 from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.job import Job, attempt
 from fpg_bench.jobs.run import run_jobs
@@ -218,7 +218,10 @@ def run_one(folder: str | Path, update: bool = False, **how: Any) -> Verdict:
         UserError: a folder that lies elsewhere, or no cluster.
     """
     folder = Path(folder).resolve()
-    if folder.parent.parent.name != "submissions" or folder.parent.name not in TRACKS:
-        raise UserError(f"{folder}: expected a folder <leaderboard>/submissions/<{'|'.join(TRACKS)}>/<name>")
+    track = folder.parent.name
+    if folder.parent.parent.name != "submissions" or track not in TRACKS:
+        hint = meant(track, TRACKS) if folder.parent.parent.name == "submissions" else ""
+        expected = f"<leaderboard>/submissions/<{'|'.join(TRACKS)}>/<name>"
+        raise UserError(f"{folder}: expected a folder {expected}{hint}")
     (verdict,) = verify(folder.parents[2], [f"{folder.parent.name}/{folder.name}"], update=update, **how)
     return verdict

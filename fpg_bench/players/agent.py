@@ -16,6 +16,7 @@ from fpg_bench.game import draws
 from fpg_bench.game.compiling import compiled
 from fpg_bench.ids import DUEL, VIEWS, sides_of
 from fpg_bench.players.keyed import Keyed
+from fpg_bench.players.player import SIDES
 from fpg_bench.players.signature import check_signature
 
 AGENT_FORMAT = 1
@@ -158,6 +159,10 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
             f"agent {os.fspath(name)!r}: SB3's zip holds pickled code; name the run's agent folder"
         )
     for folder in (Path(name), baselines_folder() / "agents" / name):
+        for inside in (folder / "agent", folder):
+            if all((inside / side).is_dir() for side in SIDES):
+                both = " and ".join(str(inside / side) for side in SIDES)
+                raise UserError(f"agent {os.fspath(name)!r}: holds agents of both sides, {both}; name one")
         if (folder / "agent" / "agent.json").is_file():
             raise UserError(f"agent {os.fspath(name)!r}: is a run's folder; the agent is {folder / 'agent'}")
         if folder.is_dir():

@@ -56,7 +56,8 @@ class TrainingBar(BaseCallback):
         rate = (self.num_timesteps - self._first) / (time.monotonic() - self._start)
         said = f"{rate:,.0f} steps/s"
         if self.model.ep_info_buffer:
-            said += f", return {np.mean([info['r'] for info in self.model.ep_info_buffer]):,.0f}"
+            (side,) = self.training_env.get_attr("side", 0)
+            said += f", {side}'s return {np.mean([info['r'] for info in self.model.ep_info_buffer]):,.0f}"
         self._progress.update(self._task, said=said)
         tenth = 10 * self.num_timesteps // self._total
         if self._progress.disable and tenth > self._lines:

@@ -74,6 +74,7 @@ def test_the_opponents_path_decides_the_panel(tmp_path, path, panel):
         ({"reference": 'https://x.org/"onclick=x'}, "reference: expected null or a link"),
         ({"reference": "https://user:pw@x.org"}, "reference: expected null or a link"),
         ({"track": "allies"}, "track: expected ally, opponent, planner, got 'allies'"),
+        ({"track": "aly"}, "track: expected ally, opponent, planner, got 'aly'; did you mean 'ally'?"),
         ({"track": ["ally"]}, "track: expected ally, opponent, planner, got ['ally']"),
         ({"path": "pursuit"}, "path: is of the track opponent only"),
         ({"training": None}, "training: expected steps, hours and seeds, got null"),
@@ -241,8 +242,18 @@ def test_names_are_taken_once_on_a_board(tmp_path):
         assert f"is that of {other!r}, too" in problems(folder)[0]
         load_submission(folder)  # by itself it is sound: nobody's entry can be taken off the board by a name
     (board / "broken").mkdir()
-    lost = write_submission(tmp_path / "submissions" / "opponent" / "lost")
-    assert problems(lost)[0] == "submission.yaml: track: says ally, but the folder lies in opponent"
+
+
+@pytest.mark.parametrize(
+    ("track", "line"),
+    [
+        ("opponent", "opponent; move it to submissions/ally, or write track: opponent"),
+        ("aly", "'aly', which is no track; move it to submissions/ally"),
+    ],
+)
+def test_a_folder_in_another_track_is_told_where_to_go(tmp_path, track, line):
+    lost = write_submission(tmp_path / "submissions" / track / "lost")
+    assert problems(lost)[0] == f"submission.yaml: track: says ally, but the folder lies in {line}"
 
 
 def test_script_tags_in_names_are_text(tmp_path):

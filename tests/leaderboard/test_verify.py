@@ -228,6 +228,10 @@ def test_names_are_looked_up(board, tmp_path):
     assert list(told(board, "ally/wise")) == ["ally/wise"]
     with pytest.raises(UserError, match=r"no submission 'ally/wide'.*did you mean 'ally/wise'"):
         told(board, "ally/wide")
+    with pytest.raises(UserError, match=r"no submission 'opponent/wise'.*did you mean 'ally/wise'"):
+        told(board, "opponent/wise")
+    with pytest.raises(UserError, match=r"no submission 'ally/tone'.*; known: ally/wise$"):
+        told(board, "ally/tone")
     with pytest.raises(UserError, match="has no folder submissions"):
         told(tmp_path)
 
@@ -239,6 +243,8 @@ def test_one_folder_is_run_where_it_lies(board, tmp_path):
     assert result(board, "opponent/near").exists()
     with pytest.raises(UserError, match="expected a folder <leaderboard>/submissions/"):
         run_one(tmp_path)
+    with pytest.raises(UserError, match="did you mean 'opponent'"):
+        run_one(board / "submissions/oponent/near")
 
 
 def test_several_at_once_give_the_same_results(board, monkeypatch):

@@ -59,6 +59,12 @@ def test_every_player_named_is_met(ally, tmp_path, monkeypatch):
     [
         (AGAINST_OPPONENTS, "{ally}/agent", "plays the ally .*, not the opponent"),
         (AGAINST_ALLIES, "{ally}", "is a run's folder; the agent is"),
+        (
+            AGAINST_ALLIES,
+            "{both}",
+            r"holds agents of both sides, .*agent/ally and .*agent/opponent; name one",
+        ),
+        (AGAINST_ALLIES, "{both}/agent", "holds agents of both sides"),
         (AGAINST_ALLIES, "{other}", r"made for the id 'FPG/AllyVsScripted-v9', which this version does not"),
         (AGAINST_ALLIES, "no/such", "neither a shipped agent nor a folder"),
         (AGAINST_ALLIES, "exprt", "did you mean 'expert'"),
@@ -70,8 +76,11 @@ def test_somebody_that_can_t_be_met(ally, tmp_path, view_id, against, message):
     other.mkdir()
     about = json.loads((ally / "agent" / "agent.json").read_text()) | {"id": "FPG/AllyVsScripted-v9"}
     (other / "agent.json").write_text(json.dumps(about))
+    both = tmp_path / "both"
+    for side in ("ally", "opponent"):
+        (both / "agent" / side).mkdir(parents=True)
     with pytest.raises(UserError, match=message):
-        respond(tmp_path / "run", against.format(ally=ally, other=other), view_id)
+        respond(tmp_path / "run", against.format(ally=ally, other=other, both=both), view_id)
     assert not (tmp_path / "run").exists()
 
 
