@@ -85,10 +85,11 @@ def exploit(
     script = min(row["scripts"], key=lambda name: row["scripts"][name]["score"])
     strongest = row["scripts"][script]["score"]
     count = len(row["responses"])
+    responses = "best response" if count == 1 else "best responses"
     say(
-        f"{agent}: mean {row['mean']:.1f}, lowest {row['lowest']:.1f} against {count} best "
-        f"response{'s' if count > 1 else ''} of {algorithm}, {steps:,} steps each; {strongest:.1f} against the "
-        f"strongest script, {script} (0 = random, 100 = {reference} at {row['entry']})"
+        f"{agent}: mean {row['mean']:.1f}, lowest {row['lowest']:.1f} against {count} {responses} of "
+        f"{algorithm}, {steps:,} steps each; {strongest:.1f} against the strongest script, {script} "
+        f"(0 = random, 100 = {reference} at {row['entry']})"
     )
     if strongest < row["lowest"]:
         say(f"{script} takes more than these responses: they are no best ones yet; give more --steps")

@@ -62,7 +62,7 @@ def test_every_player_named_is_met(ally, tmp_path, monkeypatch):
         (
             AGAINST_ALLIES,
             "{both}",
-            r"holds agents of both sides, .*agent/ally and .*agent/opponent; name one",
+            r"of both sides, .*agent/ally and .*agent/opponent; name one",
         ),
         (AGAINST_ALLIES, "{both}/agent", "holds agents of both sides"),
         (AGAINST_ALLIES, "{other}", r"made for the id 'FPG/AllyVsScripted-v9', which this version does not"),
