@@ -144,7 +144,7 @@ def _trained(training: Training, there: Iterable[int], policies: Iterable[Policy
         yield f"seeds: no folder {lacking}; there are: {_folders(there)}"
     if more:
         yield f"seeds: does not name {more}, which is there"
-    steps = [policy.about["training_steps"] for policy in policies if policy.about]
+    steps = [max(1, policy.steps) for policy in policies if policy.steps is not None]
     if steps and not min(steps) / _OVER <= training.steps <= max(steps) * _OVER:
         told = f"{min(steps):,}" + (f" to {max(steps):,}" if min(steps) < max(steps) else "")
         yield f"steps: says {training.steps:,}, but training_steps of agent.json {told}"

@@ -17,7 +17,7 @@ TRACKS = ("ally", "opponent", "planner")
 PATHS = ("pursuit", "learned")
 LONGEST_NAME = 60
 _LONGEST_TEXT = 2000
-_MOST_STEPS, _MOST_HOURS, _MOST_SEED = 10**13, 10**6, 10**6
+MOST_STEPS, _MOST_HOURS, _MOST_SEED = 10**13, 10**6, 10**6
 _MOST_SEEDS = 20
 
 
@@ -138,7 +138,7 @@ def _training(value: Any) -> Training | None:
     checked = tuple(int(_number(seed, "seeds", 0, _MOST_SEED, whole=True)) for seed in seeds)
     if len(set(checked)) < len(checked):
         raise UserError(f"seeds: one stands there twice: {shown(seeds)}")
-    steps = int(_number(value["steps"], "steps", 1, _MOST_STEPS, whole=True))
+    steps = int(_number(value["steps"], "steps", 1, MOST_STEPS, whole=True))
     return Training(steps, _number(value["hours"], "hours", 0, _MOST_HOURS), checked)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.files import read_json
+from fpg_bench.leaderboard.fields import MOST_STEPS
 from fpg_bench.leaderboard.folder import file_problem, folder_problem, names, shown, strays
 from fpg_bench.leaderboard.onnx_contract import MOST_BYTES, check_policies
 from fpg_bench.players.agent import check_about
@@ -28,6 +29,17 @@ class Policy:
     about: dict[str, Any]
     model: bytes
     sha256: str
+
+    @property
+    def described(self) -> bool:
+        """Whether it is the file that ``agent.json`` tells of, where that can be read."""
+        return not self.about or bool(self.about.get("policy_sha256") == self.sha256)
+
+    @property
+    def steps(self) -> int | None:
+        """The steps that it was trained for, None where ``agent.json`` does not say."""
+        steps = self.about.get("training_steps")
+        return steps if _is_steps(steps) else None
 
 
 def seed_folders(folder: Path) -> dict[int, Path]:
@@ -57,8 +69,8 @@ def read_policies(
                 f"{path.name}: holds the same policy as seed_{same[0]}; a seed is a training of its own"
             )
         policies += [policy] if policy else []
-    checked = check_policies([policy.model for policy in policies]) if contract else [[] for _ in policies]
-    for policy, wrong in zip(policies, checked, strict=True):
+    whole = [policy for policy in policies if policy.described] if contract else []
+    for policy, wrong in zip(whole, check_policies([policy.model for policy in whole]), strict=True):
         found += [f"seed_{policy.seed}/policy.onnx: {line}" for line in wrong]
     return tuple(policies), found
 
@@ -75,11 +87,13 @@ def _read(path: Path, seed: int, side: str | None) -> tuple[Policy | None, list[
         return None, found
     about, wrong = _about(path / "agent.json", seed, side)
     model = (path / "policy.onnx").read_bytes()
-    sha256 = hashlib.sha256(model).hexdigest()
-    if about and about.get("policy_sha256") != sha256:
-        wrong.append("policy_sha256: is not that of policy.onnx beside it")
+    policy = Policy(seed, about, model, hashlib.sha256(model).hexdigest())
+    if not policy.described:
+        wrong.append(
+            "policy_sha256: is not that of policy.onnx beside it, which was cut off or changed since"
+        )
     found += [f"/agent.json: {line}" for line in wrong]
-    return Policy(seed, about, model, sha256), found
+    return policy, found
 
 
 def _about(path: Path, seed: int, side: str | None) -> tuple[dict[str, Any], list[str]]:
@@ -96,13 +110,19 @@ def _about(path: Path, seed: int, side: str | None) -> tuple[dict[str, Any], lis
         found.append(
             f"training_seed: expected {seed}, as the folder is called, got {shown(about['training_seed'])}"
         )
-    if not isinstance(about["training_steps"], int) or isinstance(about["training_steps"], bool):
-        found.append(f"training_steps: expected a whole number, got {shown(about['training_steps'])}")
+    if not _is_steps(about["training_steps"]):
+        steps = shown(about["training_steps"])
+        found.append(f"training_steps: expected a whole number from 0 to {MOST_STEPS:,}, got {steps}")
     if not isinstance(about["algorithm"], str) or len(about["algorithm"]) > 60:
         found.append(f"algorithm: expected text of at most 60 characters, got {shown(about['algorithm'])}")
     if not _finite(about):
         found.append("holds a number that is not finite")
     return about, found
+
+
+def _is_steps(value: Any) -> bool:
+    """Whether a number of training steps is one."""
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= MOST_STEPS
 
 
 def _finite(value: Any) -> bool:

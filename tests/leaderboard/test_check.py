@@ -8,8 +8,9 @@ from fpg_bench.errors import UserError
 from fpg_bench.leaderboard.check import problems
 from fpg_bench.leaderboard.submission import load_submission
 from tests.evaluation.zoo_making import policy
-from tests.leaderboard.making import write_seed, write_submission
+from tests.leaderboard.making import FIELDS, write_seed, write_submission
 
+TRAINED = FIELDS["training"]
 BOMB = "\n".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}' if i else 'x'] * 9)}]" for i in range(12))
 
 
@@ -40,7 +41,7 @@ def test_a_sound_submission_is_read(tmp_path):
 def test_what_the_package_ships_is_named_alone(tmp_path):
     script = write_submission(tmp_path / "expert", (), name="expert", training=None, script="expert")
     assert load_submission(script).script == "expert"
-    seeds = {"steps": 1, "hours": 0, "seeds": [0, 1, 2, 3, 4]}
+    seeds = {"steps": 3_000_000, "hours": 0, "seeds": [0, 1, 2, 3, 4]}
     zoo = write_submission(tmp_path / "zoo", (), training=seeds, zoo="ally-scripted/ppo")
     assert [p.about["algorithm"] for p in load_submission(zoo).policies] == ["ppo"] * 5
     planner = write_submission(
@@ -83,7 +84,19 @@ def test_the_opponents_path_decides_the_panel(tmp_path, path, panel):
         ({"training": {"steps": 1, "hours": float("nan"), "seeds": [0, 1]}}, "hours: expected a number"),
         ({"training": {"steps": 1, "hours": float("inf"), "seeds": [0, 1]}}, "hours: expected a number"),
         ({"training": {"steps": True, "hours": 1, "seeds": [0, 1]}}, "steps: expected a whole number"),
-        ({"training": {"steps": 1, "hours": 1, "seeds": [0, 2]}}, "says 0, 2, but the policies are of 0, 1"),
+        (
+            {"training": TRAINED | {"seeds": [0, 1, 5, 7]}},
+            "training: seeds: no folder seed_5, seed_7; there are: seed_0, seed_1",
+        ),
+        ({"training": TRAINED | {"seeds": [1]}}, "training: seeds: does not name seed_0, which is there"),
+        (
+            {"training": TRAINED | {"steps": 5000}},
+            "training: steps: says 5,000, but training_steps of agent.json 1,000",
+        ),
+        (
+            {"training": TRAINED | {"steps": 900}},
+            "training: steps: says 900, but training_steps of agent.json 1,000",
+        ),
     ],
 )
 def test_fields_that_do_not_do_are_named(tmp_path, change, line):
@@ -176,6 +189,7 @@ def test_unknown_names_are_strays(tmp_path):
     (folder / "seed_0" / "weights.bin").write_text("x")
     lines = problems(folder)
     assert len(lines) == 5
+    assert any(line.endswith("; known: seed_0, seed_1, submission.yaml") for line in lines)
     assert all("is no file of a submission" in line and "\n" not in line for line in lines)
     assert any(line.startswith("seed_0/'weights.bin'") for line in lines)
 
@@ -226,6 +240,22 @@ def test_one_policy_is_not_two_seeds(tmp_path):
     folder = write_submission(tmp_path / "mine")
     write_seed(folder / "seed_1", 1, policy(0))
     assert "seed_1: holds the same policy as seed_0" in only(folder)
+
+
+def test_a_policy_that_was_cut_off_is_one_line(tmp_path):
+    folder = write_submission(tmp_path / "mine")
+    (folder / "seed_1" / "policy.onnx").write_bytes(policy(1)[:200])
+    assert only(folder).startswith("seed_1/agent.json: policy_sha256: is not that of policy.onnx beside it")
+
+
+def test_steps_may_end_a_little_after_the_budget_and_lie_between_those_of_the_seeds(tmp_path):
+    folder = write_submission(tmp_path / "mine", training=TRAINED | {"steps": 7000})
+    write_seed(folder / "seed_1", 1, training_steps=9000)
+    assert problems(folder) == []
+    write_seed(folder / "seed_1", 1, training_steps=6700)
+    assert problems(folder) == []
+    write_seed(folder / "seed_1", 1, training_steps=6500)
+    assert only(folder).endswith("steps: says 7,000, but training_steps of agent.json 1,000 to 6,500")
 
 
 def test_a_policy_off_the_contract_is_named_with_its_seed(tmp_path):
