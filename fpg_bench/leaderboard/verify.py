@@ -127,7 +127,9 @@ class _Desk:
             job = folder_job(
                 _job_name(case, part),
                 case.work / part.name,
-                partial(fill, part, case.panel, entries),
+                partial(
+                    fill, part, case.panel, entries, tried=case.known is not None and case.known.verified
+                ),
                 partial(_is_done, case.work / part.name, entries),
             )
             found.append(replace(job, keep=partial(self._keep, job, case)))
@@ -169,6 +171,8 @@ def _judge(case: Case) -> tuple[bool, str]:
     there = [(part, entries, lines_in(case.work / part.name)) for part, entries in case.wanted]
     why = next((rows[FAILED]["reason"] for _, _, rows in there if FAILED in rows), None)
     lines = [rows[entry] for _, entries, rows in there for entry in entries] if why is None else []
+    if case.whole and lines and all(line["lost"] == line["n"] for line in lines):
+        why = "all of its rounds are lost by rule: its answers are no valid actions"
     if case.known is None:
         return _first(case, lines, why)
     if not case.known.verified:
@@ -207,7 +211,7 @@ def told(result: Result) -> str:
         return f"not verified: {result.head['reason']}"
     summary = result.head["summary"]
     score = summary["score"]
-    lost = f", {summary['lost']} rounds lost" if summary["lost"] else ""
+    lost = f", {summary['lost']:,} of {summary['rounds']:,} rounds lost by rule" if summary["lost"] else ""
     return f"verified: score {score['value']:.1f} [{score['low']:.1f}, {score['high']:.1f}]{lost}"
 
 

@@ -78,12 +78,16 @@ def _agent(folder: Path, side: str, seed: int) -> None:
 
 
 class InProcess:
-    """A PolicyHost that starts no process; ``loses`` games' rounds, or fails at once where ``fails``."""
+    """A PolicyHost that starts no process; ``loses`` games' rounds, fails at once where ``fails``, and where
+    ``mixes`` its answers depend on how many games there are.
+    """
 
     loses: tuple[int, ...] = ()
-    fails = False
+    fails = mixes = False
+    started = 0
 
-    def __init__(self, policy: Any) -> None:
+    def __init__(self, policy: Any, limits: Any = None) -> None:
+        type(self).started += 1
         self._player = OnnxPlayer(policy.model, policy.about)
         self.invalid = np.zeros(0, bool)
 
@@ -102,4 +106,5 @@ class InProcess:
             raise PolicyFailed("took longer than it may")
         actions, memory = self._player.predict(*seen)
         actions = np.where(self.invalid[:, None], np.float32(0), actions)
+        actions = actions / np.float32(len(actions)) if self.mixes else actions
         return actions, memory

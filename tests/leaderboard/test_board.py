@@ -103,7 +103,7 @@ def test_what_does_not_count_is_shown_last_with_its_reason(entered, in_process):
     assert [row["slug"] for row in rows[-2:]] == ["slow", "wise"]
     assert [row["status"] for row in rows[-2:]] == ["not verified"] * 2
     assert [row["score"] for row in rows[-2:]] == [None, None]
-    assert rows[-2]["reason"] == "took longer than it may"
+    assert rows[-2]["reason"] == "seed_7: took longer than it may"
     assert "edited by hand" in rows[-1]["reason"]
     assert len(table(entered, "ally")["improvement"]["names"]) == 3
 

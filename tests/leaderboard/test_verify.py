@@ -88,7 +88,31 @@ def test_lost_rounds_count_as_the_lowest_return(board, in_process):
         assert [line["returns"][k] for k in (1, 3)] == pytest.approx([lowest] * 2, abs=1e-3)
         assert line["lost"] == 2
         assert line["mean"]["ally_return"] == pytest.approx(sum(line["returns"]) / 4, rel=1e-5)
-    assert told(board)["ally/linear"][1].endswith(", 4 rounds lost")
+    assert told(board)["ally/linear"][1].endswith(", 4 of 8 rounds lost by rule")
+
+
+def test_who_loses_all_rounds_is_not_verified(board, in_process):
+    in_process.loses = (0, 1, 2, 3)
+    enter(board, "ally", "linear", seeds=(0, 1))
+    why = "all of its rounds are lost by rule: its answers are no valid actions"
+    assert told(board)["ally/linear"] == (False, f"not verified: {why}")
+    assert told(board)["ally/linear"] == (True, f"not verified, as before: {why}")
+
+
+def test_answers_that_depend_on_the_batch_are_not_verified(board, in_process):
+    in_process.mixes = True
+    enter(board, "ally", "linear", seeds=(0, 1))
+    why = "seed_0: its answer to one game depends on the other games of the batch"
+    assert told(board)["ally/linear"] == (False, f"not verified: {why}")
+    assert told(board)["ally/linear"] == (True, f"not verified, as before: {why}")
+
+
+def test_a_policy_is_tried_before_its_first_result_alone(board, in_process):
+    enter(board, "ally", "linear", seeds=(0, 1))
+    told(board)
+    assert in_process.started == 4
+    told(board)
+    assert in_process.started == 6
 
 
 def test_a_policy_that_fails_is_not_verified_and_stops_nobody(board, in_process):
@@ -96,11 +120,11 @@ def test_a_policy_that_fails_is_not_verified_and_stops_nobody(board, in_process)
     enter(board, "ally", "wise", script="expert")
     in_process.fails = True
     found = told(board)
-    assert found["ally/linear"] == (False, "not verified: took longer than it may")
+    assert found["ally/linear"] == (False, "not verified: seed_0: took longer than it may")
     assert found["ally/wise"][0]
     head = json.loads(result(board, "ally/linear").read_text())
-    assert (head["status"], head["reason"]) == ("not verified", "took longer than it may")
-    assert told(board)["ally/linear"] == (True, "not verified, as before: took longer than it may")
+    assert (head["status"], head["reason"]) == ("not verified", "seed_0: took longer than it may")
+    assert told(board)["ally/linear"] == (True, "not verified, as before: seed_0: took longer than it may")
     assert told(board, sample=0.1)["ally/linear"] == (True, "not verified; not part of a sample")
     in_process.fails = False
     good, line = told(board)["ally/linear"]
@@ -113,7 +137,10 @@ def test_a_verified_policy_that_fails_later_is_told(board, in_process):
     told(board)
     in_process.fails = True
     before = result(board, "ally/linear").read_bytes()
-    assert told(board)["ally/linear"] == (False, "the result is verified, but now: took longer than it may")
+    assert told(board)["ally/linear"] == (
+        False,
+        "the result is verified, but now: seed_0: took longer than it may",
+    )
     assert result(board, "ally/linear").read_bytes() == before
 
 
