@@ -167,6 +167,7 @@ def _figures(result: Result, entry: Standing, panel: Panel, exploited: Row | Non
         "measures": {"return": summary["measures"][f"{panel.side}_return"], **summary["measures"]},
         "exploitability": exploited,
         "lost": summary["lost"],
+        "rounds": summary["rounds"],
         "planner": _planner(result) if isinstance(panel, PlannerTable) else None,
         "histograms": {"ally": _points(result, "ally_points"), "jam": _points(result, "jam_points")},
         "fingerprint": result.fingerprint,
@@ -194,6 +195,7 @@ def _blank(case: Case | None, why: str | None) -> Row:
         "seeds": {},
         "measures": {},
         "lost": 0,
+        "rounds": 0,
     }
 
 

@@ -73,7 +73,8 @@ def _row(rng, key: str, index: int, names: list[str], hostile: bool) -> dict:
         "seeds": {} if kind == "script" or not verified else {str(k): score + k - 2 for k in range(5)},
         "measures": _measures(rng) if verified else {},
         "exploitability": _interval(12.0, 3) if index == 2 else None,
-        "lost": 3 if index == 4 else 0,
+        "lost": 1234 if index == 4 else 0,
+        "rounds": 5000,
         "training": None
         if kind == "script"
         else {"steps": 2_000_000, "hours": 1.5, "seeds": [0, 1, 2, 3, 4]},

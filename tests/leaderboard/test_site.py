@@ -74,6 +74,12 @@ def test_hostile_texts_never_stand_there_raw(site, text):
         assert not re.search("[<>]", path.read_text(encoding="utf-8")), path
 
 
+def test_lost_rounds_are_counted_where_an_entry_is_shown(site):
+    for name in ("index.html", "entries/ally/player-4.html"):
+        assert (site / name).read_text().count("1,234 of 5,000 rounds lost by rule") == 1
+    assert "lost by rule" not in (site / "entries/ally/player-3.html").read_text()
+
+
 def test_links_of_submissions_are_https_or_none(pages):
     links = [attrs["href"] for page in pages.values() for tag, attrs in page.elements if tag == "a"]
     assert not [link for link in links if re.match(r"(?i)\s*(javascript|data|vbscript):", link)]

@@ -127,7 +127,7 @@ def entry_head(track: Row, row: Row) -> Row:
         "reason": row.get("reason") or "",
         "few_seeds": bool(row.get("few_seeds")),
         "rank": wording.rank_text(row.get("rank")) if is_verified(row) else wording.NONE,
-        "lost": int(finite(row.get("lost")) or 0),
+        "lost": wording.lost_text(row.get("lost"), row.get("rounds")),
     }
 
 

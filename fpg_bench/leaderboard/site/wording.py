@@ -104,6 +104,11 @@ def rank_text(rank: Any) -> str:
     return low if low == high else f"{low}–{high}"
 
 
+def lost_text(lost: Any, rounds: Any) -> str:
+    """How many rounds were lost by rule; empty where none was."""
+    return f"{written(lost, 'whole')} of {written(rounds, 'whole')} rounds lost by rule" if finite(lost) else ""
+
+
 def safe_link(text: Any) -> str | None:
     """An https link, or None for whatever else a submission has written there."""
     return text if isinstance(text, str) and len(text) < 500 and _LINK.fullmatch(text) else None
