@@ -17,7 +17,7 @@ from tests.planning.llm.fault_server import FaultServer, answer
 ROOT = Path(__file__).parents[1]
 PAGES = ("README.md", "docs/planners.md")
 BUDGETS = (
-    (r"(--steps |total_timesteps=)[\d_]+", r"\g<1>20000"),
+    (r"(--steps |total_timesteps=|steps: )[\d_]+", r"\g<1>20000"),
     (r"tune ppo .*", r"\g<0> --trials 2 --steps 20000 --rounds 10"),
     (r"tune-write .*", r"\g<0> --best 1 --seeds 1"),
     (r"plan compare .*", r"\g<0> --matches 1"),
@@ -70,7 +70,7 @@ def test_every_block_works_in_the_order_of_the_page(page, folder, environment, l
     for language, code in blocks(page):
         if named := re.match(r"# ([\w/-]+\.(?:py|ya?ml))\n", code):
             (folder / named[1]).parent.mkdir(parents=True, exist_ok=True)
-            (folder / named[1]).write_text(code)
+            (folder / named[1]).write_text(small(code))
         if language == "yaml":
             continue
         for command in [code] if language == "python" else code.strip().splitlines():

@@ -22,7 +22,7 @@ ENTRY = "leaderboard/submissions/ally/my-agent"
 
 
 def small(code):
-    code = re.sub(r"(--steps |steps: |steps=|steps\": )[\d_]+", r"\g<1>5000", code)
+    code = re.sub(r"(--steps |\bsteps: |timesteps=|steps\": )[\d_]+", r"\g<1>5000", code)
     code = code.replace("(0, 1, 2)", "(0,)").replace("seeds: [0, 1, 2, 3, 4]", "seeds: [0, 3, 4]")
     return code.replace("fpg-bench train ", "fpg-bench train --evaluations 0 ")
 
