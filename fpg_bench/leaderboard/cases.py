@@ -14,11 +14,14 @@ import platformdirs
 
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.evaluation.panel import Panel
+from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.planner_track import panel_of
 from fpg_bench.leaderboard.playing import Part, parts_of
 from fpg_bench.leaderboard.result import Result, differing, fingerprint, read_result
 from fpg_bench.leaderboard.submission import TRACKS, Submission, load_submission
 from fpg_bench.rows import Row
+
+_SUBMITTED = {"submission", "policies", "planner"}  # what of a fingerprint comes from the submission's folder
 
 
 @dataclass(frozen=True)
@@ -123,9 +126,20 @@ def _known(path: Path, submission: Submission, panel: Panel) -> Result | None:
     if not path.exists() and not path.is_symlink():
         return None
     found = read_result(path, panel)
-    if others := differing(found.fingerprint, fingerprint(submission, panel)):
-        raise UserError(f"result {path}: of another {', '.join(others)}; run submit verify with --update")
-    return found
+    others = differing(found.fingerprint, fingerprint(submission, panel))
+    if not others:
+        return found
+    if set(others) <= _SUBMITTED:
+        what = "transcript" if submission.transcripts else "policy"
+        raise UserError(
+            f"submission.yaml or a {what} changed since this result was made; {again(submission)}"
+        )
+    raise UserError(f"result {path}: of another {', '.join(others)}; {again(submission)}")
+
+
+def again(submission: Submission) -> str:
+    """What makes a result anew, in words."""
+    return f"make it again: fpg-bench submit run --update {brief(submission.folder)}"
 
 
 def work_folder(board: Path) -> Path:

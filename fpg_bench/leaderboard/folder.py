@@ -54,6 +54,11 @@ def strays(folder: Path, known: Iterable[str]) -> list[str]:
     ]
 
 
+def brief(path: Path) -> str:
+    """A path as a message says it: from the working folder where that is shorter than the whole."""
+    return min(os.path.relpath(path), str(path), key=len)
+
+
 def shown(text: object, most: int = 60) -> str:
     """Somebody's word or value as one short line may show it."""
     try:

@@ -16,7 +16,8 @@ from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.job import Job, attempt
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
-from fpg_bench.leaderboard.cases import Case, make_case, sampled, submission_folders
+from fpg_bench.leaderboard.cases import Case, again, make_case, sampled, submission_folders
+from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.playing import FAILED, Part, fill, lines_in
 from fpg_bench.leaderboard.result import Result, failed_result, verified_result, write_result
 from fpg_bench.leaderboard.submission import TRACKS
@@ -201,7 +202,7 @@ def _still_failed(case: Case, why: str | None) -> tuple[bool, str]:
     if not case.wanted:
         return True, "not verified; not part of a sample"
     if why is None:
-        return False, "the result is not verified, but it plays; run submit verify with --update"
+        return False, f"the result is not verified, but it plays; {again(case.submission)}"
     return True, f"not verified, as before: {why}"
 
 
@@ -221,11 +222,12 @@ def run_one(folder: str | Path, update: bool = False, **how: Any) -> Verdict:
     Raises:
         UserError: a folder that lies elsewhere, or no cluster.
     """
-    folder = Path(folder).resolve()
+    given, folder = folder, Path(folder).resolve()
     track = folder.parent.name
     if folder.parent.parent.name != "submissions" or track not in TRACKS:
         hint = meant(track, TRACKS) if folder.parent.parent.name == "submissions" else ""
         expected = f"<leaderboard>/submissions/<{'|'.join(TRACKS)}>/<name>"
-        raise UserError(f"{folder}: expected a folder {expected}{hint}")
-    (verdict,) = verify(folder.parents[2], [f"{folder.parent.name}/{folder.name}"], update=update, **how)
+        raise UserError(f"{given}: expected a folder {expected}{hint}")
+    board = Path(brief(folder.parents[2]))
+    (verdict,) = verify(board, [f"{folder.parent.name}/{folder.name}"], update=update, **how)
     return verdict

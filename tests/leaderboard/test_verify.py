@@ -1,4 +1,5 @@
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -147,9 +148,17 @@ def test_a_verified_policy_that_fails_later_is_told(board, in_process):
 EDITS = {
     "a return": ('"returns":[', '"returns":[9', "its lines are not those it was written with"),
     "the summary": ('"value":100.0', '"value":140.0', "its summary does not follow from its lines"),
-    "the rounds": ('"rounds":4', '"rounds":5', "of another rounds; run submit verify with --update"),
-    "the season": ('"season":"0"', '"season":"1"', "of another season; run submit verify with --update"),
-    "the protocol": ('"protocol":"1"', '"protocol":"7"', "of another protocol; run submit verify"),
+    "the rounds": (
+        '"rounds":4',
+        '"rounds":5',
+        "of another rounds; make it again: fpg-bench submit run --update",
+    ),
+    "the season": (
+        '"season":"0"',
+        '"season":"1"',
+        "of another season; make it again: fpg-bench submit run --update",
+    ),
+    "the protocol": ('"protocol":"1"', '"protocol":"7"', "of another protocol; make it again: fpg"),
     "the status": ('"status":"verified"', '"status":"not verified"', "not verified, but with lines or"),
     "a seed": ('"training_seed":null', '"training_seed":"x"', "its lines are not those it was written with"),
     "the name": ('"slug":"wise"', '"slug":"wiser"', "is the result of ally/wiser"),
@@ -190,14 +199,26 @@ def test_a_forged_result_is_found_by_playing_again(board):
     assert line.startswith("the result does not hold: 100.0 % of ")
 
 
-def test_a_submission_that_has_changed_wants_a_new_result(board, in_process):
-    enter(board, "ally", "linear", seeds=(0,))
+def test_a_submission_that_has_changed_wants_a_new_result(board, in_process, monkeypatch):
+    folder = enter(board, "ally", "linear", seeds=(0,))
     told(board)
-    edit(board / "submissions/ally/linear/submission.yaml", "much", "nothing")
-    good, line = told(board)["ally/linear"]
-    assert not good
-    assert line.endswith("of another submission; run submit verify with --update")
+    edit(folder / "submission.yaml", "much", "nothing")
+    said = "submission.yaml or a policy changed since this result was made; make it again: "
+    said += "fpg-bench submit run --update {}"
+    assert told(board)["ally/linear"] == (False, said.format(folder))
+    monkeypatch.chdir(board)
+    for given in ("submissions/ally/linear", folder):
+        verdict = run_one(given, say=lambda line: None)
+        assert verdict.line == said.format("submissions/ally/linear")
     assert told(board, update=True)["ally/linear"][0]
+
+
+def test_other_policies_want_a_new_result(board, in_process):
+    folder = enter(board, "ally", "linear", seeds=(0,))
+    told(board)
+    shutil.rmtree(folder)
+    enter(board, "ally", "linear", seeds=(1,))
+    assert told(board)["ally/linear"][1].startswith("submission.yaml or a policy changed since")
 
 
 def test_a_bad_submission_stops_nobody(board):
