@@ -17,7 +17,7 @@ from fpg_bench.evaluation.planner_references import PlannerTable
 from fpg_bench.evaluation.seeds import PROTOCOL, SEASON
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.leaderboard.cases import Case, case_of, result_file, submission_folders
-from fpg_bench.leaderboard.crossplay import ROUNDS, entrants_of, pair_key, read_pairs
+from fpg_bench.leaderboard.crossplay import ROUNDS, entrants_of, fully_played, pair_key, read_pairs
 from fpg_bench.leaderboard.nash import nash
 from fpg_bench.leaderboard.planner_ranking import planner_standing
 from fpg_bench.leaderboard.planner_track import TRACK
@@ -33,6 +33,7 @@ from fpg_bench.leaderboard.ranking import (
 from fpg_bench.leaderboard.result import Result, rounded
 from fpg_bench.leaderboard.submission import PANELS, Submission, load_submission
 from fpg_bench.leaderboard.transcripts import entered_table
+from fpg_bench.players.player import SIDES
 from fpg_bench.rows import Row, RowFile
 
 # The tables that rounds decide: key, track, path, title.
@@ -242,18 +243,22 @@ def _profiles(standings: Sequence[Standing]) -> Row:
 
 
 def _crossplay(board: Path, cases: list[Case]) -> Row | None:
-    """The matrix of all pairs and its Nash mixtures; None where not all pairs were played."""
-    allies, opponents = entrants_of(cases)
-    known = read_pairs(board, allies, opponents, ROUNDS)
-    keys = [[pair_key(a, o, ROUNDS) for o in opponents] for a in allies]
-    if not allies or not opponents or not all(key in known for row in keys for key in row):
+    """The matrix of those who have all played each other, and its Nash mixtures; None where nobody has."""
+    every = entrants_of(cases)
+    known = read_pairs(board, *every, ROUNDS)
+    allies, opponents = fully_played(*every, known)
+    if not allies or not opponents:
         return None
-    matrix = np.array([[known[key]["jamming_success_rate"] for key in row] for row in keys])
-    found = nash(matrix)
+    rates = [[known[pair_key(a, o, ROUNDS)]["jamming_success_rate"] for o in opponents] for a in allies]
+    found = nash(np.array(rates))
     return {
         "allies": [a.slug for a in allies],
         "opponents": [o.slug for o in opponents],
-        "jamming_success_rate": matrix.tolist(),
+        "missing": {
+            side: [entrant.slug for entrant in entrants if entrant not in shown]
+            for side, entrants, shown in zip(SIDES, every, (allies, opponents), strict=True)
+        },
+        "jamming_success_rate": rates,
         "rounds": ROUNDS,
         "nash": {
             "ally": {a.slug: _short(p) for a, p in zip(allies, found.rows, strict=True)},

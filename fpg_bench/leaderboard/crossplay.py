@@ -9,7 +9,7 @@ import math
 import os
 import random
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -111,6 +111,27 @@ def read_pairs(board: Path, allies: list[Entrant], opponents: list[Entrant], rou
         if wanted.get(row["key"]) == (row["ally"], row["opponent"]):
             found[row["key"]] = row
     return found
+
+
+def fully_played(
+    allies: list[Entrant], opponents: list[Entrant], known: Container[str], rounds: int = ROUNDS
+) -> tuple[list[Entrant], list[Entrant]]:
+    """The players left once whoever lacks the largest share of pairs is taken out, until none lacks any.
+
+    Args:
+        allies, opponents: the players.
+        known: the keys of the pairs that were played.
+        rounds: of each pair.
+    """
+    allies, opponents = list(allies), list(opponents)
+    there = np.array([[pair_key(a, o, rounds) in known for o in opponents] for a in allies], bool)
+    while not there.all():
+        of_ally, of_opponent = there.mean(axis=1), there.mean(axis=0)
+        axis = 0 if of_ally.min() <= of_opponent.min() else 1
+        worst = int((of_ally, of_opponent)[axis].argmin())
+        (allies, opponents)[axis].pop(worst)
+        there = np.delete(there, worst, axis)
+    return allies, opponents
 
 
 def _is_pair(row: Row) -> bool:

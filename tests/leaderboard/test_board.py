@@ -6,6 +6,7 @@ import pytest
 from fpg_bench.errors import UserError
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.crossplay import play_missing
+from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.verify import verify
 from tests.leaderboard.entering import enter
 
@@ -113,7 +114,7 @@ def test_what_has_no_result_is_left_out(entered):
     assert "new" not in [row["slug"] for row in table(entered, "ally")["rows"]]
 
 
-def test_crossplay_is_there_once_all_pairs_are(entered):
+def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, tmp_path):
     assert make_board(entered)["crossplay"] is None
     play_missing(entered, say=quiet)
     found = make_board(entered)["crossplay"]
@@ -122,6 +123,15 @@ def test_crossplay_is_there_once_all_pairs_are(entered):
     assert [len(row) for row in found["jamming_success_rate"]] == [2] * 4
     assert sum(found["nash"]["ally"].values()) == pytest.approx(1, abs=1e-4)
     assert 0 <= found["nash"]["value"] <= 1
+    assert found["missing"] == {"ally": [], "opponent": []}
+    enter(entered, "ally", "new", script="reactive", name="Brand New")
+    verify(entered, ["ally/new"], say=quiet)
+    board = make_board(entered)
+    assert board["crossplay"] == found | {"missing": {"ally": ["new"], "opponent": []}}
+    build_site(board, tmp_path / "site")
+    page = (tmp_path / "site/crossplay.html").read_text()
+    assert "Not in it yet: Brand New." in page
+    assert "fpg-bench submit crossplay" in page
 
 
 def test_exploitability_is_shown_where_it_was_measured(entered):

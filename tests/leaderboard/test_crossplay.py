@@ -11,6 +11,8 @@ from fpg_bench.leaderboard.crossplay import (
     check_pairs,
     crossplay_file,
     entrants,
+    fully_played,
+    pair_key,
     play_missing,
     play_pair,
 )
@@ -127,6 +129,31 @@ def test_only_new_pairs_are_played(entered):
     assert play(entered, jobs=2) == "crossplay: 2 of 6 pairs to play"
     assert rows(entered)[2:] == first
     assert rows(entered)[0]["ally"] == "always-hop"
+
+
+@pytest.mark.parametrize(
+    ("played", "left"),
+    [
+        (["111", "111", "111"], ("012", "012")),
+        (["111", "111", "000"], ("01", "012")),  # a new ally
+        (["110", "110", "110"], ("012", "01")),  # a new opponent
+        (["110", "110", "000"], ("01", "01")),  # both
+        (["111", "101", "111"], ("02", "012")),  # a pair that failed
+        (["000", "000"], ("", "012")),
+        ([], ("", "012")),
+    ],
+)
+def test_who_lacks_pairs_is_taken_out(played, left):
+    opponents = [entrant("opponent-v1", str(k), *["tone"] * (k + 1)) for k in range(3)]
+    allies = [entrant("ally-v1", str(k), *["idle"] * (k + 1)) for k in range(len(played))]
+    known = {
+        pair_key(ally, opponent, ROUNDS)
+        for ally, row in zip(allies, played, strict=True)
+        for opponent, there in zip(opponents, row, strict=True)
+        if there == "1"
+    }
+    found = fully_played(allies, opponents, known, ROUNDS)
+    assert tuple("".join(player.slug for player in side) for side in found) == left
 
 
 def test_a_policy_that_fails_leaves_a_gap_and_a_line(entered, in_process):

@@ -7,6 +7,7 @@ from typing import Any
 from fpg_bench.envs.replay import script_json
 from fpg_bench.leaderboard.site.views import entry_head, is_verified, ordered
 from fpg_bench.leaderboard.site.wording import MEASURES, finite, measure_of
+from fpg_bench.players.player import SIDES
 
 Row = dict[str, Any]
 
@@ -107,13 +108,15 @@ def _numbers(values: Any, digits: int) -> list[float | None]:
 
 
 def crossplay_data(board: Row) -> Row | None:
-    """The matrix of every ally against every opponent, with its Nash mixture; None where there is none."""
+    """Allies against opponents, who is missing there, and the Nash mixture; None where nobody is there."""
     found = board.get("crossplay")
     if not isinstance(found, dict) or not found.get("allies") or not found.get("opponents"):
         return None
     nash = found.get("nash") if isinstance(found.get("nash"), dict) else None
+    names, missing = {side: _names(board, side) for side in SIDES}, found.get("missing") or {}
     return {
-        "names": {side: _names(board, side) for side in ("ally", "opponent")},
+        "names": names,
+        "missing": [names[side].get(slug, slug) for side in SIDES for slug in missing.get(side) or []],
         "allies": list(found["allies"]),
         "opponents": list(found["opponents"]),
         "rates": [_numbers(line, 4) for line in found["jamming_success_rate"]],

@@ -106,7 +106,9 @@ def rank_text(rank: Any) -> str:
 
 def lost_text(lost: Any, rounds: Any) -> str:
     """How many rounds were lost by rule; empty where none was."""
-    return f"{written(lost, 'whole')} of {written(rounds, 'whole')} rounds lost by rule" if finite(lost) else ""
+    return (
+        f"{written(lost, 'whole')} of {written(rounds, 'whole')} rounds lost by rule" if finite(lost) else ""
+    )
 
 
 def safe_link(text: Any) -> str | None:
