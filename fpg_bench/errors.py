@@ -35,5 +35,5 @@ def _ends_near(word: str, name: str) -> bool:
     """Whether the last parts are near; true where the words have not as many parts."""
     if word.count("/") != name.count("/"):
         return True
-    ends = [text.rpartition("/")[2] for text in (word, name)]
-    return difflib.SequenceMatcher(None, *ends).ratio() >= _NEAR
+    last, end = (text.rpartition("/")[2] for text in (word, name))
+    return difflib.SequenceMatcher(None, last, end).ratio() >= _NEAR

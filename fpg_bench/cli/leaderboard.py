@@ -18,7 +18,9 @@ SITE = Path("leaderboard/site")
 def build(
     out: Annotated[Path, typer.Option(help="the site's folder")] = SITE,
     folder: Annotated[Path, typer.Option(help="the leaderboard's folder")] = Path("leaderboard"),
-    replays: Annotated[bool, typer.Option(help="simulate rounds to watch, where they are not there")] = True,
+    replays: Annotated[
+        bool, typer.Option(help="simulate the rounds to watch that are not there; those that are stay")
+    ] = True,
 ) -> None:
     """Write the site: it needs no network and no server."""
     from rich.progress import Progress
@@ -30,13 +32,16 @@ def build(
     check_folder(out)
     with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("ranks", total=None)
-        board = make_board(folder)
+        left: list[str] = []
+        board = make_board(folder, left.append)
 
         def show(name: str) -> None:
             bar.update(task, description=name)
 
-        rounds = make_replays(board, folder, out, show) if replays else {}
+        rounds = make_replays(board, folder, out, show, simulate=replays)
         files = build_site(board, out, rounds, show)
+    for line in left:
+        say(line)
     entries = sum(len(track["rows"]) for track in board["tracks"])
     shown = sum(map(len, rounds.values()))
     say(f"{entries} entries, {shown} rounds to watch, {len(files)} files: open {out / 'index.html'}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from fpg_bench import __version__
-from fpg_bench.errors import UserError
+from fpg_bench.errors import UserError, nearest
 from fpg_bench.evaluation.panel import Panel, load_panel
 from fpg_bench.evaluation.planner_references import PlannerTable
 from fpg_bench.evaluation.seeds import PROTOCOL, SEASON
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.leaderboard.cases import Case, case_of, result_file, submission_folders
 from fpg_bench.leaderboard.crossplay import ROUNDS, entrants_of, fully_played, pair_key, read_pairs
+from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.nash import nash
 from fpg_bench.leaderboard.planner_ranking import planner_standing
 from fpg_bench.leaderboard.planner_track import TRACK
@@ -31,7 +32,7 @@ from fpg_bench.leaderboard.ranking import (
     standing,
 )
 from fpg_bench.leaderboard.result import Result, rounded
-from fpg_bench.leaderboard.submission import PANELS, Submission, load_submission
+from fpg_bench.leaderboard.submission import PANELS, TRACKS, Submission, load_submission
 from fpg_bench.leaderboard.transcripts import entered_table
 from fpg_bench.players.player import SIDES
 from fpg_bench.rows import Row, RowFile
@@ -44,9 +45,10 @@ TABLES = (
     ("planner", TRACK, None, "Planners of the opponent's path"),
 )
 EXPLOIT = "exploit.jsonl"
+_LONGEST_REASON = 300
 
 
-def make_board(folder: str | Path = "leaderboard") -> Row:
+def make_board(folder: str | Path = "leaderboard", say: Callable[[str], None] = lambda line: None) -> Row:
     """Everything that the site shows: tables with ranks, and cross-play.
 
     Figures come from results alone, texts from what was submitted. A submission whose result is missing is
@@ -54,12 +56,13 @@ def make_board(folder: str | Path = "leaderboard") -> Row:
 
     Args:
         folder: the leaderboard's.
+        say: told a line per submission that is left out or not verified, and why.
 
     Raises:
         UserError: no such folder, or a file of it that can't be read as what it is.
     """
     folder = Path(folder)
-    shown = _shown(folder)
+    shown = _shown(folder, say)
     return {
         "version": __version__,
         "protocol": PROTOCOL,
@@ -70,21 +73,38 @@ def make_board(folder: str | Path = "leaderboard") -> Row:
     }
 
 
-def _shown(board: Path) -> list[tuple[Submission, Case | None, str | None]]:
+def _shown(board: Path, say: Callable[[str], None]) -> list[tuple[Submission, Case | None, str | None]]:
     """Every readable submission that has a result: its case, or why the result does not count."""
     found: list[tuple[Submission, Case | None, str | None]] = []
+    for path in sorted((board / "submissions").glob("[!.]*/")):
+        if path.name not in TRACKS:
+            say(f"submissions/{path.name}: left out: is no track{nearest(path.name, TRACKS)}")
     for folder in submission_folders(board):
+        name = f"{folder.parent.name}/{folder.name}"
         if not result_file(board, folder.parent.name, folder.name).exists():
+            say(f"{name}: left out: has no result; make it: fpg-bench submit run {brief(folder)}")
             continue
         try:
             submission = load_submission(folder, contract=False)
-        except UserError:
-            continue  # nothing of it can be trusted, not even its name
-        try:
-            found.append((submission, case_of(board, submission), None))
         except UserError as error:
-            found.append((submission, None, str(error)))
+            say(f"{name}: left out: {error}")  # nothing of it can be trusted, not even its name
+            continue
+        case, why = _case(board, submission)
+        found.append((submission, case, why))
+        if why is not None:
+            say(f"{name}: not verified: {why}")
     return found
+
+
+def _case(board: Path, submission: Submission) -> tuple[Case | None, str | None]:
+    """The case of a submission whose result counts; None, and why it does not, of any other."""
+    try:
+        case = case_of(board, submission)
+    except UserError as error:
+        return None, str(error)
+    if case.known is None or case.known.verified:
+        return case, None
+    return None, "".join(c if c.isprintable() else " " for c in case.known.head["reason"][:_LONGEST_REASON])
 
 
 def _table(board: Path, shown: Iterable[Any], key: str, track: str, path: str | None, title: str) -> Row:
@@ -95,7 +115,7 @@ def _table(board: Path, shown: Iterable[Any], key: str, track: str, path: str | 
     scored = [
         (submission, case.known, _standing(case.known, case.panel))
         for submission, case, _ in mine
-        if case is not None and case.known is not None and case.known.verified
+        if case is not None and case.known is not None
     ]
     scored.sort(key=lambda item: (-item[2].value, item[0].slug))
     standings = [item[2] for item in scored]
@@ -107,8 +127,7 @@ def _table(board: Path, shown: Iterable[Any], key: str, track: str, path: str | 
         | {"rank": list(rank), "lead": _short(lead)}
         for (submission, result, entry), rank, lead in zip(scored, ranks, leads, strict=True)
     ]
-    good = {row["slug"] for row in rows}
-    rows += [_texts(s) | _blank(case, why) for s, case, why in mine if s.slug not in good]
+    rows += [_texts(submission) | _blank(why) for submission, _, why in mine if why is not None]
     return {
         "key": key,
         "title": title,
@@ -181,15 +200,14 @@ def _planner(result: Result) -> Row:
     return {**result.fingerprint["planner"], **{name: result.head["summary"][name] for name in names}}
 
 
-def _blank(case: Case | None, why: str | None) -> Row:
+def _blank(why: str) -> Row:
     """What is shown of a result that is not verified, or does not count."""
-    known = None if case is None else case.known
     empty: Row = dict.fromkeys(
         ("rank", "lead", "score", "mean", "worst", "exploitability", "planner", "histograms", "fingerprint")
     )
     return empty | {
         "status": "not verified",
-        "reason": why if known is None else str(known.head["reason"]),
+        "reason": why,
         "training_seeds": 0,
         "few_seeds": False,
         "entries": {},

@@ -3,6 +3,7 @@ import math
 
 import pytest
 
+from fpg_bench.cli.leaderboard import build
 from fpg_bench.errors import UserError
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.crossplay import play_missing
@@ -114,6 +115,31 @@ def test_what_has_no_result_is_left_out(entered):
     assert "new" not in [row["slug"] for row in table(entered, "ally")["rows"]]
 
 
+def test_who_is_left_out_or_not_verified_is_said_with_the_reason(entered, in_process):
+    torn, new = (
+        enter(entered, "ally", "torn", script="exprt"),
+        enter(entered, "ally", "new", script="reactive"),
+    )
+    (entered / "results/ally/torn.jsonl").write_text("")
+    enter(entered, "ally", "slow", seeds=(7,))
+    in_process.fails = True
+    verify(entered, ["ally/slow"], say=quiet)
+    wise = entered / "submissions/ally/wise/submission.yaml"
+    wise.write_text(wise.read_text().replace("much", "little"))
+    (entered / "submissions" / "planers").mkdir()
+    said = []
+    make_board(entered, said.append)
+    assert said == [
+        "submissions/planers: left out: is no track; did you mean 'planner'?",
+        f"ally/new: left out: has no result; make it: fpg-bench submit run {new}",
+        "ally/slow: not verified: seed_7: took longer than it may",
+        f"ally/torn: left out: submission {torn}: submission.yaml: script: unknown 'exprt'; "
+        "did you mean 'expert'?",
+        "ally/wise: not verified: submission.yaml or a policy changed since this result was made; "
+        f"make it again: fpg-bench submit run --update {wise.parent}",
+    ]
+
+
 def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, tmp_path):
     assert make_board(entered)["crossplay"] is None
     play_missing(entered, say=quiet)
@@ -153,3 +179,21 @@ def test_an_empty_board_is_a_board(board):
     found = make_board(board)
     assert not [row for track in found["tracks"] for row in track["rows"]]
     assert found["crossplay"] is None
+
+
+def test_the_verb_says_who_is_left_out_and_keeps_rounds_that_it_does_not_simulate(board, tmp_path, capsys):
+    enter(board, "ally", "wise", script="expert")
+    verify(board, say=quiet)
+    enter(board, "ally", "still", script="idle")
+    site = tmp_path / "site"
+    build(site, board)
+    first, told = capsys.readouterr().out.splitlines()
+    assert first.startswith("ally/still: left out: has no result")
+    assert told.startswith("1 entries, 1 rounds to watch")
+    rounds = sorted(site.glob("replays/ally/wise/*.js"))
+    assert len(rounds) == 1
+    verify(board, say=quiet)
+    build(site, board, replays=False)
+    assert capsys.readouterr().out.startswith("2 entries, 1 rounds to watch")
+    assert sorted(site.glob("replays/*/*/*.js")) == rounds
+    assert rounds[0].name in (site / "entries/ally/wise.html").read_text()

@@ -54,7 +54,11 @@ class Replay:
 
 
 def make_replays(
-    board: Row, folder: str | Path, out: str | Path, progress: Callable[[str], None] = lambda name: None
+    board: Row,
+    folder: str | Path,
+    out: str | Path,
+    progress: Callable[[str], None] = lambda name: None,
+    simulate: bool = True,
 ) -> dict[tuple[str, str], list[Replay]]:
     """Rounds of all entries of a board that can be played, by track and entry.
 
@@ -66,26 +70,28 @@ def make_replays(
         folder: the leaderboard's, which holds the submissions.
         out: the site's folder.
         progress: called with each entry's name.
+        simulate: whether to play the rounds that are not there.
     """
     found = {}
     for track in board["tracks"]:
         for row in track["rows"]:
             progress(f"{track['key']}/{row['slug']}")
-            replays = _entry_replays(track["key"], row, Path(folder), Path(out))
+            replays = _entry_replays(track["key"], row, Path(folder), Path(out), simulate)
             if replays:
                 found[track["key"], row["slug"]] = replays
     return found
 
 
-def _entry_replays(key: str, row: Row, folder: Path, out: Path) -> list[Replay]:
+def _entry_replays(key: str, row: Row, folder: Path, out: Path, simulate: bool) -> list[Replay]:
     """An entry's rounds; none where it is not verified or can't be played."""
     if row["status"] != "verified":
         return []
     try:
-        submission = load_submission(folder / "submissions" / key.partition("-")[0] / row["slug"])
+        home = folder / "submissions" / key.partition("-")[0] / row["slug"]
+        submission = load_submission(home, contract=simulate)
         panel = panel_of(submission)
         entries = _chosen(panel, (row.get("worst") or {}).get("entry"))
-        return list(_rounds(submission, panel, entries, key, out))
+        return list(_rounds(submission, panel, entries, key, out, simulate))
     except (PolicyFailed, UserError):
         return []  # submit verify says what is wrong
 
@@ -99,12 +105,12 @@ def _chosen(panel: Panel, worst: Any) -> list[Entry]:
 
 
 def _rounds(
-    submission: Submission, panel: Panel, entries: list[Entry], key: str, out: Path
+    submission: Submission, panel: Panel, entries: list[Entry], key: str, out: Path, simulate: bool
 ) -> Iterator[Replay]:
-    """The rounds; none is simulated where all are there already."""
+    """The rounds; none is simulated where all are there already, or nothing is to be."""
     files = [_file(submission, panel, entry, key) for entry in entries]
     known = [_kept(out / file, file) for file in files]
-    if None not in known:
+    if None not in known or not simulate:
         yield from (replay for replay in known if replay is not None)
         return
     with _player(submission) as player:
