@@ -19,15 +19,21 @@ FolderOption = Annotated[Path, typer.Option(help="the leaderboard's folder")]
 
 @app.command()
 def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")]) -> None:
-    """Say what is wrong with a submission, line by line, and try its policies for a few steps."""
-    from fpg_bench.leaderboard.check import problems
+    """Say what is wrong with a submission, line by line, and try its policies for a few steps.
+
+    A note is no fault.
+    """
+    from fpg_bench.leaderboard.check import notes, problems
     from fpg_bench.leaderboard.submission import load_submission
     from fpg_bench.leaderboard.trial import trial
 
     found = problems(folder)
     if not found:
-        for policy in load_submission(folder).policies:
+        submission = load_submission(folder)
+        for policy in submission.policies:
             found += [f"seed_{policy.seed}: {line}" for line in trial(policy)]
+        for line in notes(submission):
+            typer.echo(f"{folder}: note: {line}")
     for line in found:
         typer.echo(f"{folder}: {line}")
     if found:

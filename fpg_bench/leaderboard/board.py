@@ -23,7 +23,6 @@ from fpg_bench.leaderboard.nash import nash
 from fpg_bench.leaderboard.planner_ranking import planner_standing
 from fpg_bench.leaderboard.planner_track import TRACK
 from fpg_bench.leaderboard.ranking import (
-    FEW_SEEDS,
     Standing,
     improvements,
     lead_shares,
@@ -32,7 +31,7 @@ from fpg_bench.leaderboard.ranking import (
     standing,
 )
 from fpg_bench.leaderboard.result import Result, rounded
-from fpg_bench.leaderboard.submission import PANELS, TRACKS, Submission, load_submission
+from fpg_bench.leaderboard.submission import FEW_SEEDS, PANELS, TRACKS, Submission, load_submission
 from fpg_bench.leaderboard.transcripts import entered_table
 from fpg_bench.players.player import SIDES
 from fpg_bench.rows import Row, RowFile

@@ -12,9 +12,9 @@ from typing import Any
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.files import read_yaml
 from fpg_bench.leaderboard.fields import TRACKS, Training, plain, read_fields
-from fpg_bench.leaderboard.folder import file_problem, folder_problem, names, shown, strays
+from fpg_bench.leaderboard.folder import brief, file_problem, folder_problem, names, shown, strays
 from fpg_bench.leaderboard.policies import MOST_TEXT_BYTES, Policy, read_policies, seed_folders
-from fpg_bench.leaderboard.submission import Submission
+from fpg_bench.leaderboard.submission import FEW_SEEDS, Submission
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.scripted import SCRIPTED
@@ -32,6 +32,30 @@ def problems(folder: str | Path) -> list[str]:
     folder = Path(os.path.abspath(folder))
     submission, found = examine(folder)
     return found if submission is None else found + list(_taken(submission))
+
+
+def notes(submission: Submission, board: str | Path = "leaderboard") -> list[str]:
+    """What somebody should know of a submission that is sound, one line each.
+
+    Args:
+        submission: which :func:`problems` has found nothing wrong with.
+        board: the leaderboard's folder that it is probably meant for, if there is one.
+    """
+    return [*_few(submission), *_outside(submission.folder, Path(board))]
+
+
+def _few(submission: Submission) -> Iterator[str]:
+    count = len(submission.policies)
+    if 0 < count < FEW_SEEDS:
+        yield f"the board marks fewer than {FEW_SEEDS} training seeds, this has {count}"
+
+
+def _outside(folder: Path, board: Path) -> Iterator[str]:
+    if folder.parent.parent.name != "submissions":
+        yield "lies on no leaderboard; submit run takes <leaderboard>/submissions/<track>/<name>"
+    elif (board / "submissions").is_dir() and folder.parents[2].resolve() != board.resolve():
+        written = f"{brief(folder.parents[2])}/results"
+        yield f"does not lie in {board}/submissions; submit run writes its result to {written}"
 
 
 def examine(folder: Path, contract: bool = True) -> tuple[Submission | None, list[str]]:

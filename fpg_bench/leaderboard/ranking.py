@@ -22,8 +22,8 @@ from fpg_bench.evaluation.statistics import (
 )
 from fpg_bench.evaluation.zoo_scores import score_arrays
 from fpg_bench.leaderboard.result import Result
+from fpg_bench.leaderboard.submission import FEW_SEEDS
 
-FEW_SEEDS = 3  # fewer are marked
 _THRESHOLDS = 81  # of a profile
 _NORMAL = 1.95996
 

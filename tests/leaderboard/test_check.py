@@ -5,12 +5,13 @@ import sys
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.leaderboard.check import problems
+from fpg_bench.leaderboard.check import notes, problems
 from fpg_bench.leaderboard.submission import load_submission
 from tests.evaluation.zoo_making import policy
 from tests.leaderboard.making import FIELDS, write_seed, write_submission
 
 TRAINED = FIELDS["training"]
+NOWHERE = "lies on no leaderboard; submit run takes <leaderboard>/submissions/<track>/<name>"
 BOMB = "\n".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}' if i else 'x'] * 9)}]" for i in range(12))
 
 
@@ -291,6 +292,21 @@ def test_script_tags_in_names_are_text(tmp_path):
     assert load_submission(write_submission(tmp_path / "mine", name=name)).name == name
 
 
+def test_notes_tell_of_few_seeds_and_of_other_boards(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    place = tmp_path / "leaderboard/submissions/ally"
+    training = TRAINED | {"seeds": [0, 1, 2]}
+    assert notes(load_submission(write_submission(place / "mine", (0, 1, 2), training=training))) == []
+    script = {"training": None, "script": "expert", "name": "expert"}
+    assert notes(load_submission(write_submission(place / "expert", (), **script))) == []
+    other = write_submission(tmp_path / "other/submissions/ally/mine", (0, 1, 2), training=training)
+    line = "does not lie in leaderboard/submissions; submit run writes its result to other/results"
+    assert notes(load_submission(other)) == [line]
+    assert notes(load_submission(other), "nowhere") == []
+    few = write_submission(tmp_path / "mine", (0,), training=TRAINED | {"seeds": [0]})
+    assert notes(load_submission(few)) == ["the board marks fewer than 3 training seeds, this has 1", NOWHERE]
+
+
 def test_the_verb_says_line_by_line(tmp_path):
     folder = write_submission(tmp_path / "mine", name="")
     words = [sys.executable, "-m", "fpg_bench.cli", "submit", "check"]
@@ -299,5 +315,10 @@ def test_the_verb_says_line_by_line(tmp_path):
     assert found.stdout == f"{folder}: submission.yaml: name: expected 1 to 60 characters, got 0\n"
     sound = write_submission(tmp_path / "sound")
     found = subprocess.run([*words, str(sound)], capture_output=True, text=True)
-    assert (found.returncode, found.stdout) == (0, f"{sound}: nothing is wrong\n")
+    said = [
+        "note: the board marks fewer than 3 training seeds, this has 2",
+        f"note: {NOWHERE}",
+        "nothing is wrong",
+    ]
+    assert (found.returncode, found.stdout) == (0, "".join(f"{sound}: {line}\n" for line in said))
     assert subprocess.run([*words, str(tmp_path / "none")], capture_output=True, text=True).returncode == 1
