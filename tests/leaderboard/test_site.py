@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
@@ -11,7 +12,7 @@ from urllib.parse import unquote
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.leaderboard.site.build import build_site
+from fpg_bench.leaderboard.site.build import DOCS, build_site
 from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.leaderboard.site.serve import make_server
 from fpg_bench.leaderboard.site.wording import interval_text, rank_text, safe_link, written
@@ -141,6 +142,19 @@ def test_styles_and_scripts_of_ours_load_nothing(site):
                 "insertAdjacent",
             ):
                 assert word not in text, (path, word)
+
+
+def test_the_page_on_submitting_shows_the_docs_own_commands_and_leads_there(pages, site):
+    page, docs = pages[site / "submit.html"], Path(__file__).parents[2] / "docs"
+    told = (docs / "submitting.md").read_text()
+    commands = [line for text in page.text for line in text.splitlines() if line.startswith("fpg-bench ")]
+    verbs = [command.split()[1] for command in commands if command in told]
+    assert verbs == ["train", "export", "submit", "submit"]
+    links = [attrs["href"] for tag, attrs in page.elements if tag == "a" and attrs["href"].startswith(DOCS)]
+    assert len(links) == 6
+    assert all((docs / link.removeprefix(f"{DOCS}/").partition("#")[0]).is_file() for link in links)
+    urls = tomllib.loads((docs.parent / "pyproject.toml").read_text())["project"]["urls"]
+    assert urls["Documentation"].replace("/tree/", "/blob/") == DOCS
 
 
 def test_the_board_can_be_taken_away_whole(site):

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 MARK = ".fpg-site"  # what tells a folder that this has written, and may clear, from any other
 PLOTLY = "plotly.min.js"
+DOCS = "https://github.com/fpg-bench/fpg-bench/blob/main/docs"
 Replays = Mapping[tuple[str, str], list["Replay"]]
 Row = dict[str, Any]
 
@@ -121,6 +122,7 @@ def _environment(board: Row) -> Environment:
         "board": about,
         "player": Markup(replay_markup("h3")),  # the package's own
         "few_seeds": views.FEW_SEEDS,
+        "docs": DOCS,
     }
     return found
 
