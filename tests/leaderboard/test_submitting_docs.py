@@ -56,7 +56,9 @@ def test_the_page_s_snippets_make_a_sound_submission(entered):
     assert problems(folder / ENTRY) == []
     assert said.count("from the model's own predict") == 1
     assert "largest difference to predict: " in said
-    assert said.endswith(f"{ENTRY}: nothing is wrong\n")
+    assert f"\n{ENTRY}: nothing is wrong\n" in said
+    assert "crossplay: 0 of 0 pairs to play\n" in said
+    assert "ally/my-agent: left out: has no result" in said
 
 
 def test_every_key_is_told_of():
