@@ -1,4 +1,4 @@
-"""One run of the paper's experiment: both sides learn by MADDPG under a condition (Algorithm 1, Table 3)."""
+"""The paper's experiment: both sides learn by MADDPG under a condition (Algorithm 1, Table 3)."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -25,9 +26,11 @@ from fpg_bench.reproduce.recorded import Recorded
 from fpg_bench.reproduce.windows import FINAL, window_row, windows_of, write_windows
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.language_model import training_planner
+from fpg_bench.training.maddpg_seeds import learn_together
 from fpg_bench.training.models import make_model
 
 ALGORITHM = "maddpg"
+_VERSIONS = f"fpg-bench {fpg_bench.__version__}, torch {torch.__version__}, numpy {np.__version__}"
 _POSITIONS = 50  # of a round that is drawn
 
 
@@ -74,48 +77,69 @@ def run_experiment(
     condition: Condition,
     preset: str,
     budget: Budget,
-    seed: int,
-    path: Path,
+    paths: Mapping[int, Path],
     llm: Mapping[str, Any] | None = None,
 ) -> None:
-    """Train both sides under a condition, play the last policies without noise, and write the run's file.
+    """Train both sides under a condition, play the last policies without noise, and write what happened.
+
+    All seeds are trained at once, which takes little longer than one; each by its own games and chance, so
+    that the others make no difference to it beyond the rounding of sums.
 
     Args:
         condition: under which.
         preset: the scenario, ``paper`` or ``standard``.
         budget: how long.
-        seed: the training seed; the same one begins with the same networks and matches under every condition.
-        path: the CSV file, written at the end; see :mod:`fpg_bench.reproduce.windows`.
+        paths: the CSV file of each training seed (see :mod:`fpg_bench.reproduce.windows`). The same seed
+            begins with the same networks and matches under every condition.
         llm: options of a language model's planner, and ``transcript`` to replay one.
     """
     torch.set_num_threads(1)
     began = time.monotonic()
-    scenario, options = condition.scenario(preset), dict(condition.options)
-    words = dict(llm or {}) if options.get("planner") == "llm" else {}
-    planner = training_planner(
-        options.pop("planner", None), path.with_suffix(""), words.pop("transcript", None), words
-    )
-
-    def games_of(first_seed: int | None, stagger: bool) -> SB3View:
-        core = Recorded(budget.games, scenario=scenario, planner=planner, **options)
-        return SB3View(core, first_seed, stagger)
-
-    games = games_of(training_seed(seed), stagger=True)
-    model: Any = make_model(ALGORITHM, games, hyperparameters(budget), seed)
-    model.set_logger(configure(None, []))
+    runs = {seed: _Run(condition, preset, budget, seed, path, llm) for seed, path in paths.items()}
     steps = condition.budgets * budget.steps
-    model.learn(steps)
-    rows = windows_of(games.core.rounds, steps)  # type: ignore[union-attr]
-    final, paths = played_without_noise(model, games_of(None, stagger=False))
-    about = {
-        "condition": condition.name,
-        "scenario": f"{preset}, {scenario.hash}",
-        "budget": f"{budget.name}, {steps} steps, {model._n_updates} updates",
-        "seed": seed,
-        "versions": f"fpg-bench {fpg_bench.__version__}, torch {torch.__version__}, numpy {np.__version__}",
-        "seconds": round(time.monotonic() - began),
-    }
-    write_windows(path, about, [*rows, window_row(FINAL, steps, final, paths)])
+    learn_together({seed: run.model for seed, run in runs.items()}, steps)
+    finals = {seed: played_without_noise(run.model, run.games(None)) for seed, run in runs.items()}
+    seconds = round((time.monotonic() - began) / len(runs))
+    for seed, run in runs.items():
+        about = {
+            "condition": condition.name,
+            "scenario": f"{preset}, {run.scenario.hash}",
+            "budget": f"{budget.name}, {steps} steps, {run.model._n_updates} updates",
+            "seed": seed,
+            "trained at once": ", ".join(map(str, runs)),
+            "versions": _VERSIONS,
+            "seconds": seconds,
+        }
+        rows = windows_of(run.core.rounds, steps)
+        write_windows(paths[seed], about, [*rows, window_row(FINAL, steps, *finals[seed])])
+
+
+class _Run:
+    """One training seed under a condition: its games, which keep what was played, and its model."""
+
+    def __init__(
+        self,
+        condition: Condition,
+        preset: str,
+        budget: Budget,
+        seed: int,
+        path: Path,
+        llm: Mapping[str, Any] | None,
+    ) -> None:
+        self.scenario, options = condition.scenario(preset), dict(condition.options)
+        words = dict(llm or {}) if options.get("planner") == "llm" else {}
+        options["planner"] = training_planner(
+            options.get("planner"), path.with_suffix(""), words.pop("transcript", None), words
+        )
+        self._make = partial(Recorded, budget.games, scenario=self.scenario, **options)
+        games = self.games(training_seed(seed))
+        self.core: Recorded = games.core  # type: ignore[assignment]
+        self.model: Any = make_model(ALGORITHM, games, hyperparameters(budget), seed)
+        self.model.set_logger(configure(None, []))
+
+    def games(self, first_seed: int | None) -> SB3View:
+        """Games to train in, whose rounds end at different times; without a seed: to be played together."""
+        return SB3View(self._make(), first_seed, stagger=first_seed is not None)
 
 
 def played_without_noise(

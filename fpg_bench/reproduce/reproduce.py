@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -58,10 +58,7 @@ def reproduce(
     out = Path(out)
     wanted = {c.name: (c, _seeds(c, count)) for c in _conditions(target, scenario, budget, llm)}
     listed = [
-        _job(condition, scenario, budget, seed, out, llm)
-        for seed in range(count)
-        for condition, seeds_of in wanted.values()
-        if seed in seeds_of
+        _job(condition, scenario, budget, seeds_of, out, llm) for condition, seeds_of in wanted.values()
     ]
     failed = run_jobs(listed, jobs, backend, address, say)
     every = {c.name: range(count) for c in _conditions("all", scenario, BUDGETS["full"], {})}
@@ -96,26 +93,37 @@ def _seeds(condition: Condition, count: int) -> range:
 
 
 def _job(
-    condition: Condition, scenario: str, budget: Budget, seed: int, out: Path, llm: Mapping[str, Any] | None
+    condition: Condition,
+    scenario: str,
+    budget: Budget,
+    seeds: Iterable[int],
+    out: Path,
+    llm: Mapping[str, Any] | None,
 ) -> Job:
-    path = run_file(out, scenario, budget.name, condition.name, seed)
-    run = partial(_run, condition, scenario, budget, seed, path.absolute(), llm)
-    return Job(
-        f"{scenario} {condition.name} seed {seed}", run, partial(_keep, path), partial(_is_whole, path)
-    )
+    """All seeds of a condition that are missing, which learn together."""
+    paths = {seed: run_file(out, scenario, budget.name, condition.name, seed) for seed in seeds}
+    missing = {seed: path.absolute() for seed, path in paths.items() if not _is_whole(path)}
+    run = partial(_run, condition, scenario, budget, missing, llm)
+    seeds_told = ", ".join(map(str, missing))
+    return Job(f"{scenario} {condition.name} seeds {seeds_told}", run, _keep, lambda: not missing)
 
 
 def _run(
-    condition: Condition, scenario: str, budget: Budget, seed: int, path: Path, llm: Mapping[str, Any] | None
-) -> str:
-    """Run it in a worker; gives the file's text, which the driver writes if it is elsewhere."""
-    run_experiment(condition, scenario, budget, seed, path, llm)
-    return path.read_text()
+    condition: Condition,
+    scenario: str,
+    budget: Budget,
+    paths: Mapping[int, Path],
+    llm: Mapping[str, Any] | None,
+) -> dict[Path, str]:
+    """Run it in a worker; gives the files' texts, which the driver writes if it is elsewhere."""
+    run_experiment(condition, scenario, budget, paths, llm)
+    return {path: path.read_text() for path in paths.values()}
 
 
-def _keep(path: Path, text: str) -> None:
-    if not path.is_file():
-        write_whole(path, text)
+def _keep(texts: Mapping[Path, str]) -> None:
+    for path, text in texts.items():
+        if not path.is_file():
+            write_whole(path, text)
 
 
 def _is_whole(path: Path) -> bool:

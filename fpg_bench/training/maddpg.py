@@ -22,9 +22,8 @@ from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.td3.policies import Actor
 from torch import nn
-from torch.nn import functional
 
-Sizes = tuple[tuple[int, int], ...]
+from fpg_bench.training.maddpg_learner import Learner, Sizes, acted
 
 
 class JointBuffer(ReplayBuffer):
@@ -81,7 +80,7 @@ class JointPolicy(BasePolicy):
             optimizer_kwargs=optimizer_kwargs,
             squash_output=True,
         )
-        self.sizes = tuple(map(tuple, sizes))
+        self.sizes: Sizes = tuple((seen, acts) for seen, acts in sizes)
         self.net_arch, self.activation_fn = net_arch or [64, 64], activation_fn
         own = list(
             zip(*map(_parts, (observation_space, action_space), zip(*sizes, strict=True)), strict=True)
@@ -113,13 +112,8 @@ class JointPolicy(BasePolicy):
             for seen, acts in spaces_of
         )
 
-    def acted(self, actors: nn.ModuleList, observation: torch.Tensor) -> list[torch.Tensor]:
-        """What each of the actors does, in [-1, 1], by its own part of the observation ``(n, all)``."""
-        seen = observation.split([size for size, _ in self.sizes], dim=1)
-        return [actor(part) for actor, part in zip(actors, seen, strict=True)]
-
     def _predict(self, observation: torch.Tensor, deterministic: bool = False) -> torch.Tensor:  # type: ignore[override]
-        return torch.cat(self.acted(self.actors, observation), 1)
+        return torch.cat(acted(self.sizes, list(self.actors), observation), 1)
 
     def forward(self, observation: torch.Tensor, deterministic: bool = False) -> torch.Tensor:
         """All players' actions in [-1, 1]."""
@@ -215,45 +209,39 @@ class MADDPG(OffPolicyAlgorithm):
 
     def train(self, gradient_steps: int, batch_size: int = 32) -> None:
         """Update all critics and actors, as often as asked."""
-        policy = self.policy
-        policy.set_training_mode(True)
-        self._update_learning_rate([policy.actor_optimizer, policy.critic_optimizer])
-        networks, targets = (
-            [weights.data for part in parts for weights in part.parameters()]
-            for parts in ((policy.actors, policy.critics), (policy.actor_targets, policy.critic_targets))
-        )
+        self.policy.set_training_mode(True)
+        learner = self._learner()
+        self._update_learning_rate([learner.actor_optimizer, learner.critic_optimizer])
         for _ in range(gradient_steps):
-            batch = self.replay_buffer.sample(batch_size)  # type: ignore[union-attr]
-            critic_loss = self._critic_loss(batch)
-            _descend(critic_loss, policy.critic_optimizer)
-            actor_loss = self._actor_loss(batch)
-            _descend(actor_loss, policy.actor_optimizer)
-            torch._foreach_lerp_(targets, networks, self.tau)  # Polyak's average
+            critic_loss, actor_loss = learner.update(self.replay_buffer.sample(batch_size))  # type: ignore[union-attr]
         self._n_updates += gradient_steps
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
         self.logger.record("train/actor_loss", actor_loss.item())
         self.logger.record("train/critic_loss", critic_loss.item())
 
-    def _critic_loss(self, batch: ReplayBufferSamples) -> torch.Tensor:
-        """The mean squared error of each critic's estimate of its player's return, summed over players."""
+    def _learner(self) -> Learner:
         policy = self.policy
-        with torch.no_grad():
-            seen = batch.next_observations
-            acts = torch.cat(policy.acted(policy.actor_targets, seen), 1)
-            future = torch.cat([critic(seen, acts)[0] for critic in policy.critic_targets], 1)
-            wanted = batch.rewards + (1 - batch.dones) * self.gamma * future
-        found = [critic(batch.observations, batch.actions)[0] for critic in policy.critics]
-        return functional.mse_loss(torch.cat(found, 1), wanted, reduction="sum") / len(wanted)
-
-    def _actor_loss(self, batch: ReplayBufferSamples) -> torch.Tensor:
-        """How little each critic expects where its player acts by its actor and the others as they did."""
-        policy = self.policy
-        did = batch.actions.split([size for _, size in policy.sizes], dim=1)
-        loss = torch.zeros(())
-        for player, act in enumerate(policy.acted(policy.actors, batch.observations)):
-            acts = torch.cat([*did[:player], act, *did[player + 1 :]], 1)
-            loss = loss - policy.critics[player](batch.observations, acts)[0].mean()
-        return loss
+        weights, targets = (
+            [each.data for part in parts for each in part.parameters()]
+            for parts in ((policy.actors, policy.critics), (policy.actor_targets, policy.critic_targets))
+        )
+        critics, critic_targets = (
+            [cast(ContinuousCritic, critic).q1_forward for critic in part]
+            for part in (policy.critics, policy.critic_targets)
+        )
+        return Learner(
+            policy.sizes,
+            list(policy.actors),
+            critics,
+            list(policy.actor_targets),
+            critic_targets,
+            policy.actor_optimizer,
+            policy.critic_optimizer,
+            weights,
+            targets,
+            self.gamma,
+            self.tau,
+        )
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
         return ["policy", "policy.actor_optimizer", "policy.critic_optimizer"], []
@@ -274,12 +262,6 @@ class OnePlayer:
 
     def get_vec_normalize_env(self) -> None:
         """There is none."""
-
-
-def _descend(loss: torch.Tensor, optimizer: torch.optim.Optimizer) -> None:
-    optimizer.zero_grad()
-    loss.backward(inputs=optimizer.param_groups[0]["params"])  # not those of critics that judge an actor
-    optimizer.step()
 
 
 def _parts(space: spaces.Box, sizes: Sequence[int]) -> list[spaces.Box]:

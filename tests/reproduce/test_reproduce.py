@@ -81,7 +81,7 @@ def test_what_was_run_is_not_run_again(made):
 def test_the_same_seed_gives_the_same_rows(made, tmp_path):
     out, *_ = made
     (base,) = conditions_of("fig4", "paper", full=False)
-    run_experiment(base, "paper", TINY, 0, tmp_path / "again.csv")
+    run_experiment(base, "paper", TINY, {0: tmp_path / "again.csv"})
     first, again = (
         read_windows(path)[1]
         for path in (out / "rows/paper-tiny" / BASE / "seed_0.csv", tmp_path / "again.csv")
