@@ -110,7 +110,9 @@ def _wrong_files(where: Path, panel: PlannerPanel) -> Iterator[str]:
     known = {*_LARGEST, *needed, *(name + PACKED for name in needed)}
     size = 0
     for path in (where / name for name in names(where)):
-        if path.is_symlink() or not path.is_file():
+        if path.is_dir() and not path.is_symlink():
+            yield f"{FOLDER}/{path.name!r:.60}: is a folder; the files lie in {FOLDER} itself"
+        elif path.is_symlink() or not path.is_file():
             yield f"{FOLDER}/{path.name!r:.60}: not a plain file"
         elif path.name not in known:
             yield f"{FOLDER}/{path.name!r:.60}: does not belong here"

@@ -53,7 +53,8 @@ def test_every_command_works_in_the_order_of_the_page(tmp_path, environment):
             if language == "yaml":
                 (tmp_path / ENTRY / "submission.yaml").write_text(code)
                 continue
-            for line in code.strip().splitlines():
+            lines = code.strip().splitlines()
+            for line in lines * 2 if "gzip" in code else lines:  # what was recorded anew is taken in, too
                 if line.startswith("export "):
                     name, _, value = line.removeprefix("export ").partition("=")
                     environment[name] = server.url if name == "FPG_LLM_BASE_URL" else value
@@ -64,7 +65,7 @@ def test_every_command_works_in_the_order_of_the_page(tmp_path, environment):
                 )
                 assert found.returncode == 0, f"{line}\n{found.stdout}\n{found.stderr}"
                 ran.append(line)
-    assert len(ran) == 7
+    assert len(ran) == 10
     head = json.loads((tmp_path / "leaderboard/results/planner/my-model.jsonl").read_text().splitlines()[0])
     assert (head["status"], head["fingerprint"]["planner"]["model"]) == ("verified", "my-model")
     table = (tmp_path / "runs/again/table.csv").read_text()

@@ -68,7 +68,7 @@ def test_a_language_model_plays_the_first_twenty_matches_and_others_play_all():
         (lambda f: (f / "expert.jsonl").unlink(), "transcripts/expert.jsonl: is missing"),
         (lambda f: (f / "planner.json").unlink(), "transcripts/planner.json: is missing"),
         (lambda f: (f / "notes.txt").write_text("hello"), "transcripts/'notes.txt': does not belong here"),
-        (lambda f: (f / "more").mkdir(), "transcripts/'more': not a plain file"),
+        (lambda f: (f / "more").mkdir(), "transcripts/'more': is a folder; the files lie in transcripts"),
         (lambda f: (f / "idle.jsonl.gz").write_bytes(b""), "lies there packed and unpacked"),
         (lambda f: (f / "prompt.yml").write_text("#" * 20_000), "prompt.yml: 20,000 bytes, more than 16,000"),
     ],
