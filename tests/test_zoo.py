@@ -14,6 +14,7 @@ import pytest
 
 from fpg_bench import make_sb3
 from fpg_bench.envs.both_sides import make_sb3_duel
+from fpg_bench.evaluation.exploits import exploit_lines
 from fpg_bench.evaluation.panel import load_panel
 from fpg_bench.evaluation.references import measure_panel
 from fpg_bench.evaluation.zoo import load_zoo
@@ -166,6 +167,23 @@ def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
         lines = [line for line in read_lines(zoo, member.view, panel) if line["training_seed"] == member.seed]
         played = [first_returns(str(member.folder), panel, entry) for entry in panel.entries]
         assert played == [line["returns"][:2] for line in lines]
+
+
+def test_best_responses_to_the_zoo_are_trained_once_and_shown(tiny, tmp_path):
+    shutil.copytree(tiny, tmp_path / "zoo")
+    words = ["--zoo", "zoo", "--only", "small/td3", "--steps", "400", "--responses", "1", "--jobs", "1"]
+    run = [sys.executable, ROOT / "scripts" / "exploit_zoo.py", *words]
+    for said in ("small/td3/seed_0", ""):  # only seed 0, and nothing the second time
+        found = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True)
+        assert found.returncode == 0, found.stderr
+        assert ("begins" in found.stdout) == bool(said)
+        assert said in found.stdout
+    zoo = load_zoo(tmp_path / "zoo")
+    (line,) = exploit_lines(zoo, zoo.views[0])
+    assert (line["algorithm"], line["training_seed"], line["steps"]) == ("td3", 0, 400)
+    (score,) = line["responses"]
+    (shown,) = [row for row in page(zoo).splitlines() if row.startswith("| td3/seed_0 |")]
+    assert shown.startswith(f"| td3/seed_0 | {score:.1f} | {score:.1f} | {line['script_score']:.1f} ")
 
 
 def test_the_script_checks(tiny, tmp_path):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.evaluation.curves import curve_file
+from fpg_bench.evaluation.exploits import exploit_lines
 from fpg_bench.evaluation.panel import Panel, load_panel
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import as_markdown, number
@@ -102,7 +103,7 @@ def _section(zoo: Zoo, view: ZooView) -> str:
     head = [f"## {view.name}", "", _described(view, panel), ""]
     if not lines:
         return "\n".join([*head, "Not trained yet.", ""])
-    body = [_table(zoo, view, panel, lines)]
+    body = [_table(zoo, view, panel, lines), *_exploits(zoo, view)]
     if trained_names(lines):
         for name, words in zip(PICTURES, (_CURVES, _PROFILES, _IMPROVEMENT), strict=True):
             body += [words, "", f"![{name} of {view.name}](scores/{view.name}/{name}.png)", ""]
@@ -128,6 +129,32 @@ def _table(zoo: Zoo, view: ZooView, panel: Panel, lines: list[Row]) -> str:
     names += [heading for heading, _ in _MEASURES] + ["time (min)"]
     cells = [_cells(zoo, view, panel, summary) for summary in summarise_lines(lines, panel)]
     return as_markdown(names, cells, "").rstrip() + "\n"
+
+
+def _exploits(zoo: Zoo, view: ZooView) -> list[str]:
+    lines = exploit_lines(zoo, view)
+    if not lines:
+        return []
+    lines.sort(key=lambda line: -min(line["responses"]))
+    budgets = {(line["trained_by"], line["steps"]) for line in lines}
+    told = " or ".join(f"{algorithm} with {steps / 1e6:.3g}M steps" for algorithm, steps in sorted(budgets))
+    entries = ", ".join(sorted({f"`{line['entry']}`" for line in lines}))
+    words = (
+        f"Best responses: fresh players of the other side, trained by {told} each to lower what the agent "
+        "earns, which learns no more (`python scripts/exploit_zoo.py`). Its lowest score is an upper bound "
+        f"on its worst. 0 and 100 are what random and the panel's reference earn at {entries}."
+    )
+    cells = [
+        [
+            f"{line['algorithm']}/seed_{line['training_seed']}",
+            number(min(line["responses"])),
+            ", ".join(map(number, line["responses"])),
+            f"{number(line['script_score'])} {line['script']}",
+        ]
+        for line in lines
+    ]
+    names = ["agent", "lowest", "against each response", "against the strongest script"]
+    return [words, "", as_markdown(names, cells, "").rstrip(), ""]
 
 
 def _cells(zoo: Zoo, view: ZooView, panel: Panel, s: Summary) -> list[str]:
