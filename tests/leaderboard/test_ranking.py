@@ -1,3 +1,6 @@
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,7 +12,11 @@ from fpg_bench.leaderboard.ranking import (
     profiles,
     rank_ranges,
 )
+from fpg_bench.leaderboard.site.wording import rank_text
+from fpg_bench.players.scripted import SCRIPTED
+from fpg_bench.rows import RowFile
 
+PAGE = Path(__file__).parents[2] / "docs" / "leaderboard.md"
 MATCHES = 40
 CHANCE = np.random.default_rng(0).normal(0, 30, (3, MATCHES))  # shared by all who play the same rounds
 
@@ -119,3 +126,29 @@ def test_an_empty_table_has_no_ranks():
     assert rank_ranges([]) == []
     assert lead_shares([]).tolist() == []
     assert improvements([]) == []
+
+
+def test_the_docs_example_is_what_comes_out():
+    found = re.findall(r"^\| ([abc]) \| (.*) \| (.*) \| (.*) \| (\d+) % \|$", PAGE.read_text(), re.MULTILINE)
+    seeds = {name: [float(seed) for seed in told.split(", ")] for name, told, *_ in found}
+    entries = [Standing(name, np.array(values).reshape(-1, 1, 1), True) for name, values in seeds.items()]
+    for (_, _, score, rank, lead), entry, ranks, share in zip(
+        found, entries, rank_ranges(entries), lead_shares(entries), strict=True
+    ):
+        of = entry.interval
+        assert score == f"{of.value:.1f} [{of.low:.1f}, {of.high:.1f}]"
+        assert rank == rank_text(ranks)
+        assert float(lead) == pytest.approx(100 * share, abs=0.5)
+
+
+def test_scripted_opponents_fly_alike_in_both_tables_but_for_random():
+    for name in SCRIPTED["opponent"]:
+        pursuit, learned = (
+            RowFile(PAGE.parents[1] / f"leaderboard/results/opponent/{slug}.jsonl").read()[1:]
+            for slug in (name, f"{name}-learned")
+        )
+        same = [
+            np.allclose(one["returns"], other["returns"], rtol=1e-4, atol=0.01)
+            for one, other in zip(pursuit, learned, strict=True)
+        ]
+        assert set(same) == {name != "random"}
