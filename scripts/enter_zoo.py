@@ -3,12 +3,14 @@
     python scripts/enter_zoo.py [--folder leaderboard]
 
 Run it again whenever agents were shipped: it writes what is new or has changed, and takes nothing away. An
-algorithm is entered once all its training seeds are there.
+algorithm is entered once all its training seeds are there. What agents score against best responses to them
+(scripts/exploit_zoo.py) is put on the board, too.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -16,8 +18,10 @@ from typing import Any
 import yaml
 
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.exploits import exploit_lines
 from fpg_bench.evaluation.zoo import Member, ZooView, load_zoo
 from fpg_bench.files import write_whole
+from fpg_bench.leaderboard.board import EXPLOIT
 from fpg_bench.players.scripted import SCRIPTED
 
 AUTHORS = ["fpg-bench maintainers"]
@@ -162,14 +166,25 @@ def agent(view: ZooView, algorithm: str, members: list[Member]) -> str:
     )
 
 
+def best_responses() -> str:
+    """A line for each algorithm that best responses were trained to, as the board reads them."""
+    zoo, found = load_zoo(), []
+    for view in zoo.views:
+        for line in exploit_lines(zoo, view) if view.panel in TRACKS else ():
+            head = {"track": TRACKS[view.panel][0], "slug": f"{view.name}-{line['algorithm']}"}
+            found.append(json.dumps(head | {"scores": line["responses"]}) + "\n")
+    return "".join(found)
+
+
 def main() -> int:
     """Write what is new or has changed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--folder", type=Path, default=Path("leaderboard"), help="the leaderboard's folder")
     folder = parser.parse_args().folder
-    for name, text in (scripts() | agents()).items():
-        path = folder / "submissions" / name / "submission.yaml"
-        if not path.exists() or path.read_text(encoding="utf-8") != text:
+    entries = {f"submissions/{name}/submission.yaml": text for name, text in (scripts() | agents()).items()}
+    for name, text in (entries | {f"results/{EXPLOIT}": best_responses()}).items():
+        path = folder / name
+        if text and (not path.exists() or path.read_text(encoding="utf-8") != text):
             print(f"{'changed' if path.exists() else 'new'}: {name}")
             write_whole(path, text)
     return 0

@@ -119,7 +119,7 @@ def _table(board: Path, shown: Iterable[Any], key: str, track: str, path: str | 
     scored.sort(key=lambda item: (-item[2].value, item[0].slug))
     standings = [item[2] for item in scored]
     ranks, leads = rank_ranges(standings), lead_shares(standings)
-    exploited = _exploitability(board, track)
+    exploited = _best_responses(board, track)
     rows = [
         _texts(submission)
         | _figures(result, entry, panel, exploited.get(submission.slug))
@@ -184,7 +184,7 @@ def _figures(result: Result, entry: Standing, panel: Panel, exploited: Row | Non
         "entries": entries,
         "seeds": {k: _short(value) for k, value in zip(seeds, entry.per_seed, strict=entry.trained)},
         "measures": {"return": summary["measures"][f"{panel.side}_return"], **summary["measures"]},
-        "exploitability": exploited,
+        "best_response": exploited,
         "lost": summary["lost"],
         "rounds": summary["rounds"],
         "planner": _planner(result) if isinstance(panel, PlannerTable) else None,
@@ -202,7 +202,7 @@ def _planner(result: Result) -> Row:
 def _blank(why: str) -> Row:
     """What is shown of a result that is not verified, or does not count."""
     empty: Row = dict.fromkeys(
-        ("rank", "lead", "score", "mean", "worst", "exploitability", "planner", "histograms", "fingerprint")
+        ("rank", "lead", "score", "mean", "worst", "best_response", "planner", "histograms", "fingerprint")
     )
     return empty | {
         "status": "not verified",
@@ -223,19 +223,21 @@ def _points(result: Result, key: str) -> list[float | None]:
     return [_short(share) for share in total / max(total.sum(), 1)]
 
 
-def _exploitability(board: Path, track: str) -> dict[str, Row]:
-    """By name, how little players earn at worst, where that was measured; the newest of each.
+def _best_responses(board: Path, track: str) -> dict[str, Row]:
+    """By name, the lowest and highest score against best responses, where there are any; the newest of each.
 
     Raises:
         UserError: a line without its figures.
     """
     file, found = RowFile(board / "results" / EXPLOIT), {}
     for number, row in enumerate(file.read(), 1):
-        figures = [row.get(key) for key in ("value", "low", "high")]
-        if not {"track", "slug"} <= row.keys() or not all(isinstance(x, int | float) for x in figures):
-            raise UserError(f"{file.path}: line {number} lacks track, slug, value, low or high")
+        scores: Any = row.get("scores")
+        sound = isinstance(scores, list) and scores and all(isinstance(x, int | float) for x in scores)
+        if not {"track", "slug"} <= row.keys() or not sound:
+            raise UserError(f"{file.path}: line {number} lacks track, slug or scores")
         if row["track"] == track:
-            found[str(row["slug"])] = {key: _short(row[key]) for key in ("value", "low", "high")}
+            low, high = _short(min(scores)), _short(max(scores))
+            found[str(row["slug"])] = {"value": low, "low": low, "high": high}
     return found
 
 

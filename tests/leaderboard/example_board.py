@@ -72,7 +72,7 @@ def _row(rng, key: str, index: int, names: list[str], hostile: bool) -> dict:
         "entries": {name: _interval(value, 9) for name, value in scores.items()} if verified else {},
         "seeds": {} if kind == "script" or not verified else {str(k): score + k - 2 for k in range(5)},
         "measures": _measures(rng) if verified else {},
-        "exploitability": _interval(12.0, 3) if index == 2 else None,
+        "best_response": _interval(12.0, 3) if index == 2 else None,
         "lost": 1234 if index == 4 else 0,
         "rounds": 5000,
         "training": None

@@ -160,16 +160,21 @@ def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, 
     assert "fpg-bench submit crossplay" in page
 
 
-def test_exploitability_is_shown_where_it_was_measured(entered):
+def test_best_response_is_shown_where_it_was_measured(entered):
     rows = [
-        {"track": "ally", "slug": "wise", "value": 1, "low": 0, "high": 2},
-        {"track": "ally", "slug": "wise", "value": 3, "low": 2, "high": 4, "responses": 3},
-        {"track": "opponent", "slug": "still", "value": 9, "low": 9, "high": 9},
+        {"track": "ally", "slug": "wise", "scores": [1]},
+        {"track": "ally", "slug": "wise", "scores": [3, 2.5, 4]},
+        {"track": "opponent", "slug": "still", "scores": [9]},
     ]
     file = entered / "results/exploit.jsonl"
     file.write_text("".join(json.dumps(row) + "\n" for row in rows))
-    found = {row["slug"]: row["exploitability"] for row in table(entered, "ally")["rows"]}
-    assert found == {"wise": {"value": 3, "low": 2, "high": 4}, "still": None, "linear": None, "few": None}
+    found = {row["slug"]: row["best_response"] for row in table(entered, "ally")["rows"]}
+    assert found == {
+        "wise": {"value": 2.5, "low": 2.5, "high": 4},
+        "still": None,
+        "linear": None,
+        "few": None,
+    }
     file.write_text('{"track": "ally"}\n')
     with pytest.raises(UserError, match=r"exploit.jsonl: line 1 lacks"):
         make_board(entered)

@@ -32,7 +32,7 @@ def entry_view(track: Row, row: Row) -> Row:
         "worst": worst.get("entry") or "",
         "worst_score": written(worst.get("value")),
         "best": _best(entries, names),
-        "exploitability": _exploitability(row.get("exploitability")),
+        "best_response": _best_responses(row.get("best_response")),
         "axis": axis_of(domain),
         "entries": [_scored(name, entries[name], domain) for name in names],
         "seeds": _seeds(row, domain),
@@ -48,7 +48,7 @@ def _best(entries: Row, names: list[str]) -> str:
     return max(known, key=lambda name: known[name]) if known else ""
 
 
-def _exploitability(found: Any) -> str:
+def _best_responses(found: Any) -> str:
     if value_of(found) is None:
         return ""
     between = wording.interval_text(found)

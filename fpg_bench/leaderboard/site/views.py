@@ -51,7 +51,7 @@ def track_view(track: Row) -> Row:
     rows = ordered(track["rows"])
     domain = drawing.domain_of([row.get("score") for row in rows])
     names = _columns(rows)
-    exploitability = any(value_of(row.get("exploitability")) is not None for row in rows)
+    best_response = any(value_of(row.get("best_response")) is not None for row in rows)
     return {
         "key": track["key"],
         "title": track["title"],
@@ -61,7 +61,7 @@ def track_view(track: Row) -> Row:
         "reference": track.get("reference"),
         "entries": list(track.get("entries") or []),
         "columns": [{"name": name, **wording.measure_of(name)._asdict()} for name in names],
-        "exploitability": exploitability,
+        "best_response": best_response,
         "axis": axis_of(domain),
         "rows": [_row_view(track, row, names, domain) for row in rows],
         "strengths": _strengths(track, rows),
@@ -102,8 +102,8 @@ def _row_view(track: Row, row: Row, names: list[str], domain: drawing.Domain) ->
         "worst": written(worst.get("value")),
         "worst_sort": finite(worst.get("value")),
         "worst_entry": worst.get("entry") or "",
-        "exploitability": written(value_of(row.get("exploitability"))),
-        "exploitability_sort": value_of(row.get("exploitability")),
+        "best_response": written(value_of(row.get("best_response"))),
+        "best_response_sort": value_of(row.get("best_response")),
         "measures": [
             {
                 "text": _in_column(measures.get(name), wording.measure_of(name).style),
