@@ -1,5 +1,6 @@
 """The paper's experiments with a tiny budget: what is run, kept, drawn, written, and gone on with."""
 
+import re
 import subprocess
 import sys
 
@@ -178,4 +179,10 @@ def test_the_verb_writes_the_tables_at_once(tmp_path):
     command = [sys.executable, "-m", "fpg_bench.cli", "reproduce", "tables", "--out", str(tmp_path)]
     found = subprocess.run(command, capture_output=True, text=True)
     assert found.returncode == 0, found.stderr
-    assert "Table 2" in (tmp_path / "report-paper.md").read_text()
+    headings = re.findall("^## (.+)$", (tmp_path / "report-paper.md").read_text(), re.MULTILINE)
+    assert [heading.partition(":")[0] for heading in headings] == [
+        "Table 1",
+        "Table 2",
+        "Table 3",
+        "How it was made",
+    ]
