@@ -55,8 +55,9 @@ def strays(folder: Path, known: Iterable[str]) -> list[str]:
 
 
 def brief(path: Path) -> str:
-    """A path as a message says it: from the working folder where that is shorter than the whole."""
-    return min(os.path.relpath(path), str(path), key=len)
+    """A path as a message says it: from the working folder where it lies in there."""
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 def shown(text: object, most: int = 60) -> str:
