@@ -11,7 +11,7 @@ benchmark: .venv/.ready
 	$(BIN)/fpg-bench evaluate all-scripted $(RESULTS)/ppo/agent --panel ally-v1 --out $(RESULTS)/ally-v1
 
 test: .venv/.ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=5
 
 .venv/.ready: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit("fpg-bench needs Python 3.11 or newer" if sys.version_info < (3, 11) else 0)'
