@@ -7,14 +7,14 @@ what all of them observe, one after the other, and gives all their actions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, ClassVar, cast
 
 import numpy as np
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.buffers import ReplayBuffer
-from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
 from stable_baselines3.common.torch_layers import FlattenExtractor
@@ -47,6 +47,26 @@ class JointBuffer(ReplayBuffer):
             self.rewards[at] * self._scale,
         )
         return ReplayBufferSamples(*map(self.to_torch, data))
+
+
+class WhiteNoise(VectorizedActionNoise):
+    """Normal noise on all actions of all games, drawn at once; SB3 draws it game by game.
+
+    Args:
+        sd: its standard deviation.
+        shape: of the actions, ``(games, size)``.
+    """
+
+    def __init__(self, sd: float, shape: tuple[int, int]) -> None:
+        super().__init__(NormalActionNoise(np.zeros(shape[1]), np.full(shape[1], sd)), shape[0])
+        self._sd, self._shape = sd, shape
+
+    def __call__(self) -> np.ndarray:
+        """Draw ``(games, size)`` float32."""
+        return np.random.normal(0, self._sd, self._shape).astype(np.float32)  # noqa: NPY002
+
+    def reset(self, indices: Iterable[int] | None = None) -> None:
+        """Do nothing: it remembers nothing."""
 
 
 class JointPolicy(BasePolicy):
@@ -111,6 +131,11 @@ class JointPolicy(BasePolicy):
             )
             for seen, acts in spaces_of
         )
+
+    def set_training_mode(self, mode: bool) -> None:
+        """As SB3's, which walks through all networks at every step even where nothing changes."""
+        if mode != self.training:
+            super().set_training_mode(mode)
 
     def _predict(self, observation: torch.Tensor, deterministic: bool = False) -> torch.Tensor:  # type: ignore[override]
         return torch.cat(acted(self.sizes, list(self.actors), observation), 1)
@@ -198,8 +223,8 @@ class MADDPG(OffPolicyAlgorithm):
             sizes = self.env.get_attr("sizes")[0]
             self.policy_kwargs["sizes"] = sizes
             self.replay_buffer_kwargs = {"players": len(sizes), "reward_scale": self.reward_scale}
-        acts = np.zeros(cast(spaces.Box, self.action_space).shape)
-        self.action_noise = NormalActionNoise(acts, acts + self.noise_sd)
+        (size,) = cast(spaces.Box, self.action_space).shape
+        self.action_noise = WhiteNoise(self.noise_sd, (self.n_envs, size))
         super()._setup_model()
 
     @property

@@ -32,6 +32,7 @@ def learn_together(seeded: Mapping[int, MADDPG], steps: int) -> None:
     callbacks = [model._setup_learn(steps)[1] for model in models]
     first = models[0]
     while first.num_timesteps < steps:
+        batches = []
         for model, chance, callback in zip(models, chances, callbacks, strict=True):
             with chance.of_its_own():
                 model.collect_rollouts(
@@ -42,13 +43,11 @@ def learn_together(seeded: Mapping[int, MADDPG], steps: int) -> None:
                     model.action_noise,
                     model.learning_starts,
                 )
-        for _ in range(first.gradient_steps if first.num_timesteps > first.learning_starts else 0):
-            batches = []
-            for model, chance in zip(models, chances, strict=True):
-                with chance.of_its_own():
-                    batches.append(model.replay_buffer.sample(model.batch_size))  # type: ignore[union-attr]
-                model._n_updates += 1
-            learner.update(_stacked(batches))
+                updates = model.gradient_steps if model.num_timesteps > model.learning_starts else 0
+                batches.append([model.replay_buffer.sample(model.batch_size) for _ in range(updates)])  # type: ignore[union-attr]
+            model._n_updates += updates
+        for each in zip(*batches, strict=True):
+            learner.update(_stacked(each))
 
 
 class _Chance:
