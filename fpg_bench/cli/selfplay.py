@@ -66,6 +66,7 @@ def exploit(
     ] = "against",
 ) -> None:
     """Train best responses against a player as it is, and say what it scores against them."""
+    from fpg_bench.evaluation.exploits import strongest_script
     from fpg_bench.evaluation.panel import load_panel
     from fpg_bench.training.exploit import exploit as respond
 
@@ -82,8 +83,7 @@ def exploit(
         reward=reward,
     )
     reference = load_panel(row["panel"], references=False).reference
-    script = min(row["scripts"], key=lambda name: row["scripts"][name]["score"])
-    strongest = row["scripts"][script]["score"]
+    script, strongest = strongest_script(row)
     count = len(row["responses"])
     responses = "best response" if count == 1 else "best responses"
     say(

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from fpg_bench.evaluation.zoo import Member, Zoo, ZooView
-from fpg_bench.files import write_whole
+from fpg_bench.evaluation.zoo import Member, Zoo, ZooView, replace_rows
 from fpg_bench.rows import Row, RowFile
 
 EVALUATIONS = "evaluations.jsonl"  # what a run's folder calls them
@@ -30,20 +28,14 @@ class Curve:
 
 def keep_curve(zoo: Zoo, member: Member, run: Path) -> None:
     """Keep the scores that a run's folder has seen while it trained, in place of what was kept before."""
-    file = curve_file(zoo, member.view)
-    others = [row for row in file.read() if (row["algorithm"], row["training_seed"]) != _who(member)]
     rows = RowFile(run / EVALUATIONS).read()
     mine = [_row(member, row) for row in rows if row["side"] == member.view.side]
-    write_whole(file.path, "".join(json.dumps(row) + "\n" for row in [*others, *mine]))
+    replace_rows(curve_file(zoo, member.view), member, mine)
 
 
 def curve_file(zoo: Zoo, view: ZooView) -> RowFile:
     """The file of a view's curves."""
     return RowFile(zoo.scores(view) / CURVES)
-
-
-def _who(member: Member) -> tuple[str, int]:
-    return member.algorithm, member.seed
 
 
 def _row(member: Member, row: Row) -> Row:

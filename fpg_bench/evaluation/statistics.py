@@ -14,6 +14,7 @@ import numpy as np
 
 BOOTSTRAPS = 2000
 SEEDS_FOR_BOOTSTRAP = 10
+FEW_SEEDS = 3  # fewer training seeds are marked: their spread is hardly known
 # Two-sided 95 % quantiles of Student's t with 1 to 8 degrees of freedom.
 _STUDENT_T = (12.7062, 4.3027, 3.1824, 2.7764, 2.5706, 2.4469, 2.3646, 2.3060)
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from fpg_bench.evaluation.canvas import blank_figure
 from fpg_bench.evaluation.panel import Panel
+from fpg_bench.evaluation.statistics import FEW_SEEDS
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.files import write_whole
 
@@ -35,7 +36,7 @@ def headings(side: str) -> list[str]:
 def cells(summary: Summary, side: str) -> list[str]:
     """One line of the table."""
     s, score = summary, summary.score
-    marked = " †" if 0 < s.training_seeds < 3 else ""
+    marked = " †" if 0 < s.training_seeds < FEW_SEEDS else ""
     worst = min(s.entries, key=lambda name: s.entries[name])
     return [
         s.player,

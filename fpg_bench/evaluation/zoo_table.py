@@ -10,6 +10,7 @@ import numpy as np
 from fpg_bench.evaluation.curves import curve_file
 from fpg_bench.evaluation.exploits import exploit_lines
 from fpg_bench.evaluation.panel import Panel, load_panel
+from fpg_bench.evaluation.statistics import FEW_SEEDS
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import as_markdown, number
 from fpg_bench.evaluation.zoo import Zoo, ZooView
@@ -158,7 +159,7 @@ def _exploits(zoo: Zoo, view: ZooView) -> list[str]:
 
 
 def _cells(zoo: Zoo, view: ZooView, panel: Panel, s: Summary) -> list[str]:
-    few = " †" if 0 < s.training_seeds < 3 else ""
+    few = " †" if 0 < s.training_seeds < FEW_SEEDS else ""
     worst = min(s.entries, key=lambda name: s.entries[name])
     steps, minutes = _training(zoo, view, s.player) if s.training_seeds else ("-", "-")
     return [

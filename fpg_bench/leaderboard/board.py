@@ -15,7 +15,7 @@ from fpg_bench.errors import UserError, nearest
 from fpg_bench.evaluation.panel import Panel, load_panel
 from fpg_bench.evaluation.planner_references import PlannerTable
 from fpg_bench.evaluation.seeds import PROTOCOL, SEASON
-from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval
 from fpg_bench.leaderboard.cases import Case, case_of, result_file, submission_folders
 from fpg_bench.leaderboard.crossplay import ROUNDS, entrants_of, fully_played, pair_key, read_pairs
 from fpg_bench.leaderboard.folder import brief
@@ -31,7 +31,7 @@ from fpg_bench.leaderboard.ranking import (
     standing,
 )
 from fpg_bench.leaderboard.result import Result, rounded
-from fpg_bench.leaderboard.submission import FEW_SEEDS, PANELS, TRACKS, Submission, load_submission
+from fpg_bench.leaderboard.submission import PANELS, TRACKS, Submission, load_submission
 from fpg_bench.leaderboard.transcripts import entered_table
 from fpg_bench.players.player import SIDES
 from fpg_bench.rows import Row, RowFile

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError, nearest
+from fpg_bench.evaluation.statistics import FEW_SEEDS
 from fpg_bench.files import read_yaml
 from fpg_bench.leaderboard.fields import TRACKS, Training, plain, read_fields
 from fpg_bench.leaderboard.folder import brief, file_problem, folder_problem, names, shown, strays
 from fpg_bench.leaderboard.policies import MOST_TEXT_BYTES, Policy, read_policies, seed_folders
-from fpg_bench.leaderboard.submission import FEW_SEEDS, Submission
+from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.scripted import SCRIPTED

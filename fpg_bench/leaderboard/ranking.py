@@ -13,6 +13,7 @@ from fpg_bench.evaluation.panel import Panel
 from fpg_bench.evaluation.profiles import performance_profile, probability_of_improvement
 from fpg_bench.evaluation.statistics import (
     BOOTSTRAPS,
+    FEW_SEEDS,
     SEEDS_FOR_BOOTSTRAP,
     Interval,
     iqm,
@@ -22,7 +23,6 @@ from fpg_bench.evaluation.statistics import (
 )
 from fpg_bench.evaluation.zoo_scores import score_arrays
 from fpg_bench.leaderboard.result import Result
-from fpg_bench.leaderboard.submission import FEW_SEEDS
 
 _THRESHOLDS = 81  # of a profile
 _NORMAL = 1.95996

@@ -12,9 +12,8 @@ from fpg_bench.errors import UserError
 from fpg_bench.leaderboard.fields import TRACKS, Training
 from fpg_bench.leaderboard.policies import Policy
 
-__all__ = ["FEW_SEEDS", "PANELS", "TRACKS", "Policy", "Submission", "Training", "load_submission"]
+__all__ = ["PANELS", "TRACKS", "Policy", "Submission", "Training", "load_submission"]
 
-FEW_SEEDS = 3  # fewer are marked
 # The panel of each track and path.
 PANELS = {
     ("ally", None): "ally-v1",

@@ -108,14 +108,7 @@ def _learner(models: Sequence[MADDPG]) -> Learner:
         [_Network([getattr(policy, name)[player].q_networks[0] for policy in policies]) for player in players]
         for name in ("critics", "critic_targets")
     )
-    weights = {
-        name: [each for network in networks for each in network.weights]
-        for name, networks in (
-            ("actors", actors),
-            ("critics", critics),
-            ("targets", [*actor_targets, *critic_targets]),
-        )
-    }
+    acting, judging = _weights(actors), _weights(critics)
     kind, rate = first.policy.optimizer_class, {"lr": first.lr_schedule(1), **first.policy.optimizer_kwargs}
     return Learner(
         first.policy.sizes,
@@ -123,13 +116,17 @@ def _learner(models: Sequence[MADDPG]) -> Learner:
         critics,
         actor_targets,
         critic_targets,
-        kind(weights["actors"], **rate),
-        kind(weights["critics"], **rate),
-        [each.data for each in weights["actors"] + weights["critics"]],
-        [each.data for each in weights["targets"]],
+        kind(acting, **rate),
+        kind(judging, **rate),
+        [each.data for each in acting + judging],
+        [each.data for each in _weights(actor_targets + critic_targets)],
         first.gamma,
         first.tau,
     )
+
+
+def _weights(networks: Sequence[_Network]) -> list[torch.Tensor]:
+    return [each for network in networks for each in network.weights]
 
 
 def _stacked(batches: Sequence[ReplayBufferSamples]) -> ReplayBufferSamples:
