@@ -108,14 +108,24 @@ def mean_return(model: MADDPG) -> float:
     return total / EPISODES
 
 
-def main() -> None:
-    """Train, and print returns."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def options(about: str) -> argparse.Namespace:
+    """What the command line asks for."""
+    parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--steps", type=int, default=500_000)
     parser.add_argument("--seeds", type=int, default=3)
-    options = parser.parse_args()
+    return parser.parse_args()
+
+
+def report(seed: int, steps: int, updates: int, found: float) -> None:
+    """Print a line."""
+    print(f"seed {seed}: {steps:9,} steps, {updates:8,} updates, return {found:8.2f}", flush=True)
+
+
+def main() -> None:
+    """Train, and print returns."""
+    asked = options(__doc__.splitlines()[0])
     torch.set_num_threads(1)
-    for seed in range(options.seeds):
+    for seed in range(asked.seeds):
         games = Together(8, seed=1000 * seed)
         model = MADDPG(
             "JointPolicy",
@@ -129,14 +139,10 @@ def main() -> None:
             learning_starts=5000,
             policy_kwargs={"net_arch": [64, 64], "optimizer_kwargs": {"fused": True}},
         )
-        print(f"seed {seed}: {0:9,} steps, {0:8,} updates, return {mean_return(model):8.2f}", flush=True)
+        report(seed, 0, 0, mean_return(model))
         for _ in range(10):
-            model.learn(options.steps // 10, reset_num_timesteps=False)
-            print(
-                f"seed {seed}: {model.num_timesteps:9,} steps, {model._n_updates:8,} updates, "
-                f"return {mean_return(model):8.2f}",
-                flush=True,
-            )
+            model.learn(asked.steps // 10, reset_num_timesteps=False)
+            report(seed, model.num_timesteps, model._n_updates, mean_return(model))
 
 
 if __name__ == "__main__":
