@@ -103,13 +103,14 @@ def _arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict
     arguments: dict[str, Any] = {"device": "cpu", **copy.deepcopy(values)}  # SB3 writes into policy_kwargs
     kind, sd = arguments.pop("noise_type", None), arguments.pop("noise_std", None)
     if (kind, sd) != (None, None):
-        if kind != "normal" or isinstance(sd, bool) or not isinstance(sd, int | float):
-            raise UserError(f"{where}: expected noise_type: normal and a number noise_std, got {kind}, {sd}")
-        arguments["action_noise"] = NormalActionNoise(np.zeros(ACTION_SIZE), np.full(ACTION_SIZE, sd))
+        if kind != "normal":
+            raise UserError(f"{where}: expected noise_type: normal with a noise_std, got {kind}, {sd}")
+        sds = _per_action(sd, f"{where}: noise_std")
+        arguments["action_noise"] = NormalActionNoise(np.zeros(ACTION_SIZE), np.array(sds))
     check_names(arguments, algorithm.kind.__init__, where, _OURS)
     policy = arguments.get("policy_kwargs", {})
     if isinstance(policy.get("log_std_init"), list):  # one for each action
-        policy["log_std_init"] = _log_sds(policy["log_std_init"], f"{where}: log_std_init")
+        policy["log_std_init"] = torch.tensor(_per_action(policy["log_std_init"], f"{where}: log_std_init"))
     for name in _SCHEDULED:
         if isinstance(arguments.get(name), str):
             arguments[name] = _schedule(arguments[name], f"{where}: {name}")
@@ -118,11 +119,13 @@ def _arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict
     return arguments
 
 
-def _log_sds(values: list[Any], where: str) -> torch.Tensor:
-    """How widely each of the actions is drawn at first."""
-    if len(values) != ACTION_SIZE or not all(isinstance(value, int | float) for value in values):
-        raise UserError(f"{where}: expected a number, or {ACTION_SIZE} of them, got {values}")
-    return torch.tensor(values, dtype=torch.float32)
+def _per_action(found: Any, where: str) -> list[float]:
+    """How widely each action is drawn, from a number for all or one for each."""
+    values = found if isinstance(found, list) else [found] * ACTION_SIZE
+    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+    if len(values) != ACTION_SIZE or not numbers:
+        raise UserError(f"{where}: expected a number, or {ACTION_SIZE} of them, got {found}")
+    return [float(value) for value in values]
 
 
 def _schedule(word: str, where: str) -> LinearSchedule:

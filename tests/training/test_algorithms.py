@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import PPO, SAC, TD3
@@ -10,6 +11,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.models import make_games, make_model
 from fpg_bench.training.train import train
 from tests.training.own import Mine
 from tests.training.tiny import ALLY, train_tiny
@@ -57,6 +59,15 @@ def test_stacked_frames_come_from_the_name_or_the_file():
     assert load_hyperparameters("ppo", ALLY, given).frame_stack == 4
     with pytest.raises(UserError, match="frame_stack: ppo-stack8 has 8, got 4"):
         load_hyperparameters("ppo-stack8", ALLY, given)
+
+
+@pytest.mark.parametrize("sds", [0.3, [0.1] * 6 + [0.5] * 3])
+def test_noise_is_as_wide_as_the_file_says_for_all_actions_or_each(sds):
+    given = {"n_envs": 1, "n_timesteps": 1, "policy": "MlpPolicy", "noise_type": "normal", "noise_std": sds}
+    parameters = load_hyperparameters("td3", ALLY, given)
+    model = make_model("td3", make_games(ALLY, parameters, 0), parameters, 0)
+    drawn = np.array([model.action_noise() for _ in range(2000)])
+    assert drawn.std(axis=0) == pytest.approx(np.broadcast_to(sds, 9), rel=0.1)
 
 
 def test_an_algorithm_of_ones_own_is_trained_by_its_name(tmp_path):

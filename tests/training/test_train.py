@@ -191,6 +191,11 @@ def test_shipped_files_hold_nothing_to_evaluate():
         ("net_arch", "log_std_init: [-1.0, 0.3], net_arch", "expected a number, or 9 of them"),
         ("n_steps: 300", "n_steps: 300\n  learning_rate: line_3", "expected a number or lin_<number>"),
         ("n_steps: 300", "n_steps: 300\n  noise_std: 0.1", "noise_type"),
+        (
+            "n_steps: 300",
+            "n_steps: 300\n  noise_type: normal\n  noise_std: [1, 2]",
+            "noise_std: expected a number",
+        ),
         ("n_steps: 300", "n_steps: 300\n  frame_stack: 0", "frame_stack: expected a whole number"),
         ("n_envs: 4", "n_envs: four", "n_envs"),
         ("normalize: {norm_obs: true, norm_reward: true}", "normalize: true", "expected a mapping"),
