@@ -25,7 +25,26 @@ def import_object(name: str, what: str, methods: Sequence[str], scenario: Any) -
     Raises:
         UserError: no such module or object, one that fails, or one without any of the methods.
     """
-    return ready(_imported(name, what), f"{what} {name!r}", methods, scenario)
+    return ready(imported(name, what), f"{what} {name!r}", methods, scenario)
+
+
+def imported(name: str, what: str) -> Any:
+    """What ``package.module:object`` names, as it is, the present folder included.
+
+    Raises:
+        UserError: no such module or object, or a module that fails; ``what`` begins the message.
+    """
+    module, _, attribute = name.partition(":")
+    if not all([*module.split("."), attribute]):
+        raise UserError(f"{what} {name!r}: expected package.module:object")
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+    try:
+        return getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise UserError(f"{what} {name!r}: {error}") from error
+    except Exception as error:  # a module is anybody's code
+        raise UserError(f"{what} {name!r}: importing it failed: {reason(error)}") from error
 
 
 def ready(found: Any, what: str, methods: Sequence[str], scenario: Any) -> Any:
@@ -49,20 +68,6 @@ def has_any(thing: Any, methods: Sequence[str]) -> bool:
 def reason(error: Exception) -> str:
     """What an exception of the user's code says, with its kind, in one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())
-
-
-def _imported(name: str, what: str) -> Any:
-    module, _, attribute = name.partition(":")
-    if not all([*module.split("."), attribute]):
-        raise UserError(f"{what} {name!r}: expected package.module:object")
-    if "" not in sys.path:
-        sys.path.insert(0, "")
-    try:
-        return getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
-        raise UserError(f"{what} {name!r}: {error}") from error
-    except Exception as error:  # a module is anybody's code
-        raise UserError(f"{what} {name!r}: importing it failed: {reason(error)}") from error
 
 
 def _made(maker: Any, what: str, scenario: Any) -> Any:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 import re
-import sys
 from dataclasses import dataclass
 from typing import Any
 
 from fpg_bench.errors import UserError, nearest
+from fpg_bench.imports import imported
 
 # Of one side, with shipped hyper-parameters.
 ALGORITHMS = ("ppo", "ppo-stack8", "recurrent-ppo", "sac", "td3")
@@ -56,13 +55,13 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
     if isinstance(name, type):
         return _custom(f"{name.__module__}:{name.__qualname__}", name)
     if ":" in name:
-        return _custom(name, _imported(name))
+        return _custom(name, imported(name, "algorithm"))
     if stacked := _STACKED.fullmatch(name):
-        return Algorithm(name, stacked[1], _imported(_CLASSES[stacked[1]]), int(stacked[2]))
+        return Algorithm(name, stacked[1], imported(_CLASSES[stacked[1]], "algorithm"), int(stacked[2]))
     if name not in _CLASSES:
         hint = nearest(name, (*ALGORITHMS, "maddpg"))
         raise UserError(f"unknown algorithm {name!r}{hint}")
-    return Algorithm(name, name, _imported(_CLASSES[name]))
+    return Algorithm(name, name, imported(_CLASSES[name], "algorithm"))
 
 
 def _custom(name: str, kind: Any) -> Algorithm:
@@ -71,14 +70,3 @@ def _custom(name: str, kind: Any) -> Algorithm:
     if not (isinstance(kind, type) and issubclass(kind, BaseAlgorithm)):
         raise UserError(f"algorithm {name!r}: is no subclass of stable_baselines3's BaseAlgorithm")
     return Algorithm(name, name, kind, custom=True)
-
-
-def _imported(name: str) -> Any:
-    """The class that ``package.module:Class`` names, the present folder included."""
-    module, _, attribute = name.partition(":")
-    if "" not in sys.path:
-        sys.path.insert(0, "")
-    try:
-        return getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise UserError(f"algorithm {name!r}: {error}") from error

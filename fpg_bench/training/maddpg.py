@@ -91,7 +91,6 @@ class JointPolicy(BasePolicy):
         activation_fn: type[nn.Module] = nn.ReLU,
         optimizer_class: type[torch.optim.Optimizer] = torch.optim.Adam,
         optimizer_kwargs: dict[str, Any] | None = None,
-        **_: Any,
     ) -> None:
         super().__init__(
             observation_space,

@@ -19,6 +19,7 @@ from fpg_bench.envs.sb3 import SB3View, make_sb3
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.ids import sides_of
+from fpg_bench.imports import reason
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import Hyperparameters
 
@@ -57,13 +58,18 @@ def make_model(
     found = algorithm if isinstance(algorithm, Algorithm) else find_algorithm(algorithm)
     where = f"hyper-parameters of {found.name}"
     arguments = _arguments(found, parameters.algorithm, where)
+    if found.joint and (parameters.normalize is not None or parameters.frame_stack is not None):
+        raise UserError(f"{where}: {found.name} knows neither normalize nor frame_stack")
+    games = wrapped(games, parameters, where)
     try:
         set_random_seed(seed)
-        model = found.kind(env=wrapped(games, parameters, where), **arguments)
-    except (TypeError, ValueError, AssertionError) as error:
-        if isinstance(error, UserError):
+        model = found.kind(env=games, **arguments)
+    except UserError:
+        raise
+    except Exception as error:
+        if not found.custom and not isinstance(error, TypeError | ValueError | AssertionError):
             raise
-        raise UserError(f"{where}: {error}") from error
+        raise UserError(f"{where}: {reason(error) if found.custom else error}") from error
     model.action_space.seed(seed)
     return model
 
@@ -81,21 +87,35 @@ def wrapped(games: VecEnv, parameters: Hyperparameters, where: str = "hyper-para
         games = VecFrameStack(games, parameters.frame_stack)
     if parameters.normalize is None:
         return games
-    check_names(parameters.normalize, VecNormalize.__init__, f"{where}: normalize", {"venv"})
+    check_arguments(parameters.normalize, VecNormalize.__init__, f"{where}: normalize", {"venv"})
     return VecNormalize(games, **{"gamma": parameters.algorithm.get("gamma", 0.99), **parameters.normalize})
 
 
-def check_names(
+def check_arguments(
     values: dict[str, Any], function: Callable[..., Any], where: str, hidden: frozenset[str] | set[str]
 ) -> None:
-    """Raise UserError for a key that a function has no argument for, with the nearest that it has."""
+    """Raise UserError for a key that a function has no argument for, or a value that is not of its kind."""
     arguments = inspect.signature(function).parameters
-    if any(argument.kind == argument.VAR_KEYWORD for argument in arguments.values()):
-        return  # it says itself what it does not know
     known = set(arguments) - {"self"} - hidden
-    for name in values:
-        if name not in known:
+    anything = any(argument.kind == argument.VAR_KEYWORD for argument in arguments.values())
+    for name, value in values.items():
+        if name in known:
+            _check_value(value, arguments[name], f"{where}: {name}")
+        elif not anything:
             raise UserError(f"{where}: unknown key {name!r}{nearest(str(name), known)}")
+
+
+def _check_value(value: Any, argument: inspect.Parameter, where: str) -> None:
+    """Raise UserError where an argument's default is a number or a truth value, and the value is none."""
+    default, words = argument.default, "str" in str(argument.annotation) or argument.name in _SCHEDULED
+    if isinstance(default, bool):
+        if not isinstance(value, bool):
+            raise UserError(f"{where}: expected true or false, got {value!r}")
+    elif isinstance(default, int | float) and not (words and isinstance(value, str | list)):
+        whole = argument.annotation in (int, "int")
+        if isinstance(value, bool) or not isinstance(value, int if whole else int | float):
+            number = "a whole number" if whole else "a number (1.0e-4, not 1e-4)"
+            raise UserError(f"{where}: expected {number}, got {value!r}")
 
 
 def _arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict[str, Any]:
@@ -107,8 +127,10 @@ def _arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict
             raise UserError(f"{where}: expected noise_type: normal with a noise_std, got {kind}, {sd}")
         sds = _per_action(sd, f"{where}: noise_std")
         arguments["action_noise"] = NormalActionNoise(np.zeros(ACTION_SIZE), np.array(sds))
-    check_names(arguments, algorithm.kind.__init__, where, _OURS)
+    check_arguments(arguments, algorithm.kind.__init__, where, _OURS)
     policy = arguments.get("policy_kwargs", {})
+    if not isinstance(policy, dict):
+        raise UserError(f"{where}: policy_kwargs: expected a mapping, got {policy!r}")
     if isinstance(policy.get("log_std_init"), list):  # one for each action
         policy["log_std_init"] = torch.tensor(_per_action(policy["log_std_init"], f"{where}: log_std_init"))
     for name in _SCHEDULED:
@@ -131,6 +153,10 @@ def _per_action(found: Any, where: str) -> list[float]:
 def _schedule(word: str, where: str) -> LinearSchedule:
     """``lin_0.001``: from there to zero over the budget."""
     try:
+        if not word.startswith("lin_"):
+            raise ValueError
         return LinearSchedule(float(word.removeprefix("lin_")), 0.0, 1.0)
     except ValueError as error:
-        raise UserError(f"{where}: expected a number or lin_<number>, got {word!r}") from error
+        raise UserError(
+            f"{where}: expected a number (1.0e-4, not 1e-4) or lin_<number>, got {word!r}"
+        ) from error

@@ -28,5 +28,12 @@ class Odd(PPO):
     policy_aliases = {"MlpPolicy": Doubling}  # noqa: RUF012
 
 
+class Failing(PPO):
+    """PPO that can't be made."""
+
+    def __init__(self, *args, **kwargs):
+        raise KeyError("its own reasons")
+
+
 class NoAlgorithm:
     """Not of SB3's kind."""

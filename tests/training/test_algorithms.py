@@ -8,6 +8,7 @@ from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import PPO, SAC, TD3
 
 from fpg_bench.errors import UserError
+from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.hyperparameters import load_hyperparameters
@@ -43,12 +44,21 @@ def test_names(name, kind, frames):
         ("nowhere:Mine", "No module named 'nowhere'"),
         ("tests.training.own:Yours", "no attribute 'Yours'"),
         ("tests.training.own:NoAlgorithm", "no subclass of stable_baselines3's BaseAlgorithm"),
-        (":Mine", "algorithm ':Mine'"),
+        (":Mine", "expected package.module:object"),
     ],
 )
 def test_unknown_names(name, message):
     with pytest.raises(UserError, match=message):
         find_algorithm(name)
+
+
+def test_a_module_or_a_class_that_fails_says_how(tmp_path, monkeypatch):
+    (tmp_path / "torn_algorithm.py").write_text("class Mine(\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UserError, match="importing it failed: SyntaxError"):
+        find_algorithm("torn_algorithm:Mine")
+    with pytest.raises(UserError, match="KeyError: 'its own reasons'"):
+        train_tiny("tests.training.own:Failing", tmp_path / "run", hyperparams=None, steps=100)
 
 
 def test_stacked_frames_come_from_the_name_or_the_file():
@@ -92,4 +102,20 @@ def test_without_a_file_the_steps_must_be_said(tmp_path):
 def test_a_policy_that_cannot_be_exported_is_refused_before_training(tmp_path):
     with pytest.raises(UserError, match="Doubling computes more than its networks say"):
         train_tiny("tests.training.own:Odd", tmp_path / "run", hyperparams=None, steps=10**9)
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("policy_kwargs", {"net_arc": [3]}, "net_arc"),
+        ("noise_sd", "abc", "noise_sd: expected a number"),
+        ("normalize", {"norm_obs": True}, "knows neither normalize nor frame_stack"),
+        ("frame_stack", 2, "knows neither normalize nor frame_stack"),
+    ],
+)
+def test_what_maddpg_does_not_know_is_said_before_anything_is_written(tmp_path, key, value, message):
+    given = {"policy": "JointPolicy", "n_envs": 2, "n_timesteps": 10, key: value}
+    with pytest.raises(UserError, match=message):
+        train("maddpg", DUEL, tmp_path / "run", hyperparams=given)
     assert not (tmp_path / "run").exists()
