@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from gymnasium import spaces
 from mpe2 import simple_spread_v3
+from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecEnv
 
 from fpg_bench.training.maddpg import MADDPG
@@ -33,13 +34,13 @@ class Together(VecEnv):
             simple_spread_v3.parallel_env(N=2, max_cycles=25, continuous_actions=True) for _ in range(games)
         ]
         self.agents = self._games[0].possible_agents
-        self._seeds: list[int | None] = [seed + game for game in range(games)]
         seen, acts = (
             [space(agent) for agent in self.agents]
             for space in (self._games[0].observation_space, self._games[0].action_space)
         )
         self.sizes = tuple((o.shape[0], a.shape[0]) for o, a in zip(seen, acts, strict=True))
         super().__init__(games, _together(seen), _together(acts))
+        self.seed(seed)
 
     def reset(self) -> np.ndarray:
         """Begin an episode in every game; the first ones are seeded."""
@@ -47,7 +48,7 @@ class Together(VecEnv):
 
     def _begin(self, game: int) -> np.ndarray:
         found, _ = self._games[game].reset(seed=self._seeds[game])
-        self._seeds[game] = None
+        self._seeds[game] = None  # later episodes go on from there
         return self._joined(found)
 
     def _joined(self, found: dict[str, np.ndarray]) -> np.ndarray:
@@ -127,10 +128,10 @@ def main() -> None:
     torch.set_num_threads(1)
     for seed in range(asked.seeds):
         games = Together(8, seed=1000 * seed)
+        set_random_seed(seed)
         model = MADDPG(
             "JointPolicy",
             games,
-            seed=seed,
             gamma=0.95,
             batch_size=256,
             gradient_steps=2,
@@ -139,6 +140,7 @@ def main() -> None:
             learning_starts=5000,
             policy_kwargs={"net_arch": [64, 64], "optimizer_kwargs": {"fused": True}},
         )
+        model.action_space.seed(seed)
         report(seed, 0, 0, mean_return(model))
         for _ in range(10):
             model.learn(asked.steps // 10, reset_num_timesteps=False)

@@ -14,6 +14,7 @@ from agilerl.components.data import MultiAgentTransition, transition_to_tensordi
 from agilerl.components.replay_buffer import ReplayBuffer
 from check_maddpg import EPISODES, Together, options, report
 from gymnasium import spaces
+from stable_baselines3.common.utils import set_random_seed
 
 GAMES, UPDATES, BATCH, LEARNING_STARTS, REWARD_SCALE = 8, 2, 256, 5000, 0.1
 NET = {"latent_dim": 64, "encoder_config": {"hidden_size": [64]}, "head_config": {"hidden_size": [64]}}
@@ -23,7 +24,7 @@ class Learner:
     """AgileRL's MADDPG on a batch of games, with ``check_maddpg.py``'s settings."""
 
     def __init__(self, seed: int) -> None:
-        torch.manual_seed(seed)
+        set_random_seed(seed)
         self.games = Together(GAMES, seed=1000 * seed)
         self.agents = self.games.agents
         self.ends = np.cumsum([seen for seen, _ in self.games.sizes])[:-1]
