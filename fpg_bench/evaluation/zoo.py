@@ -17,7 +17,7 @@ from fpg_bench.players.agent import baselines_folder
 from fpg_bench.rows import Row, RowFile
 
 _KEYS = {"seeds", "views"}
-_VIEW_KEYS = {"id", "options", "panel", "steps", "hyperparams"}
+_VIEW_KEYS = {"id", "options", "panel", "steps"}
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,6 @@ class ZooView:
         options: what it is made with, as :class:`fpg_bench.envs.one_sided.OneSided` takes it.
         panel: the panel that its agents are measured by.
         steps: the training budget of each algorithm.
-        hyperparams: files in the zoo's folder, of algorithms that need other values here.
     """
 
     name: str
@@ -38,7 +37,6 @@ class ZooView:
     options: dict[str, Any]
     panel: str
     steps: dict[str, int]
-    hyperparams: dict[str, str]
 
     @property
     def side(self) -> str:
@@ -145,19 +143,15 @@ def load_zoo(folder: Path | None = None) -> Zoo:
 
 def _view(name: str, content: Any, path: Path) -> ZooView:
     where = f"zoo {path}: {name}"
-    content = {"options": {}, "hyperparams": {}, **content} if isinstance(content, dict) else content
+    content = {"options": {}, **content} if isinstance(content, dict) else content
     _check_keys(content, _VIEW_KEYS, where)
-    steps, options, files = content["steps"], content["options"], content["hyperparams"]
-    for key in ("options", "hyperparams"):
-        if not isinstance(content[key], dict):
-            raise UserError(f"{where}: {key}: expected a mapping, got {content[key]!r}")
+    steps, options = content["steps"], content["options"]
+    if not isinstance(options, dict):
+        raise UserError(f"{where}: options: expected a mapping, got {options!r}")
     if not isinstance(steps, dict) or not all(_is_whole(budget, 1) for budget in steps.values()):
         raise UserError(f"{where}: steps: expected algorithm: steps, got {steps!r}")
     sides_of(content["id"])
-    for algorithm, file in files.items():
-        if algorithm not in steps or not (path.parent / str(file)).is_file():
-            raise UserError(f"{where}: hyperparams: no {file!r}, or no {algorithm!r} among the steps")
-    return ZooView(str(name), content["id"], options, str(content["panel"]), steps, files)
+    return ZooView(str(name), content["id"], options, str(content["panel"]), steps)
 
 
 def _check_keys(content: Any, keys: set[str], where: str) -> None:

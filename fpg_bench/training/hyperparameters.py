@@ -9,6 +9,7 @@ from typing import Any
 
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.files import read_yaml
+from fpg_bench.ids import VIEWS
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.algorithms import ALGORITHMS, Algorithm, find_algorithm
 
@@ -37,7 +38,11 @@ class Hyperparameters:
 
 
 def load_hyperparameters(
-    algorithm: str | Algorithm, view_id: str, file: str | Path | Mapping[str, Any] | None = None
+    algorithm: str | Algorithm,
+    view_id: str,
+    file: str | Path | Mapping[str, Any] | None = None,
+    *,
+    path: Any = None,
 ) -> Hyperparameters:
     """The hyper-parameters of an algorithm on an id.
 
@@ -46,6 +51,7 @@ def load_hyperparameters(
         view_id: ``FPG/AllyVsScripted-v0`` and the like.
         file: a file of the user's, or what it would say for the id; None: the shipped file, and for a class
             of the user's its own defaults with 64 games.
+        path: how the opponent flies; where that is by itself, the shipped values are others.
 
     Raises:
         UserError: an unknown algorithm, no entry for the id, or a missing or ill-formed key.
@@ -55,20 +61,23 @@ def load_hyperparameters(
         return _parsed(found, dict(file), f"hyper-parameters: {view_id}")
     if file is None and found.custom:
         return Hyperparameters(CUSTOM_GAMES, 0, None, {"policy": "MlpPolicy"})
-    path = _shipped(found) if file is None else Path(file)
-    content = read_yaml(path, "hyper-parameters")
+    chosen = _shipped(found, view_id, path) if file is None else Path(file)
+    content = read_yaml(chosen, "hyper-parameters")
     if not isinstance(content.get(view_id), dict):
         raise UserError(
-            f"hyper-parameters {path}: no entry for {view_id!r}{nearest(view_id, map(str, content))}"
+            f"hyper-parameters {chosen}: no entry for {view_id!r}{nearest(view_id, map(str, content))}"
         )
-    return _parsed(found, dict(content[view_id]), f"hyper-parameters {path}: {view_id}")
+    return _parsed(found, dict(content[view_id]), f"hyper-parameters {chosen}: {view_id}")
 
 
-def _shipped(algorithm: Algorithm) -> Path:
+def _shipped(algorithm: Algorithm, view_id: str, path: Any) -> Path:
     """The shipped file of an algorithm; frames are stacked on the plain algorithm's where it has none."""
     folder = baselines_folder() / "hyperparams"
-    path = folder / f"{algorithm.name}.yml"
-    return path if path.is_file() else folder / f"{algorithm.base}.yml"
+    names = [algorithm.name, algorithm.base]
+    if path == "learned" and view_id in VIEWS and VIEWS[view_id].side == "opponent":
+        names.insert(0, f"{algorithm.base}-learned")
+    files = [folder / f"{name}.yml" for name in names]
+    return next((file for file in files if file.is_file()), files[-1])
 
 
 def _parsed(algorithm: Algorithm, values: dict[str, Any], where: str) -> Hyperparameters:

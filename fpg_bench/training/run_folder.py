@@ -123,14 +123,16 @@ def described(
     steps: int,
     panel: str,
     parameters: Hyperparameters,
+    file: Any,
     options: dict[str, Any],
 ) -> dict[str, Any]:
-    """How a run is made: everything needed to make it again."""
+    """How a run is made: everything needed to make it again; ``file`` holds its hyper-parameters."""
+    named = {"hyperparams": file} if isinstance(file, str | Path) else {}
     options = {name: value for name, value in options.items() if value is not None}
     stack = {} if parameters.frame_stack is None else {"frame_stack": parameters.frame_stack}
     games = {"n_envs": parameters.n_envs, "normalize": parameters.normalize, **stack}
     about = {
-        "command": command_line("train", algorithm, view_id, seed=seed, steps=steps, **options),
+        "command": command_line("train", algorithm, view_id, seed=seed, steps=steps, **options, **named),
         "algorithm": algorithm,
         "id": view_id,
         "side": side,

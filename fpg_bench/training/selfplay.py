@@ -118,7 +118,10 @@ class _Selfplay:
     def described(self, hyperparams: Any) -> dict[str, Any]:
         """What tells it apart from another, as it is read again."""
         parameters = {
-            side: load_hyperparameters(self.algorithm, policy_view(side).id, hyperparams) for side in SIDES
+            side: load_hyperparameters(
+                self.algorithm, policy_view(side).id, hyperparams, path=self.options.get("path")
+            )
+            for side in SIDES
         }
         about = {
             "algorithm": self.algorithm,

@@ -156,7 +156,7 @@ def _prepared(
     found, folder = find_algorithm(algorithm), RunFolder(Path(out))
     view_id, sides = _sides(found, view_id)
     options = _against(view_id, against, options)
-    parameters = load_hyperparameters(found, view_id, hyperparams)
+    parameters = load_hyperparameters(found, view_id, hyperparams, path=options.get("path"))
     budget = _budget(found, parameters, steps)
     own = VIEWS[view_id].planner if view_id in VIEWS else None
     planner = training_planner(options.get("planner") or own, folder.path, transcript, llm)
@@ -173,6 +173,7 @@ def _prepared(
         steps=budget,
         panel=", ".join(panels),
         parameters=parameters,
+        file=hyperparams,
         options=options
         | {"transcript": transcript, "start": start}
         | {n.removesuffix("_s"): v for n, v in (llm or {}).items()},

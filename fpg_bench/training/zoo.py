@@ -7,7 +7,6 @@ train these beside them, and ships them once they are done.
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 import subprocess
 import sys
@@ -73,7 +72,7 @@ def train_zoo(
     with RowFile(runs / _LOCK).locked(), _stopped_together() as running:
         while waiting or running:
             while len(running) < jobs and (member := _next(waiting, running, runs)):
-                running.append(_start(zoo, member, runs))
+                running.append(_start(member, runs))
                 say(f"{running[-1].member.name}: training, see {running[-1].log.name}")
             for training in [t for t in running if t.process.poll() is not None]:
                 running.remove(training)
@@ -90,15 +89,13 @@ def run_folder(member: Member, runs: Path) -> Path:
     return runs / name / member.algorithm / f"seed_{member.seed}"
 
 
-def command(zoo: Zoo, member: Member, runs: Path) -> list[str]:
+def command(member: Member, runs: Path) -> list[str]:
     """The words behind ``fpg-bench`` that train a member, or go on with it."""
     view = member.view
     words = ["train", member.algorithm, view.id, "--seed", str(member.seed), "--steps", str(member.steps)]
     for name, value in view.options.items():
         listed = ",".join(map(str, value)) if isinstance(value, list) else str(value)
         words += [f"--{name.replace('_', '-')}", listed]
-    if member.algorithm in view.hyperparams:  # named from here, so that no machine's folders are kept
-        words += ["--hyperparams", os.path.relpath(zoo.folder / view.hyperparams[member.algorithm])]
     measured = [] if view.id == DUEL else ["--panel", view.panel]
     return [*words, *measured, "--resume", "--out", str(run_folder(member, runs))]
 
@@ -138,11 +135,11 @@ def _next(waiting: list[Member], running: list[_Training], runs: Path) -> Member
     return free
 
 
-def _start(zoo: Zoo, member: Member, runs: Path) -> _Training:
+def _start(member: Member, runs: Path) -> _Training:
     folder = run_folder(member, runs)
     folder.parent.mkdir(parents=True, exist_ok=True)
     log = _log(folder).open("ab")
-    words = [*_PROGRAM, *command(zoo, member, runs)]
+    words = [*_PROGRAM, *command(member, runs)]
     # A group of its own: Ctrl-C comes to it once, from here, and not from the terminal as well.
     process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=log, stderr=log, process_group=0)
     return _Training(member, process, time.monotonic(), log)

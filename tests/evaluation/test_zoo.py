@@ -52,7 +52,6 @@ def test_an_agent_is_shipped_once_it_lies_there_and_whole_while_its_policy_is_th
         ("steps: {ppo: 2000", "step: {ppo: 2000", "did you mean 'steps'"),
         ("ppo: 2000", "ppo: 2M", "expected algorithm: steps"),
         ("options: {path: [pursuit, circle]}", "options: circle", "options: expected a mapping"),
-        ("    panel: PANEL", "    hyperparams: {ppo: no.yml}\n    panel: PANEL", "hyperparams: no 'no.yml'"),
     ],
 )
 def test_bad_zoo_files(tmp_path, old, new, message):

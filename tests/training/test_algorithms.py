@@ -80,6 +80,16 @@ def test_noise_is_as_wide_as_the_file_says_for_all_actions_or_each(sds):
     assert drawn.std(axis=0) == pytest.approx(np.broadcast_to(sds, 9), rel=0.1)
 
 
+@pytest.mark.parametrize("algorithm", ["ppo", "td3", "ppo-stack4"])
+def test_an_opponent_that_flies_itself_is_trained_with_values_of_its_own(algorithm):
+    own = load_hyperparameters(algorithm, "FPG/OpponentVsScripted-v0", path="learned")
+    assert own.algorithm["gamma"] == 0.98
+    for view, path in (("FPG/OpponentVsScripted-v0", "pursuit"), (ALLY, "learned")):
+        assert load_hyperparameters(algorithm, view, path=path) == load_hyperparameters(algorithm, view)
+    sac = load_hyperparameters("sac", "FPG/OpponentVsPolicy-v0")
+    assert load_hyperparameters("sac", "FPG/OpponentVsPolicy-v0", path="learned") == sac  # has no such file
+
+
 def test_an_algorithm_of_ones_own_is_trained_by_its_name(tmp_path):
     agent = train_tiny("tests.training.own:Mine", tmp_path / "run", hyperparams=None, steps=3200)
     about = load_agent(agent, "ally").about

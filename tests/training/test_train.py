@@ -51,7 +51,8 @@ def run(tmp_path_factory):
 def test_a_run_says_how_it_was_made(run):
     about = json.loads((run / "run.json").read_text())
     assert about["finished"]
-    assert about["command"] == "fpg-bench train ppo FPG/AllyVsScripted-v0 --seed 3 --steps 2400"
+    command = "fpg-bench train ppo FPG/AllyVsScripted-v0 --seed 3 --steps 2400 --hyperparams"
+    assert about["command"] == f"{command} {run.parent / 'tiny.yml'}"
     assert about["steps_done"] == 2400
     assert about["hyperparameters"]["n_steps"] == 300
     assert about["versions"]["torch"].startswith("2.")

@@ -11,7 +11,6 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.curves import curve_file
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.evaluation.zoo_scores import score_file
 from fpg_bench.training import zoo as training
 from fpg_bench.training.zoo import command, run_folder, ship, state, train_zoo
@@ -61,20 +60,10 @@ def begun(zoo):
 
 
 def test_the_command_is_what_one_would_type(zoo, tmp_path):
-    words = command(zoo, zoo.members()[1], tmp_path / "runs")
+    words = command(zoo.members()[1], tmp_path / "runs")
     start = "train ppo FPG/AllyVsScripted-v0 --seed 1 --steps 2000 --path pursuit,circle --panel"
     assert " ".join(words).startswith(start)
     assert words[-3:] == ["--resume", "--out", str(tmp_path / "runs/small/ppo/seed_1")]
-
-
-def test_a_view_may_name_other_hyperparameters(zoo, tmp_path):
-    content = (zoo.folder / "zoo.yml").read_text()
-    (zoo.folder / "mine.yml").write_text("")
-    (zoo.folder / "zoo.yml").write_text(f"{content}    hyperparams: {{ppo: mine.yml}}\n")
-    found = load_zoo(zoo.folder)
-    words = command(found, found.members("small/ppo")[0], tmp_path / "runs")
-    assert words[words.index("--hyperparams") + 1] == os.path.relpath(zoo.folder / "mine.yml")
-    assert "--hyperparams" not in command(found, found.members("small/td3")[0], tmp_path / "runs")
 
 
 def test_what_is_missing_is_trained_shipped_and_scored_once(zoo, tmp_path):

@@ -107,7 +107,7 @@ def make_task(
     view = find_view(view_id)
     options = {name: value for name, value in (options or {}).items() if value is not None}
     found = find_algorithm(algorithm)
-    values = _entry(found, view.id, hyperparams, steps)
+    values = _entry(found, view.id, hyperparams, steps, options.get("path"))
     for what, given in (("options", options), ("hyper-parameters", values)):
         try:
             json.dumps(given)
@@ -132,9 +132,11 @@ def make_task(
     )
 
 
-def _entry(algorithm: Algorithm, view_id: str, file: Path | None, steps: int | None) -> dict[str, Any]:
+def _entry(
+    algorithm: Algorithm, view_id: str, file: Path | None, steps: int | None, path: Any
+) -> dict[str, Any]:
     """What the hyper-parameter file says for the id; a class of the user's may have none."""
-    found = load_hyperparameters(algorithm, view_id, file)
+    found = load_hyperparameters(algorithm, view_id, file, path=path)
     if not (found.n_timesteps or steps):
         raise UserError(f"steps: {algorithm.name} has no hyper-parameter file that says how many; name them")
     values: dict[str, Any] = {"n_envs": found.n_envs, "n_timesteps": found.n_timesteps or steps}
