@@ -104,8 +104,9 @@ def tune_write(
     """Train a study's best trials again on fresh seeds, and write the best values into a file."""
     from fpg_bench.errors import UserError
     from fpg_bench.training.tuning.confirm import confirm
-    from fpg_bench.training.tuning.write import write_values
+    from fpg_bench.training.tuning.write import check_file, shown, write_values
 
+    check_file(file)
     found = confirm(
         out,
         best=best,
@@ -118,11 +119,8 @@ def tune_write(
         say=say,
     )
     for confirmed in found:
-        score = confirmed.score
-        say(
-            f"trial {confirmed.trial}: {score.value:.1f} [{score.low:.1f}, {score.high:.1f}] on fresh seeds, "
-            f"{confirmed.searched:.1f} in the study"
-        )
+        score = shown(confirmed.score)
+        say(f"trial {confirmed.trial}: {score} on fresh seeds, {confirmed.searched:.1f} in the study")
     if not found:
         raise UserError(f"{out}: no trial was trained on all its fresh seeds; see the lines above")
     write_values(file, found[0])

@@ -75,13 +75,15 @@ def play(
 def train(
     algorithm: Annotated[
         str,
-        typer.Argument(help="ppo, sac, td3, recurrent-ppo, ppo-stack8, or your own: package.module:Class"),
+        typer.Argument(
+            help="ppo, sac, td3, recurrent-ppo, ppo-stack8, maddpg, or your own: package.module:Class"
+        ),
     ],
     view_id: Annotated[str, typer.Argument(metavar="ID", help="FPG/AllyVsScripted-v0 and the like")],
     out: Annotated[Path, typer.Option(help="the run's folder")],
     resume: Annotated[bool, typer.Option("--resume", help="go on with an unfinished run")] = False,
     restart: Annotated[bool, typer.Option("--restart", help="begin an unfinished run again")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="training seed")] = 0,
+    seed: Annotated[int | None, typer.Option(min=0, help="training seed; default: 0")] = None,
     seeds: Annotated[
         str | None, typer.Option(help="several, 0-4 or 0,2,5: each into OUT/seed_k; stopped, they go on")
     ] = None,
@@ -147,13 +149,15 @@ def train(
     }
     if seeds is None and (backend, address) != ("loky", None):
         raise UserError("backend, address: are for a list of runs; name its --seeds")
+    if seed is not None and seeds is not None:
+        raise UserError("seed, seeds: say one of them")
     if seeds is not None:
         where: dict[str, Any] = {"workers": jobs, "backend": backend, "address": address}
         train_seeds(algorithm, view_id, out, parse_seeds(seeds), **where, say=say, **words)
         typer.echo(f"agents: {out}/seed_*/agent\nlearning curves: tensorboard --logdir {out}")
         return
     try:
-        agent = train_run(algorithm, view_id, out, seed=seed, resume=resume, **words)
+        agent = train_run(algorithm, view_id, out, seed=seed or 0, resume=resume, **words)
     except KeyboardInterrupt as stop:
         saved = str(stop) or "the last checkpoint is kept"
         typer.echo(f"{saved}; go on by the same command with --resume", err=True)

@@ -38,7 +38,7 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
         return OracleAlly(scenario) if side == "ally" else OracleOpponent(scenario)
     if ":" in name:
         return import_object(name, side, ("predict",), scenario)
-    if "/" in name or Path(name).is_dir():
+    if "/" in name or (name and Path(name).is_dir()):
         from fpg_bench.players.agent import load_agent
 
         return load_agent(name, side)

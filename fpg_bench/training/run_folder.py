@@ -37,7 +37,16 @@ _PACKAGES = (
     "onnxruntime",
 )
 # What tells two runs apart; the command and the versions may differ where one goes on.
-_SAME = ("algorithm", "id", "scenario", "training_seed", "training_steps", "hyperparameters", "options")
+_SAME = (
+    "algorithm",
+    "id",
+    "scenario",
+    "training_seed",
+    "training_steps",
+    "hyperparameters",
+    "options",
+    "policies",
+)
 
 
 class RunFolder:
@@ -86,10 +95,10 @@ class RunFolder:
         if not (self.path / "run.json").exists():
             return None
         found = read_json(self.path / "run.json", "run")
-        if any(found.get(key) != about[key] for key in _SAME):
+        if any(found.get(key) != about.get(key) for key in _SAME):
             raise UserError(
                 f"{self.path}: holds another run ({found.get('command')}), or this one with other "
-                "hyper-parameters; choose another folder"
+                "hyper-parameters or agents; choose another folder"
             )
         if not found.get("finished") and not again:
             raise UserError(
@@ -125,8 +134,13 @@ def described(
     parameters: Hyperparameters,
     file: Any,
     options: dict[str, Any],
+    policies: dict[str, str],
 ) -> dict[str, Any]:
-    """How a run is made: everything needed to make it again; ``file`` holds its hyper-parameters."""
+    """How a run is made: everything needed to make it again.
+
+    ``file`` is that of the hyper-parameters, if one was named; ``policies`` are the SHA-256 of the agents
+    that it is trained against.
+    """
     named = {"hyperparams": file} if isinstance(file, str | Path) else {}
     options = {name: value for name, value in options.items() if value is not None}
     stack = {} if parameters.frame_stack is None else {"frame_stack": parameters.frame_stack}
@@ -143,6 +157,7 @@ def described(
         "training_seed": seed,
         "training_steps": steps,
         "hyperparameters": {**games, **parameters.algorithm},
+        **({"policies": policies} if policies else {}),
         "versions": {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()},
         "revision": _revision(),
     }

@@ -95,7 +95,8 @@ def selfplay(
                     made.learn(side, generation, hyperparams, evaluations, progress)
                     file.append([row := made.row(side, generation)])
                     say(_line(row))
-        return {side: made.ship(side, generations) for side in SIDES}
+        there = max([generations, *(row["generation"] + 1 for row in file.read())])
+        return {side: made.ship(side, there) for side in SIDES}
 
 
 @dataclass(frozen=True)

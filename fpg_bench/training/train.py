@@ -12,6 +12,7 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 
+from fpg_bench.envs.one_sided import OneSided
 from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import panel_of
@@ -177,6 +178,7 @@ def _prepared(
         options=options
         | {"transcript": transcript, "start": start}
         | {n.removesuffix("_s"): v for n, v in (llm or {}).items()},
+        policies=games.core.policies if isinstance(games.core, OneSided) else {},
     )
     return _Run(found, sides, panels, parameters, games, folder, about)
 

@@ -1,6 +1,7 @@
 """Training against any player of the other side, and from the weights that an earlier run ended with."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import torch
 from fpg_bench.envs.sb3 import make_sb3
 from fpg_bench.errors import UserError
 from fpg_bench.ids import DUEL
+from fpg_bench.players.agent import load_agent
 from fpg_bench.rows import RowFile
 from fpg_bench.training.checkpoints import load_weights, save_model
 from fpg_bench.training.hyperparameters import load_hyperparameters
@@ -43,6 +45,17 @@ def test_a_run_against_somebody_says_so_and_is_made_again_by_what_it_says(ally, 
     assert respond(tmp_path / "run", None, ally=[agent, "expert"]) == tmp_path / "run" / "agent"
     with pytest.raises(UserError, match="holds another run"):
         respond(tmp_path / "run", agent)
+
+
+def test_an_agent_that_is_another_one_by_now_is_not_taken_for_the_same(ally, tmp_path):
+    shutil.copytree(ally / "agent", tmp_path / "other")
+    respond(tmp_path / "run", str(tmp_path / "other"))
+    about = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert about["policies"] == {str(tmp_path / "other"): load_agent(ally / "agent").about["policy_sha256"]}
+    train_tiny("ppo", tmp_path / "changed", steps=400, seed=1)
+    shutil.copytree(tmp_path / "changed" / "agent", tmp_path / "other", dirs_exist_ok=True)
+    with pytest.raises(UserError, match="with other hyper-parameters or agents"):
+        respond(tmp_path / "run", str(tmp_path / "other"))
 
 
 def test_every_player_named_is_met(ally, tmp_path, monkeypatch):

@@ -103,6 +103,8 @@ def test_once_finished_it_does_nothing_and_more_generations_go_on(played, monkey
     assert trained == ["ally_2", "opponent_2"]
     assert read(played)[:4] == before
     assert load_agent(played / "ally").about["training_steps"] == 1200
+    play(played, 1, seed=3)  # fewer take nothing back
+    assert load_agent(played / "ally").about["training_steps"] == 1200
 
 
 def test_stopped_anywhere_it_goes_on(tmp_path, monkeypatch):

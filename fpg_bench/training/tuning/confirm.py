@@ -76,7 +76,9 @@ def confirm(
     for word, value in (("best", best), ("seeds", seeds), ("steps", steps)):
         if value is not None and value < 1:
             raise UserError(f"{word}: expected a whole number above 0, got {value}")
-    opened = open_storage(Path(out), storage, stale=claim.try_again, say=say, patience_s=patience_s)
+    opened = open_storage(
+        Path(out), storage, stale=claim.try_again, say=say, patience_s=patience_s, there=True
+    )
     study, searched = find_study(opened, name)
     chosen = opened.patient(best_trials, study, best)
     if not chosen:

@@ -50,7 +50,9 @@ def write_report(
     Raises:
         UserError: no study, or one without complete trials.
     """
-    opened = open_storage(Path(out), storage, stale=claim.try_again, say=say, patience_s=patience_s)
+    opened = open_storage(
+        Path(out), storage, stale=claim.try_again, say=say, patience_s=patience_s, there=True
+    )
     study, task = find_study(opened, name)
     if not study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,)):
         raise UserError(f"study {study.study_name!r} in {opened.where}: no trial is complete yet")

@@ -87,6 +87,8 @@ def load_space(algorithm: str, file: Path | None = None) -> Space:
     if not content:
         raise UserError(f"search space {path}: names no hyper-parameter")
     for name, wanted in content.items():
+        if not isinstance(name, str) or name == "n_timesteps":
+            raise UserError(f"search space {path}: {name!r} is no hyper-parameter that can be searched")
         _check(wanted, f"search space {path}: {name}")
     return Space(content)
 

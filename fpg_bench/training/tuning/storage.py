@@ -154,6 +154,7 @@ def open_storage(
     say: Callable[[str], None],
     patience_s: float = PATIENCE_S,
     heartbeat_s: int = HEARTBEAT_S,
+    there: bool = False,
 ) -> Storage:
     """Open the journal in a folder, or a database.
 
@@ -164,12 +165,15 @@ def open_storage(
         say: prints a line.
         patience_s: how long to wait for a storage that has gone down.
         heartbeat_s: between two signs of life of a worker; after three without one its trial is given up.
+        there: whether the journal must be there already.
 
     Raises:
         UserError: it cannot be opened.
     """
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     if url is None:
+        if there and not (out / JOURNAL).is_file():
+            raise UserError(f"{out}: holds no study")
         return _journal(out.resolve() / JOURNAL, say, patience_s)
     where = f"storage {_without_password(url)}"
     return Storage(where, _database(url, where, stale, heartbeat_s), Patience(where, patience_s, say))

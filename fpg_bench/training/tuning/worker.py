@@ -84,13 +84,11 @@ class Worker:
                 self._patient(claim.sign, trial)
                 start = time.monotonic()
                 values = self._patient(self._suggest, trial)
-                self._say(f"trial {trial.number}: {shown(values)}")
+                self._say(f"{_named(trial)}: {shown(values)}")
                 ended = self._ended(trial, values)
-            self._say(
-                f"trial {trial.number}: {ended}, {time.monotonic() - start:.0f} s; {self._count(wanted)}"
-            )
+            self._say(f"{_named(trial)}: {ended}, {time.monotonic() - start:.0f} s; {self._count(wanted)}")
         except optuna.exceptions.UpdateFinishedTrialError:
-            self._say(f"trial {trial.number}: was taken for dead by another worker, and is tried again")
+            self._say(f"{_named(trial)}: was taken for dead by another worker, and is tried again")
             return
         except BaseException as error:
             self._abandon(trial, error)
@@ -142,9 +140,17 @@ class Worker:
     def _count(self, wanted: int) -> str:
         trials = self._patient(self._study.get_trials, deepcopy=False)
         complete = [trial for trial in trials if trial.state == TrialState.COMPLETE]
-        values = [(trial.value, trial.number) for trial in complete if trial.value is not None]
-        so_far = ", best {:.1f} (trial {})".format(*max(values)) if values else ""
+        best = max(complete, key=lambda trial: (trial.value or 0.0, trial.number), default=None)
+        so_far = "" if best is None else f", best {best.value:.1f} ({_named(best)})"
         return f"{self._done(trials)} of {wanted} finished{so_far}"
+
+
+def _named(trial: optuna.Trial | FrozenTrial) -> str:
+    """What lines call a trial; one that is another study's trial trained again, by that one's number."""
+    known = trial.user_attrs
+    if "candidate" in known:
+        return f"trial {known['candidate']} again, seed {known['seed']}"
+    return f"trial {trial.number}"
 
 
 def shown(values: dict[str, Any]) -> str:

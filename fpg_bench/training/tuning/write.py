@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import textwrap
 from importlib.metadata import version
@@ -12,6 +13,7 @@ from typing import Any
 import yaml
 
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.files import read_yaml, write_whole
 from fpg_bench.training.tuning.confirm import Confirmed
 from fpg_bench.training.tuning.space import merged
@@ -50,17 +52,31 @@ def write_values(file: Path, best: Confirmed) -> None:
     write_whole(file, written)
 
 
+def check_file(file: Path) -> None:
+    """Raise UserError where a hyper-parameter file can't be written, before anything is trained for it."""
+    if file.exists() and file.read_text(encoding="utf-8").strip():
+        read_yaml(file, "hyper-parameters")
+    folder = next(parent for parent in file.absolute().parents if parent.exists())
+    if not (folder.is_dir() and os.access(file if file.exists() else folder, os.W_OK)):
+        raise UserError(f"hyper-parameters {file}: cannot be written")
+
+
 def provenance(best: Confirmed) -> list[str]:
     """The comment's lines: study, trial, scores, seeds, versions."""
     task, score = best.task, best.score
     said = (
-        f"study {best.study!r}, trial {best.trial} (of {best.trials}): score {score.value:.1f} "
-        f"[{score.low:.1f}, {score.high:.1f}] over the fresh training seeds {best.seeds[0]} to "
-        f"{best.seeds[-1]} of {task.steps:,} steps each, {best.searched:.1f} in the study; panel "
-        f"{task.panel} on tuning seeds, {task.rounds} rounds per entry; "
-        + ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+        f"study {best.study!r}, trial {best.trial} (of {best.trials}): score {shown(score)} over the fresh "
+        f"training seeds {best.seeds[0]} to {best.seeds[-1]} of {task.steps:,} steps each, "
+        f"{best.searched:.1f} in the study; panel {task.panel} on tuning seeds, {task.rounds} rounds "
+        "per entry; " + ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
     )
     return textwrap.wrap(said, 110, initial_indent=_MARK, subsequent_indent=_MORE)
+
+
+def shown(score: Interval) -> str:
+    """A score, with its interval where it has one."""
+    interval = f" [{score.low:.1f}, {score.high:.1f}]" if score.low < score.high else ""
+    return f"{score.value:.1f}{interval}"
 
 
 def _edited(

@@ -45,6 +45,10 @@ def test_search_look_and_write(folder, fpg):
     assert "2 of 2 finished" in found.stdout
     assert fpg("tune-report study") == (0, "written: study/report.html\n", "")
     assert (folder / "study" / "report.html").exists()
+    for file in ("torn.yml", "torn.yml/mine.yml"):
+        (folder / "torn.yml").write_text("[")
+        status, out, error = fpg(f"tune-write study {file} --best 1 --seeds 2")
+        assert (status, out) == (2, ""), error  # before anything is trained
     status, out, error = fpg("tune-write study mine.yml --best 1 --seeds 2")
     assert status == 0, error
     assert f"written: mine.yml, {VIEW}" in out

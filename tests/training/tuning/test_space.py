@@ -75,6 +75,8 @@ def test_two_spaces_of_the_same_ranges_are_the_same(space):
         ("gamma: {kind: float, low: 0, high: 1, log: 1}", "log: expected true or false"),
         ("gamma: {kind: choice, choices: 3}", "choices: expected a list"),
         ("gamma: {kind: choice, choices: []}", "choices: expected a list"),
+        ("n_timesteps: {kind: int, low: 1, high: 2}", "'n_timesteps' is no hyper-parameter that can be"),
+        ("1: {kind: int, low: 1, high: 2}", "1 is no hyper-parameter"),
         ("{}", "names no hyper-parameter"),
         ("- gamma", "expected a mapping"),
     ],

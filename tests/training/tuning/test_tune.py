@@ -172,7 +172,8 @@ def test_the_best_are_trained_again_on_fresh_seeds_once(study, files):
     assert confirm(files / "study", best=2, seeds=2, steps=600, say=again.append) == found
     assert again == []
     confirm(files / "study", best=1, seeds=3, steps=600, say=again.append)
-    assert len([line for line in again if ": score" in line]) == 1  # the third seed alone
+    (line,) = [line for line in again if ": score" in line]  # the third seed alone
+    assert line.startswith(f"trial {found[0].trial} again, seed {FRESH_SEED + 2}: score")
     with pytest.raises(UserError, match="made with steps 600, not 1200"):
         confirm(files / "study", best=1, seeds=1)
 
@@ -181,6 +182,7 @@ def test_nothing_to_confirm_or_show(tmp_path):
     for function in (confirm, write_report):
         with pytest.raises(UserError, match="holds no study"):
             function(tmp_path / "nowhere")
+        assert not (tmp_path / "nowhere").exists()
 
 
 def test_the_report_is_one_page_that_needs_no_network(study, files):
