@@ -18,7 +18,13 @@ from fpg_bench.evaluation.exploits import exploit_lines
 from fpg_bench.evaluation.panel import load_panel
 from fpg_bench.evaluation.references import measure_panel
 from fpg_bench.evaluation.zoo import load_zoo
-from fpg_bench.evaluation.zoo_scores import add_missing_lines, complete, first_returns, read_lines
+from fpg_bench.evaluation.zoo_scores import (
+    add_missing_lines,
+    complete,
+    first_returns,
+    read_lines,
+    summarise_lines,
+)
 from fpg_bench.evaluation.zoo_table import page
 from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent
@@ -183,7 +189,11 @@ def test_best_responses_to_the_zoo_are_trained_once_and_shown(tiny, tmp_path):
     assert (line["algorithm"], line["training_seed"], line["steps"]) == ("td3", 0, 400)
     (score,) = line["responses"]
     (shown,) = [row for row in page(zoo).splitlines() if row.startswith("| td3/seed_0 |")]
-    assert shown.startswith(f"| td3/seed_0 | {score:.1f} | {score:.1f} | {line['script_score']:.1f} ")
+    panel = load_panel(zoo.views[0].panel)
+    summaries = summarise_lines(read_lines(zoo, zoo.views[0], panel), panel)
+    (on_panel,) = [s.score.value for s in summaries if s.player == "td3"]
+    figures = (on_panel, score, score, line["script_score"])
+    assert shown.startswith("| td3/seed_0 | " + " | ".join(f"{figure:.1f}" for figure in figures))
 
 
 def test_the_script_checks(tiny, tmp_path):

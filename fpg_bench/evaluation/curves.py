@@ -48,15 +48,19 @@ def curves(rows: Iterable[Row], over: str) -> dict[str, Curve]:
 
     Args:
         rows: those of a view's curve file.
-        over: what x is, ``steps`` or ``seconds``.
+        over: what x is: ``steps``, or ``seconds``, at the speed of the fastest seed, because the others were
+            held up by what else the machine did.
     """
     found: dict[str, dict[int, list[tuple[float, float]]]] = {}
+    seconds: dict[str, float] = {}  # that a step takes
     for row in rows:
-        if row["steps"] > 0:  # what was not trained at all has no place on a logarithmic axis
-            seeds = found.setdefault(row["algorithm"], {})
-            seeds.setdefault(row["training_seed"], []).append((row[over], row["score"]))
+        name, steps = row["algorithm"], row["steps"]
+        if steps > 0:  # what was not trained at all has no place on a logarithmic axis
+            found.setdefault(name, {}).setdefault(row["training_seed"], []).append((steps, row["score"]))
+            seconds[name] = min(seconds.get(name, np.inf), row["seconds"] / steps)
+    units = dict.fromkeys(found, 1.0) if over == "steps" else seconds
     return {
-        name: _curve([np.array(sorted(points)).T for points in seeds.values()])
+        name: _curve([np.array(sorted(points)).T * [[units[name]], [1]] for points in seeds.values()])
         for name, seeds in found.items()
     }
 

@@ -40,7 +40,8 @@ This page and its pictures are made by `{COMMAND}`.
 The score is the interquartile mean (IQM) over a panel's entries of the normalised return: 0 = random,
 100 = the panel's reference. Intervals are 95 %: over training seeds (Student's t), for scripts over
 evaluation seeds. † marks fewer than three training seeds; of a single one the interval is over rounds.
-Time is that of training, on one core, without evaluations.
+Time is that of training, on one core, without evaluations, at the speed of the fastest training seed: the
+machine was shared, and the others were held up by other work.
 """
 _PROFILES = (
     "Performance profiles: the share of runs (a training seed on an entry) that score more than τ; "
@@ -137,24 +138,29 @@ def _exploits(zoo: Zoo, view: ZooView) -> list[str]:
     if not lines:
         return []
     lines.sort(key=lambda line: -min(line["responses"]))
+    panel = load_panel(view.panel)
+    scores = {s.player: s.score.value for s in summarise_lines(read_lines(zoo, view, panel), panel)}
     budgets = {(line["trained_by"], line["steps"]) for line in lines}
     told = " or ".join(f"{algorithm} with {steps / 1e6:.3g}M steps" for algorithm, steps in sorted(budgets))
     entries = ", ".join(sorted({f"`{line['entry']}`" for line in lines}))
     words = (
         f"Best responses: fresh players of the other side, trained by {told} each to lower what the agent "
-        "earns, which learns no more (`python scripts/exploit_zoo.py`). Its lowest score is an upper bound "
-        f"on its worst. 0 and 100 are what random and the panel's reference earn at {entries}."
+        "earns, which learns no more (`python scripts/exploit_zoo.py`), against the first training seed of "
+        "each algorithm. Its lowest score is an upper bound on its worst. 0 and 100 are what random and the "
+        f"panel's reference earn at {entries}, so compare these scores with each other and with that against "
+        "the strongest script; that on the panel, over all its entries, is on another scale."
     )
     cells = [
         [
             f"{line['algorithm']}/seed_{line['training_seed']}",
+            number(scores.get(line["algorithm"])),
             number(min(line["responses"])),
             ", ".join(map(number, line["responses"])),
             f"{number(line['script_score'])} {line['script']}",
         ]
         for line in lines
     ]
-    names = ["agent", "lowest", "against each response", "against the strongest script"]
+    names = ["agent", "on the panel", "lowest", "against each response", "against the strongest script"]
     return [words, "", as_markdown(names, cells, "").rstrip(), ""]
 
 
@@ -176,8 +182,8 @@ def _cells(zoo: Zoo, view: ZooView, panel: Panel, s: Summary) -> list[str]:
 
 
 def _training(zoo: Zoo, view: ZooView, algorithm: str) -> tuple[str, str]:
-    """An algorithm's training steps, and the minutes that its agents took on average."""
+    """An algorithm's training steps, and the minutes that its fastest training took."""
     about = [m.about() for m in zoo.members(f"{view.name}/{algorithm}") if m.shipped]
     seconds = [found["seconds"] for found in about if "seconds" in found]
     steps = f"{np.mean([found['training_steps'] for found in about]) / 1e6:.3g}M"
-    return steps, number(float(np.mean(seconds)) / 60 if seconds else None)
+    return steps, number(min(seconds) / 60 if seconds else None)

@@ -32,13 +32,14 @@ def test_a_curve_is_kept_once(zoo, tmp_path):
 
 def test_the_mean_and_range_over_seeds_as_far_as_all_have_come(zoo, tmp_path):
     for k, member in enumerate(zoo.members("small/ppo")[:2]):
-        keep(zoo, member, tmp_path / str(k), count=5 - k, score=4.0 * k)
+        keep(zoo, member, tmp_path / str(k), count=5 - k, score=4.0 * k, pace=2.0 + k)
     (found,) = curves(curve_file(zoo, zoo.views[0]).read(), "steps").values()
     assert (found.x[0], found.x[-1]) == pytest.approx((500, 1500))
     assert found.mean == pytest.approx(found.x / 50 + 2)  # both rise by 10 in 500 steps, 4 apart
     assert found.high - found.low == pytest.approx(np.full(len(found.x), 4.0))
     (by_time,) = curves(curve_file(zoo, zoo.views[0]).read(), "seconds").values()
-    assert by_time.x[-1] == pytest.approx(6.0)
+    assert by_time.x[-1] == pytest.approx(6.0)  # as the faster one, which was not held up
+    assert by_time.mean == pytest.approx(found.mean)
 
 
 def test_seeds_that_have_not_begun_draw_nothing(zoo, tmp_path):

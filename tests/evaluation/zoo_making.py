@@ -78,9 +78,9 @@ def make_agent(member: Member, folder: Path | None = None, seed: int | None = No
     return folder
 
 
-def evaluations(count: int = 5, score: float = 0.0) -> str:
+def evaluations(count: int = 5, score: float = 0.0, pace: float = 2.0) -> str:
     """What a run's folder has seen of the score while it trained."""
     rows = [
-        {"side": "ally", "steps": 500 * i, "seconds": 2.0 * i, "score": score + 10 * i} for i in range(count)
+        {"side": "ally", "steps": 500 * i, "seconds": pace * i, "score": score + 10 * i} for i in range(count)
     ]
     return "".join(json.dumps(row) + "\n" for row in rows)
