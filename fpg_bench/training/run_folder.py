@@ -73,7 +73,7 @@ class RunFolder:
             UserError: another process holds it, or it is not empty and no run's folder.
         """
         started = (self.path / "run.json").exists()
-        if self.path.exists() and not started and set(os.listdir(self.path)) - {EVALUATIONS}:
+        if not started and not all(map(_is_of_a_start, self._names())):
             raise UserError(f"{self.path}: is not empty and no run's folder; choose another")
         with contextlib.ExitStack() as stack:
             try:
@@ -81,6 +81,9 @@ class RunFolder:
             except UserError as error:
                 raise UserError(f"{self.path}: another process is training in this folder") from error
             yield
+
+    def _names(self) -> list[str]:
+        return os.listdir(self.path) if self.path.exists() else []
 
     def found(self, about: dict[str, Any], again: bool) -> dict[str, Any] | None:
         """What the folder says of this very run, None where none was begun.
@@ -120,6 +123,11 @@ class RunFolder:
     def write(self, about: dict[str, Any]) -> None:
         """Write ``run.json``."""
         write_json(self.path / "run.json", about)
+
+
+def _is_of_a_start(name: str) -> bool:
+    """Whether a file may be left by a run that was killed before its ``run.json`` was whole."""
+    return name == EVALUATIONS or name.startswith(".run.json.")
 
 
 def described(

@@ -132,6 +132,16 @@ def test_a_finished_run_is_not_repeated_and_no_other_overwritten(run, tmp_path):
         train("ppo", "FPG/AllyVsScripted-v0", run.parent, seed=3, **options)
 
 
+def test_a_run_that_was_killed_before_it_said_anything_begins_again(tmp_path):
+    (tmp_path / "tiny.yml").write_text(TINY)
+    (tmp_path / "run").mkdir()
+    for left in ("evaluations.jsonl", ".run.json.ab12"):
+        (tmp_path / "run" / left).touch()
+    given = {"hyperparams": tmp_path / "tiny.yml", "progress": False, "evaluations": 0}
+    train("ppo", "FPG/AllyVsScripted-v0", tmp_path / "run", resume=True, **given)
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["finished"]
+
+
 def test_a_stopped_run_leaves_its_model(tmp_path, monkeypatch):
     (tmp_path / "tiny.yml").write_text(TINY)
 
