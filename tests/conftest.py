@@ -1,12 +1,17 @@
 """Settings shared by all tests."""
 
 import re
+import signal
 
 from hypothesis import settings
 
 # Derandomised: a test that fails for you fails for everybody. No deadlines: no test measures time.
 settings.register_profile("fpg_bench", deadline=None, derandomize=True, max_examples=60)
 settings.load_profile("fpg_bench")
+
+# A script's background job ignores Ctrl-C, and so would all that tests start.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_make_parametrize_id(val):

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.errors import UserError, meant, nearest
 from fpg_bench.evaluation.statistics import FEW_SEEDS
 from fpg_bench.files import read_yaml
 from fpg_bench.leaderboard.fields import TRACKS, Training, plain, read_fields
@@ -122,7 +122,7 @@ def _named(folder: Path, fields: dict[str, Any]) -> Iterator[str]:
             yield f"{what}: {shown(name)} is what a script of the package is called; choose another"
     zoo = fields.get("zoo")
     if zoo is not None and zoo not in _zoo():
-        yield f"zoo: the package ships no agents {shown(zoo)}{nearest(zoo, _zoo())}"
+        yield f"zoo: the package ships no agents {shown(zoo)}{meant(zoo, _zoo())} (fpg-bench zoo lists them)"
 
 
 def _scripts(track: str) -> tuple[str, ...]:
