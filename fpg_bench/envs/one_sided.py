@@ -19,7 +19,7 @@ from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.ids import View, find_view
 from fpg_bench.planning import LLM_CONTROLS, as_planner
 from fpg_bench.planning.planner import called
-from fpg_bench.players.naming import as_player, player_name
+from fpg_bench.players.naming import as_player, player_name, policy_hash
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.players.seat import Seat
 
@@ -101,12 +101,9 @@ class OneSided:
         self.duel = Duel(played, games, self.planner, threads)
         self.scenario, self.side, self.count = played, view.side, self.duel.count
         self.observation_space, self.action_space = observation_space(), action_space()
-        others = [self._other(spec) for spec in self.other_specs]
-        self._seat = Seat(view.other_side, others, self.duel.arena)
-        known = zip(self.other_specs, (getattr(player, "about", None) for player in others), strict=True)
-        self.policies = {
-            player_name(spec): about["policy_sha256"] for spec, about in known if isinstance(about, dict)
-        }
+        self._seat = Seat(view.other_side, [self._other(spec) for spec in self.other_specs], self.duel.arena)
+        hashes = zip(self.other_specs, map(policy_hash, self._seat.players), strict=True)
+        self.policies = {player_name(spec): found for spec, found in hashes if found is not None}
         self._bind()
 
     def _bind(self) -> None:

@@ -17,7 +17,7 @@ from fpg_bench.evaluation.panel import Entry, Panel
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.game.state import TALLY
 from fpg_bench.planning import as_planner
-from fpg_bench.players.naming import as_player
+from fpg_bench.players.naming import as_player, policy_hash
 from fpg_bench.players.player import Player
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.players.seat import Seat
@@ -37,10 +37,7 @@ class Contestant:
 
     def fingerprint(self, player: Player) -> str:
         """What tells two players of one name apart: the hash of a policy or source file, else the word."""
-        about = getattr(player, "about", None)
-        if isinstance(about, dict):
-            return str(about["policy_sha256"])
-        return code_fingerprint(str(self.spec))
+        return policy_hash(player) or code_fingerprint(str(self.spec))
 
 
 def code_fingerprint(name: str) -> str:

@@ -45,6 +45,13 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
     raise UserError(f"unknown {side} {name!r}{nearest(name, [*SCRIPTED[side], *ORACLES])}")
 
 
+def policy_hash(player: Player) -> str | None:
+    """SHA-256 of an agent's policy; None for a player that is no agent."""
+    about = getattr(player, "about", None)
+    found = about.get("policy_sha256") if isinstance(about, dict) else None
+    return None if found is None else str(found)
+
+
 def player_name(spec: Any) -> str:
     """What rows and tables call a player: its own word, or its class."""
     return os.fspath(spec) if isinstance(spec, str | os.PathLike) else type(spec).__name__
