@@ -95,8 +95,8 @@ def selfplay(
                     made.learn(side, generation, hyperparams, evaluations, progress)
                     file.append([row := made.row(side, generation)])
                     say(_line(row))
-        there = max([generations, *(row["generation"] + 1 for row in file.read())])
-        return {side: made.ship(side, there) for side in SIDES}
+        last = {row["side"]: row["generation"] for row in file.read()}
+        return {side: made.ship(side, last[side] + 1) for side in SIDES}
 
 
 @dataclass(frozen=True)

@@ -130,6 +130,11 @@ def test_stopped_anywhere_it_goes_on(tmp_path, monkeypatch):
     assert len(read(tmp_path)) == 2
     assert about(tmp_path, "ally", 0) == finished
     load_agent(tmp_path / "ally", "ally")
+    with pytest.raises(KeyboardInterrupt):  # when one side alone has its next generation
+        play(tmp_path, 2, say=lambda line: stop() if line.startswith("ally_1") else None)
+    play(tmp_path, 1)
+    steps = {side: load_agent(tmp_path / side).about["training_steps"] for side in ("ally", "opponent")}
+    assert steps == {"ally": 800, "opponent": 400}
 
 
 def test_an_agent_of_the_past_that_is_not_whole_is_one_line(tmp_path):
