@@ -101,6 +101,7 @@ def _algorithm(budget: Budget) -> Table:
         ["tau", "not given", str(used["tau"]), ""],
         ["exploration noise", "normal, sigma not given", str(used["noise_sd"]), "on actions in [-1, 1]"],
         ["reward scale", "not given", str(used["reward_scale"]), "rewards reach 70 a step"],
+        ["logit penalty", "not given", str(used["logit_penalty"]), "against actions stuck at their bounds"],
         ["random steps first", "not given", f"{used['learning_starts']:,}", ""],
         ["games at once", "1", str(budget.games), f"{budget.gradient_steps} updates every {every}"],
     ]

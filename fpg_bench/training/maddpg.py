@@ -23,7 +23,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.td3.policies import Actor
 from torch import nn
 
-from fpg_bench.training.maddpg_learner import Learner, Sizes, acted
+from fpg_bench.training.maddpg_learner import Learner, Sizes, each_its_own
 
 
 class JointBuffer(ReplayBuffer):
@@ -137,7 +137,7 @@ class JointPolicy(BasePolicy):
             super().set_training_mode(mode)
 
     def _predict(self, observation: torch.Tensor, deterministic: bool = False) -> torch.Tensor:  # type: ignore[override]
-        return torch.cat(acted(self.sizes, list(self.actors), observation), 1)
+        return torch.cat(each_its_own(self.sizes, list(self.actors), observation), 1)
 
     def forward(self, observation: torch.Tensor, deterministic: bool = False) -> torch.Tensor:
         """All players' actions in [-1, 1]."""
@@ -158,6 +158,8 @@ class MADDPG(OffPolicyAlgorithm):
         noise_sd: standard deviation of the normal noise on actions in [-1, 1] (Algorithm 1, line 5; the paper
             does not say how much).
         reward_scale: what rewards are multiplied with before critics learn them; the paper does not say.
+        logit_penalty: what the mean square of an actor's outputs before tanh costs it, so that actions do not
+            stick to their bounds; Lowe et al.'s own code has 0.001, the paper does not say.
         learning_starts: steps at random before the first update; the paper does not say.
         train_freq, gradient_steps: after how many steps of all games there are how many updates; Algorithm 1
             has one after each step of its one game.
@@ -182,6 +184,7 @@ class MADDPG(OffPolicyAlgorithm):
         tau: float = 0.01,
         noise_sd: float = 0.1,
         reward_scale: float = 1.0,
+        logit_penalty: float = 0.0,
         learning_starts: int = 1000,
         train_freq: int = 1,
         gradient_steps: int = 1,
@@ -213,7 +216,7 @@ class MADDPG(OffPolicyAlgorithm):
             sde_support=False,
             supported_action_spaces=(spaces.Box,),
         )
-        self.noise_sd, self.reward_scale = noise_sd, reward_scale
+        self.noise_sd, self.reward_scale, self.logit_penalty = noise_sd, reward_scale, logit_penalty
         if _init_setup_model:
             self._setup_model()
 
@@ -245,6 +248,10 @@ class MADDPG(OffPolicyAlgorithm):
 
     def _learner(self) -> Learner:
         policy = self.policy
+        actors, actor_targets = (
+            [cast(Actor, actor).mu[:-1] for actor in part]  # the last layer is tanh
+            for part in (policy.actors, policy.actor_targets)
+        )
         weights, targets = (
             [each.data for part in parts for each in part.parameters()]
             for parts in ((policy.actors, policy.critics), (policy.actor_targets, policy.critic_targets))
@@ -255,9 +262,9 @@ class MADDPG(OffPolicyAlgorithm):
         )
         return Learner(
             policy.sizes,
-            list(policy.actors),
+            actors,
             critics,
-            list(policy.actor_targets),
+            actor_targets,
             critic_targets,
             policy.actor_optimizer,
             policy.critic_optimizer,
@@ -265,6 +272,7 @@ class MADDPG(OffPolicyAlgorithm):
             targets,
             self.gamma,
             self.tau,
+            self.logit_penalty,
         )
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:

@@ -22,11 +22,13 @@ class Learner:
 
     Attributes:
         sizes: of each player's observation and action.
-        actors, actor_targets: of each player, from its own observation to its action.
+        actors, actor_targets: of each player, from its own observation to its logits ``(..., n, size)``, of
+            which tanh makes its action.
         critics, critic_targets: of each player, from all observations and all actions to ``(..., n, 1)``.
         actor_optimizer, critic_optimizer: of the weights of all actors, and of all critics.
         weights, targets: of actors and critics, and of their targets in the same order.
         gamma, tau: the discount, and how much of the weights goes into the targets at an update.
+        logit_penalty: what the mean square of an actor's logits costs, in units of its critic.
     """
 
     sizes: Sizes
@@ -40,6 +42,7 @@ class Learner:
     targets: list[torch.Tensor]
     gamma: float
     tau: float
+    logit_penalty: float
 
     def update(self, batch: ReplayBufferSamples) -> tuple[torch.Tensor, torch.Tensor]:
         """Update critics, actors and targets once; gives the losses of critics and actors before."""
@@ -54,7 +57,7 @@ class Learner:
         """The mean squared error of each critic's estimate of its player's return, summed over players."""
         with torch.no_grad():
             seen = batch.next_observations
-            acts = torch.cat(acted(self.sizes, self.actor_targets, seen), -1)
+            acts = torch.cat(each_its_own(self.sizes, self.actor_targets, seen), -1).tanh()
             future = torch.cat([critic(seen, acts) for critic in self.critic_targets], -1)
             wanted = batch.rewards + (1 - batch.dones) * self.gamma * future
         found = [critic(batch.observations, batch.actions) for critic in self.critics]
@@ -64,14 +67,17 @@ class Learner:
         """How little each critic expects where its player acts by its actor and the others as they did."""
         did = batch.actions.split([size for _, size in self.sizes], dim=-1)
         loss = torch.zeros(())
-        for player, act in enumerate(acted(self.sizes, self.actors, batch.observations)):
-            acts = torch.cat([*did[:player], act, *did[player + 1 :]], -1)
+        for player, logits in enumerate(each_its_own(self.sizes, self.actors, batch.observations)):
+            acts = torch.cat([*did[:player], logits.tanh(), *did[player + 1 :]], -1)
             loss = loss - self.critics[player](batch.observations, acts).sum()
+            loss = loss + self.logit_penalty * logits.square().mean(-1).sum()
         return loss / batch.actions.shape[-2]
 
 
-def acted(sizes: Sizes, actors: Sequence[ActorNetwork], observation: torch.Tensor) -> list[torch.Tensor]:
-    """What each of the actors does, in [-1, 1], by its own part of the observation ``(..., n, all)``."""
+def each_its_own(
+    sizes: Sizes, actors: Sequence[ActorNetwork], observation: torch.Tensor
+) -> list[torch.Tensor]:
+    """What each actor makes of its own part of the observation ``(..., n, all)``."""
     seen = observation.split([size for size, _ in sizes], dim=-1)
     return [actor(part) for actor, part in zip(actors, seen, strict=True)]
 

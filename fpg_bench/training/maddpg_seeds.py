@@ -101,7 +101,7 @@ def _learner(models: Sequence[MADDPG]) -> Learner:
     policies, first = [model.policy for model in models], models[0]
     players = range(len(first.policy.sizes))
     actors, actor_targets = (
-        [_Network([getattr(policy, name)[player].mu for policy in policies]) for player in players]
+        [_Network([getattr(policy, name)[player].mu[:-1] for policy in policies]) for player in players]
         for name in ("actors", "actor_targets")
     )
     critics, critic_targets = (
@@ -122,6 +122,7 @@ def _learner(models: Sequence[MADDPG]) -> Learner:
         [each.data for each in _weights(actor_targets + critic_targets)],
         first.gamma,
         first.tau,
+        first.logit_penalty,
     )
 
 

@@ -62,6 +62,12 @@ def test_it_finds_the_equilibrium_of_a_strongly_monotone_game(model):
     assert acts == pytest.approx(EQUILIBRIUM, abs=0.05)
 
 
+def test_a_penalty_keeps_actions_small():
+    model = MADDPG("JointPolicy", QuadraticGame(4), seed=0, learning_starts=100, logit_penalty=10)
+    acts = model.learn(2000).predict(np.zeros(4, np.float32))[0][[0, 2]]
+    assert (np.abs(acts) < 0.3 * EQUILIBRIUM).all()
+
+
 def test_critics_know_what_everybody_does_and_whose_reward_it_is(model):
     seen, acts = torch.zeros(2, 4), torch.tensor([[0.5, 0.0, 0.5], [-0.5, 0.0, 0.5]])
     with torch.no_grad():

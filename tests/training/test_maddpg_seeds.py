@@ -22,6 +22,7 @@ def model_of(seed):
         learning_starts=40,
         train_freq=2,
         gradient_steps=3,
+        logit_penalty=0.5,
         policy_kwargs=network,
     )
 
