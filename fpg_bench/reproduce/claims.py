@@ -15,6 +15,7 @@ from fpg_bench.reproduce.windows import STAGES
 
 LEVEL = 0.05
 HOLDS, REVERSED, OPEN = "holds", "the opposite", "not shown"
+NOT_RUN = "not run"
 CLAIMS = {
     "D1": "Planned paths serve the opponent better than fixed ones (Fig. 3)",
     "D2": "Overlap falls over training while jamming success rises (Fig. 4 and 5)",
@@ -65,7 +66,7 @@ def verdict(comparisons: list[Comparison]) -> str:
     """What the tests behind one claim come to: it holds where all of them do."""
     found = [each.verdict for each in comparisons]
     if not found:
-        return "not run"
+        return NOT_RUN
     if all(each == HOLDS for each in found):
         return HOLDS
     held = f"{found.count(HOLDS)} of {len(found)} parts hold"

@@ -11,7 +11,7 @@ import numpy as np
 
 from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.files import write_whole
-from fpg_bench.reproduce.claims import CLAIMS, Comparison, compare, verdict
+from fpg_bench.reproduce.claims import CLAIMS, HOLDS, NOT_RUN, Comparison, compare, verdict
 from fpg_bench.reproduce.conditions import BASE, LLM, LONG, conditions_of, sensitivity
 from fpg_bench.reproduce.experiment import Budget
 from fpg_bench.reproduce.results import Results
@@ -62,6 +62,7 @@ def write_report(
 
 def _content(results: Results, preset: str, budget: Budget, drawn: Iterable[str]) -> dict[str, Any]:
     comparisons = compare(results)
+    verdicts = {name: verdict([each for each in comparisons if each.claim == name]) for name in CLAIMS}
     headings = [heading for by_seed in results.about.values() for heading in by_seed.values()]
     names = [condition.name for condition in conditions_of("all", preset, full=True)]
     pairs = sorted({each.found.pairs for each in comparisons})
@@ -71,7 +72,8 @@ def _content(results: Results, preset: str, budget: Budget, drawn: Iterable[str]
         "base": BASE,
         "long": LONG if LONG in results.runs else None,
         "llm": LLM in results.runs,
-        "claims": _claims(comparisons),
+        "claims": _claims(verdicts),
+        "missed": [name for name, found in verdicts.items() if found not in (HOLDS, NOT_RUN)],
         "tests": _tests(comparisons),
         "pairs": " or ".join(map(str, pairs)),
         "figures": list(drawn),
@@ -86,11 +88,9 @@ def _content(results: Results, preset: str, budget: Budget, drawn: Iterable[str]
     }
 
 
-def _claims(comparisons: Sequence[Comparison]) -> Lines:
+def _claims(verdicts: Mapping[str, str]) -> Lines:
     lines = [["claim", "the paper", "verdict"]]
-    for name, said in CLAIMS.items():
-        lines.append([name, said, f"**{verdict([each for each in comparisons if each.claim == name])}**"])
-    return lines
+    return lines + [[name, said, f"**{verdicts[name]}**"] for name, said in CLAIMS.items()]
 
 
 def _tests(comparisons: Sequence[Comparison]) -> Lines:

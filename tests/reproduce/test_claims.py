@@ -6,6 +6,8 @@ import pytest
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.reproduce.claims import CLAIMS, compare, verdict
 from fpg_bench.reproduce.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER
+from fpg_bench.reproduce.experiment import BUDGETS
+from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.results import Results
 from fpg_bench.reproduce.windows import COLUMNS, FINAL, WINDOWS
 
@@ -35,7 +37,8 @@ def run(condition: str, seed: int, levels: dict[str, float], rising: float) -> l
 
 def results(levels=LEVELS, rising=1.0, seeds=SEEDS) -> Results:
     runs = {name: {seed: run(name, seed, levels, rising) for seed in seeds} for name in levels}
-    return Results(runs, {})
+    about = {name: {seed: {"seconds": "1", "versions": "made up"} for seed in seeds} for name in levels}
+    return Results(runs, about)
 
 
 def by_claim(found):
@@ -45,6 +48,16 @@ def by_claim(found):
 
 def test_claims_that_are_true_hold_with_ten_seeds():
     assert by_claim(results()) == dict.fromkeys(CLAIMS, "holds")
+
+
+@pytest.mark.parametrize(
+    ("levels", "first"),
+    [(LEVELS, "- The paper trains"), (LEVELS | {"tone": 9.0}, "- D3 of the paper's claims did not")],
+)
+def test_what_did_not_come_out_is_said_first(tmp_path, levels, first):
+    path, _ = write_report(results(levels), "paper", BUDGETS["full"], [], tmp_path, "fpg-bench reproduce all")
+    text = path.read_text()
+    assert text.split("## What could not be reproduced\n\n")[1].startswith(first)
 
 
 def test_the_opposite_is_told_as_such():
