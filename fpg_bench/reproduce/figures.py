@@ -101,36 +101,34 @@ def frequencies(results: Results, preset: str) -> Any:
     points = np.linspace(scenario.band_low_mhz, scenario.band_high_mhz, scenario.frequency_points)
     figure = blank_figure(11, 3.6)
     panels = figure.subplots(1, len(STAGES), sharey=True)
-    for axes, stage in zip(panels, STAGES, strict=True):
-        counts = np.sum([results.histogram(BASE, stage, seed) for seed in seeds], axis=0)
-        for shift, share, side, colour in zip(
-            (-1.4, 1.4),
-            counts / counts.sum(axis=1, keepdims=True),
-            ("ally", "opponent"),
-            (_ALLY, _OPPONENT),
-            strict=True,
-        ):
-            axes.bar(points + shift, share, 2.8, color=colour, alpha=0.75, label=side)
-            _mark(axes, points, share, shift, colour)
+    counts = [np.sum([results.histogram(BASE, stage, seed) for seed in seeds], axis=0) for stage in STAGES]
+    shares = [each / each.sum(axis=1, keepdims=True) for each in counts]
+    top = np.max(shares)
+    for axes, stage, share in zip(panels, STAGES, shares, strict=True):
+        for side, (name, colour) in enumerate((("ally", _ALLY), ("opponent", _OPPONENT))):
+            shift = 2.8 * (side - 0.5)
+            axes.bar(points + shift, share[side], 2.8, color=colour, alpha=0.75, label=name)
+            _mark(axes, points, share[side], shift, top * (1.06 + 0.08 * side), colour)
         overlap = results.overlap(BASE, stage, seeds)
         axes.set_title(f"{stage}: overlap {overlap.mean():.1%} (each run's own)", fontsize=10)
         axes.set_xlabel("centre frequency (MHz)")
+        axes.set_ylim(0, 1.35 * top)
     panels[0].set_ylabel("share of steps")
-    panels[0].legend(frameon=False, fontsize=8)
+    panels[0].legend(frameon=False, fontsize=8, loc="upper right", ncols=2)
     return figure
 
 
-def _mark(axes: Any, points: np.ndarray, share: np.ndarray, shift: float, colour: str) -> None:
-    """The quartiles (lines), mean and standard deviation (bar on top), and the highest point (frame)."""
+def _mark(axes: Any, points: np.ndarray, share: np.ndarray, shift: float, height: float, colour: str) -> None:
+    """The quartiles (lines), mean and standard deviation (at a height), and the highest bar (frame)."""
     below = np.cumsum(share)
     for quarter in (0.25, 0.75):
         at = points[min(int(np.searchsorted(below, quarter)), len(points) - 1)] + shift
-        axes.axvline(at, color=colour, lw=0.9, ls=":")
+        axes.axvline(at, color=colour, lw=0.9, ls=":", ymax=0.8)
     mean = float(share @ points)
     sd = float(np.sqrt(share @ (points - mean) ** 2))
-    axes.errorbar(mean, 1.06 * share.max(), xerr=sd, color=colour, fmt="o", ms=3, capsize=3, lw=1)
-    top = int(share.argmax())
-    axes.bar(points[top] + shift, share[top], 2.8, fill=False, ec=colour, lw=1.6)
+    axes.errorbar(mean, height, xerr=sd, color=colour, fmt="o", ms=3, capsize=3, lw=1)
+    highest = int(share.argmax())
+    axes.bar(points[highest] + shift, share[highest], 2.8, fill=False, ec=colour, lw=1.6)
 
 
 def overlap_and_success(results: Results, preset: str) -> Any:

@@ -154,7 +154,8 @@ def _around(values: np.ndarray, factor: float, digits: int) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value + 0.0:.3f}" if abs(value) < 1 else f"{value:.2f}"
+    """Two decimals, and more of what is small."""
+    return f"{value + 0.0:.2f}" if abs(value) >= 1 else f"{value + 0.0:.2g}"
 
 
 def _rendered(content: Mapping[str, Any]) -> str:
