@@ -85,6 +85,7 @@ def _algorithm(budget: Budget) -> Table:
     defaults = inspect.signature(find_algorithm(ALGORITHM).kind).parameters
     used = {name: spec.default for name, spec in defaults.items()} | hyperparameters(budget).algorithm
     network = " x ".join(map(str, used["policy_kwargs"]["net_arch"]))
+    penalty = f"{used['logit_penalty']} beyond {used['logit_limit']}"
     every = f"{budget.train_freq * budget.games} steps"
     lines = [
         ["parameter", "the paper", "in use", "what was open, and our choice"],
@@ -101,7 +102,7 @@ def _algorithm(budget: Budget) -> Table:
         ["tau", "not given", str(used["tau"]), ""],
         ["exploration noise", "normal, sigma not given", str(used["noise_sd"]), "on actions in [-1, 1]"],
         ["reward scale", "not given", str(used["reward_scale"]), "rewards reach 70 a step"],
-        ["logit penalty", "not given", str(used["logit_penalty"]), "against actions stuck at their bounds"],
+        ["logit penalty", "not given", penalty, "against actions stuck at their bounds"],
         ["random steps first", "not given", f"{used['learning_starts']:,}", ""],
         ["games at once", "1", str(budget.games), f"{budget.gradient_steps} updates every {every}"],
     ]

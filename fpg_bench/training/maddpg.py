@@ -158,8 +158,10 @@ class MADDPG(OffPolicyAlgorithm):
         noise_sd: standard deviation of the normal noise on actions in [-1, 1] (Algorithm 1, line 5; the paper
             does not say how much).
         reward_scale: what rewards are multiplied with before critics learn them; the paper does not say.
-        logit_penalty: what the mean square of an actor's outputs before tanh costs it, so that actions do not
-            stick to their bounds; Lowe et al.'s own code has 0.001, the paper does not say.
+        logit_penalty, logit_limit: the mean square of what an actor's outputs before tanh are beyond the limit
+            costs it so much, so that actions do not stick to their bounds; Lowe et al.'s own code has 0.001
+            and no limit, the paper does not say. A gate that is closed should be free to stay further from
+            its threshold than the noise reaches: below the limit nothing is paid.
         learning_starts: steps at random before the first update; the paper does not say.
         train_freq, gradient_steps: after how many steps of all games there are how many updates; Algorithm 1
             has one after each step of its one game.
@@ -185,6 +187,7 @@ class MADDPG(OffPolicyAlgorithm):
         noise_sd: float = 0.1,
         reward_scale: float = 1.0,
         logit_penalty: float = 0.0,
+        logit_limit: float = 0.0,
         learning_starts: int = 1000,
         train_freq: int = 1,
         gradient_steps: int = 1,
@@ -216,7 +219,8 @@ class MADDPG(OffPolicyAlgorithm):
             sde_support=False,
             supported_action_spaces=(spaces.Box,),
         )
-        self.noise_sd, self.reward_scale, self.logit_penalty = noise_sd, reward_scale, logit_penalty
+        self.noise_sd, self.reward_scale = noise_sd, reward_scale
+        self.logit_penalty, self.logit_limit = logit_penalty, logit_limit
         if _init_setup_model:
             self._setup_model()
 
@@ -273,6 +277,7 @@ class MADDPG(OffPolicyAlgorithm):
             self.gamma,
             self.tau,
             self.logit_penalty,
+            self.logit_limit,
         )
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:

@@ -28,7 +28,8 @@ class Learner:
         actor_optimizer, critic_optimizer: of the weights of all actors, and of all critics.
         weights, targets: of actors and critics, and of their targets in the same order.
         gamma, tau: the discount, and how much of the weights goes into the targets at an update.
-        logit_penalty: what the mean square of an actor's logits costs, in units of its critic.
+        logit_penalty, logit_limit: the mean square of what an actor's logits are beyond the limit costs it so
+            much, in units of its critic.
     """
 
     sizes: Sizes
@@ -43,6 +44,7 @@ class Learner:
     gamma: float
     tau: float
     logit_penalty: float
+    logit_limit: float
 
     def update(self, batch: ReplayBufferSamples) -> tuple[torch.Tensor, torch.Tensor]:
         """Update critics, actors and targets once; gives the losses of critics and actors before."""
@@ -70,7 +72,8 @@ class Learner:
         for player, logits in enumerate(each_its_own(self.sizes, self.actors, batch.observations)):
             acts = torch.cat([*did[:player], logits.tanh(), *did[player + 1 :]], -1)
             loss = loss - self.critics[player](batch.observations, acts).sum()
-            loss = loss + self.logit_penalty * logits.square().mean(-1).sum()
+            beyond = (logits.abs() - self.logit_limit).relu()
+            loss = loss + self.logit_penalty * beyond.square().mean(-1).sum()
         return loss / batch.actions.shape[-2]
 
 

@@ -123,6 +123,7 @@ def _learner(models: Sequence[MADDPG]) -> Learner:
         first.gamma,
         first.tau,
         first.logit_penalty,
+        first.logit_limit,
     )
 
 
