@@ -158,10 +158,10 @@ class MADDPG(OffPolicyAlgorithm):
         noise_sd: standard deviation of the normal noise on actions in [-1, 1] (Algorithm 1, line 5; the paper
             does not say how much).
         reward_scale: what rewards are multiplied with before critics learn them; the paper does not say.
-        logit_penalty, logit_limit: the mean square of what an actor's outputs before tanh are beyond the limit
-            costs it so much, so that actions do not stick to their bounds; Lowe et al.'s own code has 0.001
-            and no limit, the paper does not say. A gate that is closed should be free to stay further from
-            its threshold than the noise reaches: below the limit nothing is paid.
+        logit_penalty, logit_limit: what the mean square of an actor's outputs before tanh, as far as they are
+            beyond the limit, costs it, so that actions do not stick to their bounds; Lowe et al.'s own code
+            has 0.001 and no limit, the paper does not say. Below the limit a closed gate can stay further
+            from its threshold than the noise reaches.
         learning_starts: steps at random before the first update; the paper does not say.
         train_freq, gradient_steps: after how many steps of all games there are how many updates; Algorithm 1
             has one after each step of its one game.

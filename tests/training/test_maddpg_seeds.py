@@ -58,4 +58,4 @@ def test_they_do_not_learn_the_same(together):
 def test_whom_a_seed_learns_with_makes_no_difference(together):
     models = {seed: model_of(seed) for seed in (2, 5)}
     learn_together(models, STEPS)
-    assert np.allclose(weights_of(models[2]), weights_of(together[2]), atol=1e-4)
+    assert np.allclose(weights_of(models[2]), weights_of(together[2]), atol=1e-3)
