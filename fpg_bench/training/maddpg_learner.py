@@ -66,7 +66,10 @@ class Learner:
         return functional.mse_loss(torch.cat(found, -1), wanted, reduction="sum") / wanted.shape[-2]
 
     def _actor_loss(self, batch: ReplayBufferSamples) -> torch.Tensor:
-        """How little each critic expects where its player acts by its actor and the others as they did."""
+        """How little each critic expects where its player acts by its actor and the others as they did.
+
+        To this comes the penalty on the actors' logits.
+        """
         did = batch.actions.split([size for _, size in self.sizes], dim=-1)
         loss = torch.zeros(())
         for player, logits in enumerate(each_its_own(self.sizes, self.actors, batch.observations)):
