@@ -11,7 +11,7 @@ from fpg_bench.training.maddpg_seeds import learn_together
 STEPS = 480
 
 
-def model_of(seed):
+def model_of(seed, limit=0.0):
     torch.set_num_threads(1)
     games = make_sb3_duel(4, seed=seed, scenario="paper")
     network = {"net_arch": [16, 8], "optimizer_kwargs": {"fused": True}}
@@ -23,7 +23,7 @@ def model_of(seed):
         train_freq=2,
         gradient_steps=3,
         logit_penalty=0.5,
-        logit_limit=0.01,
+        logit_limit=limit,
         policy_kwargs=network,
     )
 
@@ -58,4 +58,13 @@ def test_they_do_not_learn_the_same(together):
 def test_whom_a_seed_learns_with_makes_no_difference(together):
     models = {seed: model_of(seed) for seed in (2, 5)}
     learn_together(models, STEPS)
-    assert np.allclose(weights_of(models[2]), weights_of(together[2]), atol=1e-3)
+    assert np.allclose(weights_of(models[2]), weights_of(together[2]), atol=1e-5)
+
+
+def test_the_penalty_s_limit_counts_as_it_does_alone():
+    alone, found = (model_of(0, limit=0.01) for _ in range(2))
+    begun = weights_of(alone)
+    alone.learn(STEPS)
+    learn_together({0: found}, STEPS)
+    moved = np.abs(weights_of(alone) - begun).max()
+    assert np.abs(weights_of(found) - weights_of(alone)).max() < 1e-3 * moved
