@@ -16,10 +16,9 @@ from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import preset as scenario_of
 from fpg_bench.reproduce.conditions import BASE, FIXED_PATHS, LLM, NO_KNOWLEDGE, NO_PLANNER, PLANNERS
 from fpg_bench.reproduce.results import Results
-from fpg_bench.reproduce.windows import STAGES, WINDOWS
+from fpg_bench.reproduce.windows import EIGHTH, STAGES, WINDOWS
 
 _ALLY, _OPPONENT = "#c1272d", "#0b5fa5"  # red and blue, as in the paper
-_SMOOTHED = 5  # windows of the moving average
 _TITLES = {
     BASE: "planned path",
     NO_PLANNER: "without the planner (learned path)",
@@ -87,8 +86,8 @@ def _draw_reward(axes: Any, results: Results, condition: str, side: str, colour:
 
 
 def _smoothed(values: np.ndarray) -> np.ndarray:
-    """The moving average over five windows, fewer at the ends."""
-    kernel = np.ones(_SMOOTHED)
+    """The moving average over as many windows as hold whole matches, fewer at the ends."""
+    kernel = np.ones(EIGHTH)
     return np.convolve(values, kernel, "same") / np.convolve(np.ones(len(values)), kernel, "same")
 
 
@@ -144,9 +143,11 @@ def overlap_and_success(results: Results, preset: str) -> Any:
         (right, "jamming_success_rate", "jamming success rate", _ALLY),
     ):
         each = results.series(BASE, name)
-        mean, sd = np.nanmean(each, axis=0), np.nanstd(each, axis=0)
-        axes.plot(time, _smoothed(mean), color=colour, lw=1.8)
-        axes.errorbar(time[::4], mean[::4], sd[::4], color=colour, fmt="o", ms=3, capsize=3, lw=1)
+        axes.plot(time, np.nanmean(each, axis=0), color=colour, lw=0.8, alpha=0.5)
+        eighths = np.nanmean(each.reshape(len(each), -1, EIGHTH), axis=2)
+        middles = time.reshape(-1, EIGHTH).mean(axis=1)
+        mean, sd = eighths.mean(axis=0), eighths.std(axis=0)
+        axes.errorbar(middles, mean, sd, color=colour, fmt="o-", ms=4, capsize=3, lw=1.6)
         axes.set_ylabel(said, color=colour)
         axes.set_ylim(bottom=0)
     left.set_xlabel("share of training")

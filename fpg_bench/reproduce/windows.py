@@ -17,8 +17,14 @@ from fpg_bench.game.state import TALLY
 
 WINDOWS = 40
 FINAL = WINDOWS  # the row of what was played without noise once training was over
-# Fig. 4 looks at the first 5 %, at 47.5 to 52.5 %, and at the last 5 % of the time.
-STAGES = {"early": (0, 1), "middle": (19, 20), "late": (38, 39)}
+# Planned paths start afresh with each match, so what is compared has to be of whole matches: five windows
+# of the full budget, 19.5 rounds of each game, are two matches within half a round.
+EIGHTH = WINDOWS // 8
+STAGES = {
+    "early": range(EIGHTH),
+    "middle": range((WINDOWS - EIGHTH) // 2, (WINDOWS + EIGHTH) // 2),
+    "late": range(WINDOWS - EIGHTH, WINDOWS),
+}
 _REWARDS = ("ally_reward", "ally_sd", "opponent_reward", "opponent_sd")
 MEASURES = (
     "overlap_ratio",
