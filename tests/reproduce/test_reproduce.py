@@ -9,7 +9,7 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import PAPER, STANDARD
-from fpg_bench.reproduce.conditions import ALL, BASE, TARGETS, conditions_of, sensitivity
+from fpg_bench.reproduce.conditions import ALL, BASE, LONG, TARGETS, conditions_of, sensitivity
 from fpg_bench.reproduce.experiment import BUDGETS, Budget, run_experiment
 from fpg_bench.reproduce.recorded import Recorded
 from fpg_bench.reproduce.reproduce import reproduce
@@ -150,6 +150,27 @@ def test_k_as_a_power_factor_is_what_it_says():
 def test_the_full_budget_is_the_announced_one():
     full = BUDGETS["full"]
     assert (full.steps, full.games, full.updates()) == (1_000_000, 64, 50_000)
+
+
+@pytest.mark.parametrize("preset", ["paper", "standard"])
+def test_stages_hold_whole_matches_of_the_full_budget(preset):
+    full = BUDGETS["full"]
+    scenario = conditions_of("fig4", preset, full=True)[0].scenario(preset)
+    match = full.games * scenario.steps_per_round * scenario.rounds_per_match
+    for windows in STAGES.values():
+        matches = len(windows) * full.steps / WINDOWS / match
+        assert round(matches) >= 1
+        assert matches == pytest.approx(round(matches), rel=0.05)
+
+
+def test_one_run_is_ten_times_as_long_in_the_papers_game():
+    longer = {
+        (preset, condition.name)
+        for preset in ("paper", "standard")
+        for condition in conditions_of(ALL, preset, full=True)
+        if condition.budgets > 1
+    }
+    assert longer == {("paper", LONG)}
 
 
 def test_tables_speak_of_what_is_in_use():
