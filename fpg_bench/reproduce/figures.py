@@ -16,7 +16,7 @@ from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import preset as scenario_of
 from fpg_bench.reproduce.conditions import BASE, FIXED_PATHS, LLM, NO_KNOWLEDGE, NO_PLANNER, PLANNERS
 from fpg_bench.reproduce.results import Results
-from fpg_bench.reproduce.windows import EIGHTH, STAGES, WINDOWS
+from fpg_bench.reproduce.windows import FIFTH, STAGES, WINDOWS
 
 _ALLY, _OPPONENT = "#c1272d", "#0b5fa5"  # red and blue, as in the paper
 _TITLES = {
@@ -86,8 +86,8 @@ def _draw_reward(axes: Any, results: Results, condition: str, side: str, colour:
 
 
 def _smoothed(values: np.ndarray) -> np.ndarray:
-    """The moving average over as many windows as hold whole matches, fewer at the ends."""
-    kernel = np.ones(EIGHTH)
+    """The centred moving average over a fifth of training, whole matches; over less at the ends."""
+    kernel = np.convolve(np.ones(FIFTH), (0.5, 0.5))
     return np.convolve(values, kernel, "same") / np.convolve(np.ones(len(values)), kernel, "same")
 
 
@@ -144,9 +144,9 @@ def overlap_and_success(results: Results, preset: str) -> Any:
     ):
         each = results.series(BASE, name)
         axes.plot(time, np.nanmean(each, axis=0), color=colour, lw=0.8, alpha=0.5)
-        eighths = np.nanmean(each.reshape(len(each), -1, EIGHTH), axis=2)
-        middles = time.reshape(-1, EIGHTH).mean(axis=1)
-        mean, sd = eighths.mean(axis=0), eighths.std(axis=0)
+        fifths = np.nanmean(each.reshape(len(each), -1, FIFTH), axis=2)
+        middles = time.reshape(-1, FIFTH).mean(axis=1)
+        mean, sd = fifths.mean(axis=0), fifths.std(axis=0)
         axes.errorbar(middles, mean, sd, color=colour, fmt="o-", ms=4, capsize=3, lw=1.6)
         axes.set_ylabel(said, color=colour)
         axes.set_ylim(bottom=0)

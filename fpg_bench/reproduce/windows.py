@@ -17,13 +17,13 @@ from fpg_bench.game.state import TALLY
 
 WINDOWS = 40
 FINAL = WINDOWS  # the row of what was played without noise once training was over
-# Planned paths start afresh with each match, so what is compared has to be of whole matches: five windows
-# of the full budget, 19.5 rounds of each game, are two matches within half a round.
-EIGHTH = WINDOWS // 8
+# Planned paths start afresh with each match, so what is compared has to be of whole matches. In a fifth of
+# the full budget each game plays 31.2 rounds in the paper's game and 10.4 in the standard one; ten are a match.
+FIFTH = WINDOWS // 5
 STAGES = {
-    "early": range(EIGHTH),
-    "middle": range((WINDOWS - EIGHTH) // 2, (WINDOWS + EIGHTH) // 2),
-    "late": range(WINDOWS - EIGHTH, WINDOWS),
+    "early": range(FIFTH),
+    "middle": range((WINDOWS - FIFTH) // 2, (WINDOWS + FIFTH) // 2),
+    "late": range(WINDOWS - FIFTH, WINDOWS),
 }
 _REWARDS = ("ally_reward", "ally_sd", "opponent_reward", "opponent_sd")
 MEASURES = (
