@@ -11,8 +11,6 @@ import numpy as np
 from fpg_bench.game.measures import spectrum_overlap
 from fpg_bench.reproduce.windows import FINAL, STAGES, WINDOWS, Row, read_windows
 
-LAST = range(WINDOWS - WINDOWS // 4, WINDOWS)  # the last quarter, in which claims about levels are tested
-
 
 def run_file(folder: Path, preset: str, budget: str, condition: str, seed: int) -> Path:
     """Where a run's rows lie."""
@@ -46,8 +44,8 @@ class Results:
         return np.array(found)
 
     def level(self, condition: str, name: str, seeds: Iterable[int]) -> np.ndarray:
-        """``(seeds,)``: a column over the last quarter of training."""
-        return self.mean(condition, name, LAST, seeds)
+        """``(seeds,)``: a column late in training, where claims about levels are tested."""
+        return self.mean(condition, name, STAGES["late"], seeds)
 
     def final(self, condition: str, name: str, seeds: Iterable[int]) -> np.ndarray:
         """``(seeds,)``: a column of the rounds that were played without noise after training."""

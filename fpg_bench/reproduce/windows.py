@@ -17,8 +17,8 @@ from fpg_bench.game.state import TALLY
 
 WINDOWS = 40
 FINAL = WINDOWS  # the row of what was played without noise once training was over
-# Planned paths start afresh with each match, so what is compared has to be of whole matches. In a fifth of
-# the full budget each game plays 31.2 rounds in the paper's game and 10.4 in the standard one; ten are a match.
+# Planned paths start afresh with each match of ten rounds, so what is compared has to be of whole matches.
+# In a fifth of the full budget each game plays 31.2 rounds in the paper's game and 10.4 in the standard one.
 FIFTH = WINDOWS // 5
 STAGES = {
     "early": range(FIFTH),
