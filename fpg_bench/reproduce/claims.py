@@ -33,14 +33,14 @@ class Comparison:
         claim: ``D1`` to ``D4``.
         statement: what is claimed to be positive.
         found: what the pairs say.
-        check: the same mean difference in rounds without noise after training; None where there is none.
+        check: the same differences in rounds without noise after training; None where there are none.
         p: corrected for all tests of the report (Holm).
     """
 
     claim: str
     statement: str
     found: Paired
-    check: float | None
+    check: Paired | None
     p: float
 
     @property
@@ -57,7 +57,7 @@ def compare(results: Results) -> list[Comparison]:
     found = [paired(differences) for _, _, differences, _ in pairs]
     corrected = holm([each.p for each in found])
     return [
-        Comparison(claim, statement, each, None if check is None else float(check.mean()), p)
+        Comparison(claim, statement, each, None if check is None else paired(check), p)
         for (claim, statement, _, check), each, p in zip(pairs, found, corrected, strict=True)
     ]
 

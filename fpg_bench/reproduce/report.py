@@ -14,6 +14,7 @@ from fpg_bench.files import write_whole
 from fpg_bench.reproduce.claims import CLAIMS, HOLDS, NOT_RUN, Comparison, compare, verdict
 from fpg_bench.reproduce.conditions import BASE, LLM, LONG, conditions_of, sensitivity
 from fpg_bench.reproduce.experiment import Budget
+from fpg_bench.reproduce.paired import Paired
 from fpg_bench.reproduce.results import Results
 from fpg_bench.reproduce.tables import tables
 from fpg_bench.reproduce.windows import STAGES
@@ -98,10 +99,9 @@ def _tests(comparisons: Sequence[Comparison]) -> Lines:
     lines[0] += ["without noise", "verdict"]
     for each in comparisons:
         found = each.found
-        interval = f"[{_number(found.low)}, {_number(found.high)}]"
         effect = "-" if found.effect is None else f"{found.effect:.1f}"
-        check = "-" if each.check is None else _number(each.check)
-        measured = [_number(found.mean), interval, effect, f"{each.p:.3f}", check]
+        check = "-" if each.check is None else f"{_number(each.check.mean)} {_interval(each.check)}"
+        measured = [_number(found.mean), _interval(found), effect, f"{each.p:.3f}", check]
         lines.append([each.claim, each.statement, *measured, each.verdict])
     return lines
 
@@ -151,6 +151,10 @@ def _around(values: np.ndarray, factor: float, digits: int) -> str:
     """The mean over seeds, and how far its 95 % interval reaches (Student's t)."""
     said = f"{factor * values.mean() + 0.0:.{digits}f}"
     return said if len(values) < 2 else f"{said} ± {factor * student_half(values):.{digits}f}"
+
+
+def _interval(found: Paired) -> str:
+    return f"[{_number(found.low)}, {_number(found.high)}]"
 
 
 def _number(value: float) -> str:
