@@ -99,7 +99,7 @@ def _tests(comparisons: Sequence[Comparison]) -> Lines:
     lines[0] += ["without noise", "verdict"]
     for each in comparisons:
         found = each.found
-        effect = "-" if found.effect is None else f"{found.effect:.1f}"
+        effect = "-" if found.effect is None else f"{round(found.effect, 1) + 0.0:.1f}"
         check = "-" if each.check is None else f"{_number(each.check.mean)} {_interval(each.check)}"
         measured = [_number(found.mean), _interval(found), effect, f"{each.p:.3f}", check]
         lines.append([each.claim, each.statement, *measured, each.verdict])
