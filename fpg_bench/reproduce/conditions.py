@@ -9,7 +9,7 @@ from typing import Any
 
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
+from fpg_bench.game.scenario import Scenario, as_scenario
 
 ROUNDS_PER_MATCH = 10
 BASE = "planned"
@@ -82,28 +82,17 @@ _OTHERWISE: dict[str, dict[str, tuple[str, dict[str, Any]]]] = {
         "blinded": ("the opponent hears by the ally's SNR, which its jamming lowers", {"detection": "link"}),
     },
 }
-_HOP_COSTS = (0, 40, 100, 200)
+_HOP_COSTS = (0, 200)  # beside the preset's own, which lies between
 
 
 def sensitivity(preset: str) -> tuple[Condition, ...]:
     """What the paper leaves open, settled otherwise than the scenario does, one thing at a time."""
-    found = [
-        Condition(
-            "k-power",
-            "k is a factor of the power, not of the dBm",
-            changes={"jamming_coefficients": _POWER_FACTORS},
-        ),
-        *(Condition(name, about, changes=changes) for name, (about, changes) in _OTHERWISE[preset].items()),
-    ]
-    own = PRESETS[preset].hop_cost
-    costs = [cost for cost in _HOP_COSTS if cost != own]
-    return (
-        *found,
-        *(
-            Condition(f"hop-cost-{cost}", f"a hop costs H = {cost}", changes={"hop_cost": cost})
-            for cost in costs
-        ),
-    )
+    others = {
+        "k-power": ("k is a factor of the power, not of the dBm", {"jamming_coefficients": _POWER_FACTORS}),
+        **_OTHERWISE[preset],
+        **{f"hop-cost-{cost}": (f"a hop costs H = {cost}", {"hop_cost": cost}) for cost in _HOP_COSTS},
+    }
+    return tuple(Condition(name, about, changes=changes) for name, (about, changes) in others.items())
 
 
 # What each figure is made of.
