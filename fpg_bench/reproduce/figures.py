@@ -46,7 +46,7 @@ def draw(results: Results, preset: str, folder: Path) -> dict[str, list[Path]]:
 
 
 def rewards(
-    conditions: Sequence[str], columns: int, width: float, height: float
+    conditions: Sequence[str], columns: int, width: float, height: float, base: str = _TITLES[BASE]
 ) -> Callable[[Results, str], Any]:
     """A painter of both sides' rewards over training, a panel for each condition that was run."""
 
@@ -60,14 +60,16 @@ def rewards(
         for axes, condition in zip(panels.flat, there, strict=False):
             for side, colour in (("ally", _ALLY), ("opponent", _OPPONENT)):
                 _draw_reward(axes, results, condition, side, colour)
-            axes.set_title(_TITLES.get(condition, condition), fontsize=10)
+            title = base if condition == BASE else _TITLES.get(condition, condition)
+            axes.set_title(title, fontsize=10)
         for axes in panels.flat[len(there) :]:
             axes.set_visible(False)
         panels[0][0].legend(frameon=False, fontsize=8)
         for axes in panels[:, 0]:
             axes.set_ylabel("reward a step")
-        for axes in panels[-1]:
+        for axes in panels.flat[max(0, len(there) - columns) : len(there)]:  # the lowest of each column
             axes.set_xlabel("share of training")
+            axes.tick_params(labelbottom=True)
         return figure
 
     return paint
@@ -180,7 +182,7 @@ FIGURES: Mapping[str, Callable[[Results, str], Any]] = MappingProxyType(
         "fig3": rewards((BASE, *FIXED_PATHS, *PLANNERS, LLM), 4, 11, 2.5),
         "fig4": frequencies,
         "fig5": overlap_and_success,
-        "fig6": rewards((*JAMMING_TYPES, BASE), 3, 10, 2.6),
+        "fig6": rewards((*JAMMING_TYPES, BASE), 3, 10, 2.6, "all four types"),
         "fig7": rewards((BASE, NO_PLANNER, NO_KNOWLEDGE), 3, 10, 2.9),
         "paths": paths,
     }
