@@ -70,10 +70,9 @@ def verdict(comparisons: list[Comparison]) -> str:
     if all(each == HOLDS for each in found):
         return HOLDS
     held = f"{found.count(HOLDS)} of {len(found)} parts hold"
-    against = f", of {found.count(REVERSED)} the opposite" if REVERSED in found else ""
-    return (
-        f"does not hold as a whole: {held}{against}" if REVERSED in found else f"not shown as a whole: {held}"
-    )
+    if REVERSED in found:
+        return f"does not hold ({held}, of {found.count(REVERSED)} the opposite)"
+    return f"not shown ({held})"
 
 
 _Difference = tuple[str, str, np.ndarray, np.ndarray | None]

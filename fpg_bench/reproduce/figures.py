@@ -21,8 +21,8 @@ from fpg_bench.reproduce.windows import FIFTH, STAGES, WINDOWS
 _ALLY, _OPPONENT = "#c1272d", "#0b5fa5"  # red and blue, as in the paper
 _TITLES = {
     BASE: "planned path",
-    NO_PLANNER: "without the planner (learned path)",
-    NO_KNOWLEDGE: "without the knowledge base",
+    NO_PLANNER: "learned path",
+    NO_KNOWLEDGE: "no knowledge base",
 }
 
 
@@ -61,7 +61,8 @@ def rewards(
             for side, colour in (("ally", _ALLY), ("opponent", _OPPONENT)):
                 _draw_reward(axes, results, condition, side, colour)
             title = base if condition == BASE else _TITLES.get(condition, condition)
-            axes.set_title(title, fontsize=10)
+            axes.set_title(f"{title} (n = {len(results.seeds(condition))})", fontsize=10)
+            axes.set_xticks((0, 0.5, 1))
         for axes in panels.flat[len(there) :]:
             axes.set_visible(False)
         panels[0][0].legend(frameon=False, fontsize=8)
@@ -111,7 +112,7 @@ def frequencies(results: Results, preset: str) -> Any:
             axes.bar(points + shift, share[side], 2.8, color=colour, alpha=0.75, label=name)
             _mark(axes, points, share[side], shift, top * (1.06 + 0.08 * side), colour)
         overlap = results.overlap(BASE, stage, seeds)
-        axes.set_title(f"{stage}: overlap {overlap.mean():.1%} (each run's own)", fontsize=10)
+        axes.set_title(f"{stage}: spectrum overlap {overlap.mean():.1%} (mean of runs)", fontsize=10)
         axes.set_xlabel("centre frequency (MHz)")
         axes.set_ylim(0, 1.35 * top)
     panels[0].set_ylabel("share of steps")
@@ -140,16 +141,16 @@ def overlap_and_success(results: Results, preset: str) -> Any:
     left = figure.subplots()
     right = left.twinx()
     time = (np.arange(WINDOWS) + 0.5) / WINDOWS
-    for axes, name, said, colour in (
-        (left, "overlap_ratio", "overlap ratio", _OPPONENT),
-        (right, "jamming_success_rate", "jamming success rate", _ALLY),
+    middles = time.reshape(-1, FIFTH).mean(axis=1)
+    for axes, name, said, colour, shift in (
+        (left, "overlap_ratio", "overlap ratio (%)", _OPPONENT, -0.004),
+        (right, "jamming_success_rate", "jamming success rate (%)", _ALLY, 0.004),
     ):
-        each = results.series(BASE, name)
+        each = 100 * results.series(BASE, name)
         axes.plot(time, np.nanmean(each, axis=0), color=colour, lw=0.8, alpha=0.5)
         fifths = np.nanmean(each.reshape(len(each), -1, FIFTH), axis=2)
-        middles = time.reshape(-1, FIFTH).mean(axis=1)
-        mean, sd = fifths.mean(axis=0), fifths.std(axis=0)
-        axes.errorbar(middles, mean, sd, color=colour, fmt="o-", ms=4, capsize=3, lw=1.6)
+        mean, sd = fifths.mean(axis=0), fifths.std(axis=0, ddof=min(1, len(fifths) - 1))
+        axes.errorbar(middles + shift, mean, sd, color=colour, fmt="o-", ms=4, capsize=3, lw=1.6)
         axes.set_ylabel(said, color=colour)
         axes.set_ylim(bottom=0)
     left.set_xlabel("share of training")

@@ -17,7 +17,7 @@ from fpg_bench.reproduce.experiment import Budget
 from fpg_bench.reproduce.paired import Paired
 from fpg_bench.reproduce.results import Results
 from fpg_bench.reproduce.tables import tables
-from fpg_bench.reproduce.windows import STAGES
+from fpg_bench.reproduce.windows import FIFTH, FINAL, STAGES, WINDOWS
 
 Lines = list[list[str]]  # of a table; the first holds the headings
 _TEMPLATE = Path(__file__).with_name("report.md.j2")
@@ -80,7 +80,9 @@ def _content(results: Results, preset: str, budget: Budget, drawn: Iterable[str]
         "figures": list(drawn),
         "overlap": _overlap(results),
         "spread": _spread(results),
-        "levels": _levels(results, [LLM, *names]),
+        "fifths": _fifths(results),
+        "levels": _levels(results, [LLM, *names], STAGES["late"]),
+        "finals": _levels(results, [LLM, *names], (FINAL,)),
         "otherwise": _otherwise(results, preset),
         "tables": tables(budget),
         "runs": len(headings),
@@ -95,13 +97,13 @@ def _claims(verdicts: Mapping[str, str]) -> Lines:
 
 
 def _tests(comparisons: Sequence[Comparison]) -> Lines:
-    lines = [["claim", "claimed to be positive", "measured", "95 % interval", "d_z", "p (Holm)"]]
+    lines = [["claim", "claimed to be positive", "measured", "95 % interval", "d_z", "p", "p (Holm)"]]
     lines[0] += ["without noise", "verdict"]
     for each in comparisons:
         found = each.found
         effect = "-" if found.effect is None else f"{round(found.effect, 1) + 0.0:.1f}"
         check = "-" if each.check is None else f"{_number(each.check.mean)} {_interval(each.check)}"
-        measured = [_number(found.mean), _interval(found), effect, f"{each.p:.3f}", check]
+        measured = [_number(found.mean), _interval(found), effect, f"{found.p:.3f}", f"{each.p:.3f}", check]
         lines.append([each.claim, each.statement, *measured, each.verdict])
     return lines
 
@@ -122,14 +124,29 @@ def _spread(results: Results) -> str:
     seeds = results.seeds(BASE)
     if len(seeds) < 2:
         return "not known from a single run"
-    return f"{100 * results.overlap(BASE, 'late', seeds).std(ddof=1):.1f} points"
+    early, late = (results.overlap(BASE, stage, seeds) for stage in ("early", "late"))
+    return f"{100 * (late - early).std(ddof=1):.1f} points"
 
 
-def _levels(results: Results, names: Iterable[str]) -> Lines:
+def _fifths(results: Results) -> Lines:
+    """The base condition over training."""
+    shown = [each for each in _LEVELS if each[0] in ("overlap %", "jammed %", "hops %", "spreading %")]
+    lines = [["of training", *(heading for heading, *_ in shown)]]
+    seeds = results.seeds(BASE)
+    for start in range(0, WINDOWS, FIFTH) if seeds else ():
+        windows = range(start, start + FIFTH)
+        cells = [_around(results.mean(BASE, column, windows, seeds), *form) for _, column, *form in shown]
+        lines.append([f"{100 * start // WINDOWS} to {100 * (start + FIFTH) // WINDOWS} %", *cells])
+    return lines
+
+
+def _levels(results: Results, names: Iterable[str], windows: Iterable[int]) -> Lines:
     lines = [["condition", "seeds", *(heading for heading, *_ in _LEVELS)]]
     for name in names:
         if seeds := results.seeds(name):
-            cells = [_around(results.level(name, column, seeds), *form) for _, column, *form in _LEVELS]
+            cells = [
+                _around(results.mean(name, column, windows, seeds), *form) for _, column, *form in _LEVELS
+            ]
             lines.append([name, str(len(seeds)), *cells])
     return lines
 

@@ -70,7 +70,7 @@ def test_the_opposite_is_told_as_such():
 
 def test_five_seeds_can_show_nothing():
     assert by_claim(results(seeds=range(5))) == {
-        claim: f"not shown as a whole: 0 of {parts} parts hold"
+        claim: f"not shown (0 of {parts} parts hold)"
         for claim, parts in zip(CLAIMS, (3, 3, 9, 2), strict=True)
     }
 

@@ -1,0 +1,57 @@
+"""The committed reports: made of the committed runs, all of them, by the code as it is."""
+
+from pathlib import Path
+
+import pytest
+
+from fpg_bench.reproduce.claims import CLAIMS
+from fpg_bench.reproduce.conditions import ALL, conditions_of
+from fpg_bench.reproduce.experiment import BUDGETS
+from fpg_bench.reproduce.figures import FIGURES
+from fpg_bench.reproduce.report import write_report
+from fpg_bench.reproduce.results import read_results
+
+COMMITTED = Path(__file__).parents[2] / "docs/reproduction"
+FULL = BUDGETS["full"]
+
+
+@pytest.fixture(scope="module", params=["paper", "standard"])
+def committed(request):
+    """A scenario and its committed runs."""
+    preset = request.param
+    wanted = {condition.name: range(FULL.seeds) for condition in conditions_of(ALL, preset, full=True)}
+    return preset, read_results(COMMITTED, preset, FULL.name, wanted)
+
+
+def test_every_condition_was_run_as_often_as_announced_and_in_the_game_as_it_is(committed):
+    preset, results = committed
+    for condition in conditions_of(ALL, preset, full=True):
+        wanted = 1 if condition.budgets > 1 else FULL.seeds if condition.tested else 5
+        assert results.seeds(condition.name) == list(range(wanted)), condition.name
+        for heading in results.about[condition.name].values():
+            assert heading["scenario"] == f"{preset}, {condition.scenario(preset).hash}", condition.name
+
+
+def test_the_report_is_what_the_runs_say(committed, tmp_path):
+    preset, results = committed
+    command = f"fpg-bench reproduce all --scenario {preset} --budget full --seeds {FULL.seeds}"
+    for made in write_report(results, preset, FULL, FIGURES, tmp_path, command):
+        assert made.read_text() == (COMMITTED / made.name).read_text(), made.name
+    for figure in FIGURES:
+        for form in ("png", "svg"):
+            assert (COMMITTED / f"figures/{figure}-{preset}.{form}").is_file()
+
+
+def test_the_docs_state_the_verdicts_of_the_reports():
+    page = (COMMITTED.parent / "reproduction.md").read_text()
+    for place, preset in ((-2, "paper"), (-1, "standard")):
+        report = (COMMITTED / f"report-{preset}.md").read_text()
+        found, stated = _verdicts(report, -1), _verdicts(page, place)
+        assert set(found) == set(CLAIMS)
+        assert stated == found
+
+
+def _verdicts(text: str, place: int) -> dict[str, str]:
+    """By claim, what stands at a place of its line in the first table that has one."""
+    lines = [line.strip("| ").split(" | ") for line in reversed(text.splitlines()) if line.startswith("| D")]
+    return {line[0]: line[place].strip("*") for line in lines}
