@@ -160,7 +160,7 @@ def _otherwise(results: Results, preset: str) -> Lines:
             for _, column, *form in _LEVELS:
                 here, there = (results.level(name, column, seeds) for name in (condition.name, BASE))
                 cells.append(_around(here - there, *form))
-            lines.append([condition.about, str(len(seeds)), *cells])
+            lines.append([f"`{condition.name}`: {condition.about}", str(len(seeds)), *cells])
     return lines
 
 
