@@ -129,14 +129,15 @@ def _spread(results: Results) -> str:
 
 
 def _fifths(results: Results) -> Lines:
-    """The base condition over training."""
+    """The base condition over training, and the long run over its own."""
     shown = [each for each in _LEVELS if each[0] in ("overlap %", "jammed %", "hops %", "spreading %")]
-    lines = [["of training", *(heading for heading, *_ in shown)]]
-    seeds = results.seeds(BASE)
-    for start in range(0, WINDOWS, FIFTH) if seeds else ():
-        windows = range(start, start + FIFTH)
-        cells = [_around(results.mean(BASE, column, windows, seeds), *form) for _, column, *form in shown]
-        lines.append([f"{100 * start // WINDOWS} to {100 * (start + FIFTH) // WINDOWS} %", *cells])
+    lines = [["condition", "of training", *(heading for heading, *_ in shown)]]
+    for name in (BASE, LONG):
+        seeds = results.seeds(name)
+        for start in range(0, WINDOWS, FIFTH) if seeds else ():
+            windows = range(start, start + FIFTH)
+            cells = [_around(results.mean(name, column, windows, seeds), *form) for _, column, *form in shown]
+            lines.append([name, f"{100 * start // WINDOWS} to {100 * (start + FIFTH) // WINDOWS} %", *cells])
     return lines
 
 
