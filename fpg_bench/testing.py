@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.envs.duel import Duel
+from fpg_bench.envs.rounds import play_round, seated
 from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE
@@ -311,15 +312,12 @@ def _duel(scenario: Scenario, games: int) -> Duel:
 
 def _played_round(scenario: Scenario, ally: str, opponent: str, games: int, seed: int) -> list[np.ndarray]:
     """Everything that a whole round shows, ``(games, ...)`` per step, checked to be sound."""
-    duel = _duel(scenario, games)
-    names = {"ally": ally, "opponent": opponent}
-    seats = [Seat(side, [Scripted(side, names[side], scenario)], duel.arena) for side in SIDES]
-    mask = duel.reset(seeds=seed)
-    for seat in seats:
-        seat.begin(mask)
-    shown = []
-    for k in range(scenario.steps_per_round):
-        step = duel.step(seats[0].act(), seats[1].act())
+    table = seated(_duel(scenario, games), ally, opponent)
+    shown: list[np.ndarray] = []
+
+    def look() -> None:
+        duel, k = table.duel, len(shown)
+        step = duel.present()
         _check_shown(step.ally_observations, step.opponent_observations, duel.state(), k)
         rewards = np.column_stack([step.ally_rewards, step.opponent_rewards])
         _require(
@@ -331,6 +329,8 @@ def _played_round(scenario: Scenario, ally: str, opponent: str, games: int, seed
             over, f"scenario: a round of {scenario.steps_per_round} steps did not end with its last one ({k})"
         )
         shown.append(np.column_stack([step.ally_observations, step.opponent_observations, rewards]))
+
+    play_round(table, seeds=seed, on_step=look)
     return shown
 
 

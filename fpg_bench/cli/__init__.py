@@ -18,7 +18,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for verb in (verbs.envs, verbs.play, verbs.train, verbs.evaluate, verbs.measure_panel, verbs.table, zoo.zoo):
+for verb in (verbs.envs, verbs.play, verbs.train, verbs.evaluate, verbs.table, zoo.zoo):
     app.command()(verb)
 for learning in (
     selfplay.selfplay,

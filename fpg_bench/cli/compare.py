@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -15,6 +14,7 @@ from fpg_bench.cli.options import (
     SecondsOption,
     ServerOption,
     TokensOption,
+    WideOption,
     llm_options,
 )
 
@@ -27,9 +27,9 @@ def compare(
             "all (as if none is named): those that ask no language model"
         ),
     ] = None,
-    panel: Annotated[str, typer.Option(help="a panel's name or YAML file")] = "planner-v1",
+    field: Annotated[str, typer.Option(help="a field's name or YAML file")] = "planner-v1",
     out: Annotated[Path, typer.Option(help="the results folder")] = Path("comparison"),
-    matches: Annotated[int | None, typer.Option(help="matches per ally; default: the panel's")] = None,
+    matches: Annotated[int | None, typer.Option(help="matches per ally; default: the field's")] = None,
     transcripts: Annotated[
         Path | None, typer.Option(help="a folder of language models' transcripts: one more planner each")
     ] = None,
@@ -39,39 +39,23 @@ def compare(
     tokens: TokensOption = None,
     seconds: SecondsOption = None,
     deadline: DeadlineOption = None,
+    wide: WideOption = False,
     concurrency: Annotated[int | None, typer.Option(min=1, help="llm: calls under way at once")] = None,
 ) -> None:
-    """Compare planners by a panel; matches that are in the folder already are not played again."""
-    from rich.progress import Progress
-
+    """Compare planners by a field of allies; what is in the folder already is not played again."""
+    from fpg_bench.cli.verbs import shown_progress, table
     from fpg_bench.evaluation.compare import compare as compare_planners
 
     caps = {"calls": calls, "tokens": tokens, "seconds": seconds, "concurrency": concurrency}
     llm = llm_options(deadline, prompt=prompt, server=server, **caps)
-    with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
-        task = bar.add_task("", total=None)
-
-        def show(who: Any, ally: str, rounds: int) -> None:
-            bar.update(task, description=f"{who.name} - {ally}, {rounds} rounds played")
-
+    with shown_progress() as show:
         compare_planners(
             planners or ["all"],
-            panel,
+            field,
             out,
             matches=matches,
             transcripts=transcripts,
             llm=llm,
-            progress=show,
+            progress=lambda entry, ally, rounds: show(f"{entry.name} - {ally.name}, {rounds} rounds played"),
         )
-    _print_table(out)
-
-
-def _print_table(folder: Path) -> None:
-    from fpg_bench.cli.verbs import print_results
-    from fpg_bench.evaluation import planner_table as tables
-    from fpg_bench.evaluation.compare import read_comparison
-
-    summaries, panel = read_comparison(folder)
-    tables.write_planner_table(summaries, panel, folder)
-    lines = [tables.planner_cells(summary) for summary in summaries]
-    print_results(tables.planner_headings(panel), lines, tables.planner_caption(panel), folder)
+    table(out, wide)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any
 
 import typer
+
+from fpg_bench.errors import UserError
 
 ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper or a YAML file")]
 PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]
 PlannerOption = Annotated[str | None, typer.Option(help="who plans the opponent's path between rounds")]
 
+WideOption = Annotated[bool, typer.Option("--wide", help="all columns, for a wide terminal")]
 JobsOption = Annotated[int, typer.Option(min=1, help="how many at once, one core each")]
 BackendOption = Annotated[str, typer.Option(help="where: loky, processes of this machine, or ray, a cluster")]
 AddressOption = Annotated[
@@ -44,3 +48,14 @@ def listed(value: str | None) -> Any:
 def say(line: str) -> None:
     """Print a line at once, also into a file."""
     print(line, flush=True)
+
+
+def whole_number(name: str, word: str) -> int:
+    """The whole number above 0 that a word says; ``500_000`` and ``5e5`` are numbers, too."""
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value >= 1 and value == int(value)):
+        raise UserError(f"{name}: expected a whole number above 0, got {word!r}")
+    return int(value)

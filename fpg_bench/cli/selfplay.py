@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import PathOption, ScenarioOption, listed, say
+from fpg_bench.cli.options import PathOption, ScenarioOption, listed, say, whole_number
+from fpg_bench.rows import Row
 
 HyperparamsOption = Annotated[Path | None, typer.Option(help="a YAML file of your own")]
 
@@ -22,7 +23,7 @@ def selfplay(
     ] = 5,
     seed: Annotated[int, typer.Option(min=0, help="decides who is drawn from the past, and the matches")] = 0,
     hyperparams: HyperparamsOption = None,
-    evaluations: Annotated[int, typer.Option(min=0, help="a generation's scores on its panel; 0: none")] = 1,
+    evaluations: Annotated[int, typer.Option(min=0, help="a generation's scores on its field; 0: none")] = 1,
     scenario: ScenarioOption = None,
     path: PathOption = None,
     knowledge: Annotated[str | None, typer.Option(help="expert, none or a YAML file")] = None,
@@ -54,9 +55,13 @@ def exploit(
         str, typer.Argument(help="a shipped agent, an agent folder, a script, or package.module:object")
     ],
     out: Annotated[Path, typer.Option(help="a folder for the best responses and exploit.json")],
-    steps: Annotated[int, typer.Option(min=1, help="budget of each best response")] = 500_000,
-    seeds: Annotated[int, typer.Option(min=1, help="how many best responses")] = 3,
-    algorithm: Annotated[str, typer.Option(help="what trains them, as for train")] = "ppo",
+    steps: Annotated[
+        str, typer.Option(help="budget of each best response; several, separated by commas")
+    ] = "500000",
+    seeds: Annotated[int, typer.Option(min=1, help="how many of each algorithm and budget")] = 3,
+    algorithm: Annotated[
+        str, typer.Option(help="what trains them, as for train; several, separated by commas")
+    ] = "ppo",
     hyperparams: HyperparamsOption = None,
     side: Annotated[str | None, typer.Option(help="ally or opponent; default: the agent's")] = None,
     scenario: ScenarioOption = None,
@@ -65,31 +70,33 @@ def exploit(
         str, typer.Option(help="against: to lower the player's return; own: to raise the response's")
     ] = "against",
 ) -> None:
-    """Train best responses against a player as it is, and say what it scores against them."""
-    from fpg_bench.evaluation.exploits import strongest_script
-    from fpg_bench.evaluation.panel import load_panel
+    """Train best responses against a player as it is, and say what it earns against them."""
     from fpg_bench.training.exploit import exploit as respond
 
     row = respond(
         agent,
         out,
-        steps=steps,
+        steps=[whole_number("steps", word) for word in steps.split(",")],
         seeds=seeds,
-        algorithm=algorithm,
+        algorithm=algorithm.split(","),
         hyperparams=hyperparams,
         side=side,
         scenario=scenario,
         path=listed(path),
         reward=reward,
     )
-    reference = load_panel(row["panel"], references=False).reference
-    script, strongest = strongest_script(row)
-    count = len(row["responses"])
-    responses = "best response" if count == 1 else "best responses"
+    for response in row["responses"]:
+        made = f"{response['algorithm']}, {response['steps']:,} steps, seed {response['training_seed']}"
+        say(f"{made}: {response['return']:.2f} a step, jammed {_percent(response)}")
+    scripts = row["scripts"]
+    strongest = min(scripts, key=lambda name: scripts[name]["return"])
     say(
-        f"{agent}: mean {row['mean']:.1f}, lowest {row['lowest']:.1f} against {count} {responses} of "
-        f"{algorithm}, {steps:,} steps each; {strongest:.1f} against the strongest script, {script} "
-        f"(0 = random, 100 = {reference} at {row['entry']})"
+        f"strongest script, {strongest}: {scripts[strongest]['return']:.2f} a step, jammed {_percent(scripts[strongest])}"
     )
-    if strongest < row["lowest"]:
-        say(f"{script} takes more than these responses: they are no best ones yet; give more --steps")
+    say(f"{agent}: lowest {row['lowest']['return']:.2f} a step, against {row['lowest']['against']}")
+    if row["lowest"]["against"] == strongest:
+        say(f"{strongest} takes more than these responses: they are no best ones yet; give more --steps")
+
+
+def _percent(met: Row) -> str:
+    return f"{100 * met['measures']['jamming_success_rate']:.0f} %"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,6 +23,7 @@ from fpg_bench.cli.options import (
     SecondsOption,
     ServerOption,
     TokensOption,
+    WideOption,
     listed,
     llm_options,
     say,
@@ -92,8 +95,8 @@ def train(
     address: AddressOption = None,
     steps: Annotated[int | None, typer.Option(help="budget; default: the hyper-parameter file's")] = None,
     hyperparams: Annotated[Path | None, typer.Option(help="a YAML file of your own")] = None,
-    panel: Annotated[
-        str | None, typer.Option(help="what scores the policy on the way; default: the id's panel")
+    field: Annotated[
+        str | None, typer.Option(help="what scores the policy on the way; default: the id's field")
     ] = None,
     evaluations: Annotated[int, typer.Option(min=0, help="how many times; 0: never")] = 20,
     against: Annotated[
@@ -129,7 +132,7 @@ def train(
     words: dict[str, Any] = {
         "steps": steps,
         "hyperparams": hyperparams,
-        "panel": panel,
+        "field": field,
         "evaluations": evaluations,
         "restart": restart,
         "transcript": transcript,
@@ -169,84 +172,63 @@ def evaluate(
     players: Annotated[
         list[str], typer.Argument(help="scripts, agent folders, shipped agents, or all-scripted")
     ],
-    panel: Annotated[str, typer.Option(help="a panel's name or YAML file")] = "ally-v1",
+    field: Annotated[str, typer.Option(help="a field's name or YAML file")] = "ally-v1",
     out: Annotated[Path, typer.Option(help="the results folder")] = Path("results"),
-    rounds: Annotated[
-        int | None, typer.Option(help="rounds per entry, 500 at most; default: the panel's")
-    ] = None,
+    matches: Annotated[int | None, typer.Option(help="matches per counterpart; default: the field's")] = None,
     name: Annotated[str | None, typer.Option(help="what the table calls the agents named")] = None,
+    wide: WideOption = False,
     jobs: JobsOption = 1,
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Play players against a panel; rows that are in the folder already are not played again."""
-    from rich.progress import Progress
-
+    """Play players against a field; what is in the folder already is not played again."""
     from fpg_bench.evaluation.evaluate import evaluate as evaluate_players
 
-    with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
-        task = bar.add_task("", total=None)
+    with shown_progress() as show:
         evaluate_players(
             players,
-            panel,
+            field,
             out,
-            rounds=rounds,
+            matches=matches,
             name=name,
-            progress=lambda who, entry: bar.update(task, description=f"{who.name} - {entry.name}"),
+            progress=lambda entry, counterpart, rounds: show(f"{entry.name} - {counterpart.name}"),
             jobs=jobs,
             backend=backend,
             address=address,
-            say=lambda line: bar.update(task, description=line),
+            say=show,
         )
-    table(out)
+    table(out, wide)
 
 
-def measure_panel(
-    panel: Annotated[str, typer.Argument(help="a panel's name or YAML file")],
-    rounds: Annotated[
-        int | None, typer.Option(help="rounds per entry, 500 by default; a panel of planners has its own")
-    ] = None,
-) -> None:
-    """Measure the scores that normalise a panel and write them beside its file."""
-    from fpg_bench.evaluation.panel import compares_planners
-    from fpg_bench.evaluation.planner_references import measure_planner_panel
-    from fpg_bench.evaluation.references import ROUNDS
-    from fpg_bench.evaluation.references import measure_panel as measure
-
-    if compares_planners(panel):
-        if rounds is not None:
-            raise UserError(f"rounds: panel {panel} says itself how many matches and rounds it plays")
-        measure_planner_panel(panel, lambda planner, ally: typer.echo(f"{ally:24} {planner}"))
-        return
-    measure(
-        panel,
-        ROUNDS if rounds is None else rounds,
-        lambda entry, found: typer.echo(
-            f"{entry.name:24} reference {found.standard_errors:6.1f} standard errors above random"
-        ),
-    )
-
-
-def table(folder: Annotated[Path, typer.Argument(help="a results folder")]) -> None:
+def table(folder: Annotated[Path, typer.Argument(help="a results folder")], wide: WideOption = False) -> None:
     """Print a results folder's table, and write it there as Markdown, CSV and a picture."""
     from fpg_bench.evaluation import table as tables
     from fpg_bench.evaluation.evaluate import read_results
 
-    summaries, panel = read_results(folder)
-    tables.write_table(summaries, panel, folder)
-    lines = [tables.cells(summary, panel.side) for summary in summaries]
-    print_results(tables.headings(panel.side), lines, tables.caption(panel), folder)
+    summaries, field = read_results(folder)
+    tables.write_table(summaries, field, folder)
+    lines = [tables.cells(summary, wide) for summary in summaries]
+    print_table(tables.headings(field, wide), lines, tables.caption(field))
+    typer.echo(f"written: {folder}/table.md, table.csv, table.png")
 
 
-def print_results(names: list[str], lines: list[list[str]], below: str, folder: Path) -> None:
-    """Print a results folder's table, its caption, and what was written."""
+@contextlib.contextmanager
+def shown_progress() -> Iterator[Callable[[str], None]]:
+    """Something to tell what is under way, which draws it on a terminal."""
+    from rich.progress import Progress
+
+    with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda line: bar.update(task, description=line)
+
+
+def print_table(names: list[str], lines: list[list[str]], below: str) -> None:
+    """Print a table and its caption, as wide as the terminal."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
 
-    drawn = Table(*names, box=box.SIMPLE_HEAD, caption=below)
+    drawn = Table(*names, box=box.SIMPLE_HEAD, caption=below, caption_justify="left", padding=(0, 1, 0, 0))
     for line in lines:
         drawn.add_row(*line)
-    console = Console()
-    console.print(drawn) if console.width >= 160 else Console(width=200).print(drawn)
-    console.print(f"written: {folder}/table.md, table.csv, table.png")
+    Console().print(drawn)

@@ -26,16 +26,18 @@ def zoo() -> None:
             if member.view == view:
                 typer.echo(_line(member, scores.get((member.algorithm, member.seed))))
     size = sum(file.stat().st_size for member in members for file in member.folder.iterdir())
-    typer.echo(f"{len(members)} agents, {size / 1e6:.1f} MB; scores: 0 = random, 100 = the panel's reference")
+    typer.echo(f"{len(members)} agents, {size / 1e6:.1f} MB; scores over the first field of its view")
 
 
-def _scores(shipped: Zoo, view: ZooView) -> dict[tuple[str, int], float]:
-    """The score of each agent of a view by algorithm and seed."""
-    from fpg_bench.evaluation.panel import load_panel
-    from fpg_bench.evaluation.zoo_scores import read_lines, seed_scores
+def _scores(shipped: Zoo, view: ZooView) -> dict[tuple[str, int | None], float]:
+    """The score of each agent of a view over its public field, by algorithm and seed."""
+    from fpg_bench.evaluation.field import load_field
+    from fpg_bench.evaluation.summary import summarise
+    from fpg_bench.evaluation.zoo_scores import read_zoo_lines
 
-    panel = load_panel(view.panel)
-    return seed_scores(read_lines(shipped, view, panel), panel)
+    field = load_field(view.fields[0])
+    summaries = summarise(read_zoo_lines(shipped, view, field), field)
+    return {(s.entry, seed): score for s in summaries for seed, score in s.seed_scores().items()}
 
 
 def _line(member: Member, score: float | None) -> str:

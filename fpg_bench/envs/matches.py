@@ -15,6 +15,7 @@ from fpg_bench.envs.duel import Duel
 from fpg_bench.envs.match_file import ROUND, Match, MatchFile
 from fpg_bench.envs.match_planner import planner_of, replayed_planner
 from fpg_bench.envs.recording import Recording
+from fpg_bench.envs.rounds import Table, begin, play_round, seated
 from fpg_bench.errors import UserError
 from fpg_bench.game.arena import check_seeds
 from fpg_bench.game.measures import measures
@@ -22,7 +23,6 @@ from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import TALLY
 from fpg_bench.players.naming import as_player, player_name
 from fpg_bench.players.player import SIDES, Player
-from fpg_bench.players.seat import Seat
 from fpg_bench.rows import Row
 
 ROUNDS = 10
@@ -136,11 +136,10 @@ def _rounds(
     progress: Progress,
 ) -> Iterator[Round]:
     """Play the match; rounds that the file holds are checked, the others added."""
-    duel = Duel(match.scenario, 1, planner)
-    seats = {side: Seat(side, [players[side]], duel.arena) for side in SIDES}
+    table = seated(Duel(match.scenario, 1, planner), **players)
     for index in range(match.rounds):
         progress(index, None)
-        row, recording = _play(duel, seats, match.seed if index == 0 else None)
+        row, recording = _play(table, match.seed if index == 0 else None)
         if file is not None and index < len(known):
             file.check(known[index], row)
             row = known[index]
@@ -151,15 +150,11 @@ def _rounds(
         yield played
 
 
-def _play(duel: Duel, seats: Mapping[str, Seat], seed: int | None) -> tuple[Row, Recording]:
-    mask = duel.reset(seeds=seed)
-    for seat in seats.values():
-        seat.begin(mask)
-    recording = Recording(duel.arena)
-    while not duel.arena.games["truncated"][0]:
-        duel.arena.step(seats["ally"].act(), seats["opponent"].act())
-        recording.add()
-    return _row(duel, recording), recording
+def _play(table: Table, seed: int | None) -> tuple[Row, Recording]:
+    begin(table, seeds=seed)
+    recording = Recording(table.duel.arena)
+    play_round(table, on_step=recording.add, begun=True)
+    return _row(table.duel, recording), recording
 
 
 def _row(duel: Duel, recording: Recording) -> Row:

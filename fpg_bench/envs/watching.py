@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.envs.duel import Duel, make_duel
+from fpg_bench.envs.duel import make_duel
 from fpg_bench.envs.recording import Recording
+from fpg_bench.envs.rounds import Table, begin, play_round, seated
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.players.naming import as_player, player_name
-from fpg_bench.players.player import SIDES
-from fpg_bench.players.seat import Seat
+from fpg_bench.players.naming import player_name
 
 SUFFIXES = (".html", ".gif", ".mp4")
 Echo = Callable[[str], Any]
@@ -86,16 +85,14 @@ def watch(
     duel = make_duel(
         scenario=scenario, path=path, planner=planner, knowledge=knowledge, jamming_types=jamming_types
     )
-    players = {"ally": ally, "opponent": opponent}
-    seats = [Seat(side, [as_player(players[side], side, duel.scenario)], duel.arena) for side in SIDES]
-    names = {side: player_name(players[side]) for side in SIDES}
+    names = {"ally": player_name(ally), "opponent": player_name(opponent)}
+    table = seated(duel, ally, opponent)
     recordings, found = [], []
     for index in range(rounds):
-        recording = _begin(duel, seats, seed if index == 0 else None)
-        _play(duel, seats, recording, names, every, echo if target is None else None)
-        recordings.append(recording)
+        shown = echo if target is None else None
+        recordings.append(_play(table, seed if index == 0 else None, names, every, shown))
         found.append(duel.measures(0))
-        echo(_closing_line(recording, found[-1]))
+        echo(_closing_line(recordings[-1], found[-1]))
     if target is not None:
         _write(recordings, target, names, every)
         echo(f"wrote {target}")
@@ -117,31 +114,20 @@ def _checked_target(path: Path, overwrite: bool) -> Path:
     return path
 
 
-def _begin(duel: Duel, seats: Sequence[Seat], seed: int | None) -> Recording:
-    mask = duel.reset(seeds=seed)
-    for seat in seats:
-        seat.begin(mask)
-    return Recording(duel.arena)
-
-
-def _play(
-    duel: Duel,
-    seats: Sequence[Seat],
-    recording: Recording,
-    names: dict[str, str],
-    every: int,
-    echo: Echo | None,
-) -> None:
-    """Play the round to its end; with ``echo``, say what happens."""
+def _play(table: Table, seed: int | None, names: dict[str, str], every: int, echo: Echo | None) -> Recording:
+    """Play a round to its end; with ``echo``, say what happens."""
+    begin(table, seeds=seed)
+    recording, game = Recording(table.duel.arena), table.duel.arena.games[0]
     for line in _heading(recording, names) if echo is not None else ():
         echo(line)  # type: ignore[misc]
-    game = duel.arena.games[0]
-    while not game["truncated"]:
-        ally_actions, opponent_actions = (seat.act() for seat in seats)
-        duel.arena.step(ally_actions, opponent_actions)
+
+    def show() -> None:
         recording.add()
         if echo is not None and (game["step"] % every == 0 or game["truncated"]):
             echo(_step_line(recording.frames[-1], recording.scenario))
+
+    play_round(table, on_step=show, begun=True)
+    return recording
 
 
 def _heading(recording: Recording, names: dict[str, str]) -> tuple[str, ...]:

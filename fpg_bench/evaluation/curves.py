@@ -1,4 +1,4 @@
-"""Learning curves: an agent's score on its panel while it trained, against steps and against wall time."""
+"""Learning curves: an agent's score on its field while it trained, against steps and against wall time."""
 
 from __future__ import annotations
 

@@ -1,116 +1,182 @@
-"""An evaluation: players against a panel into a results folder, and the table made of it."""
+"""An evaluation: entries against a field into a results folder, and the summaries made of it."""
 
 from __future__ import annotations
 
 import dataclasses
-import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.panel import Entry, Panel, load_panel
-from fpg_bench.evaluation.runner import Contestant, contestant, play_panel
-from fpg_bench.evaluation.shards import play_shards
-from fpg_bench.evaluation.summary import Summary, check_references, summarise
+from fpg_bench.evaluation.entry import Entry, check_seeds, entries_of
+from fpg_bench.evaluation.field import Counterpart, Field, load_field
+from fpg_bench.evaluation.line import Line, read_lines
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.files import read_json, write_json
-from fpg_bench.players.scripted import SCRIPTED
+from fpg_bench.jobs.job import Job, check_all_done
+from fpg_bench.jobs.run import run_jobs
 from fpg_bench.rows import RowFile
 
-ALL_SCRIPTED = "all-scripted"
-ROWS, ABOUT = "rows.jsonl", "evaluation.json"  # the files of a results folder
+LINES, ABOUT = "lines.jsonl", "evaluation.json"  # the files of a results folder
+Progress = Callable[[Entry, Counterpart, int], None]  # told how many rounds of each match were played
 
 
 def evaluate(
     players: Sequence[str],
-    panel_name: str,
-    out: str | Path,
+    field: str = "ally-v1",
+    out: str | Path = "results",
     *,
-    rounds: int | None = None,
+    matches: int | None = None,
     name: str | None = None,
-    progress: Callable[[Contestant, Entry], None] = lambda who, entry: None,
+    progress: Progress = lambda entry, counterpart, rounds: None,
     jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
     say: Callable[[str], None] = print,
 ) -> list[Summary]:
-    """Play players against a panel; rounds that are in the folder already are not played again.
+    """Play players against a field; what is in the folder already is not played again.
 
     Args:
-        players: names by the one grammar of players, or ``all-scripted``; agents of one algorithm with
-            several training seeds become one line of the table.
-        panel_name: a panel's name or YAML file.
-        out: the results folder; ``rows.jsonl`` grows as rounds end.
-        rounds: rounds per entry and training seed; None: the panel's own.
-        name: what rows and tables call the players given; None: their own names. Not a script's name.
-        progress: called before each entry, where they are played one after the other.
-        jobs: how many entries are played at once; the rows are the same, their order may differ.
+        players: names by the one grammar of players, or ``all-scripted``; agents that differ by their training
+            seed alone become one entry.
+        field: a field's name or YAML file.
+        out: the results folder; ``lines.jsonl`` grows as counterparts are met.
+        matches: per counterpart and training seed; None: the field's own.
+        name: what lines and tables call the agents given; None: their algorithm. Not a script's name.
+        progress: called before each meeting and after each of its rounds, where they are played one by one.
+        jobs: how many meetings are played at once; the lines are the same, their order may differ.
         backend: ``loky`` or ``ray``; see :func:`fpg_bench.jobs.run.run_jobs`.
         address: of a Ray cluster.
-        say: told a line per entry that begins or ends, where several are played at once.
+        say: told a line per meeting that begins or ends, where several are played at once.
 
     Returns:
-        The summaries of all players in the folder, best first.
+        The summaries of all entries in the folder, best first.
 
     Raises:
-        UserError: something unknown, of the wrong side, or a folder that holds another panel's rows.
+        UserError: something unknown, of the wrong side, or a folder that holds another field's lines.
     """
-    out = Path(out)
-    panel = _with_rounds(load_panel(panel_name), rounds)
-    check_references(panel)
-    specs = [s for player in players for s in (SCRIPTED[panel.side] if player == ALL_SCRIPTED else [player])]
-    contestants = [contestant(spec, panel.side, panel, name) for spec in specs]
-    claim(out, panel_name, panel.hash, rounds=panel.rounds)
-    file = RowFile(out / ROWS)
+    played = with_matches(load_field(field), matches)
+    if played.side not in ("ally", "opponent"):
+        raise UserError(f"field {field}: measures planners; write fpg-bench plan compare --field {field}")
+    entries = entries_of(players, played, name)
+    workers: dict[str, Any] = {"workers": jobs, "backend": backend, "address": address, "say": say}
+    alone = (jobs, backend, address) == (1, "loky", None)
+    return play_into(Path(out), field, played, entries, progress, None if alone else workers)
+
+
+def play_into(
+    out: Path,
+    name: str,
+    field: Field,
+    entries: Sequence[Entry],
+    progress: Progress = lambda entry, counterpart, rounds: None,
+    workers: dict[str, Any] | None = None,
+) -> list[Summary]:
+    """Play entries against a field into a results folder; raises as :func:`evaluate` does.
+
+    Args:
+        out: the folder.
+        name: the field's name or YAML file.
+        field: that field.
+        entries: who is measured.
+        progress: see :func:`evaluate`.
+        workers: how to play several meetings at once (:func:`fpg_bench.jobs.run.run_jobs`); None: one by one.
+    """
+    check_seeds(entries)
+    claim(out, name, field)
+    file = RowFile(out / LINES)
     with file.locked():
-        if (jobs, backend, address) == (1, "loky", None):
-            for who in contestants:
-                play_panel(who, panel, file, functools.partial(progress, who))
+        missing = list(_missing(entries, field, file))
+        if workers is None:
+            for entry, counterpart in missing:
+                progress(entry, counterpart, 0)
+                file.append(
+                    [play(entry, field, counterpart, on_round=partial(progress, entry, counterpart)).row()]
+                )
         else:
-            play_shards(contestants, panel, file, workers=jobs, backend=backend, address=address, say=say)
-    return summarise(file.read(), panel)
+            say = workers.pop("say")
+            jobs = [_job(entry, field, counterpart, file) for entry, counterpart in missing]
+            check_all_done(run_jobs(jobs, **workers, say=say))
+    return summarise(lines_of(file), field)
 
 
-def read_results(folder: str | Path) -> tuple[list[Summary], Panel]:
-    """The summaries of a results folder, and its panel.
+def lines_of(file: RowFile) -> list[Line]:
+    """The lines in a file of them; raises UserError where a row is none."""
+    return read_lines(file.read(), f"lines {file.path}")
+
+
+def read_results(folder: str | Path) -> tuple[list[Summary], Field]:
+    """The summaries of a results folder, and its field.
 
     Raises:
-        UserError: no results folder, or one of a panel that is not this version's.
+        UserError: no results folder, or one of a field that is not this version's.
     """
     folder = Path(folder)
     about = read_json(folder / ABOUT, "results")
-    panel = _with_rounds(load_panel(about["panel"]), about["rounds"])
-    if panel.hash != about["panel_hash"]:
-        raise UserError(f"results {folder}: played under another version of {about['panel']}; evaluate again")
-    return summarise(RowFile(folder / ROWS).read(), panel), panel
+    if not isinstance(about.get("field"), str) or not isinstance(about.get("matches"), int):
+        raise UserError(
+            f"results {folder}: {ABOUT} names no field; it is of an older protocol: evaluate again"
+        )
+    field = with_matches(load_field(about["field"]), about["matches"])
+    if field.hash != about.get("field_hash"):
+        raise UserError(f"results {folder}: played under another version of {about['field']}; evaluate again")
+    return summarise(lines_of(RowFile(folder / LINES)), field), field
 
 
-def _with_rounds(panel: Panel, rounds: int | None) -> Panel:
-    if rounds is not None and rounds < 1:
-        raise UserError(f"rounds: expected a whole number above 0, got {rounds}")
-    return panel if rounds is None else dataclasses.replace(panel, rounds=rounds)
+def with_matches(field: Field, matches: int | None) -> Field:
+    """The same field over another number of matches; raises UserError where it is none."""
+    if matches is not None and matches < 1:
+        raise UserError(f"matches: expected a whole number above 0, got {matches}")
+    return field if matches is None else dataclasses.replace(field, matches=matches)
 
 
-def claim(out: Path, panel_name: str, panel_hash: str, **size: int) -> None:
-    """Say in a folder which panel its rows are of, and how many rounds or matches it has.
+def claim(out: Path, name: str, field: Field) -> None:
+    """Say in a folder which field its lines are of, and how many matches they have.
 
     Raises:
-        UserError: it holds rows of another panel.
+        UserError: it holds lines of another field.
     """
-    path = out / ABOUT
-    rows = out / ROWS
-    about = {"panel": panel_name, "panel_hash": panel_hash, **size}
-    if not (path.exists() and rows.exists() and rows.stat().st_size):
+    path, lines = out / ABOUT, out / LINES
+    about = {"field": name, "field_hash": field.hash, "matches": field.matches}
+    if not (path.exists() and lines.exists() and lines.stat().st_size):
         write_json(path, about)
         return
     found = read_json(path, "results")
-    if found.get("panel_hash") != panel_hash:
+    if found.get("field_hash") != field.hash:
         raise UserError(
-            f"results {out}: hold rows of {_sized(found)}, or of another version of it, "
-            f"not of {_sized(about)}; choose another folder"
+            f"results {out}: hold lines of {found.get('field')} with {found.get('matches')} matches, or of "
+            f"another version of it, not of {name} with {field.matches}; choose another folder"
         )
 
 
-def _sized(about: dict[str, Any]) -> str:
-    sizes = [f"{about[key]} {key}" for key in ("rounds", "matches") if key in about]
-    return f"{about.get('panel')} with {' and '.join(sizes)}"
+def _missing(entries: Sequence[Entry], field: Field, file: RowFile) -> Iterator[tuple[Entry, Counterpart]]:
+    """Who has not met whom yet.
+
+    Raises:
+        UserError: the file holds lines of another field, or of another player under the same name.
+    """
+    known = {}
+    for line in lines_of(file):
+        if line.field_hash != field.hash[:16]:
+            raise UserError(
+                f"lines {file.path}: hold some of another field ({line.field}); choose another folder"
+            )
+        known[line.entry, line.training_seed, line.counterpart] = line.fingerprint
+    for entry in entries:
+        for counterpart in field.counterparts:
+            found = known.get((entry.name, entry.training_seed, counterpart.name))
+            if found is None:
+                yield entry, counterpart
+            elif found != entry.fingerprint[:16]:
+                raise UserError(
+                    f"lines {file.path}: hold lines of another {entry.name!r} (another policy, or its file "
+                    "has changed); give this one another name or write to another folder"
+                )
+
+
+def _job(entry: Entry, field: Field, counterpart: Counterpart, file: RowFile) -> Job:
+    seed = "" if entry.training_seed is None else f"/seed_{entry.training_seed}"
+    name = f"{entry.name}{seed} - {counterpart.name}"
+    return Job(name, partial(play, entry, field, counterpart), lambda line: file.append([line.row()]))

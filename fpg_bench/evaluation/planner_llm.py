@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.planner_panel import PlannerPanel
-from fpg_bench.evaluation.planner_runner import Contender
+from fpg_bench.evaluation.entry import Entry
+from fpg_bench.evaluation.field import Counterpart, Field
 from fpg_bench.files import read_json, write_json, write_whole
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.planning.llm.budget import Budget
@@ -25,12 +25,12 @@ _DECIDING = ("model", "control", "prompt_hash")
 _CAPS = ("calls", "tokens", "seconds")
 
 
-def asked(name: str, panel: PlannerPanel, folder: Path, options: Mapping[str, Any]) -> Contender:
+def asked(name: str, field: Field, folder: Path, options: Mapping[str, Any]) -> Entry:
     """A language model that is asked and recorded; what its transcripts hold is not asked again.
 
     Args:
         name: one of ``LLM_CONTROLS``.
-        panel: what it will play.
+        field: what it will play.
         folder: where its transcripts grow.
         options: those of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, whose caps hold for all
             allies together, and ``server``, the profile of its endpoint.
@@ -43,31 +43,31 @@ def asked(name: str, panel: PlannerPanel, folder: Path, options: Mapping[str, An
     prompt = rest.pop("prompt", "standard")
     about: dict[str, Any] = {"model": endpoint.model, "server": endpoint.server.name, "control": control}
     about |= {"prompt": prompt, "prompt_hash": load_prompt(prompt).hash}
-    about |= {"panel": panel.name, "panel_hash": panel.hash, "matches": panel.matches}
+    about |= {"field": field.name, "field_hash": field.hash, "matches": field.matches}
     budget = _budget(folder, {cap: rest.pop(cap) for cap in _CAPS if cap in rest})
 
-    def make(ally: str) -> LLMPlanner:
-        _claim(folder, about, panel)
-        path = folder / transcript_name(ally)
+    def make(ally: Counterpart) -> LLMPlanner:
+        _claim(folder, about, field)
+        path = folder / transcript_name(ally.name)
         planner = LLMPlanner(
-            panel.scenario, endpoint, prompt=prompt, control=control, transcript=path, mode="record", **rest
+            field.scenario, endpoint, prompt=prompt, control=control, transcript=path, mode="record", **rest
         )
         planner.budget = budget
         return planner
 
-    return Contender(name, LLMPlanner.tier, _fingerprint(about), make)
+    return Entry(name, None, _fingerprint(about), make, LLMPlanner.tier)
 
 
-def replayed(folder: Path, panel: PlannerPanel, taken: Collection[str] = ()) -> list[Contender]:
+def replayed(folder: Path, field: Field, taken: Collection[str] = ()) -> list[Entry]:
     """The language models whose transcripts lie in a folder, as they were recorded; no server is asked.
 
     Args:
         folder: holds a folder for each planner, whose name is what rows call it.
-        panel: what they played.
+        field: what they played.
         taken: the names of the other planners under comparison.
 
     Raises:
-        UserError: no transcripts there, those of another panel, or a planner by the name of another.
+        UserError: no transcripts there, those of another field, or a planner by the name of another.
     """
     found = sorted(path.parent for path in folder.glob(f"*/{ABOUT}"))
     if not found:
@@ -77,34 +77,34 @@ def replayed(folder: Path, panel: PlannerPanel, taken: Collection[str] = ()) -> 
             raise UserError(f"transcripts {path}: another planner here has this name; rename the folder")
         if path.name in PLANNERS and path.name not in LLM_CONTROLS:
             raise UserError(f"transcripts {path}: a planner of the package has this name; rename the folder")
-    return [_replayed(path, panel) for path in found]
+    return [_replayed(path, field) for path in found]
 
 
-def _replayed(folder: Path, panel: PlannerPanel) -> Contender:
+def _replayed(folder: Path, field: Field) -> Entry:
     about, prompt = _about(folder), load_prompt(str(folder / PROMPT))
-    _check_panel(folder, about, panel)
+    _check_field(folder, about, field)
     if prompt.hash != about["prompt_hash"]:
         raise UserError(f"transcripts {folder}: its {PROMPT} is not the prompt that was recorded")
 
-    def make(ally: str) -> LLMPlanner:
+    def make(ally: Counterpart) -> LLMPlanner:
         planner = LLMPlanner(
-            panel.scenario,
+            field.scenario,
             prompt=prompt,
             control=about["control"],
-            transcript=transcript_file(folder, ally),
+            transcript=transcript_file(folder, ally.name),
             mode="replay",
         )
         planner.transcript.check_told(about)
         return planner
 
-    return Contender(folder.name, LLMPlanner.tier, _fingerprint(about), make)
+    return Entry(folder.name, None, _fingerprint(about), make, LLMPlanner.tier)
 
 
-def _claim(folder: Path, about: dict[str, Any], panel: PlannerPanel) -> None:
+def _claim(folder: Path, about: dict[str, Any], field: Field) -> None:
     """Say beside transcripts whose they are, and keep the prompt; refuse those of another."""
     if any(path.stat().st_size for path in folder.glob("*.jsonl")):
         known = _about(folder)
-        _check_panel(folder, known, panel)
+        _check_field(folder, known, field)
         for key in _DECIDING:
             if known[key] != about[key]:
                 raise UserError(
@@ -116,12 +116,12 @@ def _claim(folder: Path, about: dict[str, Any], panel: PlannerPanel) -> None:
     write_json(folder / ABOUT, about)
 
 
-def _check_panel(folder: Path, about: Mapping[str, Any], panel: PlannerPanel) -> None:
-    """Check that transcripts are of the panel's matches, with what to write to compare them."""
-    if about.get("panel_hash") != panel.hash:
+def _check_field(folder: Path, about: Mapping[str, Any], field: Field) -> None:
+    """Check that transcripts are of the field's matches, with what to write to compare them."""
+    if about.get("field_hash") != field.hash:
         raise UserError(
-            f"transcripts {folder}: hold matches of another panel, {about.get('panel')!r} with "
-            f"{about.get('matches')} matches per ally; compare them with its --panel and --matches"
+            f"transcripts {folder}: hold matches of another field, {about.get('field')!r} with "
+            f"{about.get('matches')} matches per ally; compare them with its --field and --matches"
         )
 
 

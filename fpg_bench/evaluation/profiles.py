@@ -1,7 +1,8 @@
 """Performance profiles and the probability of improvement (Agarwal et al. 2021), of few training seeds.
 
-Both speak of runs, a training seed on an entry, by their normalised scores ``(training seeds, entries)``.
-Entries are fixed, not drawn: intervals are over training seeds alone.
+Both speak of runs, a training seed against a counterpart, by their returns a step
+``(training seeds, counterparts)``.
+Counterparts are fixed, not drawn: intervals are over training seeds alone.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarra
     """The share of runs that score more than each threshold.
 
     Args:
-        scores: ``(..., training seeds, entries)``.
+        scores: ``(..., training seeds, counterparts)``.
         thresholds: ``(t,)``.
 
     Returns:
@@ -25,16 +26,16 @@ def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarra
 
 
 def probability_of_improvement(better: np.ndarray, other: np.ndarray) -> Interval:
-    """How likely a new training of the one scores more than one of the other, on an entry drawn at will.
+    """How likely a new training of the one earns more than one of the other, whomever both meet.
 
-    The mean over entries of the Mann-Whitney statistic, ties half. Its variance is that of a U statistic
+    The mean over counterparts of the Mann-Whitney statistic, ties half. Its variance is that of a U statistic
     (the spread of each seed's own share of wins, DeLong et al. 1988), with Student's t of the smaller
     number of seeds; a script, which has one row, does not vary. In simulations with five seeds it covered
     93 to 98 % up to a probability of 0.7; where nearly all seeds agree it is too narrow.
 
     Args:
-        better: ``(m, entries)`` scores of the one's training seeds.
-        other: ``(n, entries)`` scores of the other's.
+        better: ``(m, counterparts)`` returns a step of the one's training seeds.
+        other: ``(n, counterparts)`` returns a step of the other's.
     """
     above = better[:, None] > other[None]
     wins = (above + 0.5 * (better[:, None] == other[None])).mean(axis=2)

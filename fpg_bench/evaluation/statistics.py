@@ -1,35 +1,19 @@
-"""Interquartile means and 95 % intervals, over the units that were really drawn.
+"""Means with 95 % intervals by Student's t, over the units that were really drawn; ranks over all pairs.
 
-Trained agents: over training seeds, with Student's t below ten of them, else a bootstrap over whole
-seeds. One training seed, and scripted players: a bootstrap over evaluation seeds, the same for every
-entry. Entries of a panel are never resampled: they are fixed, not drawn.
+Trained agents: over training seeds. One training seed, scripts and planners: over matches, the same ones
+for every counterpart. Counterparts of a field are never resampled: they are fixed, not drawn.
 """
 
 from __future__ import annotations
 
-import functools
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-BOOTSTRAPS = 2000
-SEEDS_FOR_BOOTSTRAP = 10
 FEW_SEEDS = 3  # fewer training seeds are marked: their spread is hardly known
-# Two-sided 95 % quantiles of Student's t with 1 to 8 degrees of freedom.
-_STUDENT_T = (12.7062, 4.3027, 3.1824, 2.7764, 2.5706, 2.4469, 2.3646, 2.3060)
-
-
-def student_t(count: int) -> float:
-    """The two-sided 95 % quantile of Student's t for the mean of ``count`` seeds, two at least."""
-    if count < SEEDS_FOR_BOOTSTRAP:
-        return _STUDENT_T[count - 2]
-    z, freedom = 1.95996, count - 1  # the first terms of Cornish and Fisher's expansion
-    return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)
-
-
-def student_half(values: np.ndarray) -> float:
-    """Half of the 95 % interval of the mean of values ``(n,)``, two at least, by Student's t."""
-    return float(student_t(len(values)) * float(values.std(ddof=1)) / np.sqrt(len(values)))
+TRAINING_SEEDS, MATCHES, ROUNDS = "training seeds", "matches", "rounds"
 
 
 @dataclass(frozen=True)
@@ -41,45 +25,55 @@ class Interval:
     high: float
     over: str
 
-
-def iqm(values: np.ndarray) -> np.ndarray:
-    """The interquartile mean along the last axis: the mean without the lowest and highest quarter."""
-    ordered = np.sort(values, axis=-1)
-    cut = ordered.shape[-1] // 4
-    return ordered[..., cut : ordered.shape[-1] - cut].mean(axis=-1)
+    @property
+    def half(self) -> float:
+        """Half of its width."""
+        return (self.high - self.low) / 2
 
 
-def iqm_interval(scores: np.ndarray, trained: bool) -> Interval:
-    """The IQM over a panel's entries, with its interval.
+def student_t(count: int) -> float:
+    """The two-sided 95 % quantile of Student's t for the mean of ``count`` units, two at least."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(count - 1, 0.975))
+
+
+def student_half(values: np.ndarray) -> float:
+    """Half of the 95 % interval of the mean of values ``(n,)``; not a number for a single one."""
+    if len(values) < 2:
+        return math.nan
+    return student_t(len(values)) * float(np.std(values, ddof=1)) / math.sqrt(len(values))
+
+
+def mean_interval(values: np.ndarray, over: str) -> Interval:
+    """The mean of units ``(n,)`` with its interval; ends that are no numbers where there is one unit."""
+    value, half = float(np.mean(values)), student_half(values)
+    return Interval(value, value - half, value + half, over)
+
+
+def rank_ranges(samples: Sequence[np.ndarray]) -> list[tuple[int, int]]:
+    """The best and the worst rank of each entry: 1 + how many are better, n - how many it is better than.
+
+    One is better than another where the interval of their difference lies above 0; the intervals of all pairs
+    hold at once with 95 % (Games and Howell, 1976: unequal variances, studentized range).
 
     Args:
-        scores: ``(training seeds, entries, evaluation seeds)`` normalised scores; one training seed for
-            scripted players.
-        trained: whether the first axis is training seeds.
+        samples: per entry its units ``(n,)``, two at least.
     """
-    per_seed = iqm(scores.mean(axis=2))
-    value = float(per_seed.mean())
-    count = len(per_seed)
-    if count == 1:
-        over = "rounds" if trained else "evaluation seeds"
-        return Interval(value, *_bootstrap_rounds(scores[0]), over)
-    if count < SEEDS_FOR_BOOTSTRAP:
-        half = student_half(per_seed)
-        return Interval(value, value - half, value + half, "training seeds")
-    draws = np.random.default_rng(0).integers(0, count, (BOOTSTRAPS, count))
-    low, high = np.percentile(per_seed[draws].mean(axis=1), (2.5, 97.5))
-    return Interval(value, float(low), float(high), "training seeds")
+    count = len(samples)
+    better = np.zeros((count, count), bool)
+    if count > 1:
+        better = _better(samples)
+    low, high = 1 + better.sum(axis=0), count - better.sum(axis=1)
+    return [(int(a), int(b)) for a, b in zip(low, high, strict=True)]
 
 
-def _bootstrap_rounds(scores: np.ndarray) -> tuple[float, float]:
-    """The interval of the IQM of ``(entries, evaluation seeds)`` over whole evaluation seeds."""
-    low, high = np.percentile(iqm(resampled(scores.shape[1]) @ scores.T), (2.5, 97.5))
-    return float(low), float(high)
+def _better(samples: Sequence[np.ndarray]) -> np.ndarray:
+    """``(n, n)`` bool: whether the one's mean lies above the other's beyond chance."""
+    from scipy.stats import tukey_hsd
 
-
-@functools.cache
-def resampled(units: int) -> np.ndarray:
-    """``(BOOTSTRAPS, units)``: how much each of the units weighs in each resampling, always the same."""
-    found = np.random.default_rng(0).multinomial(units, np.full(units, 1 / units), BOOTSTRAPS) / units
-    found.flags.writeable = False  # all callers share it
-    return found
+    means = np.array([np.mean(sample) for sample in samples])
+    with np.errstate(divide="ignore", invalid="ignore"):  # two samples without any spread
+        p = tukey_hsd(*samples, equal_var=False).pvalue
+    above = means[:, None] > means[None]
+    return above & np.where(np.isnan(p), True, p < 0.05)

@@ -1,111 +1,142 @@
-"""From rows to what a table says: per contestant the normalised score with its interval, and the measures."""
+"""From lines to what a table says: per entry the score with its interval, the worst, and the measures."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.panel import Panel
-from fpg_bench.evaluation.runner import TALLIES
-from fpg_bench.evaluation.statistics import Interval, iqm_interval
-from fpg_bench.game.measures import measures, pool
-from fpg_bench.game.state import TALLY
-from fpg_bench.rows import Row
+from fpg_bench.evaluation.field import Field
+from fpg_bench.evaluation.line import Line, Pooled, pool
+from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
 
 
 @dataclass(frozen=True)
 class Summary:
-    """One contestant under a panel.
+    """One entry over a field.
 
     Attributes:
-        player: its name.
-        training_seeds: how many, 0 for a script.
-        score: the IQM over entries of the normalised score (0 random, 100 reference), with its interval.
-        mean: the mean over entries of the normalised score.
-        entries: the normalised score per entry.
-        measures: the pooled measures of :func:`fpg_bench.game.measures.measures`, returns per round.
-        rounds: how many rounds were played.
+        entry: its name.
+        field: what it met.
+        rewards: ``(training seeds, counterparts, matches)`` returns a step; one training seed for a script.
+        trained: whether the first axis is training seeds.
+        lines: what it is made of, in the order of training seed and counterpart.
     """
 
-    player: str
-    training_seeds: int
-    score: Interval
-    mean: float
-    entries: dict[str, float]
-    measures: dict[str, float | None]
-    rounds: int
+    entry: str
+    field: Field
+    rewards: np.ndarray
+    trained: bool
+    lines: tuple[Line, ...]
+
+    @property
+    def training_seeds(self) -> int:
+        """How many, 0 for a script or a planner."""
+        return len(self.rewards) if self.trained else 0
+
+    @property
+    def over(self) -> str:
+        """What intervals are over."""
+        return TRAINING_SEEDS if self.training_seeds > 1 else MATCHES
+
+    def units(self, rewards: np.ndarray) -> np.ndarray:
+        """The units that a mean of returns a step ``(training seeds, n, matches)`` varies over."""
+        axes = (1, 2) if self.training_seeds > 1 else (0, 1)
+        found: np.ndarray = rewards.mean(axis=axes)
+        return found
+
+    @cached_property
+    def samples(self) -> np.ndarray:
+        """The score of each unit; their mean is the score."""
+        found: np.ndarray = self.field.scale.score(self.units(self.rewards))
+        return found
+
+    @cached_property
+    def score(self) -> Interval:
+        """The score: the mean over counterparts on the track's scale, with its interval."""
+        return mean_interval(self.samples, self.over)
+
+    @cached_property
+    def reward(self) -> Interval:
+        """The return a step, mean over counterparts, with its interval."""
+        return mean_interval(self.units(self.rewards), self.over)
+
+    @cached_property
+    def by_counterpart(self) -> dict[str, Interval]:
+        """The return a step against each counterpart, with its interval."""
+        return {
+            counterpart.name: mean_interval(self.units(self.rewards[:, k : k + 1]), self.over)
+            for k, counterpart in enumerate(self.field.counterparts)
+        }
+
+    @property
+    def worst(self) -> str:
+        """The name of the counterpart that it earns least against."""
+        return min(self.by_counterpart, key=lambda name: self.by_counterpart[name].value)
+
+    def seed_scores(self) -> dict[int | None, float]:
+        """The score of each training seed."""
+        seeds = list(dict.fromkeys(line.training_seed for line in self.lines))
+        scores = self.field.scale.score(self.rewards.mean(axis=(1, 2)))
+        return dict(zip(seeds, scores.tolist(), strict=True))
+
+    @cached_property
+    def pooled(self) -> Pooled:
+        """The sums of all lines."""
+        return pool(self.lines)
+
+    @property
+    def measures(self) -> dict[str, float | None]:
+        """The measures over all rounds, both returns as means a round."""
+        return self.pooled.measures
 
 
-def summarise(rows: list[Row], panel: Panel) -> list[Summary]:
-    """One summary per contestant whose rows are complete, best first.
+def summarise(lines: Iterable[Line], field: Field) -> list[Summary]:
+    """One summary per entry whose lines are complete, best first; lines of another field are passed over."""
+    found = [summary for mine in by_entry(lines, field).values() if (summary := _summary(mine, field))]
+    return sorted(found, key=lambda summary: (-summary.score.value, summary.entry))
+
+
+def by_entry(lines: Iterable[Line], field: Field) -> dict[str, list[Line]]:
+    """The lines of a field by entry."""
+    groups: dict[str, list[Line]] = {}
+    for line in lines:
+        if line.field_hash == field.hash[:16]:
+            groups.setdefault(line.entry, []).append(line)
+    return groups
+
+
+def summary_of(lines: Sequence[Line], field: Field) -> Summary:
+    """The summary of one entry's lines.
 
     Raises:
-        UserError: the panel has no reference scores.
+        UserError: lines are missing.
     """
-    check_references(panel)
-    groups: dict[str, dict[Any, list[Row]]] = {}
-    for row in rows:
-        groups.setdefault(row["player"], {}).setdefault(row["training_seed"], []).append(row)
-    found = [_summary(name, by_seed, panel) for name, by_seed in groups.items()]
-    return sorted((s for s in found if s is not None), key=lambda s: -s.score.value)
-
-
-def check_references(panel: Panel) -> None:
-    """Raise UserError where a panel's scores can't be normalised: not measured, or for fewer rounds."""
-    if panel.references is None:
-        raise UserError(f"panel {panel.name}: has no reference scores; run fpg-bench measure-panel first")
-    measured = min(len(reference.random) for reference in panel.references.values())
-    if panel.rounds > measured:
+    (mine,) = by_entry(lines, field).values() or [[]]
+    found = _summary(mine, field)
+    if found is None:
         raise UserError(
-            f"rounds: at most {measured} on panel {panel.name} (its reference scores), got {panel.rounds}"
+            f"field {field.name}: the lines of {mine[0].entry if mine else 'anybody'} are not whole"
         )
+    return found
 
 
-def _summary(name: str, by_seed: dict[Any, list[Row]], panel: Panel) -> Summary | None:
-    complete = {
-        seed: scores for seed, rows in by_seed.items() if (scores := _scores(rows, panel)) is not None
-    }
-    if not complete:
+def _summary(lines: Sequence[Line], field: Field) -> Summary | None:
+    seeds: dict[int | None, dict[str, Line]] = {}
+    for line in lines:
+        seeds.setdefault(line.training_seed, {})[line.counterpart] = line
+    names = [counterpart.name for counterpart in field.counterparts]
+    whole = {seed: of for seed, of in sorted(seeds.items(), key=_by_seed) if set(names) <= of.keys()}
+    if not whole:
         return None
-    trained = None not in complete
-    # Sums of floats follow their order, which in the file is that in which entries ended.
-    order = {entry.name: index for index, entry in enumerate(panel.entries)}
-    seeds = sorted(complete, key=str)
-    scores = np.stack([complete[seed] for seed in seeds])
-    per_entry = scores.mean(axis=(0, 2))
-    rows = [row for seed in seeds for row in sorted(by_seed[seed], key=lambda row: order[row["entry"]])]
-    return Summary(
-        player=name,
-        training_seeds=len(complete) if trained else 0,
-        score=iqm_interval(scores, trained),
-        mean=float(per_entry.mean()),
-        entries={entry.name: float(x) for entry, x in zip(panel.entries, per_entry, strict=True)},
-        measures=pooled_measures(rows),
-        rounds=len(rows),
-    )
+    rewards = [[field.rewards(of[name].returns) for name in names] for of in whole.values()]
+    ordered = tuple(of[name] for of in whole.values() for name in names)
+    return Summary(lines[0].entry, field, np.array(rewards), None not in whole, ordered)
 
 
-def _scores(rows: list[Row], panel: Panel) -> np.ndarray | None:
-    """``(entries, matches)`` normalised scores, None where rounds are missing."""
-    assert panel.references is not None
-    found = []
-    for entry in panel.entries:
-        played = sorted(
-            (r["seed"], r["round"], r[f"{panel.side}_return"]) for r in rows if r["entry"] == entry.name
-        )
-        if len(played) < panel.rounds:
-            return None
-        scores = panel.references[entry.name].scores(np.array([row[2] for row in played]))
-        found.append(scores.reshape(len({row[0] for row in played}), -1).mean(axis=1))
-    return np.array(found)
-
-
-def pooled_measures(rows: list[Row]) -> dict[str, float | None]:
-    """The measures over all rows; sums pooled, both returns as means a round."""
-    tally = pool(np.array([tuple(row[name] for name in TALLIES) for row in rows], TALLY))
-    histogram = np.array([[row["ally_points"], row["jam_points"]] for row in rows]).sum(axis=0)
-    found = measures(tally, histogram)
-    return found | {f"{side}_return": tally[f"{side}_return"] / len(rows) for side in ("ally", "opponent")}
+def _by_seed(item: tuple[int | None, Mapping[str, Line]]) -> tuple[bool, int]:
+    seed = item[0]
+    return seed is None, seed or 0

@@ -9,66 +9,48 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.evaluation.canvas import blank_figure
-from fpg_bench.evaluation.panel import Panel
-from fpg_bench.evaluation.statistics import FEW_SEEDS
+from fpg_bench.evaluation.columns import columns, learning_curve
+from fpg_bench.evaluation.field import PLANNER, Field
+from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.files import write_whole
 
-# Heading, measure, factor, decimals.
-_MEASURES = (
-    ("overlap %", "overlap_ratio", 100, 1),
-    ("jammed %", "jamming_success_rate", 100, 1),
-    ("hops %", "hop_rate", 100, 1),
-    ("spread %", "spread_ratio", 100, 1),
-    ("within 30 m %", "near_ratio", 100, 1),
-    ("SNR dB", "snr_db", 1, 1),
-    ("Mbit/s", "capacity_mbit_s", 1, 1),
-)
+_TRAINED, _SCRIPT = "#0072b2", "#7f7f7f"
+# Okabe and Ito's colours, told apart by the colour-blind too; each round of them has its marker.
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c8c8c")
+_MARKERS = "os^"
 
 
-def headings(side: str) -> list[str]:
-    """The table's columns for a panel of one side."""
-    return ["player", "seeds", "score", "95 % interval", "mean", "worst entry", f"{side} return"] + [
-        heading for heading, *_ in _MEASURES
-    ]
+def headings(field: Field, wide: bool = False) -> list[str]:
+    """The table's columns."""
+    return [column.heading for column in columns(field) if wide or not column.wide]
 
 
-def cells(summary: Summary, side: str) -> list[str]:
+def cells(summary: Summary, wide: bool = False) -> list[str]:
     """One line of the table."""
-    s, score = summary, summary.score
-    marked = " †" if 0 < s.training_seeds < FEW_SEEDS else ""
-    worst = min(s.entries, key=lambda name: s.entries[name])
-    return [
-        s.player,
-        str(s.training_seeds or "-"),
-        number(score.value),
-        f"[{number(score.low)}, {number(score.high)}]{marked}",
-        number(s.mean),
-        f"{number(s.entries[worst])} {worst}",
-        number(s.measures[f"{side}_return"], digits=0),
-    ] + [number(s.measures[name], factor, digits) for _, name, factor, digits in _MEASURES]
+    return [column.cell(summary) for column in columns(summary.field) if wide or not column.wide]
 
 
-def number(value: float | None, factor: float = 1, digits: int = 1) -> str:
-    """A number of a table; a dash where there is none."""
-    return "-" if value is None else f"{round(value * factor, digits) + 0.0:.{digits}f}"  # never -0.0
-
-
-def caption(panel: Panel) -> str:
+def caption(field: Field) -> str:
     """What the table's numbers are."""
+    met = f"{len(field.counterparts)} counterparts, {field.matches} matches each"
+    if field.rounds_per_match > 1:
+        met += f" of {field.rounds_per_match} rounds"
     return (
-        f"Panel {panel.name} ({panel.hash[:12]}), {panel.rounds} rounds per entry and training seed. "
-        f"Score: interquartile mean (IQM) over the {len(panel.entries)} entries of the normalised "
-        f"return, 0 = random, 100 = {panel.reference}. "
-        "Intervals: 95 %, over training seeds; for scripts over evaluation seeds; "
-        "† fewer than three training seeds (one: over rounds)."
+        f"Field {field.name} ({field.hash[:12]}): {met}. Mean over counterparts of the {_whose(field)} return a "
+        f"step; {field.scale.told}. Intervals: 95 %, over training seeds; for scripts, planners and single "
+        "training seeds over matches. † fewer than three training seeds."
     )
 
 
-def markdown(summaries: Sequence[Summary], panel: Panel) -> str:
-    """The table as Markdown."""
-    lines = [cells(summary, panel.side) for summary in summaries]
-    return as_markdown(headings(panel.side), lines, caption(panel))
+def _whose(field: Field) -> str:
+    return "ally's" if field.side == "ally" else "opponent's"
+
+
+def markdown(summaries: Sequence[Summary], field: Field) -> str:
+    """The table as Markdown, with all columns."""
+    lines = [[cell.replace("|", "\\|") for cell in cells(summary, wide=True)] for summary in summaries]
+    return as_markdown(headings(field, wide=True), lines, caption(field))
 
 
 def as_markdown(names: list[str], lines: Sequence[list[str]], below: str) -> str:
@@ -77,54 +59,88 @@ def as_markdown(names: list[str], lines: Sequence[list[str]], below: str) -> str
     return "\n".join("| " + " | ".join(line) + " |" for line in whole) + f"\n\n{below}\n"
 
 
-def as_csv(summaries: Sequence[Summary], panel: Panel) -> str:
-    """Unrounded: the score with its interval, every entry's score and every measure."""
+def as_csv(summaries: Sequence[Summary]) -> str:
+    """Unrounded: the score with its interval, the return a step against every counterpart, every measure."""
     text = io.StringIO()
-    lines = [_flat(summary) for summary in summaries]
+    lines = [flat(summary) for summary in summaries]
     writer = csv.DictWriter(text, list(lines[0]) if lines else [], lineterminator="\n")
     writer.writeheader()
     writer.writerows(lines)
     return text.getvalue()
 
 
-def _flat(s: Summary) -> dict[str, Any]:
-    head = {"player": s.player, "training_seeds": s.training_seeds, "rounds": s.rounds}
-    head |= {
-        "score_iqm": s.score.value,
-        "low": s.score.low,
-        "high": s.score.high,
-        "interval_over": s.score.over,
-    }
-    return head | {"score_mean": s.mean} | {f"score {n}": x for n, x in s.entries.items()} | s.measures
-
-
-def picture(summaries: Sequence[Summary], panel: Panel, path: Path) -> None:
-    """Draw the scores with their intervals, best on top, and each entry's score as a small mark."""
-    figure = blank_figure(8, 1.2 + 0.45 * len(summaries), dpi=120)
-    axes = figure.subplots()
-    for line, s in enumerate(reversed(summaries)):
-        colour = "#0072b2" if s.training_seeds else "#7f7f7f"
-        axes.plot(list(s.entries.values()), [line] * len(s.entries), "|", color=colour, alpha=0.4, ms=9)
-        around = [[s.score.value - s.score.low], [s.score.high - s.score.value]]
-        axes.errorbar(
-            s.score.value, line, xerr=around, fmt="o", color=colour, ms=4, lw=2, capsize=5, capthick=2
+def flat(s: Summary) -> dict[str, Any]:
+    """A summary as one flat mapping of names to numbers."""
+    line: dict[str, Any] = {"entry": s.entry, "training_seeds": s.training_seeds, "rounds": s.pooled.rounds}
+    line |= _ends("score", s.score) | {"interval_over": s.over} | _ends("return_a_step", s.reward)
+    line |= {"worst_against": s.worst, "lost": s.pooled.lost}
+    line |= {f"return_a_step {name}": found.value for name, found in s.by_counterpart.items()}
+    if s.field.side == PLANNER:
+        for k, score in enumerate(learning_curve(s), 1):
+            line |= _ends(f"round_{k}", score)
+        plans = s.pooled.plans
+        line |= (
+            {} if plans is None else {"valid": plans.valid, "tokens": plans.tokens, "seconds": plans.seconds}
         )
-    axes.set_yticks(range(len(summaries)), [s.player for s in reversed(summaries)])
+    return line | s.measures
+
+
+def _ends(name: str, interval: Interval) -> dict[str, float]:
+    return {name: interval.value, f"{name}_low": interval.low, f"{name}_high": interval.high}
+
+
+def picture(summaries: Sequence[Summary], field: Field, path: Path) -> None:
+    """Draw the scores with their intervals, best on top, and a small mark for each counterpart.
+
+    For planners the score round by round stands beside it.
+    """
+    planned = field.side == PLANNER
+    figure = blank_figure(11 if planned else 8, max(3.0, 1.2 + 0.45 * len(summaries)), dpi=120)
+    if planned:
+        by_round, axes = figure.subplots(1, 2, width_ratios=(3, 2))
+        _draw_curves(by_round, summaries, field)
+    else:
+        axes = figure.subplots()
+    for index, s in enumerate(summaries):
+        _draw_score(axes, s, len(summaries) - 1 - index, _style(s, index))
+    axes.set_yticks(range(len(summaries)), [s.entry for s in reversed(summaries)])
     axes.set_ylim(-0.6, len(summaries) - 0.4)
-    for value in (0, 100):
-        axes.axvline(value, color="0.6", lw=0.8, ls=":")
-    axes.set_xlabel(
-        f"normalised score (0 = random, 100 = {panel.reference}); IQM with 95 % interval, | per entry"
-    )
-    axes.set_title(f"{panel.name}, {panel.rounds} rounds per entry", fontsize=11)
+    axes.set_xlabel(f"{field.scale.told}; with 95 % interval, | per counterpart")
+    axes.set_title(f"{field.name}, {field.matches} matches per counterpart", fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
     image = io.BytesIO()
     figure.savefig(image, format="png")
     write_whole(path, image.getvalue())
 
 
-def write_table(summaries: Sequence[Summary], panel: Panel, folder: Path) -> None:
+def _style(s: Summary, index: int) -> dict[str, Any]:
+    if s.field.side != PLANNER:
+        return {"color": _TRAINED if s.trained else _SCRIPT, "marker": "o", "ms": 4}
+    again, colour = divmod(index, len(_COLOURS))
+    return {"color": _COLOURS[colour], "marker": _MARKERS[again % len(_MARKERS)], "ms": 4}
+
+
+def _draw_score(axes: Any, s: Summary, line: int, style: dict[str, Any]) -> None:
+    each = [s.field.scale.score(found.value) for found in s.by_counterpart.values()]
+    axes.plot(each, [line] * len(each), "|", color=style["color"], alpha=0.4, ms=9)
+    axes.errorbar(s.score.value, line, xerr=s.score.half, lw=2, capsize=5, capthick=2, **style)
+
+
+def _draw_curves(axes: Any, summaries: Sequence[Summary], field: Field) -> None:
+    rounds = range(1, field.rounds_per_match + 1)
+    for index, s in enumerate(summaries):
+        curve, style = learning_curve(s), _style(s, index)
+        axes.plot(rounds, [score.value for score in curve], lw=1.6, **style)
+        low, high = ([getattr(score, end) for score in curve] for end in ("low", "high"))
+        axes.fill_between(rounds, low, high, color=style["color"], alpha=0.15, lw=0)
+    axes.set_xlabel("round of the match")
+    axes.set_ylabel(field.scale.told)
+    axes.set_xticks(rounds)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def write_table(summaries: Sequence[Summary], field: Field, folder: Path) -> None:
     """Write ``table.md``, ``table.csv`` and ``table.png`` into a folder."""
-    write_whole(folder / "table.md", markdown(summaries, panel))
-    write_whole(folder / "table.csv", as_csv(summaries, panel))
-    picture(summaries, panel, folder / "table.png")
+    write_whole(folder / "table.md", markdown(summaries, field))
+    write_whole(folder / "table.csv", as_csv(summaries))
+    picture(summaries, field, folder / "table.png")

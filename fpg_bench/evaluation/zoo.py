@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError, nearest
-from fpg_bench.evaluation.panel import load_panel
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.files import read_json, read_yaml, write_whole
 from fpg_bench.ids import sides_of
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.rows import Row, RowFile
 
 _KEYS = {"seeds", "views"}
-_VIEW_KEYS = {"id", "options", "panel", "steps"}
+_VIEW_KEYS = {"id", "options", "fields", "steps"}
 
 
 @dataclass(frozen=True)
@@ -28,20 +28,20 @@ class ZooView:
         name: what folders and tables call it.
         id: the environment id.
         options: what it is made with, as :class:`fpg_bench.envs.one_sided.OneSided` takes it.
-        panel: the panel that its agents are measured by.
+        fields: those that its agents are measured against, the public one first.
         steps: the training budget of each algorithm.
     """
 
     name: str
     id: str
     options: dict[str, Any]
-    panel: str
+    fields: tuple[str, ...]
     steps: dict[str, int]
 
     @property
     def side(self) -> str:
         """The side that its agents play."""
-        return load_panel(self.panel, references=False).side
+        return load_field(self.fields[0]).side
 
 
 @dataclass(frozen=True)
@@ -150,8 +150,11 @@ def _view(name: str, content: Any, path: Path) -> ZooView:
         raise UserError(f"{where}: options: expected a mapping, got {options!r}")
     if not isinstance(steps, dict) or not all(_is_whole(budget, 1) for budget in steps.values()):
         raise UserError(f"{where}: steps: expected algorithm: steps, got {steps!r}")
+    fields = content["fields"]
+    if not isinstance(fields, list) or not fields:
+        raise UserError(f"{where}: fields: expected a list of fields' names, got {fields!r}")
     sides_of(content["id"])
-    return ZooView(str(name), content["id"], options, str(content["panel"]), steps)
+    return ZooView(str(name), content["id"], options, tuple(map(str, fields)), steps)
 
 
 def _check_keys(content: Any, keys: set[str], where: str) -> None:

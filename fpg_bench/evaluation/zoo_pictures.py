@@ -56,7 +56,7 @@ def draw_curves(
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.xaxis.set_major_formatter(form)
         axes.xaxis.set_minor_formatter("")
-    both[0].set_ylabel("normalised score (IQM)")
+    both[0].set_ylabel("score")
     if rows:
         both[1].legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
     low, _ = both[0].get_ylim()
@@ -65,24 +65,24 @@ def draw_curves(
 
 
 def draw_profiles(scores: Mapping[str, np.ndarray], coloured: Mapping[str, str], path: Path) -> None:
-    """Draw the share of runs above each score; a thin line is one training seed.
+    """Draw the share of runs above each return a step; a thin line is one training seed.
 
     Args:
-        scores: per algorithm or script ``(training seeds, entries)``.
+        scores: per algorithm or script ``(training seeds, counterparts)``.
         coloured: each algorithm's colour; scripts have none.
         path: the PNG file.
     """
     figure = blank_figure(6, 3.8)
     axes = figure.subplots()
     values = np.concatenate([found.ravel() for found in scores.values()])
-    thresholds = np.linspace(max(values.min(), -50.0) - 5, values.max() + 5, 400)
+    thresholds = np.linspace(values.min() - 1, values.max() + 1, 400)
     for name, found in scores.items():
         colour, style = (coloured[name], "-") if name in coloured else (_GREY, "--")
         if len(found) > 1:
             for seed in performance_profile(found[:, None], thresholds):
                 axes.step(thresholds, seed, color=colour, lw=0.5, alpha=0.45)
         axes.step(thresholds, performance_profile(found, thresholds), style, color=colour, lw=1.8, label=name)
-    axes.set(xlabel="normalised score τ", ylabel="share of runs above τ", ylim=(-0.02, 1.02))
+    axes.set(xlabel="return a step τ", ylabel="share of runs above τ", ylim=(-0.02, 1.02))
     axes.legend(frameon=False, fontsize=8)
     _save(figure, path)
 

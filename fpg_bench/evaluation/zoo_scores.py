@@ -1,87 +1,18 @@
-"""How the zoo's agents and the scripts score: one line per training seed and panel entry, committed."""
+"""How the zoo's agents and the scripts fare: one line per training seed and counterpart, committed."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-import math
-from collections.abc import Callable, Iterable, Iterator
-from itertools import chain, islice
-from typing import Any
+from collections.abc import Callable, Iterable
 
-import numpy as np
-
-from fpg_bench.evaluation.panel import Entry, Panel, load_panel
-from fpg_bench.evaluation.planner_panel import PlannerPanel
-from fpg_bench.evaluation.runner import TALLIES, play_entry
-from fpg_bench.evaluation.statistics import iqm, iqm_interval
-from fpg_bench.evaluation.summary import Summary, pooled_measures
+from fpg_bench.evaluation.entry import Entry, player_entry
+from fpg_bench.evaluation.evaluate import LINES, lines_of
+from fpg_bench.evaluation.field import Field, load_field
+from fpg_bench.evaluation.line import Line
+from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.zoo import Member, Zoo, ZooView
-from fpg_bench.game.measures import measures
+from fpg_bench.players.agent import load_agent
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.rows import Row, RowFile
-
-LINES = "summary.jsonl"
-FIRST_ROUNDS = 2
-_DIGITS = 6
-
-
-def score_lines(spec: Any, panel: Panel, head: Row) -> list[Row]:
-    """Play a player against all entries of a panel and sum each of them up in one line.
-
-    Args:
-        spec: a player, by its name, folder or itself.
-        panel: what it plays.
-        head: what each line begins with: ``algorithm``, ``training_seed`` and ``policy_sha256``.
-
-    Returns:
-        Per entry: ``n`` rounds, their ``returns`` in the order of seed and round, the ``mean`` of each
-        measure (of the pooled rounds), its ``sd`` over rounds, and the ``rows_sha256`` of the rows.
-    """
-    head = {"panel": panel.name, "panel_hash": panel.hash[:16], **head}
-    return [
-        head | {"entry": entry.name} | sum_up(_entry_rows(spec, panel, entry, panel.rounds), panel)
-        for entry in panel.entries
-    ]
-
-
-def sum_up(rows: Iterable[Row], panel: Panel | PlannerPanel) -> Row:
-    """What a line says of the rounds of an entry, as :func:`score_lines` gives it.
-
-    Args:
-        rows: of all rounds of one player, in any order.
-        panel: tells whose returns count.
-    """
-    rows = _ordered(rows)
-    each = [_round_measures(row) for row in rows]
-    return {
-        "n": len(rows),
-        "returns": _returns(rows, panel),
-        "mean": {name: _rounded(value) for name, value in pooled_measures(rows).items()},
-        "sd": {name: _rounded(_sd([found[name] for found in each])) for name in each[0]},
-        "rows_sha256": hashlib.sha256("".join(json.dumps(row) + "\n" for row in rows).encode()).hexdigest(),
-    }
-
-
-def first_returns(spec: Any, panel: Panel, entry: Entry, rounds: int = FIRST_ROUNDS) -> list[float]:
-    """The returns of an entry's first rounds, to be compared with the first of its line."""
-    return _returns(_ordered(islice(_entry_rows(spec, panel, entry, rounds), rounds)), panel)
-
-
-def score_member(member: Member) -> list[Row]:
-    """The lines of a shipped agent on its view's panel; raises UserError where it cannot be loaded."""
-    about = member.about()
-    head = {"algorithm": member.algorithm, "training_seed": member.seed}
-    head["policy_sha256"] = about["policy_sha256"]
-    return score_lines(str(member.folder), load_panel(member.view.panel), head)
-
-
-def score_scripts(panel: Panel) -> list[Row]:
-    """The lines of all scripted players of a panel's side."""
-    heads = [
-        {"algorithm": name, "training_seed": None, "policy_sha256": None} for name in SCRIPTED[panel.side]
-    ]
-    return [line for head in heads for line in score_lines(head["algorithm"], panel, head)]
+from fpg_bench.rows import RowFile
 
 
 def score_file(zoo: Zoo, view: ZooView) -> RowFile:
@@ -89,155 +20,87 @@ def score_file(zoo: Zoo, view: ZooView) -> RowFile:
     return RowFile(zoo.scores(view) / LINES)
 
 
-def read_lines(zoo: Zoo, view: ZooView, panel: Panel) -> list[Row]:
-    """The lines of a view that speak of this panel and of the agents as they are shipped, newest each."""
-    shipped = {(m.algorithm, m.seed): m.about()["policy_sha256"] for m in zoo.members(view.name) if m.shipped}
-    found = {}
-    for line in score_file(zoo, view).read():
-        who = (line["algorithm"], line["training_seed"])
-        if line["panel_hash"] == panel.hash[:16] and line["policy_sha256"] == shipped.get(who):
-            found[*who, line["entry"]] = line
-    return list(found.values())
+def member_entry(member: Member) -> Entry:
+    """A shipped agent as an entry; raises UserError where it cannot be loaded."""
+    return player_entry(load_agent(member.folder), member.algorithm, member.seed)
+
+
+def read_zoo_lines(zoo: Zoo, view: ZooView, field: Field) -> list[Line]:
+    """The lines of a view that speak of this field and of the agents as they are shipped."""
+    return _current(lines_of(score_file(zoo, view)), _entries(zoo, view), field)
 
 
 def add_missing_lines(
     zoo: Zoo, view: ZooView, progress: Callable[[str], None] = lambda name: None
-) -> list[Row]:
-    """Score a view's scripts and shipped agents where their lines are not there yet.
+) -> list[Line]:
+    """Play a view's scripts and shipped agents against its fields where their lines are not there yet.
 
     Args:
         zoo: the zoo.
         view: one of its views.
-        progress: called with the name of whoever is about to be scored.
+        progress: called with the name of whoever is about to play.
 
     Returns:
         All lines of the view.
     """
-    panel, file = load_panel(view.panel), score_file(zoo, view)
+    file, entries, found = score_file(zoo, view), _entries(zoo, view), []
     with file.locked():
-        done = {
-            (line["algorithm"], line["training_seed"])
-            for line in complete(read_lines(zoo, view, panel), panel)
-        }
-        if not {(name, None) for name in SCRIPTED[panel.side]} <= done:
-            progress(f"{view.name}: scripts")
-            file.append(score_scripts(panel))
-        for member in zoo.members(view.name):
-            if member.shipped and (member.algorithm, member.seed) not in done:
-                progress(member.name)
-                file.append(score_member(member))
-    return read_lines(zoo, view, panel)
-
-
-def complete(lines: Iterable[Row], panel: Panel) -> list[Row]:
-    """The lines of those players of whom a panel's every entry is there."""
-    entries: dict[tuple[str, Any], set[str]] = {}
-    lines = list(lines)
-    for line in lines:
-        entries.setdefault((line["algorithm"], line["training_seed"]), set()).add(line["entry"])
-    whole = {entry.name for entry in panel.entries}
-    return [line for line in lines if entries[line["algorithm"], line["training_seed"]] == whole]
+        for field in map(load_field, view.fields):
+            known = _current(lines_of(file), entries, field)
+            there = {(line.entry, line.training_seed, line.counterpart) for line in known}
+            for entry in entries:
+                missing = [
+                    c for c in field.counterparts if (entry.name, entry.training_seed, c.name) not in there
+                ]
+                if missing:
+                    progress(f"{view.name}: {_told(entry)} against {field.name}")
+                lines = [play(entry, field, counterpart) for counterpart in missing]
+                file.append(line.row() for line in lines)
+                known += lines
+            found += known
+    return found
 
 
 def check_member(zoo: Zoo, member: Member) -> list[str]:
     """Play a shipped agent again, all rounds: what differs from its lines."""
-    lines = read_lines(zoo, member.view, load_panel(member.view.panel))
-    who = (member.algorithm, member.seed)
-    kept = [line for line in lines if (line["algorithm"], line["training_seed"]) == who]
-    return differences(score_member(member), kept)
+    entry, found = member_entry(member), []
+    for field in map(load_field, member.view.fields):
+        lines = [play(entry, field, counterpart) for counterpart in field.counterparts]
+        found += differences(lines, read_zoo_lines(zoo, member.view, field))
+    return found
 
 
-def differences(played: list[Row], kept: list[Row]) -> list[str]:
-    """What differs between lines just played and the lines that are kept, entry by entry."""
-    before = {line["entry"]: line for line in kept}
+def differences(played: Iterable[Line], kept: Iterable[Line]) -> list[str]:
+    """What differs between lines just played and the lines that are kept, counterpart by counterpart."""
+    before = {(line.entry, line.training_seed, line.counterpart): line for line in kept}
     found = []
     for line in played:
-        known = before.get(line["entry"])
+        known = before.get((line.entry, line.training_seed, line.counterpart))
         if known is None:
-            found.append(f"{line['entry']}: no line")
-        elif line["returns"] != known["returns"]:
-            found.append(f"{line['entry']}: other returns")
-        elif line["rows_sha256"] != known["rows_sha256"]:
-            found.append(f"{line['entry']}: the same returns, but other rows")
+            found.append(f"{line.field}, {line.counterpart}: no line")
+        elif line.returns != known.returns:
+            found.append(f"{line.field}, {line.counterpart}: other returns")
+        elif line.rounds_sha256 != known.rounds_sha256:
+            found.append(f"{line.field}, {line.counterpart}: the same returns, but other rounds")
     return found
 
 
-def score_arrays(lines: Iterable[Row], panel: Panel) -> dict[str, np.ndarray]:
-    """Per algorithm or script the normalised scores ``(training seeds, entries, matches)``."""
-    assert panel.references is not None
-    found: dict[str, dict[str, dict[str, np.ndarray]]] = {}
-    for line in complete(lines, panel):
-        scores = panel.references[line["entry"]].scores(np.array(line["returns"]))
-        matches = scores.reshape(-1, panel.scenario.rounds_per_match).mean(axis=1)
-        by_seed = found.setdefault(line["algorithm"], {}).setdefault(str(line["training_seed"]), {})
-        by_seed[line["entry"]] = matches
-    return {
-        name: np.array([[seeds[k][entry.name] for entry in panel.entries] for k in sorted(seeds)])
-        for name, seeds in found.items()
-    }
+def _entries(zoo: Zoo, view: ZooView) -> list[Entry]:
+    """The scripts of a view's side and its shipped agents."""
+    scripts = [player_entry(name) for name in SCRIPTED[view.side]]
+    return scripts + [member_entry(member) for member in zoo.members(view.name) if member.shipped]
 
 
-def seed_scores(lines: Iterable[Row], panel: Panel) -> dict[tuple[str, int], float]:
-    """The IQM over entries of each training seed, by algorithm and seed."""
-    trained = [line for line in complete(lines, panel) if line["training_seed"] is not None]
-    found: dict[tuple[str, int], float] = {}
-    for who in {(line["algorithm"], line["training_seed"]) for line in trained}:
-        mine = [line for line in trained if (line["algorithm"], line["training_seed"]) == who]
-        (scores,) = score_arrays(mine, panel).values()
-        found[who] = float(iqm(scores.mean(axis=(0, 2))))
-    return found
+def _current(lines: Iterable[Line], entries: Iterable[Entry], field: Field) -> list[Line]:
+    """Those lines of a field that are of just these entries, the newest of each."""
+    prints = {(entry.name, entry.training_seed): entry.fingerprint[:16] for entry in entries}
+    found = {}
+    for line in lines:
+        who = (line.entry, line.training_seed)
+        if line.field_hash == field.hash[:16] and line.fingerprint == prints.get(who):
+            found[*who, line.counterpart] = line
+    return list(found.values())
 
 
-def summarise_lines(lines: list[Row], panel: Panel) -> list[Summary]:
-    """One summary per algorithm and script, best first; measures are means over entries and seeds."""
-    found = []
-    for name, scores in score_arrays(lines, panel).items():
-        mine = [line for line in lines if line["algorithm"] == name]
-        trained = mine[0]["training_seed"] is not None
-        per_entry = scores.mean(axis=(0, 2))
-        found.append(
-            Summary(
-                player=name,
-                training_seeds=len(scores) if trained else 0,
-                score=iqm_interval(scores, trained),
-                mean=float(per_entry.mean()),
-                entries={entry.name: float(x) for entry, x in zip(panel.entries, per_entry, strict=True)},
-                measures={key: _mean([line["mean"][key] for line in mine]) for key in mine[0]["mean"]},
-                rounds=sum(line["n"] for line in mine),
-            )
-        )
-    return sorted(found, key=lambda s: -s.score.value)
-
-
-def _entry_rows(spec: Any, panel: Panel, entry: Entry, rounds: int) -> Iterator[Row]:
-    return chain.from_iterable(play_entry(spec, panel, entry, rounds))
-
-
-def _ordered(rows: Iterable[Row]) -> list[Row]:
-    return sorted(rows, key=lambda row: (row["seed"], row["round"]))
-
-
-def _returns(rows: list[Row], panel: Panel | PlannerPanel) -> list[float]:
-    return [round(row[f"{panel.side}_return"], 3) for row in rows]
-
-
-def _round_measures(row: Row) -> dict[str, float | None]:
-    histogram = np.array([row["ally_points"], row["jam_points"]])
-    return measures({name: row[name] for name in TALLIES}, histogram)
-
-
-def _mean(values: list[float | None]) -> float | None:
-    """The mean of the values that exist."""
-    there = [value for value in values if value is not None]
-    return float(np.mean(there)) if there else None
-
-
-def _sd(values: list[float | None]) -> float | None:
-    """The standard deviation over the rounds in which a measure exists."""
-    there = [value for value in values if value is not None]
-    return float(np.std(there, ddof=1)) if len(there) > 1 else None
-
-
-def _rounded(value: float | None) -> float | None:
-    """To six digits that count, which is far below what chance does to it."""
-    return None if value is None or not math.isfinite(value) else float(f"{value:.{_DIGITS}g}")
+def _told(entry: Entry) -> str:
+    return entry.name if entry.training_seed is None else f"{entry.name}/seed_{entry.training_seed}"

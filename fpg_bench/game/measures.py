@@ -9,7 +9,7 @@ import numpy as np
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.state import TALLY
 
-_GREATEST = "longest_outage"
+GREATEST = "longest_outage"
 
 
 def pool(tallies: np.ndarray) -> dict[str, float]:
@@ -17,7 +17,7 @@ def pool(tallies: np.ndarray) -> dict[str, float]:
     if isinstance(tallies, np.void):  # one record, as each round's end asks for
         return dict(zip(TALLY.names or (), tallies.item(), strict=True))
     return {
-        name: float(np.max(tallies[name]) if name == _GREATEST else np.sum(tallies[name]))
+        name: float(np.max(tallies[name]) if name == GREATEST else np.sum(tallies[name]))
         for name in TALLY.names or ()
     }
 

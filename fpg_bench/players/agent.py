@@ -158,7 +158,7 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
         raise UserError(
             f"agent {os.fspath(name)!r}: SB3's zip holds pickled code; name the run's agent folder"
         )
-    for folder in (Path(name), baselines_folder() / "agents" / name):
+    for folder in (Path(name), baselines_folder() / "agents" / name, fields_folder() / name):
         for inside in (folder / "agent", folder):
             if all((inside / side).is_dir() for side in SIDES):
                 both = " and ".join(str(inside / side) for side in SIDES)
@@ -175,6 +175,11 @@ def baselines_folder() -> Path:
     package = Path(str(resources.files("fpg_bench")))
     installed = package / "baselines"
     return installed if installed.is_dir() else package.parent / "baselines"
+
+
+def fields_folder() -> Path:
+    """Where fields lie, and the trained counterparts of those that have some."""
+    return baselines_folder() / "fields"
 
 
 def _first_line(error: Exception) -> str:

@@ -113,7 +113,7 @@ class Keeping(BaseCallback):
         self._file.append([head | {"side": side} | scores for side, scores in found.items()])
         self._last = self.num_timesteps
         for side, scores in found.items():
-            self.logger.record("panel/score" if len(found) == 1 else f"panel/{side}_score", scores["score"])
+            self.logger.record("field/score" if len(found) == 1 else f"field/{side}_score", scores["score"])
 
     def _save(self) -> None:
         save_checkpoint(self.model, self._folder, seconds=self._clock.seconds)

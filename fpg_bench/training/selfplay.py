@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.encounters import meet, scale_of
+from fpg_bench.evaluation.encounters import met, told
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.files import read_json, write_json, write_whole
 from fpg_bench.game.names import JAMMING_TYPES
@@ -66,7 +66,7 @@ def selfplay(
         pool: at most so many past generations of the other side, drawn anew for each.
         seed: decides the draws and the matches.
         hyperparams: see :func:`fpg_bench.training.train.train`; ids of both sides stand in the file.
-        evaluations: how often each generation is scored on its panel on the way, besides its start; 0: never.
+        evaluations: how often each generation is scored on its field on the way, besides its start; 0: never.
         progress: whether to show how training goes.
         say: told a line per row.
         scenario, path, knowledge, jamming_types: the game; see :class:`fpg_bench.envs.one_sided.OneSided`.
@@ -176,7 +176,7 @@ class _Selfplay:
         )
 
     def row(self, side: str, generation: int) -> Row:
-        """What a generation of a side scored: on its panel, and against those it was trained against."""
+        """What a generation of a side scored: on its field, and against those it was trained against."""
         run, others = self.run(side, generation), self.others(side, generation)
         about, looks = read_json(run.path / "run.json", "run"), run.evaluations.read()
         head = {
@@ -184,10 +184,10 @@ class _Selfplay:
             "side": side,
             "steps": about["steps_done"],
             "against": list(others),
-            "panel": about["panel"],
-            "panel_score": looks[-1]["score"] if looks else None,
+            "field": about["field"],
+            "field_score": looks[-1]["score"] if looks else None,
         }
-        return head | meet(str(run.agent), others, scale_of(side, self.scenario, seeds=tuning_seeds))
+        return head | told(met(str(run.agent), others, side, self.scenario, seeds=tuning_seeds))
 
     def ship(self, side: str, generations: int) -> Path:
         """Copy the last generation's agent, which then says how all of it was made."""
@@ -217,8 +217,8 @@ def _line(row: Row) -> str:
     """A row in words."""
     found = row["measures"]
     kinds = ", ".join(f"{kind} {100 * found[f'share_{kind}']:.0f} %" for kind in JAMMING_TYPES)
-    on_panel = "" if row["panel_score"] is None else f", {row['panel_score']:.1f} on {row['panel']}"
+    on_field = "" if row["field_score"] is None else f", {row['field_score']:.1f} on {row['field']}"
     return (
-        f"{row['side']}_{row['generation']}: {row['score']:.1f} against {', '.join(row['against'])}{on_panel}"
+        f"{row['side']}_{row['generation']}: {row['score']:.1f} against {', '.join(row['against'])}{on_field}"
         f"; hops {100 * found['hop_rate']:.0f} %, spreading {100 * found['spread_ratio']:.0f} %, {kinds}"
     )

@@ -15,7 +15,7 @@ from stable_baselines3.common.logger import configure
 from fpg_bench.envs.one_sided import OneSided
 from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.panel import panel_of
+from fpg_bench.evaluation.field import field_of
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.files import read_json
@@ -41,7 +41,7 @@ def train(
     seed: int = 0,
     steps: int | None = None,
     hyperparams: str | Path | Mapping[str, Any] | None = None,
-    panel: str | None = None,
+    field: str | None = None,
     evaluations: int = LOOKS,
     progress: bool = True,
     restart: bool = False,
@@ -71,7 +71,7 @@ def train(
         steps: the budget over all games, rounded up to what the algorithm collects at once; None: the
             hyper-parameter file's.
         hyperparams: a YAML file of one's own, or what it says for the id; None: the shipped one.
-        panel: under which the policy is scored on the way, on tuning seeds; None: the id's (both sides have
+        field: under which the policy is scored on the way, on tuning seeds; None: the id's (both sides have
             one each).
         evaluations: how many times; 0: never.
         progress: whether to draw a bar, or print lines where standard output is no terminal.
@@ -105,7 +105,7 @@ def train(
         seed=seed,
         steps=steps,
         hyperparams=hyperparams,
-        panel=panel,
+        field=field,
         transcript=transcript,
         llm=llm,
         against=against,
@@ -117,8 +117,8 @@ def train(
         state = run.folder.found(run.about, again=restart or resume)
         if state is None or not state.get("finished"):
             yardsticks = {
-                side: Yardstick(panel, scenario=run.games.core.scenario, side=side)
-                for side, panel in zip(run.sides, run.panels, strict=True)
+                side: Yardstick(field, scenario=run.games.core.scenario, side=side)
+                for side, field in zip(run.sides, run.fields, strict=True)
                 if evaluations
             }
             run.go_on(state) if state is not None and resume else run.folder.clear()
@@ -146,7 +146,7 @@ def _prepared(
     seed: int = 0,
     steps: int | None = None,
     hyperparams: str | Path | Mapping[str, Any] | None = None,
-    panel: str | None = None,
+    field: str | None = None,
     transcript: str | Path | None = None,
     llm: Mapping[str, Any] | None = None,
     against: Any = None,
@@ -162,9 +162,9 @@ def _prepared(
     own = VIEWS[view_id].planner if view_id in VIEWS else None
     planner = training_planner(options.get("planner") or own, folder.path, transcript, llm)
     games = make_games(view_id, parameters, training_seed(seed), **options | {"planner": planner})
-    if panel and len(sides) == 2:
-        raise UserError(f"panel: each side of {DUEL} is scored by its own; name none")
-    panels = [panel] if panel else [panel_of(view_id, options, side) for side in sides]
+    if field and len(sides) == 2:
+        raise UserError(f"field: each side of {DUEL} is scored by its own; name none")
+    fields = [field] if field else [field_of(view_id, options, side) for side in sides]
     about = described(
         found.name,
         view_id,
@@ -172,7 +172,7 @@ def _prepared(
         games.core.scenario,
         seed=seed,
         steps=budget,
-        panel=", ".join(panels),
+        field=", ".join(fields),
         parameters=parameters,
         file=hyperparams,
         options=options
@@ -180,7 +180,7 @@ def _prepared(
         | {n.removesuffix("_s"): v for n, v in (llm or {}).items()},
         policies=games.core.policies if isinstance(games.core, OneSided) else {},
     )
-    return _Run(found, sides, panels, parameters, games, folder, about)
+    return _Run(found, sides, fields, parameters, games, folder, about)
 
 
 def _sides(algorithm: Algorithm, view_id: str) -> tuple[str, tuple[str, ...]]:
@@ -228,14 +228,14 @@ class _Run:
     """A run under way.
 
     Attributes:
-        panels: what scores each of the sides.
+        fields: what scores each of the sides.
         before: seconds of training before this part.
         part: how many times it was gone on with.
     """
 
     algorithm: Algorithm
     sides: tuple[str, ...]
-    panels: list[str]
+    fields: list[str]
     parameters: Hyperparameters
     games: SB3View
     folder: RunFolder

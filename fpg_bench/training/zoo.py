@@ -96,7 +96,7 @@ def command(member: Member, runs: Path) -> list[str]:
     for name, value in view.options.items():
         listed = ",".join(map(str, value)) if isinstance(value, list) else str(value)
         words += [f"--{name.replace('_', '-')}", listed]
-    measured = [] if view.id == DUEL else ["--panel", view.panel]
+    measured = [] if view.id == DUEL else ["--field", view.fields[0]]
     return [*words, *measured, "--resume", "--out", str(run_folder(member, runs))]
 
 

@@ -13,7 +13,7 @@ import optuna
 from optuna.trial import FrozenTrial, TrialState
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.statistics import Interval, iqm_interval
+from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.training.tuning import claim
 from fpg_bench.training.tuning.storage import PATIENCE_S, Storage, open_storage
 from fpg_bench.training.tuning.study import AGAIN, best_trials, find_study, finished, open_study
@@ -150,4 +150,4 @@ def _score(study: optuna.Study, number: int, seeds: Sequence[int]) -> Interval |
     by_seed = {_pair(trial)[1]: trial.value for trial in complete if _pair(trial)[0] == number}
     if not set(seeds) <= by_seed.keys():
         return None
-    return iqm_interval(np.array([by_seed[seed] for seed in seeds])[:, None, None], trained=True)
+    return mean_interval(np.array([by_seed[seed] for seed in seeds]), TRAINING_SEEDS)

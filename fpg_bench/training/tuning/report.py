@@ -65,7 +65,7 @@ def _page(study: optuna.Study, task: Task) -> str:
     title = html.escape(f"Study {study.study_name}")
     about = html.escape(
         f"{task.algorithm} on {task.view_id}, {task.seeds} seeds of {task.steps:,} steps a trial; score: "
-        f"normalised return on {task.panel}, tuning seeds, {task.rounds} rounds per entry."
+        f"score on {task.field}, tuning seeds, {task.rounds} rounds per counterpart."
     )
     style = "body{font-family:sans-serif;margin:2em}td,th{padding:.2em .8em;text-align:left}"
     return (

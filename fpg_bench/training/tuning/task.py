@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.panel import load_panel, panel_of
+from fpg_bench.evaluation.field import field_of, load_field
 from fpg_bench.ids import find_view
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import load_hyperparameters
@@ -26,8 +26,8 @@ _WORDS = {
     "steps": "steps",
     "seeds": "seeds",
     "first_seed": "first seed",
-    "panel": "panel",
-    "panel_hash": "version of the panel",
+    "field": "field",
+    "field_hash": "version of the field",
     "rounds": "rounds",
     "space": "search space",
     "hyperparameters": "hyper-parameters",
@@ -43,7 +43,7 @@ class Task:
         options: of the games; see :class:`fpg_bench.envs.one_sided.OneSided`.
         steps: the budget of one training seed.
         seeds: how many training seeds a trial has. first_seed: the first of them.
-        panel: what a trained policy is scored on. panel_hash: its version. rounds: per entry.
+        field: what a trained policy is scored on. field_hash: its version. rounds: per counterpart.
         space: the search space's ranges.
         hyperparameters: the values that are not searched, a hyper-parameter file's entry.
     """
@@ -54,8 +54,8 @@ class Task:
     steps: int
     seeds: int
     first_seed: int
-    panel: str
-    panel_hash: str
+    field: str
+    field_hash: str
     rounds: int
     space: dict[str, dict[str, Any]]
     hyperparameters: dict[str, Any]
@@ -92,7 +92,7 @@ def make_task(
     steps: int | None = None,
     space: Path | None = None,
     hyperparams: Path | None = None,
-    panel: str | None = None,
+    field: str | None = None,
     rounds: int = ROUNDS,
     options: dict[str, Any] | None = None,
 ) -> Task:
@@ -113,10 +113,10 @@ def make_task(
             json.dumps(given)
         except TypeError as error:
             raise UserError(f"{what}: a study keeps them, so name everything by words: {error}") from error
-    name = panel or panel_of(view.id, options)
-    measured = load_panel(name, references=False)
+    name = field or field_of(view.id, options)
+    measured = load_field(name)
     if measured.side != view.side:
-        raise UserError(f"panel {name}: measures the {measured.side}; in {view.id} the {view.side} learns")
+        raise UserError(f"field {name}: measures the {measured.side}; in {view.id} the {view.side} learns")
     return Task(
         algorithm=algorithm,
         view_id=view.id,
@@ -124,8 +124,8 @@ def make_task(
         steps=steps or max(1, values["n_timesteps"] // 2),
         seeds=seeds,
         first_seed=TRIAL_SEED,
-        panel=name,
-        panel_hash=measured.hash,
+        field=name,
+        field_hash=measured.hash,
         rounds=rounds,
         space=load_space(found.base, space).ranges,
         hyperparameters=values,

@@ -13,7 +13,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.evaluation.seeds import training_seed
-from fpg_bench.evaluation.statistics import Interval, iqm, iqm_interval
+from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.game.arena import ActionError
 from fpg_bench.players.agent import OnnxPlayer
@@ -33,7 +33,7 @@ class Diverged(ArithmeticError):
 
 
 class Objective:
-    """What a study maximises: the interquartile mean of the normalised scores, mean over training seeds.
+    """What a study maximises: the mean score over a field's counterparts and the training seeds.
 
     Args:
         task: what is tuned.
@@ -43,7 +43,7 @@ class Objective:
         torch.set_num_threads(1)
         self._task = task
         with contextlib.closing(self._games(task.hyperparameters, task.first_seed)[0]) as games:
-            self._yardstick = Yardstick(task.panel, task.rounds, games.core.scenario)
+            self._yardstick = Yardstick(task.field, task.rounds, games.core.scenario)
 
     def check(self, values: dict[str, Any]) -> None:
         """Raise UserError where the algorithm does not know a value's name."""
@@ -73,12 +73,12 @@ class Objective:
             found.append(self._trained(values, seed, look))
             if index + 1 < len(seeds):
                 report(_mean(found), (index + 1) * PARTS)
-        return iqm_interval(np.stack(found), trained=True)
+        return interval_of(found)
 
     def _trained(
         self, values: dict[str, Any], seed: int, look: Callable[[int, np.ndarray], None]
     ) -> np.ndarray:
-        """The scores ``(entries, matches)`` of the policy that one seed leads to."""
+        """The scores ``(counterparts, matches)`` of the policy that one seed leads to."""
         model = self._model(values, seed)
         try:
             looks = _Looks(self._task.steps, lambda part: look(part, self._scores(ActorPlayer(model))))
@@ -127,4 +127,11 @@ class _Looks(BaseCallback):
 
 def _mean(found: list[np.ndarray]) -> float:
     """The mean over training seeds of the score."""
-    return float(np.mean([iqm(scores.mean(axis=1)) for scores in found]))
+    return float(np.mean([scores.mean() for scores in found]))
+
+
+def interval_of(found: list[np.ndarray]) -> Interval:
+    """The score of training seeds, ``(counterparts, matches)`` each; of a single one over its matches."""
+    if len(found) == 1:
+        return mean_interval(found[0].mean(axis=0), MATCHES)
+    return mean_interval(np.array([scores.mean() for scores in found]), TRAINING_SEEDS)

@@ -32,7 +32,7 @@ def tune(
     steps: int | None = None,
     space: str | Path | None = None,
     hyperparams: str | Path | None = None,
-    panel: str | None = None,
+    field: str | None = None,
     rounds: int = ROUNDS,
     storage: str | None = None,
     name: str | None = None,
@@ -56,8 +56,8 @@ def tune(
         steps: the budget of one training seed; None: half of the hyper-parameter file's.
         space: a search space of one's own, a YAML file; None: the shipped one.
         hyperparams: where the other values come from, a YAML file; None: the shipped one.
-        panel: what a policy is scored on; None: the id's.
-        rounds: per entry of the panel.
+        field: what a policy is scored on; None: the id's.
+        rounds: per counterpart.
         storage: a database's URL; None: the journal.
         name: of the study; None: the algorithm and the id.
         lost: machines that are gone: their trials are tried again.
@@ -83,7 +83,7 @@ def tune(
         steps=steps,
         space=Path(space) if space else None,
         hyperparams=Path(hyperparams) if hyperparams else None,
-        panel=panel,
+        field=field,
         rounds=rounds,
         options=options,
     )

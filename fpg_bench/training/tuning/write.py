@@ -67,8 +67,8 @@ def provenance(best: Confirmed) -> list[str]:
     said = (
         f"study {best.study!r}, trial {best.trial} (of {best.trials}): score {shown(score)} over the fresh "
         f"training seeds {best.seeds[0]} to {best.seeds[-1]} of {task.steps:,} steps each, "
-        f"{best.searched:.1f} in the study; panel {task.panel} on tuning seeds, {task.rounds} rounds "
-        "per entry; " + ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+        f"{best.searched:.1f} in the study; field {task.field} on tuning seeds, {task.rounds} rounds "
+        "per counterpart; " + ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
     )
     return textwrap.wrap(said, 110, initial_indent=_MARK, subsequent_indent=_MORE)
 

@@ -1,0 +1,201 @@
+"""Lines: what one training seed of an entry came to against one counterpart, as sums that can be pooled."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.errors import UserError
+from fpg_bench.game.measures import GREATEST, measures
+from fpg_bench.game.state import TALLY
+from fpg_bench.rows import Row
+
+TALLIES = tuple(TALLY.names or ())
+_ENDLESS = 1e15  # no sum comes near it, and no number that is not finite lies below
+_FALLBACK = "fallback"
+_LONGEST = 200  # characters of a name
+
+
+@dataclass(frozen=True)
+class Plans:
+    """How the paths came about that a planner's opponent flew.
+
+    Attributes:
+        statuses: how many plans had which.
+        tokens: of all plans together; None where no language model is asked.
+        seconds: of all plans together, on the machine that played; 0 where they don't count.
+    """
+
+    statuses: dict[str, int]
+    tokens: int | None
+    seconds: float = 0.0
+
+    @property
+    def valid(self) -> float | None:
+        """The share of plans that were a language model's own and no fallback; None where none is asked."""
+        count = sum(self.statuses.values())
+        fallen = sum(n for status, n in self.statuses.items() if status.startswith(_FALLBACK))
+        return None if not count or (self.tokens is None and not fallen) else 1 - fallen / count
+
+
+@dataclass(frozen=True)
+class Line:
+    """One training seed of an entry against one counterpart.
+
+    Attributes:
+        field, field_hash: the field's name, and the first 16 digits of its hash.
+        entry: the entry's name.
+        training_seed: None for a script or a planner.
+        fingerprint: the first 16 digits of what tells two players of one name apart.
+        counterpart: the counterpart's name.
+        returns: of each round, in the order of seed and round.
+        tally: the sums of ``state.TALLY`` over all rounds; the longest outage is the greatest.
+        ally_points, jam_points: steps per frequency point of both sides' centres.
+        lost: rounds lost by an answer that is no action.
+        rounds_sha256: of the tallies of all rounds.
+        plans: how planned paths came about; None where the entry plans none.
+    """
+
+    field: str
+    field_hash: str
+    entry: str
+    training_seed: int | None
+    fingerprint: str
+    counterpart: str
+    returns: tuple[float, ...]
+    tally: dict[str, float]
+    ally_points: tuple[int, ...]
+    jam_points: tuple[int, ...]
+    lost: int
+    rounds_sha256: str
+    plans: Plans | None = None
+
+    def row(self) -> Row:
+        """The line as a row of JSON."""
+        row = dataclasses.asdict(self)
+        if self.plans is None:
+            del row["plans"]
+        return row
+
+    def same_as(self, other: Line) -> bool:
+        """Whether two lines say the same, the seconds that planning took aside."""
+        return _timeless(self) == _timeless(other)
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """The sums of several lines.
+
+    Attributes:
+        tally: sums by the names of ``state.TALLY``; the longest outage is the greatest.
+        histogram: ``(2, points)``, the ally's and the jammer's steps per frequency point.
+        rounds: how many rounds they are of.
+        lost: how many of those were lost.
+        plans: of planners; None of others.
+    """
+
+    tally: dict[str, float]
+    histogram: np.ndarray
+    rounds: int
+    lost: int
+    plans: Plans | None
+
+    @property
+    def measures(self) -> dict[str, float | None]:
+        """:func:`fpg_bench.game.measures.measures`, with both sides' returns as means a round."""
+        found = measures(self.tally, self.histogram)
+        return found | {name: self.tally[name] / self.rounds for name in ("ally_return", "opponent_return")}
+
+
+def pool(lines: Sequence[Line]) -> Pooled:
+    """Add up lines, at least one: sums of sums, and the greatest of the greatest."""
+    ordered = sorted(lines, key=lambda line: (line.field, line.counterpart, str(line.training_seed)))
+    tallies = {name: [line.tally[name] for line in ordered] for name in TALLIES}
+    tally = {name: max(values) if name == GREATEST else sum(values) for name, values in tallies.items()}
+    histogram = np.sum([[line.ally_points, line.jam_points] for line in ordered], axis=0)
+    return Pooled(
+        tally,
+        histogram,
+        rounds=sum(len(line.returns) for line in ordered),
+        lost=sum(line.lost for line in ordered),
+        plans=_pooled_plans([line.plans for line in ordered if line.plans is not None]),
+    )
+
+
+def _pooled_plans(plans: Sequence[Plans]) -> Plans | None:
+    if not plans:
+        return None
+    statuses = sum((Counter(of.statuses) for of in plans), Counter[str]())
+    tokens = [of.tokens for of in plans if of.tokens is not None]
+    seconds = sum(of.seconds for of in plans)
+    return Plans(dict(sorted(statuses.items())), sum(tokens) if tokens else None, seconds)
+
+
+def read_line(row: Row, where: str) -> Line:
+    """The line of a row, from anywhere; every value is looked at.
+
+    Raises:
+        UserError: a key missing or unknown, or a value that no line has; ``where`` begins the message.
+    """
+    known = {spec.name for spec in dataclasses.fields(Line)}
+    if row.keys() not in (known, known - {"plans"}) or not all(check(row) for check in _CHECKS):
+        raise UserError(f"{where} is no line of a counterpart")
+    plans = None
+    if row.get("plans") is not None:
+        plans = _read_plans(row["plans"], where)
+    lists = {key: tuple(row[key]) for key in ("returns", "ally_points", "jam_points")}
+    return Line(**(row | lists | {"plans": plans}))
+
+
+def _read_plans(row: Any, where: str) -> Plans:
+    counts = row.get("statuses") if isinstance(row, dict) else None
+    sound = isinstance(counts, dict) and all(_is_word(s) and _is_count(n) for s, n in counts.items())
+    if not sound or row.keys() != {"statuses", "tokens", "seconds"} or not _is_number(row["seconds"]):
+        raise UserError(f"{where} does not tell of its plans what it should")
+    if row["tokens"] is not None and not _is_count(row["tokens"]):
+        raise UserError(f"{where}: tokens: expected a whole number, got {row['tokens']!r:.40}")
+    return Plans(**row)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _ENDLESS
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < _ENDLESS
+
+
+def _is_word(value: Any) -> bool:
+    return isinstance(value, str) and len(value) <= _LONGEST and value.isprintable()
+
+
+def _are(values: Any, check: Any) -> bool:
+    return isinstance(values, list | tuple) and bool(values) and all(map(check, values))
+
+
+_WORDS = ("field", "field_hash", "entry", "fingerprint", "counterpart", "rounds_sha256")
+_CHECKS = (
+    lambda row: all(_is_word(row[key]) for key in _WORDS),
+    lambda row: row["training_seed"] is None or _is_count(row["training_seed"]),
+    lambda row: _are(row["returns"], _is_number) and _is_count(row["lost"]),
+    lambda row: row["lost"] <= len(row["returns"]),
+    lambda row: all(_are(row[key], _is_count) for key in ("ally_points", "jam_points")),
+    lambda row: len(row["ally_points"]) == len(row["jam_points"]),
+    lambda row: isinstance(row["tally"], dict) and tuple(row["tally"]) == TALLIES,
+    lambda row: _are(list(row["tally"].values()), _is_number) and row["tally"]["steps"] > 0,
+)
+
+
+def read_lines(rows: Iterable[Row], where: str) -> list[Line]:
+    """The lines of all rows; raises as :func:`read_line` does, with the number of the row."""
+    return [read_line(row, f"{where}: line {number}") for number, row in enumerate(rows, 1)]
+
+
+def _timeless(line: Line) -> Line:
+    plans = line.plans
+    return dataclasses.replace(line, plans=plans and dataclasses.replace(plans, seconds=0.0))

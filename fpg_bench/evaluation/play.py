@@ -1,0 +1,140 @@
+"""Playing: an entry against a counterpart of a field, all matches as one batch, into one line.
+
+There are two ways to meet: a side of the game against the other side's players, and a planner of the
+opponent's path against allies. All that comes after is the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.envs.duel import Duel
+from fpg_bench.envs.rounds import Table, play_round, seated
+from fpg_bench.evaluation.entry import Entry
+from fpg_bench.evaluation.field import PLANNER, Counterpart, Field
+from fpg_bench.evaluation.line import TALLIES, Line, Plans
+from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.game.measures import pool as pooled_tally
+from fpg_bench.planning import as_planner
+from fpg_bench.rows import Row
+
+Seeds = Callable[[int], list[int]]  # gives so many
+LOST_SCORE = -100.0  # what a round scores that was lost by an answer that is no action, at the most
+_DIGITS = 3  # of a round's return
+
+
+def play(
+    entry: Entry,
+    field: Field,
+    counterpart: Counterpart,
+    seeds: Seeds | None = None,
+    on_round: Callable[[int], None] = lambda played: None,
+) -> Line:
+    """Play all matches of an entry against a counterpart.
+
+    Args:
+        entry: who is measured.
+        field: what the counterpart belongs to.
+        counterpart: whom it meets.
+        seeds: gives the matches' seeds; None: the evaluation seeds of the field's season.
+        on_round: called with the number of rounds of each match that were played.
+
+    Raises:
+        UserError: a player or planner that can't be had, or that fails.
+    """
+    who = entry.make(counterpart)
+    table = table_of(who, field, counterpart)
+    found = _Sums(field)
+    for duel in rounds(table, field, seeds):
+        found.add(duel, lost_rounds(who, duel.count))
+        on_round(len(found.returns))
+    return Line(
+        field=field.name,
+        field_hash=field.hash[:16],
+        entry=entry.name,
+        training_seed=entry.training_seed,
+        fingerprint=entry.fingerprint[:16],
+        counterpart=counterpart.name,
+        **found.told(),
+    )
+
+
+def table_of(who: Any, field: Field, counterpart: Counterpart, matches: int | None = None) -> Table:
+    """The games in which a player (or planner) meets a counterpart, with everybody seated."""
+    scenario, count = counterpart.scenario, matches or field.matches
+    if field.side == PLANNER:
+        return seated(Duel(scenario, count, as_planner(who, scenario)), counterpart.players, field.opponent)
+    planner = None if counterpart.planner is None else as_planner(counterpart.planner, scenario)
+    sides = {field.side: who, field.other_side: counterpart.players}
+    return seated(Duel(scenario, count, planner), **sides)
+
+
+def rounds(table: Table, field: Field, seeds: Seeds | None = None) -> Iterator[Duel]:
+    """Play all rounds of new matches; gives the games at the end of each."""
+    count = table.duel.count
+    first: Any = np.array(evaluation_seeds(count, field.season) if seeds is None else seeds(count))
+    for number in range(field.rounds_per_match):
+        play_round(table, seeds=None if number else first)
+        yield table.duel
+
+
+def lost_rounds(player: Any, count: int) -> np.ndarray:
+    """``(count,)`` bool: which games' present rounds a player has lost by an answer that is none."""
+    found = getattr(player, "invalid", None)
+    return np.zeros(count, bool) if found is None else np.array(found, bool)
+
+
+class _Sums:
+    """What the rounds come to, as they end."""
+
+    def __init__(self, field: Field) -> None:
+        self._field = field
+        self._tallies: list[np.ndarray] = []
+        self._histogram = np.zeros(1, np.int64)
+        self._lost: list[np.ndarray] = []
+        self._plans: list[Any] = []
+        self._seen = hashlib.sha256()
+        self.returns: list[np.ndarray] = []
+
+    def add(self, duel: Duel, lost: np.ndarray) -> None:
+        arena = duel.arena
+        self._tallies.append(arena.tallies.copy())
+        self._histogram = self._histogram + arena.histograms.sum(axis=0)
+        self._lost.append(lost)
+        self.returns.append(arena.tallies[self._field.returned].copy())
+        for part in (arena.games["seed"], *(arena.tallies[name] for name in TALLIES), arena.histograms):
+            self._seen.update(np.ascontiguousarray(part).tobytes())
+        if self._field.side == PLANNER:
+            self._plans += duel.plans
+
+    def told(self) -> Row:
+        """The fields of a line that tell of the rounds."""
+        returns, lost = np.array(self.returns).T, np.array(self._lost).T
+        if lost.any():
+            scale = self._field.scale
+            worst = (
+                scale.zero + LOST_SCORE / 100 * (scale.top - scale.zero)
+            ) * self._field.scenario.steps_per_round
+            returns[lost] = min([worst, *returns[~lost]])
+        tally = pooled_tally(np.concatenate(self._tallies))
+        ally_points, jam_points = self._histogram.tolist()
+        return {
+            "returns": tuple(np.round(returns.ravel(), _DIGITS).tolist()),
+            "tally": {name: float(f"{tally[name]:.9g}") for name in TALLIES},
+            "ally_points": tuple(ally_points),
+            "jam_points": tuple(jam_points),
+            "lost": int(lost.sum()),
+            "rounds_sha256": self._seen.hexdigest(),
+            "plans": self._told_plans() if self._plans else None,
+        }
+
+    def _told_plans(self) -> Plans:
+        statuses = Counter(sorted(plan.status for plan in self._plans))
+        tokens = [plan.tokens for plan in self._plans if plan.tokens is not None]
+        seconds = sum(plan.seconds or 0.0 for plan in self._plans)
+        return Plans(dict(statuses), int(sum(tokens)) if tokens else None, round(seconds, 6))
