@@ -47,7 +47,9 @@ def mean(values: list[float]) -> float:
 def main() -> int:
     """Print a line per field; 1 where a file says something else."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("fields", nargs="*", help="names or files; default: all that do not belong to a season")
+    parser.add_argument(
+        "fields", nargs="*", help="names or files; default: all that do not belong to a season"
+    )
     named = parser.parse_args().fields
     names = named or sorted(path.stem for path in fields_folder().glob("*-v1.yml"))
     same = True

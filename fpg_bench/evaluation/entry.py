@@ -45,7 +45,7 @@ class Entry:
 def player_entry(spec: Any, name: str | None = None, training_seed: int | None = None) -> Entry:
     """A single player as an entry, by its name or itself, as it is."""
     fingerprint = policy_hash(spec) or code_fingerprint(player_name(spec))
-    return Entry(name or player_name(spec), training_seed, fingerprint, lambda counterpart: spec)
+    return Entry(name or player_name(spec), training_seed, fingerprint, Same(spec))
 
 
 def entries_of(specs: Sequence[str], field: Field, name: str | None = None) -> list[Entry]:
@@ -102,7 +102,7 @@ def planner_entry(spec: Any, field: Field) -> Entry:
     code = spec if isinstance(spec, str) else f"{type(spec).__module__}:{name}"
     if not isinstance(spec, str) and name in PLANNERS:
         raise UserError(f"planner {spec!r}: calls itself {name}, as one of the package does; rename it")
-    return Entry(name, None, code_fingerprint(code), lambda counterpart: spec, planner.tier)
+    return Entry(name, None, code_fingerprint(code), Same(spec), planner.tier)
 
 
 def code_fingerprint(name: str) -> str:
@@ -153,11 +153,11 @@ def _entry(spec: str, player: Any, name: str, field: Field) -> Entry:
     fingerprint = policy_hash(player) or code_fingerprint(spec)
     # An agent travels to other machines itself, so that its files need not be there; all else by its name.
     plays = player if about is not None else spec
-    return Entry(name, None if about is None else about["training_seed"], fingerprint, _Same(plays))
+    return Entry(name, None if about is None else about["training_seed"], fingerprint, Same(plays))
 
 
 @dataclass(frozen=True)
-class _Same:
+class Same:
     """Gives one player against everybody; unlike a closure it can be sent to a worker."""
 
     plays: Any

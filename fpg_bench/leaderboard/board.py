@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,39 +12,52 @@ import numpy as np
 
 from fpg_bench import __version__
 from fpg_bench.errors import UserError, nearest
-from fpg_bench.evaluation.panel import Panel, load_panel
-from fpg_bench.evaluation.planner_references import PlannerTable
-from fpg_bench.evaluation.seeds import PROTOCOL, SEASON
-from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval
+from fpg_bench.evaluation.columns import learning_curve, over_rounds
+from fpg_bench.evaluation.field import Field
+from fpg_bench.evaluation.season import current_season
+from fpg_bench.evaluation.seeds import PROTOCOL
+from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, rank_ranges
+from fpg_bench.evaluation.summary import Summary
 from fpg_bench.leaderboard.cases import Case, case_of, result_file, submission_folders
-from fpg_bench.leaderboard.crossplay import ROUNDS, entrants_of, fully_played, pair_key, read_pairs
+from fpg_bench.leaderboard.crossplay import (
+    ROUNDS,
+    Entrant,
+    entrants_of,
+    fully_played,
+    pair_key,
+    read_pairs,
+    reward_of,
+)
+from fpg_bench.leaderboard.fields import TRACKS as FOLDERS
 from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.nash import nash
-from fpg_bench.leaderboard.planner_ranking import planner_standing
-from fpg_bench.leaderboard.planner_track import TRACK
-from fpg_bench.leaderboard.ranking import (
-    Standing,
-    improvements,
-    lead_shares,
-    profiles,
-    rank_ranges,
-    standing,
-)
+from fpg_bench.leaderboard.ranking import improvements, profiles
 from fpg_bench.leaderboard.result import Result, rounded
-from fpg_bench.leaderboard.submission import PANELS, TRACKS, Submission, load_submission
-from fpg_bench.leaderboard.transcripts import entered_table
+from fpg_bench.leaderboard.submission import Submission, load_submission
+from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, TRACKS, UNSEEN, Track
+from fpg_bench.leaderboard.worst import Worst, worst
 from fpg_bench.players.player import SIDES
-from fpg_bench.rows import Row, RowFile
+from fpg_bench.rows import Row
 
-# The tables that rounds decide: key, track, path, title.
-TABLES = (
-    ("ally", "ally", None, "Allies"),
-    ("opponent-pursuit", "opponent", "pursuit", "Opponents in pursuit"),
-    ("opponent-learned", "opponent", "learned", "Opponents that fly themselves"),
-    ("planner", TRACK, None, "Planners of the opponent's path"),
-)
-EXPLOIT = "exploit.jsonl"
 _LONGEST_REASON = 300
+# By how many points a score on the seeds that everybody knew may lie above that on the season's, beyond what the
+# track's entries gain there in the middle.
+SEEDS_GAP = 5.0
+
+
+@dataclass(frozen=True)
+class _Scored:
+    """A verified submission: its case and result, and its summaries by what they say."""
+
+    case: Case
+    result: Result
+    summaries: Mapping[str, Summary]
+
+    @property
+    def ranking(self) -> Summary | None:
+        """What ranks it: the unseen field once a season is closed, before that the known one."""
+        role = UNSEEN if current_season() is not None else KNOWN
+        return self.summaries.get(role)
 
 
 def make_board(folder: str | Path = "leaderboard", say: Callable[[str], None] = lambda line: None) -> Row:
@@ -61,14 +74,17 @@ def make_board(folder: str | Path = "leaderboard", say: Callable[[str], None] = 
         UserError: no such folder, or a file of it that can't be read as what it is.
     """
     folder = Path(folder)
-    shown = _shown(folder, say)
+    shown, season = _shown(folder, say), current_season()
+    cases = [case for _, case, _ in shown if case is not None]
+    every = entrants_of(cases)
+    known = read_pairs(folder, *every, ROUNDS)
     return {
         "version": __version__,
         "protocol": PROTOCOL,
-        "season": SEASON,
+        "season": None if season is None else season.number,
         "built": datetime.datetime.now(datetime.UTC).date().isoformat(),
-        "tracks": [_table(folder, shown, *table) for table in TABLES],
-        "crossplay": _crossplay(folder, [case for _, case, _ in shown if case is not None]),
+        "tracks": [_table(shown, track, list(known.values())) for track in TRACKS.values()],
+        "crossplay": _crossplay(every, known),
     }
 
 
@@ -76,8 +92,8 @@ def _shown(board: Path, say: Callable[[str], None]) -> list[tuple[Submission, Ca
     """Every readable submission that has a result: its case, or why the result does not count."""
     found: list[tuple[Submission, Case | None, str | None]] = []
     for path in sorted((board / "submissions").glob("[!.]*/")):
-        if path.name not in TRACKS:
-            say(f"submissions/{path.name}: left out: is no track{nearest(path.name, TRACKS)}")
+        if path.name not in FOLDERS:
+            say(f"submissions/{path.name}: left out: is no track{nearest(path.name, FOLDERS)}")
     for folder in submission_folders(board):
         name = f"{folder.parent.name}/{folder.name}"
         if not result_file(board, folder.parent.name, folder.name).exists():
@@ -106,45 +122,70 @@ def _case(board: Path, submission: Submission) -> tuple[Case | None, str | None]
     return None, "".join(c if c.isprintable() else " " for c in case.known.head["reason"][:_LONGEST_REASON])
 
 
-def _table(board: Path, shown: Iterable[Any], key: str, track: str, path: str | None, title: str) -> Row:
-    """One table: its rows from best to worst, those that are not verified last."""
-    name = PANELS[track, path]
-    panel = entered_table(name, asks=False) if track == TRACK else load_panel(name)
-    mine = [item for item in shown if (item[0].track, item[0].path) == (track, path)]
+def _table(shown: Iterable[Any], track: Track, pairs: list[Row]) -> Row:
+    """One table: its rows from best to worst, those that are not ranked or not verified last."""
+    fields = track.fields()
+    mine = [item for item in shown if (item[0].track, item[0].path) == (track.side, track.path)]
     scored = [
-        (submission, case.known, _standing(case.known, case.panel))
-        for submission, case, _ in mine
-        if case is not None and case.known is not None
+        _Scored(case, case.known, case.known.summaries(case.fields))
+        for _, case, _ in mine
+        if case is not None and case.known is not None and case.known.verified
     ]
-    scored.sort(key=lambda item: (-item[2].value, item[0].slug))
-    standings = [item[2] for item in scored]
-    ranks, leads = rank_ranges(standings), lead_shares(standings)
-    exploited = _best_responses(board, track)
+    scored.sort(key=_place)
+    ranked = [entry for entry in scored if entry.ranking is not None]
+    ranking = [entry.ranking for entry in ranked if entry.ranking is not None]
+    ranks = rank_ranges([summary.samples for summary in ranking])
+    by_slug = {entry.result.slug: rank for entry, rank in zip(ranked, ranks, strict=True)}
+    gaps = _seeds_gaps(scored)
     rows = [
-        _texts(submission)
-        | _figures(result, entry, panel, exploited.get(submission.slug))
-        | {"rank": list(rank), "lead": _short(lead)}
-        for (submission, result, entry), rank, lead in zip(scored, ranks, leads, strict=True)
+        _texts(entry.case.submission)
+        | _figures(entry, worst(entry.result.slug, track.side, entry.summaries, pairs))
+        | {"rank": list(by_slug[slug]) if (slug := entry.result.slug) in by_slug else None}
+        | {"seeds_gap": gaps.get(slug)}
+        for entry in scored
     ]
     rows += [_texts(submission) | _blank(why) for submission, _, why in mine if why is not None]
     return {
-        "key": key,
-        "title": title,
-        "side": track,
-        "panel": panel.name,
-        "panel_hash": panel.hash,
-        "rounds": panel.rounds,
-        "reference": panel.reference,
-        "entries": [entry.name for entry in panel.entries],
+        "key": track.key,
+        "title": track.title,
+        "side": track.side,
+        "ranked_by": UNSEEN if UNSEEN in fields else KNOWN,
+        "fields": [_told_field(role, field) for role, field in fields.items()],
+        "scale": {"zero": track.field.scale.zero, "top": track.field.scale.top},
         "rows": rows,
-        "improvement": _improvement(standings),
-        "profiles": _profiles(standings),
+        "improvement": _improvement(ranking),
+        "profiles": _profiles(ranking),
     }
 
 
-def _standing(result: Result, panel: Panel) -> Standing:
-    """The standing of a verified result, on just the matches that it played."""
-    return planner_standing(result, panel) if isinstance(panel, PlannerTable) else standing(result, panel)
+def _place(entry: _Scored) -> tuple[bool, float, str]:
+    ranking = entry.ranking or entry.summaries[KNOWN]
+    return entry.ranking is None, -ranking.score.value, entry.result.slug
+
+
+def _told_field(role: str, field: Field) -> Row:
+    names = [counterpart.name for counterpart in field.counterparts]
+    return {
+        "role": role,
+        "name": field.name,
+        "hash": field.hash,
+        "rounds": field.rounds,
+        "counterparts": names,
+    }
+
+
+def _seeds_gaps(scored: Sequence[_Scored]) -> dict[str, Row]:
+    """By how much each scores more on seeds that everybody knew than others do, and whether that is flagged."""
+    gaps = {
+        entry.result.slug: entry.summaries[PUBLIC].score.value - entry.summaries[KNOWN].score.value
+        for entry in scored
+        if PUBLIC in entry.summaries
+    }
+    middle = float(np.median(list(gaps.values()))) if gaps else 0.0
+    return {
+        slug: {"value": _short(gap - middle), "flagged": gap - middle > SEEDS_GAP}
+        for slug, gap in gaps.items()
+    }
 
 
 def _texts(submission: Submission) -> Row:
@@ -167,49 +208,75 @@ def _texts(submission: Submission) -> Row:
     }
 
 
-def _figures(result: Result, entry: Standing, panel: Panel, exploited: Row | None) -> Row:
+def _figures(entry: _Scored, lowest: Worst) -> Row:
     """What a verified result says."""
-    entries = {e.name: _interval(entry.entry(k)) for k, e in enumerate(panel.entries)}
-    worst = min(entries, key=lambda name: float(entries[name]["value"]))
-    summary = result.head["summary"]
-    seeds = sorted({str(line["training_seed"]) for line in result.lines if entry.trained})  # as scores are
+    result, known = entry.result, entry.summaries[KNOWN]
+    ranking, scale = entry.ranking or known, known.field.scale
+    lines = [line for summary in entry.summaries.values() for line in summary.lines]
     return {
         "status": result.head["status"],
         "reason": None,
-        "training_seeds": summary["training_seeds"],
-        "few_seeds": 0 < summary["training_seeds"] < FEW_SEEDS,
-        "score": _interval(entry.interval) | {"over": entry.interval.over},
-        "mean": _short(entry.scores.mean()),
-        "worst": {"entry": worst, "value": entries[worst]["value"]},
-        "entries": entries,
-        "seeds": {k: _short(value) for k, value in zip(seeds, entry.per_seed, strict=entry.trained)},
-        "measures": {"return": summary["measures"][f"{panel.side}_return"], **summary["measures"]},
-        "best_response": exploited,
-        "lost": summary["lost"],
-        "rounds": summary["rounds"],
-        "planner": _planner(result) if isinstance(panel, PlannerTable) else None,
-        "histograms": {"ally": _points(result, "ally_points"), "jam": _points(result, "jam_points")},
+        "training_seeds": known.training_seeds,
+        "few_seeds": 0 < known.training_seeds < FEW_SEEDS,
+        "score": _interval(ranking.score) | {"over": ranking.over},
+        "scores": {role: _interval(of.score) | {"over": of.over} for role, of in entry.summaries.items()},
+        "worst": {
+            "against": lowest.against,
+            "where": lowest.where,
+            "return": _interval(lowest.reward),
+            **{end: _short(scale.score(getattr(lowest.reward, end))) for end in ("value", "low", "high")},
+        },
+        "counterparts": {
+            role: {name: _scaled(met, of) for name, met in of.by_counterpart.items()}
+            for role, of in entry.summaries.items()
+        },
+        "seeds": {str(seed): _short(x) for seed, x in ranking.seed_scores().items() if seed is not None},
+        "measures": {"return": known.reward.value, **known.measures},
+        "lost": sum(line.lost for line in lines),
+        "rounds": sum(len(line.returns) for line in lines),
+        "planner": _planner(known, result),
+        "histograms": {
+            side: [_short(share) for share in of / max(of.sum(), 1)]
+            for side, of in zip(("ally", "jam"), known.pooled.histogram, strict=True)
+        },
         "fingerprint": result.fingerprint,
     }
 
 
-def _planner(result: Result) -> Row:
+def _scaled(reward: Interval, summary: Summary) -> Row:
+    """A return a step as a score."""
+    scale = summary.field.scale
+    return {name: _short(scale.score(getattr(reward, name))) for name in ("value", "low", "high")}
+
+
+def _planner(known: Summary, result: Result) -> Row | None:
     """What is told of planners alone: what they know, how they learn, and how a language model answered."""
-    names = ("score_all", "curve", "valid", "statuses", "tokens")
-    return {**result.fingerprint["planner"], **{name: result.head["summary"][name] for name in names}}
+    plans = known.pooled.plans
+    if plans is None:
+        return None
+    count = sum(plans.statuses.values())
+    return {
+        **result.fingerprint["planner"],
+        "score_all": _interval(over_rounds(known, slice(None))),
+        "curve": [_interval(of) for of in learning_curve(known)],
+        "valid": plans.valid,
+        "statuses": plans.statuses,
+        "tokens": None if plans.tokens is None else plans.tokens / count,
+    }
 
 
 def _blank(why: str) -> Row:
     """What is shown of a result that is not verified, or does not count."""
     empty: Row = dict.fromkeys(
-        ("rank", "lead", "score", "mean", "worst", "best_response", "planner", "histograms", "fingerprint")
+        ("rank", "score", "worst", "planner", "histograms", "fingerprint", "seeds_gap")
     )
     return empty | {
         "status": "not verified",
         "reason": why,
         "training_seeds": 0,
         "few_seeds": False,
-        "entries": {},
+        "scores": {},
+        "counterparts": {},
         "seeds": {},
         "measures": {},
         "lost": 0,
@@ -217,59 +284,38 @@ def _blank(why: str) -> Row:
     }
 
 
-def _points(result: Result, key: str) -> list[float | None]:
-    """The share of steps at each frequency point."""
-    total = np.sum([line[key] for line in result.lines], axis=0)
-    return [_short(share) for share in total / max(total.sum(), 1)]
-
-
-def _best_responses(board: Path, track: str) -> dict[str, Row]:
-    """By name, the lowest and highest score against best responses, where there are any; the newest of each.
-
-    Raises:
-        UserError: a line without its figures.
-    """
-    file, found = RowFile(board / "results" / EXPLOIT), {}
-    for number, row in enumerate(file.read(), 1):
-        scores: Any = row.get("scores")
-        sound = isinstance(scores, list) and scores and all(isinstance(x, int | float) for x in scores)
-        if not {"track", "slug"} <= row.keys() or not sound:
-            raise UserError(f"{file.path}: line {number} lacks track, slug or scores")
-        if row["track"] == track:
-            low, high = _short(min(scores)), _short(max(scores))
-            found[str(row["slug"])] = {"value": low, "low": low, "high": high}
-    return found
-
-
-def _improvement(standings: Sequence[Standing]) -> Row:
+def _improvement(standings: Sequence[Summary]) -> Row:
     table = improvements(standings)
 
     def each(name: str) -> list[list[float | None]]:
         return [[None if cell is None else _short(getattr(cell, name)) for cell in row] for row in table]
 
-    names = [entry.slug for entry in standings]
+    names = [entry.entry for entry in standings]
     return {"names": names, "value": each("value"), "low": each("low"), "high": each("high")}
 
 
-def _profiles(standings: Sequence[Standing]) -> Row:
+def _profiles(standings: Sequence[Summary]) -> Row:
     thresholds, shares = profiles(standings)
     return {
         "thresholds": [_short(value) for value in thresholds],
         "share": {
-            entry.slug: [_short(value) for value in row] for entry, row in zip(standings, shares, strict=True)
+            entry.entry: [_short(value) for value in row]
+            for entry, row in zip(standings, shares, strict=True)
         },
     }
 
 
-def _crossplay(board: Path, cases: list[Case]) -> Row | None:
-    """The matrix of those who have all played each other, and its Nash mixtures; None where nobody has."""
-    every = entrants_of(cases)
-    known = read_pairs(board, *every, ROUNDS)
+def _crossplay(every: tuple[list[Entrant], list[Entrant]], known: dict[str, Row]) -> Row | None:
+    """The matrices of those who have all played each other, and the Nash mixtures of the ally's return.
+
+    None where nobody has.
+    """
     allies, opponents = fully_played(*every, known)
     if not allies or not opponents:
         return None
-    rates = [[known[pair_key(a, o, ROUNDS)]["jamming_success_rate"] for o in opponents] for a in allies]
-    found = nash(np.array(rates))
+    pairs = [[known[pair_key(a, o, ROUNDS)] for o in opponents] for a in allies]
+    returns = {side: [[_short(reward_of(row, side)) for row in line] for line in pairs] for side in SIDES}
+    found = nash(-np.array(returns["ally"]))  # the ally, who chooses rows, minimises
     return {
         "allies": [a.slug for a in allies],
         "opponents": [o.slug for o in opponents],
@@ -277,14 +323,24 @@ def _crossplay(board: Path, cases: list[Case]) -> Row | None:
             side: [entrant.slug for entrant in entrants if entrant not in shown]
             for side, entrants, shown in zip(SIDES, every, (allies, opponents), strict=True)
         },
-        "jamming_success_rate": rates,
+        "twins": _twins(opponents),
+        "returns": returns,
+        "jamming_success_rate": [[row["jamming_success_rate"] for row in line] for line in pairs],
         "rounds": ROUNDS,
         "nash": {
             "ally": {a.slug: _short(p) for a, p in zip(allies, found.rows, strict=True)},
             "opponent": {o.slug: _short(p) for o, p in zip(opponents, found.columns, strict=True)},
-            "value": _short(found.value),
+            "value": _short(-found.value),
         },
     }
+
+
+def _twins(entrants: Sequence[Entrant]) -> list[list[str]]:
+    """Entries that are one player in two tables, each group once."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for entrant in entrants:
+        groups.setdefault(tuple(entrant.identity), []).append(entrant.slug)
+    return [slugs for slugs in groups.values() if len(slugs) > 1]
 
 
 def _interval(interval: Interval) -> Row:

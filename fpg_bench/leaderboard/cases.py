@@ -13,10 +13,9 @@ from pathlib import Path
 import platformdirs
 
 from fpg_bench.errors import UserError, nearest
-from fpg_bench.evaluation.panel import Panel
+from fpg_bench.evaluation.field import Field
 from fpg_bench.leaderboard.folder import brief
-from fpg_bench.leaderboard.planner_track import panel_of
-from fpg_bench.leaderboard.playing import Part, parts_of
+from fpg_bench.leaderboard.playing import Key, Meeting, Part, key_of, meetings_of, parts_of
 from fpg_bench.leaderboard.result import Result, differing, fingerprint, read_result
 from fpg_bench.leaderboard.submission import TRACKS, Submission, load_submission
 from fpg_bench.rows import Row
@@ -30,19 +29,19 @@ class Case:
 
     Attributes:
         submission: whose.
-        panel: what it plays.
+        fields: what it plays, by what that says.
         path: where its result lies, or shall lie.
         known: its result, None where there is none that counts.
         work: the folder of what is under way.
-        wanted: which entries each of its parts plays.
+        wanted: whom each of its parts meets.
     """
 
     submission: Submission
-    panel: Panel
+    fields: dict[str, Field]
     path: Path
     known: Result | None
     work: Path
-    wanted: tuple[tuple[Part, tuple[str, ...]], ...]
+    wanted: tuple[tuple[Part, tuple[Meeting, ...]], ...]
 
     @property
     def name(self) -> str:
@@ -52,12 +51,12 @@ class Case:
     @property
     def printed(self) -> Row:
         """The fingerprint of what is played."""
-        return fingerprint(self.submission, self.panel)
+        return fingerprint(self.submission, self.fields)
 
     @property
     def whole(self) -> bool:
         """Whether all of it is wanted."""
-        return sum(len(entries) for _, entries in self.wanted) == len(_pairs(self))
+        return sum(len(meetings) for _, meetings in self.wanted) == len(_pairs(self))
 
 
 def submission_folders(board: Path, names: Sequence[str] = ()) -> list[Path]:
@@ -108,25 +107,25 @@ def case_of(board: Path, submission: Submission, update: bool = False) -> Case:
     Raises:
         UserError: a result that is edited, or of something else.
     """
-    panel = panel_of(submission)
+    fields = submission.fields
     path = result_file(board, submission.track, submission.slug)
     try:
-        known = _known(path, submission, panel)
+        known = _known(path, submission, fields)
     except UserError:
         if not update:
             raise
         known = None
-    everything = tuple(entry.name for entry in panel.entries)
+    everything = tuple(meetings_of(fields.values()))
     wanted = tuple((part, everything) for part in parts_of(submission))
-    return Case(submission, panel, path, known, _work(board, submission, panel), wanted)
+    return Case(submission, fields, path, known, _work(board, submission, fields), wanted)
 
 
-def _known(path: Path, submission: Submission, panel: Panel) -> Result | None:
-    """The result of just this submission on just this panel, None where there is no file."""
+def _known(path: Path, submission: Submission, fields: dict[str, Field]) -> Result | None:
+    """The result of just this submission on just these fields, None where there is no file."""
     if not path.exists() and not path.is_symlink():
         return None
-    found = read_result(path, panel)
-    others = differing(found.fingerprint, fingerprint(submission, panel))
+    found = read_result(path, fields)
+    others = differing(found.fingerprint, fingerprint(submission, fields))
     if not others:
         return found
     if set(others) <= _SUBMITTED:
@@ -148,8 +147,8 @@ def work_folder(board: Path) -> Path:
     return platformdirs.user_cache_path("fpg_bench") / "leaderboard" / checkout
 
 
-def _work(board: Path, submission: Submission, panel: Panel) -> Path:
-    printed = fingerprint(submission, panel)
+def _work(board: Path, submission: Submission, fields: dict[str, Field]) -> Path:
+    printed = fingerprint(submission, fields)
     played = hashlib.sha256(repr(sorted(printed.items(), key=str)).encode()).hexdigest()[:16]
     return work_folder(board) / submission.track / f"{submission.slug}-{played}"
 
@@ -180,13 +179,17 @@ def sampled(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
     return [_thinned(case, {line[1:] for line in drawn if line[0] == k}) for k, case in enumerate(cases)]
 
 
-def _pairs(case: Case) -> list[tuple[str, str]]:
-    """All that could be played of a case, by the names of part and entry."""
-    return [(part.name, entry.name) for part in parts_of(case.submission) for entry in case.panel.entries]
+def _pairs(case: Case) -> list[tuple[str, Key]]:
+    """All that could be played of a case, by the names of part and meeting."""
+    meetings = meetings_of(case.fields.values())
+    return [(part.name, key_of(*meeting)) for part in parts_of(case.submission) for meeting in meetings]
 
 
-def _thinned(case: Case, drawn: set[tuple[str, str]]) -> Case:
+def _thinned(case: Case, drawn: set[tuple[str, Key]]) -> Case:
     if case.known is None:
         return case
-    left = ((part, tuple(e for e in entries if (part.name, e) in drawn)) for part, entries in case.wanted)
-    return dataclasses.replace(case, wanted=tuple((part, entries) for part, entries in left if entries))
+    left = (
+        (part, tuple(m for m in meetings if (part.name, key_of(*m)) in drawn))
+        for part, meetings in case.wanted
+    )
+    return dataclasses.replace(case, wanted=tuple((part, meetings) for part, meetings in left if meetings))

@@ -1,4 +1,4 @@
-"""Cross-play: every ally of the board against every opponent, on the same chance, by jamming success rate."""
+"""Cross-play: every ally of the board against every opponent, on the same chance, by both sides' returns."""
 
 from __future__ import annotations
 
@@ -18,9 +18,12 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.envs.duel import Duel
+from fpg_bench.envs.rounds import play_round
+from fpg_bench.envs.rounds import seated as table_of
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.runner import play_round
-from fpg_bench.evaluation.seeds import PROTOCOL, SEASON, evaluation_seeds
+from fpg_bench.evaluation.field import Scale
+from fpg_bench.evaluation.play import LOST_SCORE
+from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
 from fpg_bench.files import write_whole
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.jobs.folders import folder_job
@@ -30,25 +33,36 @@ from fpg_bench.leaderboard.cases import Case, make_case, submission_folders, wor
 from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, seated
 from fpg_bench.leaderboard.result import rounded
 from fpg_bench.leaderboard.team import Team
+from fpg_bench.leaderboard.tracks import KNOWN
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import SIDES
-from fpg_bench.players.seat import Seat
 from fpg_bench.rows import Row, RowFile
 
 ROUNDS = 100
-WITHIN = 0.005  # of a rate, when it is played again
-_ROW = {"ally", "opponent", "key", "rounds", "jamming_success_rate", "lost"}
+WITHIN = 0.005  # of a rate, and of the distance from 0 to 100, when it is played again
+_ROW = {
+    "ally",
+    "opponent",
+    "key",
+    "rounds",
+    "jamming_success_rate",
+    "lost",
+    "ally_rewards",
+    "opponent_rewards",
+}
 
 
 @dataclass(frozen=True)
 class Entrant:
-    """Who plays: its name in its track, its parts, and what it plays in."""
+    """Who plays: its name in its track, its parts, what it plays in, the scale of its track, and the season."""
 
     slug: str
     side: str
     parts: tuple[Part, ...]
     scenario: Scenario
+    scale: Scale
+    season: str
 
     @cached_property
     def identity(self) -> list[str]:
@@ -82,13 +96,15 @@ def entrants_of(cases: Iterable[Case]) -> tuple[list[Entrant], list[Entrant]]:
 
 
 def _entrant(case: Case) -> Entrant:
-    scenario = case.panel.entry_scenario(case.panel.entries[0])  # an opponent's entries are all on one path
-    return Entrant(case.submission.slug, case.submission.track, tuple(parts_of(case.submission)), scenario)
+    known, submission = case.fields[KNOWN], case.submission
+    scenario = known.counterparts[0].scenario  # an opponent's counterparts are all on one path
+    parts = tuple(parts_of(submission))
+    return Entrant(submission.slug, submission.track, parts, scenario, known.scale, known.season)
 
 
 def pair_key(ally: Entrant, opponent: Entrant, rounds: int) -> str:
     """What decides a pair's figure, as 16 hexadecimal digits."""
-    content = [ally.identity, opponent.identity, opponent.scenario_hash, PROTOCOL, SEASON, rounds]
+    content = [ally.identity, opponent.identity, opponent.scenario_hash, PROTOCOL, ally.season, rounds]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
 
@@ -137,7 +153,18 @@ def fully_played(
 def _is_pair(row: Row) -> bool:
     rate, words = row.get("jamming_success_rate"), [row.get(name) for name in ("ally", "opponent", "key")]
     good = isinstance(rate, int | float) and 0 <= rate <= 1 and all(isinstance(word, str) for word in words)
-    return good and row.keys() == _ROW
+    return good and row.keys() == _ROW and all(_are_rewards(row[f"{side}_rewards"]) for side in SIDES)
+
+
+def _are_rewards(values: Any) -> bool:
+    """Whether these are returns a step, one for each training seed."""
+    numbers = isinstance(values, list) and bool(values)
+    return numbers and all(type(value) in (int, float) and abs(value) < 1e6 for value in values)
+
+
+def reward_of(row: Row, side: str) -> float:
+    """A side's return a step in a pair."""
+    return float(np.mean(row[f"{side}_rewards"]))
 
 
 def play_missing(
@@ -189,11 +216,24 @@ def check_pairs(board: str | Path, share: float, seed: int, rounds: int = ROUNDS
     drawn = random.Random(seed).sample(pairs, math.ceil(share * len(pairs)))
     played, failed = _play(board, drawn, rounds)
     for row in played:
-        then = known[row["key"]]["jamming_success_rate"]
-        if abs(row["jamming_success_rate"] - then) > WITHIN:
-            rate = row["jamming_success_rate"]
-            failed.append(f"{row['ally']} - {row['opponent']}: jammed {rate:.4f}, the figure says {then:.4f}")
+        then, spans = known[row["key"]], {"ally": allies[0].scale, "opponent": opponents[0].scale}
+        for what, now, before, most in _compared(row, then, spans):
+            if abs(now - before) > most:
+                pair = f"{row['ally']} - {row['opponent']}"
+                failed.append(f"{pair}: {what} {now:.4f}, the figure says {before:.4f}")
     return failed
+
+
+def _compared(now: Row, then: Row, scales: dict[str, Scale]) -> Iterator[tuple[str, float, float, float]]:
+    """What is compared of a pair: its name, both values, and how far they may be apart."""
+    yield "jammed", now["jamming_success_rate"], then["jamming_success_rate"], WITHIN
+    for side, scale in scales.items():
+        yield (
+            f"{side}'s return a step",
+            reward_of(now, side),
+            reward_of(then, side),
+            WITHIN * (scale.top - scale.zero),
+        )
 
 
 def _write(board: Path, rows: list[Row]) -> None:
@@ -261,23 +301,40 @@ def play_pair(ally: Entrant, opponent: Entrant, rounds: int = ROUNDS) -> Row:
     """Play one pair: all combinations of both sides' training seeds, equally often.
 
     A round that a side loses by an answer that is none counts as jammed throughout where it is the ally's,
-    and as never jammed where it is the opponent's.
+    and as never jammed where it is the opponent's; its return is that of a lost round in its track.
 
     Returns:
-        ``rounds``, ``jamming_success_rate``, and how many rounds were ``lost``, ``[ally's, opponent's]``.
+        ``rounds``; ``ally_rewards`` and ``opponent_rewards``, the return a step of each of a side's training
+        seeds; ``jamming_success_rate``; and how many rounds were ``lost``, ``[ally's, opponent's]``.
     """
     games = np.arange(rounds)
     of_ally = games % len(ally.parts)
     of_opponent = games // len(ally.parts) % len(opponent.parts)
     duel = Duel(opponent.scenario, rounds)
     with _team(ally, of_ally, duel) as one, _team(opponent, of_opponent, duel) as other:
-        seats = Seat("ally", [one], duel.arena), Seat("opponent", [other], duel.arena)
-        play_round(duel, *seats, np.array(evaluation_seeds(rounds)))
+        play_round(table_of(duel, one, other), seeds=np.array(evaluation_seeds(rounds, ally.season)))
         lost = one.invalid.copy(), other.invalid.copy()
     rates = duel.arena.tallies["jammed"] / duel.arena.tallies["steps"]
     rates[lost[0] & ~lost[1]], rates[lost[1] & ~lost[0]] = 1.0, 0.0
     rate = rounded(float(rates.mean()))
-    return {"rounds": rounds, "jamming_success_rate": rate, "lost": [int(side.sum()) for side in lost]}
+    rewards = {
+        f"{who.side}_rewards": _rewards(duel, who, gone, seats)
+        for who, gone, seats in ((ally, lost[0], of_ally), (opponent, lost[1], of_opponent))
+    }
+    return {
+        "rounds": rounds,
+        **rewards,
+        "jamming_success_rate": rate,
+        "lost": [int(side.sum()) for side in lost],
+    }
+
+
+def _rewards(duel: Duel, who: Entrant, lost: np.ndarray, seats: np.ndarray) -> list[float | None]:
+    """The return a step of each of a side's parts."""
+    found = duel.arena.tallies[f"{who.side}_return"] / duel.arena.tallies["steps"]
+    worst = who.scale.zero + LOST_SCORE / 100 * (who.scale.top - who.scale.zero)
+    found[lost] = min([worst, *found[~lost]])
+    return [rounded(float(found[seats == k].mean())) for k in range(len(who.parts))]
 
 
 @contextlib.contextmanager

@@ -1,27 +1,28 @@
-"""Playing a submission on its panel: every policy in a process of its own, a line per panel entry."""
+"""Playing a submission: every policy in a process of its own, a line per counterpart."""
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from fpg_bench.evaluation.panel import Entry, Panel
-from fpg_bench.evaluation.planner_references import PlannerTable
-from fpg_bench.evaluation.runner import play_entry
-from fpg_bench.evaluation.summary import check_references
-from fpg_bench.evaluation.zoo_scores import sum_up
-from fpg_bench.leaderboard.planner_track import TRACK, planner_line
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.entry import Entry, Same
+from fpg_bench.evaluation.field import Counterpart, Field
+from fpg_bench.evaluation.line import Line, read_line
+from fpg_bench.evaluation.play import play
+from fpg_bench.leaderboard.planner_track import TRACK, replaying
 from fpg_bench.leaderboard.submission import Policy, Submission
-from fpg_bench.leaderboard.transcripts import FOLDER
-from fpg_bench.rows import Row, RowFile
+from fpg_bench.leaderboard.transcripts import local
+from fpg_bench.rows import RowFile
 
 LINES = "lines.jsonl"
 FAILED = "failed"  # the key of a row that says why a part could not be played on
+Meeting = tuple[Field, Counterpart]
+Key = tuple[str, str]  # of a meeting: the first digits of the field's hash, and the counterpart's name
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class Part:
     planner whose transcripts were ``recorded`` in the submission's folder.
     """
 
+    slug: str
     seed: int | None
     plays: str | Policy
     shipped: bool = False
@@ -40,41 +42,57 @@ class Part:
         """What folders and lines about it call it."""
         return "script" if self.seed is None else f"seed_{self.seed}"
 
+    @property
+    def fingerprint(self) -> str:
+        """The hash of its policy, or its script's name."""
+        return self.plays if isinstance(self.plays, str) else self.plays.sha256
+
+    def entry(self, player: Any, field: Field) -> Entry:
+        """The part as an entry that meets counterparts of a field, played by a player."""
+        if self.recorded is not None:
+            return Entry(self.slug, None, self.fingerprint, replaying(self.recorded, field))
+        return Entry(self.slug, self.seed, self.fingerprint, Same(player))
+
 
 def parts_of(submission: Submission) -> list[Part]:
     """All that is played of a submission, by training seed."""
+    slug = submission.slug
     if submission.script is not None:
-        return [Part(None, submission.script)]
+        return [Part(slug, None, submission.script)]
     if submission.track == TRACK:
-        return [Part(None, FOLDER, recorded=submission.folder)]
+        return [Part(slug, None, "transcripts", recorded=submission.folder)]
     policies = sorted(submission.policies, key=lambda policy: policy.seed)
-    return [Part(policy.seed, policy, submission.zoo is not None) for policy in policies]
+    return [Part(slug, policy.seed, policy, submission.zoo is not None) for policy in policies]
 
 
-def run_submission(submission: Submission, panel: Panel) -> list[Row]:
-    """Play all of a submission on all entries of a panel, here and now.
+def key_of(field: Field, counterpart: Counterpart) -> Key:
+    """What tells a meeting from all others."""
+    return field.hash[:16], counterpart.name
 
-    Returns:
-        A line per training seed and entry: what :func:`fpg_bench.evaluation.zoo_scores.score_lines` says, how
-        many rounds were ``lost``, and the steps per frequency point of both sides.
+
+def meetings_of(fields: Iterable[Field]) -> list[Meeting]:
+    """All meetings of several fields."""
+    return [(field, counterpart) for field in fields for counterpart in field.counterparts]
+
+
+def part_lines(part: Part, meetings: Iterable[Meeting]) -> Iterator[Line]:
+    """Play a part against some counterparts, here and now.
 
     Raises:
         PolicyFailed: a policy died, or took longer than it may.
-        UserError: the panel's scores can't be normalised.
+        UserError: a transcript is not that of these matches.
     """
-    return [line for part in parts_of(submission) for line in part_lines(part, panel, panel.entries)]
-
-
-def part_lines(part: Part, panel: Panel, entries: Iterable[Entry]) -> Iterator[Row]:
-    """The lines of a part on some entries of a panel; raises as :func:`run_submission` does."""
-    if isinstance(panel, PlannerTable):
-        planner = part.recorded or str(part.plays)
-        yield from (planner_line(planner, panel, entry) for entry in entries)
-        return
-    check_references(panel)
     with seated(part.plays) as player:
-        for entry in entries:
-            yield _line(player, part, panel, entry)
+        for field, counterpart in meetings:
+            try:
+                line = play(part.entry(player, field), field, counterpart)
+            except UserError as error:
+                if part.recorded is None:
+                    raise
+                raise UserError(f"against {counterpart.name}: {local(error, part.recorded)}") from error
+            # How long planning took is left out, since that is never twice the same.
+            plans = line.plans and dataclasses.replace(line.plans, seconds=0.0)
+            yield dataclasses.replace(line, plans=plans)
 
 
 @contextlib.contextmanager
@@ -89,8 +107,8 @@ def seated(plays: str | Policy) -> Iterator[Any]:
         yield host
 
 
-def fill(part: Part, panel: Panel, entries: Sequence[str], folder: Path, tried: bool = True) -> None:
-    """Play a part on these entries into a folder, a line each as it ends; what is there is not played again.
+def fill(part: Part, meetings: Sequence[Meeting], folder: Path, tried: bool = True) -> None:
+    """Play a part's meetings into a folder, a line each as it ends; what is there is not played again.
 
     A policy that cannot be played on leaves a row that says why; so does one that was not tried before, and
     whose answers depend on the batch.
@@ -98,50 +116,25 @@ def fill(part: Part, panel: Panel, entries: Sequence[str], folder: Path, tried: 
     from fpg_bench.leaderboard.host import PolicyFailed
     from fpg_bench.leaderboard.trial import check_batch
 
-    file = RowFile(folder / LINES)
-    there = lines_in(folder)
-    missing = [entry for entry in panel.entries if entry.name in entries and entry.name not in there]
+    file, there = RowFile(folder / LINES), lines_in(folder)
+    missing = [meeting for meeting in meetings if key_of(*meeting) not in there]
     try:
         if not tried and not there and isinstance(part.plays, Policy):
             check_batch(part.plays)
-        for line in part_lines(part, panel, missing):
-            file.append([line])
+        for line in part_lines(part, missing):
+            file.append([line.row()])
     except PolicyFailed as error:
-        file.append([{"entry": FAILED, "reason": f"{part.name}: {error}"}])
+        file.append([{FAILED: f"{part.name}: {error}"}])
 
 
-def lines_in(folder: Path) -> dict[str, Row]:
-    """The rows of a part's folder by entry."""
-    return {row["entry"]: row for row in RowFile(folder / LINES).read()}
+def lines_in(folder: Path) -> dict[Key, Line]:
+    """The lines of a part's folder, by their meetings."""
+    rows = [row for row in RowFile(folder / LINES).read() if FAILED not in row]
+    lines = (read_line(row, f"lines {folder / LINES}") for row in rows)
+    return {(line.field_hash, line.counterpart): line for line in lines}
 
 
-def lost_rounds(player: Any, count: int) -> np.ndarray:
-    """``(count,)`` bool: which games' present rounds a player has lost by an answer that is none."""
-    found = getattr(player, "invalid", None)
-    return np.zeros(count, bool) if found is None else np.array(found, bool)
-
-
-def _line(player: Any, part: Part, panel: Panel, entry: Entry) -> Row:
-    rows: list[Row] = []
-    lost: list[bool] = []
-    for played in play_entry(player, panel, entry, panel.rounds):
-        rows += played
-        lost += lost_rounds(player, len(played)).tolist()
-    _give_lowest([row for row, gone in zip(rows, lost, strict=True) if gone], rows, panel, entry)
-    points = {
-        key: np.sum([row[key] for row in rows], axis=0).tolist() for key in ("ally_points", "jam_points")
-    }
-    head = {"training_seed": part.seed, "entry": entry.name}
-    return head | sum_up(rows, panel) | {"lost": sum(lost)} | points
-
-
-def _give_lowest(lost: list[Row], rows: list[Row], panel: Panel, entry: Entry) -> None:
-    """Give lost rounds the lowest return that the random player, or this one in a round of its own, had."""
-    if not lost:
-        return
-    assert panel.references is not None
-    key = f"{panel.side}_return"
-    own = [row[key] for row in rows if not any(row is gone for gone in lost)]
-    lowest = min([*panel.references[entry.name].random, *own])
-    for row in lost:
-        row[key] = lowest
+def failure_in(folder: Path) -> str | None:
+    """Why the part of a folder could not be played on; None where it could."""
+    rows = RowFile(folder / LINES).read()
+    return next((str(row[FAILED]) for row in rows if FAILED in row), None)

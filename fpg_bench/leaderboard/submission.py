@@ -9,18 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.field import Field
 from fpg_bench.leaderboard.fields import TRACKS, Training
 from fpg_bench.leaderboard.policies import Policy
+from fpg_bench.leaderboard.tracks import track_of
 
-__all__ = ["PANELS", "TRACKS", "Policy", "Submission", "Training", "load_submission"]
-
-# The panel of each track and path.
-PANELS = {
-    ("ally", None): "ally-v1",
-    ("opponent", "pursuit"): "opponent-v1",
-    ("opponent", "learned"): "opponent-learned-v1",
-    ("planner", None): "planner-v1",
-}
+__all__ = ["TRACKS", "Policy", "Submission", "Training", "load_submission"]
 
 
 @dataclass(frozen=True)
@@ -65,9 +59,9 @@ class Submission:
         return self.folder.name
 
     @property
-    def panel(self) -> str:
-        """The panel that decides its score."""
-        return PANELS[self.track, self.path]
+    def fields(self) -> dict[str, Field]:
+        """What it plays, by what that says; see :meth:`fpg_bench.leaderboard.tracks.Track.fields`."""
+        return track_of(self.track, self.path).fields(transcripts=bool(self.transcripts))
 
     @property
     def fingerprint(self) -> str:

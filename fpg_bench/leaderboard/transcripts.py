@@ -11,20 +11,18 @@ from typing import Any
 import yaml
 
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.field import Field
 from fpg_bench.evaluation.planner_llm import ABOUT, PROMPT, transcript_file, transcript_name
-from fpg_bench.evaluation.planner_panel import PlannerPanel
-from fpg_bench.evaluation.planner_references import PlannerTable, load_planner_table
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.files import read_json
 from fpg_bench.leaderboard.folder import names
-from fpg_bench.leaderboard.submission import PANELS
+from fpg_bench.leaderboard.tracks import KNOWN, TRACKS
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Where
 from fpg_bench.planning.llm.packed import PACKED, packed_rows
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt
 from fpg_bench.rows import Row
 
 FOLDER = "transcripts"
-MATCHES = 20  # of each ally: a fifth of the tokens of the panel's 100, for intervals 2.4 times as wide
 LARGEST_FOLDER = 10_000_000  # bytes, as it lies in the repository; a terse model's is 1 MB
 _LARGEST = {ABOUT: 10_000, PROMPT: 16_000}
 _MOST_REPEATS = 2  # of the history in a prompt: more would make one that fills the memory
@@ -32,43 +30,28 @@ _LONGEST_NAME, _LONGEST_PATH = 100, 1000  # of a prompt, its file may be told
 _MOST = {"seconds": 1e7, "calls": 1e4, "tokens_in": 1e9, "tokens_out": 1e9}
 _RAW_CUT = 10_000  # characters that are kept of a long raw reply
 
-_ABOUT_KEYS = ("model", "server", "control", "prompt", "prompt_hash", "panel_hash")
+_ABOUT_KEYS = ("model", "server", "control", "prompt", "prompt_hash", "field_hash")
 
 
-def entered_table(panel: str = "planner-v1", asks: bool = True) -> PlannerTable:
-    """What a submission of a planner plays: a language model the panel's first matches, others all of them.
-
-    Args:
-        panel: its name or YAML file.
-        asks: whether the planner is a language model's, in transcripts.
-
-    Raises:
-        UserError: no such panel.
-    """
-    whole = load_planner_table(panel)
-    fewer = asks and whole.planners.matches > MATCHES
-    return load_planner_table(panel, MATCHES) if fewer else whole
-
-
-def check_transcripts(folder: Path, panel: str | None = None) -> list[str]:
+def check_transcripts(folder: Path, field: Field | None = None) -> list[str]:
     """What is wrong with a submission's transcripts as far as they show it, one line each.
 
     That their prompts are those of the game shows only when it is played again.
 
     Args:
         folder: the submission's.
-        panel: what was to be played, its name or YAML file; None: the track's.
+        field: what was to be played; None: the track's.
     """
-    plays, where = entered_table(panel or PANELS["planner", None]).planners, folder / FOLDER
+    plays, where = field or TRACKS["planner"].fields(transcripts=True)[KNOWN], folder / FOLDER
     if found := list(_wrong_files(where, plays)):
         return found
     try:
         about, _ = told(folder, plays)
     except UserError as error:
         return [local(error, folder)]
-    for ally in plays.allies:
+    for ally in plays.counterparts:
         try:
-            _check_transcript(transcript_file(where, ally), about, plays)
+            _check_transcript(transcript_file(where, ally.name), about, plays)
         except UserError as error:
             found.append(local(error, folder))
     return found
@@ -80,18 +63,18 @@ def local(error: Exception, folder: Path) -> str:
     return text if len(text) <= 300 else f"{text[:299]}…"
 
 
-def told(folder: Path, panel: PlannerPanel) -> tuple[Row, Prompt]:
+def told(folder: Path, field: Field) -> tuple[Row, Prompt]:
     """What is told of all of a submission's transcripts, and the prompt that they were made with.
 
     Args:
         folder: the submission's.
-        panel: what was played.
+        field: what was played.
 
     Raises:
-        UserError: it cannot be read, or is not of this panel's matches or this prompt.
+        UserError: it cannot be read, or is not of this field's matches or this prompt.
     """
     file = folder / FOLDER / PROMPT
-    about = _about(folder / FOLDER / ABOUT, panel)
+    about = _about(folder / FOLDER / ABOUT, field)
     _check_plain(file)
     prompt = load_prompt(str(file))
     if prompt.hash != about["prompt_hash"]:
@@ -102,11 +85,11 @@ def told(folder: Path, panel: PlannerPanel) -> tuple[Row, Prompt]:
 # Files
 
 
-def _wrong_files(where: Path, panel: PlannerPanel) -> Iterator[str]:
+def _wrong_files(where: Path, field: Field) -> Iterator[str]:
     if where.is_symlink() or not where.is_dir():
         yield f"{FOLDER}: no such folder; put there what plan compare has recorded"
         return
-    needed = [transcript_name(ally) for ally in panel.allies]
+    needed = [transcript_name(ally.name) for ally in field.counterparts]
     known = {*_LARGEST, *needed, *(name + PACKED for name in needed)}
     size = 0
     for path in (where / name for name in names(where)):
@@ -128,7 +111,7 @@ def _wrong_files(where: Path, panel: PlannerPanel) -> Iterator[str]:
             yield f"{FOLDER}/{name}: {'is missing' if not there else 'lies there packed and unpacked'}"
 
 
-def _about(file: Path, panel: PlannerPanel) -> Row:
+def _about(file: Path, field: Field) -> Row:
     about = read_json(file, FOLDER)
     for key in _ABOUT_KEYS:
         value, most = about.get(key), _LONGEST_PATH if key == "prompt" else _LONGEST_NAME
@@ -136,8 +119,8 @@ def _about(file: Path, panel: PlannerPanel) -> Row:
             raise UserError(f"{file}: {key}: expected a line of at most {most} characters")
     if about["control"] not in CONTROLS:
         raise UserError(f"{file}: control: expected one of {', '.join(CONTROLS)}")
-    if about["panel_hash"] != panel.hash:
-        asked = f"--panel {panel.name} --matches {panel.matches}"
+    if about["field_hash"] != field.hash:
+        asked = f"--field {field.name} --matches {field.matches}"
         raise UserError(f"{file}: tells of other matches; record those of plan compare {asked}")
     return about
 
@@ -160,7 +143,7 @@ def _check_plain(file: Path) -> None:
 # Attempts
 
 
-def _check_transcript(file: Path, about: Row, panel: PlannerPanel) -> None:
+def _check_transcript(file: Path, about: Row, field: Field) -> None:
     """Check that a transcript holds all attempts at the plans of its matches, and no others."""
     found: dict[Where, Attempt] = {}
     for number, row in enumerate(packed_rows(file), 1):
@@ -170,7 +153,9 @@ def _check_transcript(file: Path, about: Row, panel: PlannerPanel) -> None:
         if found.setdefault(attempt.where, attempt) is not attempt:
             raise UserError(f"{where} is another attempt at what was asked before{_at(attempt.where)}")
     plans = [
-        (seed, 0, k) for seed in evaluation_seeds(panel.matches, panel.season) for k in range(panel.rounds)
+        (seed, 0, k)
+        for seed in evaluation_seeds(field.matches, field.season)
+        for k in range(field.rounds_per_match)
     ]
     expected: set[Where] = {(*plan, FIRST) for plan in plans}
     if lacking := sorted(expected - found.keys()):

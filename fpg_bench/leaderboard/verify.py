@@ -12,16 +12,17 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError, meant
+from fpg_bench.evaluation.line import Line
 from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.job import Job, attempt
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
 from fpg_bench.leaderboard.cases import Case, again, make_case, sampled, submission_folders
 from fpg_bench.leaderboard.folder import brief
-from fpg_bench.leaderboard.playing import FAILED, Part, fill, lines_in
+from fpg_bench.leaderboard.playing import Meeting, Part, failure_in, fill, key_of, lines_in
 from fpg_bench.leaderboard.result import Result, failed_result, verified_result, write_result
 from fpg_bench.leaderboard.submission import TRACKS
-from fpg_bench.rows import Row
+from fpg_bench.leaderboard.tracks import KNOWN, UNSEEN
 
 
 @dataclass(frozen=True)
@@ -124,14 +125,12 @@ class _Desk:
     def jobs(self, case: Case) -> list[Job]:
         """A job per part of a case."""
         found = []
-        for part, entries in case.wanted:
+        for part, meetings in case.wanted:
             job = folder_job(
                 _job_name(case, part),
                 case.work / part.name,
-                partial(
-                    fill, part, case.panel, entries, tried=case.known is not None and case.known.verified
-                ),
-                partial(_is_done, case.work / part.name, entries),
+                partial(fill, part, meetings, tried=case.known is not None and case.known.verified),
+                partial(_is_done, case.work / part.name, meetings),
             )
             found.append(replace(job, keep=partial(self._keep, job, case)))
         return found
@@ -150,7 +149,7 @@ class _Desk:
 
     def _keep(self, job: Job, case: Case, result: Any) -> None:
         job.keep(result)
-        if all(_is_done(case.work / part.name, entries) for part, entries in case.wanted):
+        if all(_is_done(case.work / part.name, meetings) for part, meetings in case.wanted):
             self.settle(case)
 
     def _give(self, name: str, good: bool, line: str) -> None:
@@ -162,17 +161,20 @@ def _job_name(case: Case, part: Part) -> str:
     return f"{case.name} {part.name}"
 
 
-def _is_done(folder: Path, entries: Sequence[str]) -> bool:
+def _is_done(folder: Path, meetings: Sequence[Meeting]) -> bool:
     there = lines_in(folder)
-    return FAILED in there or all(entry in there for entry in entries)
+    return failure_in(folder) is not None or all(key_of(*meeting) in there for meeting in meetings)
 
 
 def _judge(case: Case) -> tuple[bool, str]:
     """Whether all is well, and what is to be said; writes the result where there is none."""
-    there = [(part, entries, lines_in(case.work / part.name)) for part, entries in case.wanted]
-    why = next((rows[FAILED]["reason"] for _, _, rows in there if FAILED in rows), None)
-    lines = [rows[entry] for _, entries, rows in there for entry in entries] if why is None else []
-    if case.whole and lines and all(line["lost"] == line["n"] for line in lines):
+    folders = [(case.work / part.name, meetings) for part, meetings in case.wanted]
+    why = next((said for folder, _ in folders if (said := failure_in(folder))), None)
+    lines: list[Line] = []
+    for folder, meetings in folders if why is None else ():
+        there = lines_in(folder)
+        lines += [there[key_of(*meeting)] for meeting in meetings]
+    if case.whole and lines and all(line.lost == len(line.returns) for line in lines):
         why = "all of its rounds are lost by rule: its answers are no valid actions"
     if case.known is None:
         return _first(case, lines, why)
@@ -180,7 +182,7 @@ def _judge(case: Case) -> tuple[bool, str]:
         return _still_failed(case, why)
     if why is not None:
         return False, f"the result is verified, but now: {why}"
-    found = disagreements(lines, case.known.lines, case.panel)
+    found = disagreements(lines, case.known.lines, case.fields)
     if found:
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
         return False, f"the result does not hold: {found[0]}{more}"
@@ -188,12 +190,12 @@ def _judge(case: Case) -> tuple[bool, str]:
     return True, f"holds: {same} of {len(lines)} lines played again are the same to the bit"
 
 
-def _first(case: Case, lines: list[Row], why: str | None) -> tuple[bool, str]:
+def _first(case: Case, lines: list[Line], why: str | None) -> tuple[bool, str]:
     whose = (case.submission.slug, case.submission.track, case.printed)
     if why is not None:
         write_result(case.path, failed_result(*whose, why))
         return False, f"not verified: {why}"
-    result = verified_result(*whose, lines, case.panel)
+    result = verified_result(*whose, lines, case.fields)
     write_result(case.path, result)
     return True, told(result)
 
@@ -211,9 +213,10 @@ def told(result: Result) -> str:
     if not result.verified:
         return f"not verified: {result.head['reason']}"
     summary = result.head["summary"]
-    score = summary["score"]
+    role = UNSEEN if UNSEEN in summary["scores"] else KNOWN
+    score = summary["scores"][role]
     lost = f", {summary['lost']:,} of {summary['rounds']:,} rounds lost by rule" if summary["lost"] else ""
-    return f"verified: score {score['value']:.1f} [{score['low']:.1f}, {score['high']:.1f}]{lost}"
+    return f"verified: {role} {score['value']:.1f} [{score['low']:.1f}, {score['high']:.1f}]{lost}"
 
 
 def run_one(folder: str | Path, update: bool = False, **how: Any) -> Verdict:

@@ -1,0 +1,38 @@
+"""Which season is on: its number and seed, from which evaluation seeds and unseen fields follow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fpg_bench.errors import UserError
+from fpg_bench.files import read_yaml
+from fpg_bench.players.agent import fields_folder
+
+
+@dataclass(frozen=True)
+class SeasonKey:
+    """What of a season decides results: its number, and the seed that nobody knew before it was closed."""
+
+    number: int
+    seed: str
+
+    def field_name(self, public: str) -> str:
+        """The season's field of a track: ``ally-v1`` becomes ``ally-season-1``."""
+        return f"{public.removesuffix('-v1')}-season-{self.number}"
+
+
+def current_season() -> SeasonKey | None:
+    """The newest season that is closed; None before the first.
+
+    Raises:
+        UserError: its file cannot be read.
+    """
+    found = [_key(folder.name) for folder in fields_folder().glob("season-*") if folder.is_dir()]
+    return max(found, key=lambda key: key.number, default=None)
+
+
+def _key(name: str) -> SeasonKey:
+    content = read_yaml(fields_folder() / name / "season.yml", "season")
+    if type(content.get("number")) is not int or not isinstance(content.get("seed"), str):
+        raise UserError(f"season {name}: season.yml lacks its number or seed")
+    return SeasonKey(content["number"], content["seed"])

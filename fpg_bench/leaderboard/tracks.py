@@ -1,0 +1,91 @@
+"""Tracks: what entries of one kind play, and which numbers are made of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from fpg_bench.evaluation.field import Field, load_field
+from fpg_bench.evaluation.season import SeasonKey, current_season
+from fpg_bench.evaluation.seeds import SEASON
+from fpg_bench.players.agent import fields_folder
+
+KNOWN, PUBLIC, UNSEEN, SHIFTED, RESPONSES = "known", "public", "unseen", "shifted", "responses"
+PUBLIC_MATCHES = 25  # on seeds that everybody knew: only to see whether they were learned by heart
+TRANSCRIPT_MATCHES = 20  # of each ally: a fifth of the tokens of the field's 100, for wider intervals
+
+
+@dataclass(frozen=True)
+class Track:
+    """A table of the board.
+
+    Attributes:
+        key: its name.
+        side: who is entered, and the folder of submissions: ``ally``, ``opponent`` or ``planner``.
+        path: of opponents, how they fly; else None.
+        title: what the page calls it.
+        public: the name of the field that everybody knows.
+    """
+
+    key: str
+    side: str
+    path: str | None
+    title: str
+    public: str
+
+    @property
+    def field(self) -> Field:
+        """The field that everybody knows."""
+        return load_field(self.public)
+
+    def fields(self, transcripts: bool = False, season: SeasonKey | None = None) -> dict[str, Field]:
+        """What an entry plays, by what it says of it.
+
+        ``known`` is the public field, ``unseen`` that of the season, ``shifted`` the public one under changed
+        rules: all on seeds that follow from the season's, which nobody knew before entries were closed.
+        ``public`` is the first again on seeds that everybody knew. ``responses`` are best responses to
+        single entries. Before a season is closed all is played on the seeds that everybody knows.
+
+        Args:
+            transcripts: whether the entry is a language model's, recorded on the public field's first matches.
+            season: the season that is on; None: the newest one that is closed.
+        """
+        season = season or current_season()
+        public = self.field
+        if transcripts:
+            return {KNOWN: dataclasses.replace(public, matches=min(public.matches, TRANSCRIPT_MATCHES))}
+        seeds = SEASON if season is None else season.seed
+        found = {KNOWN: dataclasses.replace(public, season=seeds)}
+        if season is not None:
+            found[PUBLIC] = dataclasses.replace(public, matches=min(public.matches, PUBLIC_MATCHES))
+            found[UNSEEN] = dataclasses.replace(load_field(season.field_name(self.public)), season=seeds)
+        stem = self.public.removesuffix("-v1")
+        for role, name in ((SHIFTED, f"{stem}-shifted-v1"), (RESPONSES, f"{stem}-responses-v1")):
+            if (fields_folder() / f"{name}.yml").is_file():
+                found[role] = dataclasses.replace(load_field(name), season=seeds)
+        return found
+
+
+TRACKS = MappingProxyType(
+    {
+        track.key: track
+        for track in (
+            Track("ally", "ally", None, "Allies", "ally-v1"),
+            Track("opponent-pursuit", "opponent", "pursuit", "Opponents in pursuit", "opponent-v1"),
+            Track(
+                "opponent-learned",
+                "opponent",
+                "learned",
+                "Opponents that fly themselves",
+                "opponent-learned-v1",
+            ),
+            Track("planner", "planner", None, "Planners of the opponent's path", "planner-v1"),
+        )
+    }
+)
+
+
+def track_of(side: str, path: str | None) -> Track:
+    """The track of a submission; the one of its side where it names no path."""
+    return next(track for track in TRACKS.values() if (track.side, track.path) == (side, path))
