@@ -6,6 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
+from fpg_bench.errors import printable
+
 ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper or a YAML file")]
 PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]
 PlannerOption = Annotated[str | None, typer.Option(help="who plans the opponent's path between rounds")]
@@ -42,5 +44,5 @@ def listed(value: str | None) -> Any:
 
 
 def say(line: str) -> None:
-    """Print a line at once, also into a file."""
-    print(line, flush=True)
+    """Print a line at once, also into a file; what it quotes of others does nothing to a terminal."""
+    print(printable(line), flush=True)

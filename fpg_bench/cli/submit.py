@@ -33,12 +33,12 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
         for policy in submission.policies:
             found += [f"seed_{policy.seed}: {line}" for line in trial(policy)]
         for line in notes(submission):
-            typer.echo(f"{folder}: note: {line}")
+            say(f"{folder}: note: {line}")
     for line in found:
-        typer.echo(f"{folder}: {line}")
+        say(f"{folder}: {line}")
     if found:
         raise typer.Exit(1)
-    typer.echo(f"{folder}: nothing is wrong")
+    say(f"{folder}: nothing is wrong")
 
 
 @app.command()

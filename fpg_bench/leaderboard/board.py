@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from fpg_bench.evaluation.panel import Panel, load_panel
 from fpg_bench.evaluation.planner_references import PlannerTable
 from fpg_bench.evaluation.seeds import PROTOCOL, SEASON
 from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval
+from fpg_bench.jobs.job import outcome_of
 from fpg_bench.leaderboard.cases import Case, case_of, result_file, submission_folders
 from fpg_bench.leaderboard.crossplay import ROUNDS, entrants_of, fully_played, pair_key, read_pairs
 from fpg_bench.leaderboard.folder import brief
@@ -83,11 +85,11 @@ def _shown(board: Path, say: Callable[[str], None]) -> list[tuple[Submission, Ca
         if not result_file(board, folder.parent.name, folder.name).exists():
             say(f"{name}: left out: has no result; make it: fpg-bench submit run {brief(folder)}")
             continue
-        try:
-            submission = load_submission(folder, contract=False)
-        except UserError as error:
-            say(f"{name}: left out: {error}")  # nothing of it can be trusted, not even its name
+        read = outcome_of(partial(load_submission, folder, contract=False))
+        if read.error is not None:
+            say(f"{name}: left out: {read.error}")  # nothing of it can be trusted, not even its name
             continue
+        submission: Submission = read.result
         case, why = _case(board, submission)
         found.append((submission, case, why))
         if why is not None:
@@ -97,10 +99,10 @@ def _shown(board: Path, say: Callable[[str], None]) -> list[tuple[Submission, Ca
 
 def _case(board: Path, submission: Submission) -> tuple[Case | None, str | None]:
     """The case of a submission whose result counts; None, and why it does not, of any other."""
-    try:
-        case = case_of(board, submission)
-    except UserError as error:
-        return None, str(error)
+    read = outcome_of(partial(case_of, board, submission))
+    if read.error is not None:
+        return None, read.error
+    case: Case = read.result
     if case.known is None or case.known.verified:
         return case, None
     return None, "".join(c if c.isprintable() else " " for c in case.known.head["reason"][:_LONGEST_REASON])

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.errors import printable
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.leaderboard.sandbox import Limits, PolicyFailed, Sandbox
 from fpg_bench.leaderboard.submission import Policy
@@ -142,7 +143,7 @@ class PolicyHost:
         kind, first, second = HEAD.unpack(sandbox.receive(HEAD.size))
         if kind == FAILED:
             reason = sandbox.receive(min(first, _LONGEST_REASON)).decode(errors="replace")
-            raise PolicyFailed("".join(c if c.isprintable() else " " for c in reason))
+            raise PolicyFailed(printable(reason))
         if kind != wanted:
             raise PolicyFailed("its process answers out of turn")
         return kind, first, second

@@ -6,6 +6,7 @@ import hashlib
 import struct
 from collections.abc import Sequence
 
+from fpg_bench.errors import printable
 from fpg_bench.leaderboard.sandbox import Limits, PolicyFailed, Sandbox
 from fpg_bench.plain_json import read_plain
 
@@ -60,4 +61,4 @@ def _asked(sandbox: Sandbox, model: bytes) -> list[str]:
     except (PolicyFailed, ValueError):
         return [_UNREADABLE]
     lines = lines if isinstance(lines, list) else [_UNREADABLE]
-    return ["".join(c if c.isprintable() else " " for c in str(line)) for line in lines]
+    return [printable(str(line)) for line in lines]
