@@ -89,21 +89,17 @@ def seated(plays: str | Policy) -> Iterator[Any]:
         yield host
 
 
-def fill(part: Part, panel: Panel, entries: Sequence[str], folder: Path, tried: bool = True) -> None:
+def fill(part: Part, panel: Panel, entries: Sequence[str], folder: Path) -> None:
     """Play a part on these entries into a folder, a line each as it ends; what is there is not played again.
 
-    A policy that cannot be played on leaves a row that says why; so does one that was not tried before, and
-    whose answers depend on the batch.
+    A policy that cannot be played on leaves a row that says why.
     """
     from fpg_bench.leaderboard.host import PolicyFailed
-    from fpg_bench.leaderboard.trial import check_batch
 
     file = RowFile(folder / LINES)
     there = lines_in(folder)
     missing = [entry for entry in panel.entries if entry.name in entries and entry.name not in there]
     try:
-        if not tried and not there and isinstance(part.plays, Policy):
-            check_batch(part.plays)
         for line in part_lines(part, panel, missing):
             file.append([line])
     except PolicyFailed as error:

@@ -128,9 +128,7 @@ class _Desk:
             job = folder_job(
                 _job_name(case, part),
                 case.work / part.name,
-                partial(
-                    fill, part, case.panel, entries, tried=case.known is not None and case.known.verified
-                ),
+                partial(fill, part, case.panel, entries),
                 partial(_is_done, case.work / part.name, entries),
             )
             found.append(replace(job, keep=partial(self._keep, job, case)))
