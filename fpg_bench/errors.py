@@ -15,6 +15,11 @@ class UserError(ValueError):
     """
 
 
+def printable(text: str) -> str:
+    """A text from outside as a terminal may be told it: no control character, no half of a letter."""
+    return "".join(c if c.isprintable() or c == "\n" else "�" for c in text)
+
+
 def nearest(word: str, known: Iterable[str]) -> str:
     """What to append to an error about an unknown word: the nearest known one, else all of them."""
     known = sorted(set(known))

@@ -13,6 +13,7 @@ from typing import Any
 import yaml
 
 from fpg_bench.errors import UserError
+from fpg_bench.plain_json import read_plain
 
 _MOST_NODES = 100_000
 
@@ -68,8 +69,8 @@ def read_json(path: Path, what: str) -> dict[str, Any]:
     """The object in a JSON file; raises as :func:`read_yaml` does."""
     text = _read(path, what)
     try:
-        content = json.loads(text, object_pairs_hook=_unique)
-    except (ValueError, RecursionError) as error:
+        content = read_plain(text, nan=True)
+    except ValueError as error:
         raise UserError(f"{what} {path}: not valid JSON: {error}") from error
     return _mapping(content, path, what)
 
@@ -100,14 +101,6 @@ def _read(path: Path, what: str) -> str:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise UserError(f"{what} {path}: cannot be read: {reason}") from error
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    content = dict(pairs)
-    if len(content) < len(pairs):
-        twice = next(key for key, times in Counter(key for key, _ in pairs).items() if times > 1)
-        raise ValueError(f"the key {twice!r} stands there twice")
-    return content
 
 
 def _mapping(content: Any, path: Path, what: str) -> dict[str, Any]:

@@ -13,8 +13,10 @@ from pathlib import Path
 from typing import IO, Any
 
 from fpg_bench.errors import UserError
+from fpg_bench.plain_json import read_object
 
 Row = dict[str, Any]
+_LARGEST = 2**30  # bytes; those of a long run are a few million
 
 # Which files this process holds, and how many of its parts hold each: a match and its planner write to
 # one transcript.
@@ -37,10 +39,12 @@ class RowFile:
         """All whole rows.
 
         Raises:
-            UserError: the file cannot be read, or a line that is not the last is not a row.
+            UserError: the file cannot be read, is huge, or a line that is not the last is not a row.
         """
         try:
             there = self.path.exists() and not self.path.is_char_device()  # a device may never end
+            if there and self.path.stat().st_size > _LARGEST:
+                raise UserError(f"rows {self.path}: larger than {_LARGEST:,} bytes")
             data = self.path.read_bytes() if there else b""
         except OSError as error:
             raise UserError(f"rows {self.path}: cannot be read: {error.strerror}") from error
@@ -51,12 +55,9 @@ class RowFile:
 
     def _row(self, number: int, line: bytes) -> Row:
         try:
-            row = json.loads(line)
+            return read_object(line, nan=True)
         except ValueError as error:
             raise UserError(f"rows {self.path}: line {number} is no row: {error}") from error
-        if not isinstance(row, dict):
-            raise UserError(f"rows {self.path}: line {number} is no row: {row!r}")
-        return row
 
     def append(self, rows: Iterable[Row]) -> None:
         """Add rows in one write and flush them; a torn last line is cut off first."""

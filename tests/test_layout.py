@@ -22,6 +22,7 @@ FLOORS = {
     "files": 0,
     "ids": 0,
     "imports": 0,
+    "plain_json": 0,
     "rows": 0,
     "jobs": 1,
     "game": 1,

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli import compare, export, leaderboard, plan, reproduce, selfplay, submit, tune, verbs, zoo
-from fpg_bench.errors import UserError
+from fpg_bench.errors import UserError, printable
 
 app = typer.Typer(
     help="Benchmark suite for the UAV frequency point game.",
@@ -90,5 +90,5 @@ def main() -> None:
 def _fail(message: str, status: int) -> None:
     if _DEBUG:
         raise
-    print("fpg-bench: " + " ".join(message.split()), file=sys.stderr)
+    print("fpg-bench: " + printable(" ".join(message.split())), file=sys.stderr)
     sys.exit(status)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.errors import UserError
+from fpg_bench.errors import UserError, printable
 
 ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper or a YAML file")]
 PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]
@@ -46,8 +46,8 @@ def listed(value: str | None) -> Any:
 
 
 def say(line: str) -> None:
-    """Print a line at once, also into a file."""
-    print(line, flush=True)
+    """Print a line at once, also into a file; what it quotes of others does nothing to a terminal."""
+    print(printable(line), flush=True)
 
 
 def whole_number(name: str, word: str) -> int:

@@ -19,7 +19,7 @@ from fpg_bench.cli.options import (
     TokensOption,
     llm_options,
 )
-from fpg_bench.errors import UserError
+from fpg_bench.errors import UserError, printable
 
 if TYPE_CHECKING:
     from fpg_bench.envs.matches import Round
@@ -105,7 +105,9 @@ def probe(
     findings = probing.probe(
         endpoint,
         deadline,
-        lambda found: console.print(f"{found.what:24} {signs[found.ok]:4} {found.detail}", markup=False),
+        lambda found: console.print(
+            printable(f"{found.what:24} {signs[found.ok]:4} {found.detail}"), markup=False
+        ),
     )
     if not findings[0].ok:
         raise UserError(f"nothing answers at {endpoint.base_url}: {findings[0].detail}")

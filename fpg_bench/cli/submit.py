@@ -19,11 +19,12 @@ FolderOption = Annotated[Path, typer.Option(help="the leaderboard's folder")]
 
 @app.command()
 def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")]) -> None:
-    """Say what is wrong with a submission, line by line, and try its policies for a few steps.
+    """Say what is wrong with a submission, line by line, and try its policies in a few rounds.
 
     A note is no fault.
     """
     from fpg_bench.leaderboard.check import notes, problems
+    from fpg_bench.leaderboard.planner_track import panel_of
     from fpg_bench.leaderboard.submission import load_submission
     from fpg_bench.leaderboard.trial import trial
 
@@ -31,14 +32,14 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
     if not found:
         submission = load_submission(folder)
         for policy in submission.policies:
-            found += [f"seed_{policy.seed}: {line}" for line in trial(policy)]
+            found += [f"seed_{policy.seed}: {line}" for line in trial(policy, panel_of(submission))]
         for line in notes(submission):
-            typer.echo(f"{folder}: note: {line}")
+            say(f"{folder}: note: {line}")
     for line in found:
-        typer.echo(f"{folder}: {line}")
+        say(f"{folder}: {line}")
     if found:
         raise typer.Exit(1)
-    typer.echo(f"{folder}: nothing is wrong")
+    say(f"{folder}: nothing is wrong")
 
 
 @app.command()

@@ -72,6 +72,11 @@ def attempt(run: Callable[[], Any], folder: str) -> Outcome:
     """
     if os.path.isdir(folder):
         os.chdir(folder)
+    return outcome_of(run)
+
+
+def outcome_of(run: Callable[[], Any]) -> Outcome:
+    """What a call returned, or one line on why it failed, whatever it raised: the failure stays its own."""
     try:
         return Outcome(result=run())
     except UserError as error:

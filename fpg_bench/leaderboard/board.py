@@ -5,19 +5,21 @@ from __future__ import annotations
 import datetime
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fpg_bench import __version__
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.errors import nearest
 from fpg_bench.evaluation.columns import learning_curve, over_rounds
 from fpg_bench.evaluation.field import Field
 from fpg_bench.evaluation.season import current_season
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, rank_ranges
 from fpg_bench.evaluation.summary import Summary
+from fpg_bench.jobs.job import outcome_of
 from fpg_bench.leaderboard.cases import Case, case_of, result_file, submission_folders
 from fpg_bench.leaderboard.crossplay import (
     ROUNDS,
@@ -99,11 +101,11 @@ def _shown(board: Path, say: Callable[[str], None]) -> list[tuple[Submission, Ca
         if not result_file(board, folder.parent.name, folder.name).exists():
             say(f"{name}: left out: has no result; make it: fpg-bench submit run {brief(folder)}")
             continue
-        try:
-            submission = load_submission(folder, contract=False)
-        except UserError as error:
-            say(f"{name}: left out: {error}")  # nothing of it can be trusted, not even its name
+        read = outcome_of(partial(load_submission, folder, contract=False))
+        if read.error is not None:
+            say(f"{name}: left out: {read.error}")  # nothing of it can be trusted, not even its name
             continue
+        submission: Submission = read.result
         case, why = _case(board, submission)
         found.append((submission, case, why))
         if why is not None:
@@ -113,10 +115,10 @@ def _shown(board: Path, say: Callable[[str], None]) -> list[tuple[Submission, Ca
 
 def _case(board: Path, submission: Submission) -> tuple[Case | None, str | None]:
     """The case of a submission whose result counts; None, and why it does not, of any other."""
-    try:
-        case = case_of(board, submission)
-    except UserError as error:
-        return None, str(error)
+    read = outcome_of(partial(case_of, board, submission))
+    if read.error is not None:
+        return None, read.error
+    case: Case = read.result
     if case.known is None or case.known.verified:
         return case, None
     return None, "".join(c if c.isprintable() else " " for c in case.known.head["reason"][:_LONGEST_REASON])

@@ -27,7 +27,7 @@ from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
 from fpg_bench.files import write_whole
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.jobs.folders import folder_job
-from fpg_bench.jobs.job import attempt
+from fpg_bench.jobs.job import attempt, outcome_of
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.leaderboard.cases import Case, make_case, submission_folders, work_folder
 from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, seated
@@ -80,8 +80,8 @@ def entrants(board: Path) -> tuple[list[Entrant], list[Entrant]]:
     found = []
     for folder in submission_folders(board):
         if folder.parent.name in SIDES:
-            with contextlib.suppress(UserError):  # submit verify says what is wrong
-                found.append(make_case(board, folder))
+            case = outcome_of(partial(make_case, board, folder))  # submit verify says what is wrong
+            found += [case.result] if case.error is None else []
     return entrants_of(found)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import random
 import struct
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+from fpg_bench.errors import printable
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.leaderboard.sandbox import Limits, PolicyFailed, Sandbox
 from fpg_bench.leaderboard.submission import Policy
@@ -19,7 +21,9 @@ __all__ = ["Limits", "PolicyFailed", "PolicyHost"]
 # FAILED (bytes of a reason).
 HEAD = struct.Struct("<cII")
 LOAD, RESET, PLAY, READY, ACTIONS, FAILED = b"L", b"R", b"P", b"H", b"A", b"E"
-FRESH, STARTS = 1, 2
+FRESH, STARTS, AGAIN = 1, 2, 4
+SEED_BITS = 8  # flags lie below, the seed of asking again above
+ASKED_AGAIN = 1 / 8  # of all calls, drawn by what nobody knows before
 _ROUNDING = 1e-6
 _LONGEST_REASON = 300
 
@@ -33,6 +37,8 @@ class PolicyHost:
     Args:
         policy: what is played; ``onnx_contract`` has found nothing wrong with it.
         limits: of memory and time.
+        again: which share of its calls is asked again in another order and company of games (see
+            :mod:`fpg_bench.leaderboard.audit`), None: an eighth; who answers otherwise then has failed.
 
     Attributes:
         invalid: ``(n,)`` bool, the games whose present round is lost.
@@ -42,11 +48,12 @@ class PolicyHost:
         PolicyFailed: entering, or a later ``predict``: it died or outran its limits.
     """
 
-    def __init__(self, policy: Policy, limits: Limits | None = None) -> None:
+    def __init__(self, policy: Policy, limits: Limits | None = None, again: float | None = None) -> None:
         self.policy, self.about = policy, policy.about
         self.limits = limits or Limits()
         self.invalid = np.zeros(0, bool)
-        self._calls = 0
+        self._calls, self._draw = 0, random.SystemRandom()
+        self._again = ASKED_AGAIN if again is None else again
         self._sandbox: Sandbox | None = None
 
     def __enter__(self) -> PolicyHost:
@@ -112,6 +119,8 @@ class PolicyHost:
         if episode_start is not None:
             flags |= STARTS
             parts.append(np.ascontiguousarray(episode_start, bool).data)
+        if self._draw.random() < self._again:
+            flags |= AGAIN | self._draw.getrandbits(32 - SEED_BITS) << SEED_BITS
         sandbox = self._running()
         with sandbox.within(self.limits.call_s):
             sandbox.send(HEAD.pack(PLAY, count, flags), *parts)
@@ -142,7 +151,7 @@ class PolicyHost:
         kind, first, second = HEAD.unpack(sandbox.receive(HEAD.size))
         if kind == FAILED:
             reason = sandbox.receive(min(first, _LONGEST_REASON)).decode(errors="replace")
-            raise PolicyFailed("".join(c if c.isprintable() else " " for c in reason))
+            raise PolicyFailed(printable(reason))
         if kind != wanted:
             raise PolicyFailed("its process answers out of turn")
         return kind, first, second

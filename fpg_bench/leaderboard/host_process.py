@@ -9,7 +9,19 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.leaderboard.host import ACTIONS, FAILED, FRESH, HEAD, LOAD, READY, RESET, STARTS
+from fpg_bench.leaderboard.audit import DEPENDS, Audit
+from fpg_bench.leaderboard.host import (
+    ACTIONS,
+    AGAIN,
+    FAILED,
+    FRESH,
+    HEAD,
+    LOAD,
+    READY,
+    RESET,
+    SEED_BITS,
+    STARTS,
+)
 from fpg_bench.leaderboard.sandbox import Reader, inside, lock_down
 from fpg_bench.players.agent import OnnxPlayer
 
@@ -40,6 +52,7 @@ def serve(connection: socket.socket) -> None:
     lock_down()
     connection.sendall(HEAD.pack(READY, draws, 0))
     memory: Any = None
+    audit = Audit(player)
     while True:
         kind, count, flags = HEAD.unpack(reader.read(HEAD.size))
         if kind == RESET:
@@ -48,9 +61,12 @@ def serve(connection: socket.socket) -> None:
             continue
         seen = _array(reader, np.float32, count, OBSERVATION_SIZE)
         starts = _array(reader, bool, count, 1)[:, 0] if flags & STARTS else None
-        actions, memory = player.predict(seen, None if flags & FRESH else memory, starts)
+        before = None if flags & FRESH else memory
+        actions, memory = player.predict(seen, before, starts)
         if _misshapen(memory, count, player.state_size):
             actions, memory = np.empty(0), None
+        elif flags & AGAIN and actions.shape == (count, ACTION_SIZE):
+            audit.ask(flags >> SEED_BITS, seen, before, starts, actions, memory)
         _send(connection, actions, count)
 
 
@@ -77,6 +93,8 @@ def _reason(error: Exception) -> str:
     text = " ".join(str(error).split())
     if isinstance(error, MemoryError) or any(word in text.lower() for word in _MEMORY):
         return "asks for more memory than it may use"
+    if text == DEPENDS:
+        return text
     return f"failed: {text or type(error).__name__}"
 
 

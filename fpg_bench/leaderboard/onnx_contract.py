@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import struct
 from collections.abc import Sequence
 
+from fpg_bench.errors import printable
 from fpg_bench.leaderboard.sandbox import Limits, PolicyFailed, Sandbox
+from fpg_bench.plain_json import read_plain
 
 MOST_BYTES = 5_000_000
 SIZE = struct.Struct("<I")
@@ -56,8 +57,8 @@ def _asked(sandbox: Sandbox, model: bytes) -> list[str]:
         with sandbox.within(_READING.call_s):
             sandbox.send(SIZE.pack(len(model)), model)
             (size,) = SIZE.unpack(sandbox.receive(SIZE.size))
-            lines = json.loads(sandbox.receive(size))
+            lines = read_plain(sandbox.receive(size))
     except (PolicyFailed, ValueError):
         return [_UNREADABLE]
     lines = lines if isinstance(lines, list) else [_UNREADABLE]
-    return ["".join(c if c.isprintable() else " " for c in str(line)) for line in lines]
+    return [printable(str(line)) for line in lines]

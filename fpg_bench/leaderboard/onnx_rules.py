@@ -6,7 +6,8 @@ whoever parses it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import onnx
@@ -14,6 +15,7 @@ from onnx import AttributeProto, GraphProto, ModelProto, NodeProto, TensorProto
 
 from fpg_bench.errors import UserError
 from fpg_bench.leaderboard.onnx_cost import LARGEST_RANK, multiply_adds
+from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.signature import check_signature
 
 MOST_MULTIPLY_ADDS = 2_000_000
@@ -38,6 +40,7 @@ _CONTROL = ("If", "Loop", "Scan", "SequenceMap")
 _KINDS = {
     getattr(TensorProto, name): name for name in ("FLOAT", "DOUBLE", "FLOAT16", "INT64", "INT32", "BOOL")
 }
+_DATA = ("raw_data", "float_data", "double_data", "int32_data", "int64_data", "uint64_data", "string_data")
 _VALUES = [AttributeProto.FLOAT, AttributeProto.INT, AttributeProto.STRING, AttributeProto.TENSOR]
 _VALUES += [AttributeProto.FLOATS, AttributeProto.INTS, AttributeProto.STRINGS]
 
@@ -45,17 +48,18 @@ _VALUES += [AttributeProto.FLOATS, AttributeProto.INTS, AttributeProto.STRINGS]
 def violations(data: bytes) -> list[str]:
     """All that is wrong with a policy, one line each."""
     try:
-        model = ModelProto.FromString(data)
-    except Exception:  # protobuf's own kinds
-        return ["is no ONNX file, or a truncated one"]
-    if not model.HasField("graph") or not model.graph.node:
-        return ["is no ONNX file, or a truncated one: it holds no graph"]
+        model = plain_model(data)
+    except UserError as error:
+        return [str(error)]
     found = list(dict.fromkeys(_structure(model)))
     return found or _meaning(model)
 
 
 def _structure(model: ModelProto) -> Iterator[str]:
     """What can be seen without working anything out."""
+    own = sum(opset.domain in DOMAINS for opset in model.opset_import)
+    if own != 1:
+        yield f"imports {own} sets of ONNX's own operators, expected one"
     for opset in model.opset_import:
         if opset.domain not in DOMAINS:
             yield f"imports operators of the domain {_word(opset.domain)}; only ONNX's own are allowed"
@@ -72,7 +76,14 @@ def _structure(model: ModelProto) -> Iterator[str]:
         yield from _node(node)
     for tensor in graph.initializer:
         yield from _tensor(tensor)
+    if twice := _twice(tensor.name for tensor in graph.initializer):
+        yield f"holds two tensors {_word(twice)}; readers differ in which of them counts"
     yield from _signature(graph)
+
+
+def _twice(names: Iterable[str]) -> str | None:
+    """The first name that stands there twice."""
+    return next((name for name, times in Counter(names).items() if times > 1), None)
 
 
 def _node(node: NodeProto) -> Iterator[str]:
@@ -83,6 +94,10 @@ def _node(node: NodeProto) -> Iterator[str]:
     if node.op_type not in OPERATORS:
         yield f"operator {_word(node.op_type)}: {_why_not(node.op_type)}"
         return
+    if node.overload:
+        yield f"operator {_word(node.op_type)}: names an overload; ONNX's own operators have none"
+    if twice := _twice(attribute.name for attribute in node.attribute):
+        yield f"operator {_word(node.op_type)}: its attribute {_word(twice)} stands there twice"
     for attribute in node.attribute:
         if attribute.HasField("t"):
             yield from _tensor(attribute.t)
@@ -106,6 +121,8 @@ def _tensor(tensor: TensorProto) -> Iterator[str]:
         yield f"tensor {name}: its data lie in another file; keep them in policy.onnx"
     if tensor.data_type not in _KINDS:
         yield f"tensor {name}: of a kind that is not allowed; allowed: {', '.join(_KINDS.values())}"
+    if sum(1 for field in _DATA if len(getattr(tensor, field))) > 1 or tensor.HasField("segment"):
+        yield f"tensor {name}: holds its numbers in two ways, or in parts; write them once"
     if len(tensor.dims) > LARGEST_RANK or any(size < 0 for size in tensor.dims):
         yield f"tensor {name}: its shape is none, or has more than {LARGEST_RANK} axes"
 

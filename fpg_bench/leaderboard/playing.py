@@ -107,20 +107,16 @@ def seated(plays: str | Policy) -> Iterator[Any]:
         yield host
 
 
-def fill(part: Part, meetings: Sequence[Meeting], folder: Path, tried: bool = True) -> None:
+def fill(part: Part, meetings: Sequence[Meeting], folder: Path) -> None:
     """Play a part's meetings into a folder, a line each as it ends; what is there is not played again.
 
-    A policy that cannot be played on leaves a row that says why; so does one that was not tried before, and
-    whose answers depend on the batch.
+    A policy that cannot be played on leaves a row that says why.
     """
     from fpg_bench.leaderboard.host import PolicyFailed
-    from fpg_bench.leaderboard.trial import check_batch
 
     file, there = RowFile(folder / LINES), lines_in(folder)
     missing = [meeting for meeting in meetings if key_of(*meeting) not in there]
     try:
-        if not tried and not there and isinstance(part.plays, Policy):
-            check_batch(part.plays)
         for line in part_lines(part, missing):
             file.append([line.row()])
     except PolicyFailed as error:

@@ -11,10 +11,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.errors import UserError, meant
+from fpg_bench.errors import UserError, meant, printable
 from fpg_bench.evaluation.line import Line
 from fpg_bench.jobs.folders import folder_job
-from fpg_bench.jobs.job import Job, attempt
+from fpg_bench.jobs.job import Job, attempt, outcome_of
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
 from fpg_bench.leaderboard.cases import Case, again, make_case, sampled, submission_folders
@@ -109,11 +109,11 @@ class _Desk:
 
     def case(self, board: Path, folder: Path, update: bool) -> Case | None:
         """The case of a folder; None, and a verdict, where the folder or its result is wrong."""
-        try:
-            return make_case(board, folder, update)
-        except UserError as error:
-            self._give(f"{folder.parent.name}/{folder.name}", False, str(error))
-            return None
+        found = outcome_of(partial(make_case, board, folder, update))
+        if found.error is not None:
+            self._give(f"{folder.parent.name}/{folder.name}", False, found.error)
+        case: Case | None = found.result
+        return case
 
     def check_strays(self, board: Path) -> None:
         """Give a verdict on results whose submission is not there."""
@@ -129,7 +129,7 @@ class _Desk:
             job = folder_job(
                 _job_name(case, part),
                 case.work / part.name,
-                partial(fill, part, meetings, tried=case.known is not None and case.known.verified),
+                partial(fill, part, meetings),
                 partial(_is_done, case.work / part.name, meetings),
             )
             found.append(replace(job, keep=partial(self._keep, job, case)))
@@ -143,9 +143,9 @@ class _Desk:
         if errors:
             self._give(case.name, False, errors[0])
             return
-        good, line = _judge(case)
+        judged = outcome_of(partial(_judge, case))
         shutil.rmtree(case.work, ignore_errors=True)
-        self._give(case.name, good, line)
+        self._give(case.name, *(judged.result if judged.error is None else (False, judged.error)))
 
     def _keep(self, job: Job, case: Case, result: Any) -> None:
         job.keep(result)
@@ -153,8 +153,8 @@ class _Desk:
             self.settle(case)
 
     def _give(self, name: str, good: bool, line: str) -> None:
-        self.verdicts[name] = Verdict(name, good, line)
-        self._say(f"{name}: {line}")
+        self.verdicts[name] = Verdict(name, good, printable(line))
+        self._say(printable(f"{name}: {line}"))
 
 
 def _job_name(case: Case, part: Part) -> str:

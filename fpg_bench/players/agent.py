@@ -16,6 +16,7 @@ from fpg_bench.game import draws
 from fpg_bench.game.compiling import compiled
 from fpg_bench.ids import DUEL, VIEWS, sides_of
 from fpg_bench.players.keyed import Keyed
+from fpg_bench.players.onnx_file import plain_bytes
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.signature import check_signature
 
@@ -38,18 +39,23 @@ class OnnxPlayer(Keyed):
         state_size, noise_size: 0 where the policy has none.
 
     Raises:
-        UserError: onnxruntime cannot read it, or its inputs and outputs are others.
+        UserError: it is no ONNX file, onnxruntime cannot read it, or its inputs and outputs are others.
     """
 
     def __init__(self, model: bytes, about: dict[str, Any]) -> None:
         import onnxruntime
 
         self.model, self.about = model, about
+        try:
+            read = plain_bytes(model)
+        except UserError as error:
+            raise UserError(f"policy.onnx: {error}") from error
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4
+        options.add_session_config_entry("session.load_model_format", "ONNX")  # no bytes choose another
         try:
-            self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+            self._session = onnxruntime.InferenceSession(read, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime raises many kinds, none documented
             raise UserError(f"policy.onnx: onnxruntime cannot read it: {_first_line(error)}") from error
         inputs = {i.name: i.shape for i in self._session.get_inputs()}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+
 import numpy as np
 
 
@@ -21,3 +24,13 @@ class Keyed:
         if len(self._keys) != count:
             self._keys = np.arange(count, dtype=np.uint64)
         return self._keys
+
+    @contextlib.contextmanager
+    def playing(self, games: np.ndarray, count: int) -> Iterator[None]:
+        """Meanwhile play only these of ``count`` games, in this order, each with its own key."""
+        whole = self.keys(count)
+        self._keys = whole[games]
+        try:
+            yield
+        finally:
+            self._keys = whole

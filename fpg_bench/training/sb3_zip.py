@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import zipfile
 from pathlib import Path
@@ -17,6 +16,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecFrameStack
 from fpg_bench.envs.sb3 import make_sb3
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.plain_json import read_object
 
 KINDS: dict[str, Any] = {"ppo": PPO, "a2c": A2C, "sac": SAC, "td3": TD3}
 _ACTIVATIONS = ("Tanh", "ReLU", "ELU", "GELU", "SiLU", "LeakyReLU")
@@ -66,7 +66,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
     """What the zip says in plain JSON, and the policy's weights."""
     try:
         with zipfile.ZipFile(path) as archive:
-            words = json.loads(archive.read("data"))
+            words = read_object(archive.read("data"), nan=True)
         _, parameters, _ = load_from_zip_file(path, device="cpu", load_data=False)
         weights: Any = parameters["policy"]
     except Exception as error:  # zip's, JSON's and torch's kinds

@@ -149,8 +149,12 @@ def test_a_policy_that_dies_in_a_match_says_so_itself():
             list(play_entry(host, PANEL, PANEL.entries[0], 2))
 
 
-def test_what_onnxruntime_cannot_read_is_told():
-    with pytest.raises(PolicyFailed, match="onnxruntime cannot read it"), PolicyHost(as_policy(b"nonsense")):
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [(b"nonsense", "is no ONNX file"), (through("NoSuchOperator"), "onnxruntime cannot read it")],
+)
+def test_what_cannot_be_read_is_told(data, why):
+    with pytest.raises(PolicyFailed, match=why), PolicyHost(as_policy(data)):
         pass
 
 

@@ -117,7 +117,7 @@ HOSTILE = {
     "input": (model([node("Tanh", ["seen"], ["action"])], inputs=[value("seen")]), "unknown input 'seen'"),
     "output": (model([node("Tanh", ["observation"], ["x"])], outputs=[value("x")]), "unknown output 'x'"),
     "shapes": (model([node("Tanh", ["observation"], ["action"])]), "no valid ONNX"),
-    "costly": (DEEP, r"3,01\d,\d+ multiply-adds a row, at most 2,000,000"),
+    "costly": (DEEP, r"3,0\d\d,\d+ multiply-adds a row, at most 2,000,000"),
     "huge": (huge(), r"needs 2,000,000,\d+ multiply-adds"),
     "many axes": (many_axes(), "cannot be read|no valid ONNX|more than 8 axes|memory|worked out"),
     "by content": (by_content(), "does not follow from the file"),

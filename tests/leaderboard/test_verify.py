@@ -100,22 +100,6 @@ def test_who_loses_all_rounds_is_not_verified(board, in_process):
     assert told(board)["ally/linear"] == (True, f"not verified, as before: {why}")
 
 
-def test_answers_that_depend_on_the_batch_are_not_verified(board, in_process):
-    in_process.mixes = True
-    enter(board, "ally", "linear", seeds=(0, 1))
-    why = "seed_0: its answer to one game depends on the other games of the batch"
-    assert told(board)["ally/linear"] == (False, f"not verified: {why}")
-    assert told(board)["ally/linear"] == (True, f"not verified, as before: {why}")
-
-
-def test_a_policy_is_tried_before_its_first_result_alone(board, in_process):
-    enter(board, "ally", "linear", seeds=(0, 1))
-    told(board)
-    assert in_process.started == 4
-    told(board)
-    assert in_process.started == 6
-
-
 def test_a_policy_that_fails_is_not_verified_and_stops_nobody(board, in_process):
     enter(board, "ally", "linear", seeds=(0, 1))
     enter(board, "ally", "wise", script="expert")

@@ -96,8 +96,8 @@ def test_players_can_be_sent_to_other_processes():
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"nonsense", "cannot read"),
-        (model_bytes()[:200], "cannot read"),
+        (b"nonsense", "is no ONNX file"),
+        (model_bytes()[:200], "is no ONNX file"),
         (model_bytes(observation=16), r"shape \['n', 16\]"),
         (model_bytes(action=8), r"shape \['n', 8\]"),
         (model_bytes(noise=17), "at most 16"),

@@ -25,6 +25,7 @@ from fpg_bench.leaderboard.playing import parts_of, seated
 from fpg_bench.leaderboard.sandbox import PolicyFailed
 from fpg_bench.leaderboard.site.wording import written
 from fpg_bench.leaderboard.submission import Submission, load_submission
+from fpg_bench.plain_json import read_object
 from fpg_bench.planning import as_planner
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import SIDES
@@ -129,7 +130,7 @@ def _kept(path: Path, file: str) -> Replay | None:
     """A round that an earlier build has written; None where there is none that can be read."""
     try:
         text = path.read_text(encoding="utf-8")
-        content = json.loads(text.removeprefix(_CALL).removesuffix(_END))
+        content = read_object(text.removeprefix(_CALL).removesuffix(_END))
         return Replay(file, str(content["label"]), str(content["summary"]), text)
     except (OSError, ValueError, KeyError, TypeError):
         return None

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import gzip
-import json
 import zlib
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import BinaryIO, cast
 
 from fpg_bench.errors import UserError
+from fpg_bench.plain_json import read_object
 from fpg_bench.rows import Row
 
 PACKED = ".gz"
@@ -57,13 +57,6 @@ def _row(line: bytes, where: str) -> Row:
     if len(line) > LONGEST_LINE:
         raise UserError(f"{where} is longer than {LONGEST_LINE:,} bytes")
     try:
-        row = json.loads(line, parse_constant=_refused)
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"{where} is no row: {str(error) or 'too deep'}") from error
-    if not isinstance(row, dict):
-        raise UserError(f"{where} is no row but {type(row).__name__}")
-    return row
-
-
-def _refused(word: str) -> Any:
-    raise ValueError(f"{word} is no number")
+        return read_object(line)
+    except ValueError as error:
+        raise UserError(f"{where} is no row: {error}") from error

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
+from fpg_bench.plain_json import read_plain
 from fpg_bench.planning.llm.client import DEADLINE_S, Client
 from fpg_bench.planning.llm.replies import Reply, one_line
 from fpg_bench.planning.llm.servers import SERVERS, Endpoint, Server, load_server
@@ -156,8 +156,8 @@ def _enforced(form: str, reply: Reply) -> Finding:
 
 def _keeps_schema(text: str) -> bool:
     try:
-        answer = json.loads(text)
-    except (ValueError, RecursionError):
+        answer = read_plain(text)
+    except ValueError:
         return False
     number = answer.get("number") if isinstance(answer, dict) and len(answer) == 1 else None
     return type(number) is int and LOWEST <= number <= HIGHEST

@@ -1,0 +1,102 @@
+"""The one reader of JSON that comes from outside: plain, bounded, and read by everybody in one way."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections import Counter
+from typing import Any
+
+LONGEST = 64_000_000  # bytes or characters
+DEEPEST = 50  # brackets within brackets
+MOST_DIGITS = 40  # of a number, its point and exponent included; a float has 24 at most
+_LONG_NUMBER = re.compile(rf"[0-9.]{{{MOST_DIGITS + 1}}}|[eE]\+?[0-9]{{3}}")
+_HALF_PAIR = re.compile(r"\\u[dD][89a-fA-F]")
+
+
+def read_plain(text: str | bytes, most: int = LONGEST, nan: bool = False) -> Any:
+    """What a JSON text says.
+
+    Args:
+        text: bytes are UTF-8.
+        most: bytes or characters that it may have.
+        nan: whether NaN and infinity may stand there, which Python writes and JSON does not know.
+
+    Raises:
+        ValueError: it is no JSON, is too long or too deep, or holds a key twice, a number of too many digits
+            or beyond all floats, or half of a surrogate pair. Nothing else is raised.
+    """
+    if len(text) > most:
+        raise ValueError(f"longer than {most:,} {'bytes' if isinstance(text, bytes) else 'characters'}")
+    text = text.decode("utf-8") if isinstance(text, bytes) else text
+    checks: dict[str, Any] = {} if nan else {"parse_constant": _refuse}
+    if _LONG_NUMBER.search(text):
+        checks |= {"parse_int": _whole, "parse_float": _real}
+    try:
+        content = json.loads(text, object_pairs_hook=_unique, **checks)
+    except RecursionError:
+        raise ValueError(f"more than {DEEPEST} brackets within brackets") from None
+    if text.count("[") + text.count("{") > DEEPEST:
+        _check_depth(content)
+    if _HALF_PAIR.search(text):
+        _check_letters(content)
+    return content
+
+
+def read_object(text: str | bytes, most: int = LONGEST, nan: bool = False) -> dict[str, Any]:
+    """The object that a JSON text is; raises as :func:`read_plain` does, and ValueError for anything else."""
+    content = read_plain(text, most, nan)
+    if not isinstance(content, dict):
+        raise ValueError(f"expected an object in braces, got {type(content).__name__}")
+    return content
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        twice = next(key for key, times in Counter(key for key, _ in pairs).items() if times > 1)
+        raise ValueError(f"the key {twice[:60]!r} stands there twice")
+    return content
+
+
+def _whole(word: str) -> int:
+    _check_digits(word)
+    return int(word)
+
+
+def _real(word: str) -> float:
+    _check_digits(word)
+    if not math.isfinite(value := float(word)):
+        raise ValueError(f"{word} is beyond all numbers")
+    return value
+
+
+def _check_digits(word: str) -> None:
+    if len(word) > MOST_DIGITS:
+        raise ValueError(f"a number of {len(word):,} digits, at most {MOST_DIGITS} are read")
+
+
+def _refuse(word: str) -> None:
+    raise ValueError(f"{word} is no number")
+
+
+def _check_depth(content: Any) -> None:
+    """Raise ValueError where brackets stand too deep; without recursion."""
+    level, depth = [content], 0
+    while level := [part for item in level if isinstance(item, dict | list) for part in _parts(item)]:
+        depth += 1
+        if depth > DEEPEST:
+            raise ValueError(f"more than {DEEPEST} brackets within brackets")
+
+
+def _parts(item: dict[str, Any] | list[Any]) -> Any:
+    return item.values() if isinstance(item, dict) else item
+
+
+def _check_letters(content: Any) -> None:
+    """Raise ValueError where a text holds half of a surrogate pair, which no file can be written with."""
+    try:
+        json.dumps(content, ensure_ascii=False).encode("utf-8")
+    except UnicodeEncodeError:
+        raise ValueError("half of a surrogate pair, which is no letter") from None

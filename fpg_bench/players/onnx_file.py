@@ -1,0 +1,55 @@
+"""A policy's ONNX file as it is read everywhere: what it says is what is played, and nothing beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from fpg_bench.errors import UserError
+
+if TYPE_CHECKING:
+    from onnx import ModelProto
+
+# What no answer may depend on: notes, sizes that a file claims of itself, hints for devices.
+_MODEL = ("producer_name", "producer_version", "domain", "model_version", "doc_string", "metadata_props")
+_GRAPH = ("doc_string", "metadata_props", "value_info", "quantization_annotation")
+_PART = ("doc_string", "metadata_props")
+_NO_FILE = "is no ONNX file, or a truncated one"
+
+
+def plain_model(data: bytes) -> ModelProto:
+    """The model in the bytes of a ``policy.onnx``, without notes and without what ONNX does not know.
+
+    What is checked and what is played are both made by this function, so they are the same: bytes that
+    another program could take for something else, as a file of onnxruntime's own format, are gone.
+
+    Raises:
+        UserError: the bytes are no model with a graph.
+    """
+    from onnx import ModelProto
+
+    try:
+        model = ModelProto.FromString(data)
+    except Exception as error:  # protobuf's own kinds
+        raise UserError(_NO_FILE) from error
+    if not model.HasField("graph") or not model.graph.node:
+        raise UserError(f"{_NO_FILE}: it holds no graph")
+    model.DiscardUnknownFields()
+    _clear([model], (*_MODEL, "configuration"))
+    graph = model.graph
+    _clear([graph], _GRAPH)
+    _clear(graph.node, (*_PART, "device_configurations"))
+    _clear((*graph.input, *graph.output, *graph.initializer), _PART)
+    return model
+
+
+def plain_bytes(data: bytes) -> bytes:
+    """The bytes of :func:`plain_model`: what a session is made of."""
+    return plain_model(data).SerializeToString(deterministic=True)
+
+
+def _clear(messages: Iterable[Any], fields: Iterable[str]) -> None:
+    for message in messages:
+        for name in fields:
+            if name in message.DESCRIPTOR.fields_by_name:  # some came with later versions of ONNX
+                message.ClearField(name)

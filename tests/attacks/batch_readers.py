@@ -1,0 +1,120 @@
+"""Policies that read the other rows of their batch, hidden in all the ways that are known."""
+
+from __future__ import annotations
+
+import numpy as np
+from onnx import TensorProto, numpy_helper
+
+from tests.evaluation.zoo_making import policy
+from tests.leaderboard.making import model, node, value, whole
+
+BASE = np.random.default_rng(5).normal(size=(15, 9)).astype(np.float32) * 0.3
+FIRST = [node("MatMul", ["observation", "w"], ["x"])]
+W = numpy_helper.from_array(BASE, "w")
+
+
+def _end(read: list, *constants, gate: list | None = None) -> bytes:
+    """``x`` is its own answer, ``m`` what was read of others, which is added, perhaps through a gate."""
+    gated = "m" if gate is None else "g"
+    ends = [node("Add", ["x", gated], ["y"]), node("Tanh", ["y"], ["action"])]
+    more = [] if gate is None else [*gate, node("Mul", ["m", "open"], ["g"])]
+    return model([*FIRST, *read, *more, *ends], [W, *constants], opsets=[("", 17)])
+
+
+def _scalar(name: str, number: float):
+    return numpy_helper.from_array(np.array(number, np.float32), name)
+
+
+def _gate(nodes: list) -> list:
+    """Opens where the observation is as it is only in real rounds."""
+    return [*nodes, node("Cast", ["is"], ["open"], to=TensorProto.FLOAT)]
+
+
+def _exactly_one() -> list:
+    """A value of the observation is exactly 1 or -1."""
+    return _gate(
+        [
+            node("Abs", ["observation"], ["abs"]),
+            node("ReduceMax", ["abs"], ["largest"], axes=[1], keepdims=1),
+            node("Equal", ["largest", "one"], ["is"]),
+        ]
+    )
+
+
+def _late() -> list:
+    """A number of the observation is small, as it is late in a round or near the other."""
+    return _gate(
+        [
+            node("Slice", ["observation", "from", "to", "axis"], ["part"]),
+            node("Less", ["part", "low"], ["is"]),
+        ]
+    )
+
+
+MEAN = [node("ReduceMean", ["x"], ["m"], axes=[0], keepdims=1)]
+RUNNING = [node("CumSum", ["x", "zero"], ["m"])]
+LARGEST = [node("ReduceMax", ["x"], ["m"], axes=[0], keepdims=1)]
+FIRST_ROW = [node("Gather", ["x", "zeros"], ["m"], axis=0)]
+MIXED = [
+    node("Transpose", ["x"], ["t"], perm=[1, 0]),
+    node("MatMul", ["t", "x"], ["c"]),
+    node("MatMul", ["x", "c"], ["m"]),
+]
+COUNT = [
+    node("Shape", ["x"], ["shape"]),
+    node("Cast", ["shape"], ["sizes"], to=TensorProto.FLOAT),
+    node("ReduceMean", ["sizes"], ["m"], keepdims=0),
+]
+SHIFTED = [
+    node("Slice", ["x", "from1", "to1", "axis0"], ["rest"]),
+    node("Slice", ["x", "zeros", "from1", "axis0"], ["top"]),
+    node("Concat", ["rest", "top"], ["m"], axis=0),
+]
+ZERO, ZEROS, ONE = whole(0, "zero"), whole([0], "zeros"), _scalar("one", 1.0)
+SHIFTS = [whole([1], "from1"), whole([10**6], "to1"), whole([0], "axis0"), ZEROS]
+PLACE = [whole([4], "from"), whole([5], "to"), whole([1], "axis"), _scalar("low", -0.2)]
+
+
+def _through_memory() -> bytes:
+    """What was read of others goes into the memory first."""
+    nodes = [
+        *FIRST,
+        node("Add", ["x", "state"], ["y"]),
+        node("Tanh", ["y"], ["action"]),
+        node("ReduceMean", ["action"], ["m"], axes=[0], keepdims=1),
+        node("Sub", ["action", "m"], ["next_state"]),
+    ]
+    inputs, outputs = [value("observation"), value("state", 9)], [value("action", 9), value("next_state", 9)]
+    return model(nodes, [W], inputs, outputs, opsets=[("", 17)])
+
+
+def batch_readers() -> dict[str, bytes]:
+    """All of them by name; the contract lets each pass, as its file is sound."""
+    reads = {
+        "mean": (MEAN, []),
+        "running sum": (RUNNING, [ZERO]),
+        "largest": (LARGEST, []),
+        "first row": (FIRST_ROW, [ZEROS]),
+        "products": (MIXED, []),
+        "how many": (COUNT, []),
+        "next row": (SHIFTED, SHIFTS),
+    }
+    found = {name: _end(nodes, *constants) for name, (nodes, constants) in reads.items()}
+    for name, (nodes, constants) in reads.items():
+        found[f"{name}, where a value is one"] = _end(nodes, *constants, ONE, gate=_exactly_one())
+        found[f"{name}, where a value is low"] = _end(nodes, *constants, *PLACE, gate=_late())
+    return found | {"through memory": _through_memory()}
+
+
+def honest() -> dict[str, bytes]:
+    """Policies of many kinds that answer each game for itself."""
+    return {"linear": policy(0), "threshold": _threshold(), "own mean": _own_mean()}
+
+
+def _threshold() -> bytes:
+    return model([*FIRST, node("Sign", ["x"], ["action"])], [W])
+
+
+def _own_mean() -> bytes:
+    nodes = [*FIRST, node("ReduceMean", ["x"], ["m"], axes=[1], keepdims=1), node("Sub", ["x", "m"], ["y"])]
+    return model([*nodes, node("Tanh", ["y"], ["action"])], [W], opsets=[("", 17)])

@@ -1,0 +1,102 @@
+"""One hostile pull request never stops the board for the others."""
+
+import json
+import shutil
+
+import pytest
+from typer.testing import CliRunner
+
+from fpg_bench.cli import app
+from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.cases import result_file
+from fpg_bench.leaderboard.check import problems
+from fpg_bench.leaderboard.crossplay import play_missing
+from fpg_bench.leaderboard.site.build import build_site
+from fpg_bench.leaderboard.verify import verify
+from tests.attacks.pull_requests import spoil
+from tests.leaderboard.entering import enter
+
+COUNT = 40
+
+
+def quiet(line):
+    pass
+
+
+@pytest.fixture
+def entered(board, in_process):
+    """A board of honest entries, verified."""
+    enter(board, "ally", "wise", script="expert")
+    enter(board, "ally", "linear", seeds=(0, 2))
+    enter(board, "opponent", "near", script="adaptive")
+    assert all(verdict.good for verdict in verify(board, say=quiet))
+    return board
+
+
+@pytest.fixture
+def stormed(entered):
+    """The same board with copies of an honest entry, each spoilt in another way."""
+    for seed in range(COUNT):
+        slug = f"hostile-{seed}"
+        folder = shutil.copytree(entered / "submissions/ally/linear", entered / "submissions/ally" / slug)
+        about = (folder / "submission.yaml").read_text()
+        (folder / "submission.yaml").write_text(about.replace("Linear", slug))
+        result = result_file(entered, "ally", slug)
+        head, *lines = result_file(entered, "ally", "linear").read_text().splitlines(keepends=True)
+        result.write_text("".join([json.dumps(json.loads(head) | {"slug": slug}) + "\n", *lines]))
+        spoil(folder, result, seed)
+    return entered
+
+
+def test_verify_gives_each_its_own_verdict_and_the_honest_ones_hold(stormed):
+    said = []
+    verdicts = {verdict.name: verdict for verdict in verify(stormed, say=said.append)}
+    assert len(verdicts) == COUNT + 3
+    good = {name for name, verdict in verdicts.items() if verdict.good}
+    assert good == {"ally/wise", "ally/linear", "opponent/near"}
+    assert not [line for line in said if "a bug" in line]
+    assert all(line.isprintable() for line in said)
+
+
+def test_build_and_crossplay_go_on_without_them(stormed, tmp_path):
+    said = []
+    assert play_missing(stormed, rounds=2, say=said.append) == []
+    board = make_board(stormed, said.append)
+    assert not [line for line in said if "a bug" in line]
+    ranked = [row["slug"] for row in board["tracks"][0]["rows"] if row["rank"]]
+    assert sorted(ranked) == ["linear", "wise"]
+    build_site(board, tmp_path / "site", {})
+
+
+def test_check_says_what_is_wrong_with_each(stormed):
+    for seed in range(COUNT):
+        folder = stormed / f"submissions/ally/hostile-{seed}"
+        for line in problems(folder):
+            assert "a bug" not in line
+            line.encode()
+
+
+@pytest.mark.parametrize("seed", [3, 12])
+def test_the_command_line_says_it_in_lines(stormed, seed):
+    found = CliRunner().invoke(app, ["submit", "check", f"{stormed}/submissions/ally/hostile-{seed}"])
+    assert found.exit_code == 1 or "nothing is wrong" in found.stdout
+
+
+def test_even_a_bug_of_ours_stops_nobody_else(entered, monkeypatch):
+    from fpg_bench.leaderboard import cases
+
+    known = cases.load_submission
+
+    def fails(folder, contract=True):
+        if folder.name == "wise":
+            raise KeyError("nobody thought of this")
+        return known(folder, contract)
+
+    monkeypatch.setattr(cases, "load_submission", fails)
+    verdicts = {verdict.name: verdict for verdict in verify(entered, say=quiet)}
+    assert {name: verdict.good for name, verdict in verdicts.items()} == {
+        "ally/wise": False,
+        "ally/linear": True,
+        "opponent/near": True,
+    }
+    assert verdicts["ally/wise"].line == "a bug: KeyError: 'nobody thought of this'"

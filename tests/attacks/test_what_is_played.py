@@ -1,0 +1,88 @@
+"""A file that one reader takes for this and another for that: what was checked is what is played."""
+
+import numpy as np
+import onnxruntime
+import pytest
+from onnx import ModelProto, helper
+
+from fpg_bench.errors import UserError
+from fpg_bench.leaderboard.onnx_contract import check_policy
+from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.players.onnx_file import plain_bytes
+from tests.evaluation.zoo_making import policy
+from tests.leaderboard.making import model, node, value, weights
+
+SEEN = np.random.default_rng(0).uniform(-1, 1, (4, 15)).astype(np.float32)
+UNKNOWN = b"\x7a\x0a" + b"\0\0ORTM\0\0\0\0"  # a field that ONNX does not have; ORTM comes at byte 4
+
+
+def in_own_format(data, folder):
+    """The same policy in onnxruntime's own format, which it knows by ORTM at byte 4."""
+    options, file = onnxruntime.SessionOptions(), folder / "policy.ort"
+    options.optimized_model_filepath, options.log_severity_level = str(file), 4
+    options.add_session_config_entry("session.save_model_format", "ORT")
+    onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+    return file.read_bytes()
+
+
+def told(proto):
+    proto.producer_name, proto.doc_string = "ORTM" * 9, "ORTM"
+    proto.graph.value_info.append(value("raw", 9000))
+    proto.metadata_props.add(key="ort_config", value="{}")
+    return proto.SerializeToString()
+
+
+def test_a_file_of_onnxruntimes_own_format_is_never_played(tmp_path):
+    data = in_own_format(policy(0), tmp_path)
+    assert data[4:8] == b"ORTM"
+    with pytest.raises(UserError, match="is no ONNX file"):
+        OnnxPlayer(data, {})
+    assert check_policy(data) != []
+
+
+@pytest.mark.parametrize("data", [UNKNOWN + policy(0), told(ModelProto.FromString(policy(0)))])
+def test_what_nobody_checks_does_not_reach_who_plays(data):
+    assert plain_bytes(data) == plain_bytes(policy(0))
+    assert b"ORTM" not in plain_bytes(data)
+    assert (OnnxPlayer(data, {}).predict(SEEN)[0] == OnnxPlayer(policy(0), {}).predict(SEEN)[0]).all()
+
+
+def test_a_session_takes_no_other_format_whatever_the_bytes_say(monkeypatch, tmp_path):
+    other = in_own_format(policy(1), tmp_path)
+    monkeypatch.setattr("fpg_bench.players.agent.plain_bytes", lambda data: other)
+    with pytest.raises(UserError, match="onnxruntime cannot read it"):
+        OnnxPlayer(policy(0), {})
+
+
+def twice_imported():
+    return model([node("Tanh", ["observation"], ["action"])], opsets=[("", 18), ("ai.onnx", 11)])
+
+
+def twice_named():
+    first = [node("MatMul", ["observation", "w"], ["action"])]
+    return model(first, [weights(), weights(scale=2.0)])
+
+
+def twice_told():
+    product = node("Gemm", ["observation", "w"], ["action"], alpha=1.0)
+    product.attribute.append(helper.make_attribute("alpha", 5.0))
+    return model([product], [weights()])
+
+
+def twice_held():
+    tensor = weights()
+    tensor.float_data.extend([1.0] * 135)
+    return model([node("MatMul", ["observation", "w"], ["action"])], [tensor])
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (twice_imported(), "imports 2 sets of ONNX's own"),
+        (twice_named(), "two tensors 'w'"),
+        (twice_told(), "'alpha' stands there twice"),
+        (twice_held(), "in two ways"),
+    ],
+)
+def test_what_two_readers_may_read_two_ways_is_refused(data, why):
+    assert any(why in line for line in check_policy(data))
