@@ -1,4 +1,4 @@
-"""Champions: trained against a population, in stages, each against those who learned to beat the one before."""
+"""Champions: trained against a population, in stages, each against those who learned to beat the last one."""
 
 from __future__ import annotations
 
