@@ -3,11 +3,13 @@
     python scripts/benchmark_both_sides.py [--quick] [--json FILE]
 
 MADDPG's updates beside a bare torch loop of the same networks, batch, optimiser and buffer; PPO's steps
-against a frozen agent beside the same against a script, 64 games at once.
+against a frozen agent beside the same against a script, 64 games at once; PPO's steps against 16 shipped
+agents, one drawn per round, beside the same against a script, 128 games at once.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import tempfile
 import time
 from collections.abc import Callable
@@ -27,6 +29,8 @@ from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_games, make_model
 
 AGAINST = "FPG/OpponentVsPolicy-v0"
+POPULATION = [f"ally-scripted/{name}/seed_{seed}" for name in ("ppo", "sac", "td3") for seed in range(5)]
+POPULATION.append("ally-scripted/ppo-stack8/seed_0")
 SEEN, ACTS, BATCH, GAMMA, TAU = 15, 9, 32, 0.99, 0.01
 
 
@@ -115,9 +119,9 @@ def updating(quick: bool) -> list[Figure]:
     return [Figure("MADDPG's updates / a bare torch loop's", median_ratio(rates, "maddpg", "bare"), 0.8)]
 
 
-def ppo_rate(steps: int, ally: str) -> float:
-    """Steps per second of PPO against an ally."""
-    parameters = load_hyperparameters("ppo", AGAINST)
+def ppo_rate(steps: int, ally: str | list[str], games: int = 64) -> float:
+    """Steps per second of PPO against an ally, or several to draw from."""
+    parameters = dataclasses.replace(load_hyperparameters("ppo", AGAINST), n_envs=games)
     model = make_model("ppo", make_games(AGAINST, parameters, 0, ally=ally), parameters, 0)
     begin = time.perf_counter()
     model.learn(steps)
@@ -143,9 +147,22 @@ def frozen(quick: bool) -> list[Figure]:
     return [Figure("PPO's steps against a frozen agent / against a script", ratio, 0.75)]
 
 
+def population(quick: bool) -> list[Figure]:
+    """PPO against 16 agents, and against a script."""
+    repeats, steps = (1, 16_384) if quick else (5, 20 * 16_384)
+    runs: dict[str, Callable[[], float]] = {
+        "agents": partial(ppo_rate, steps, POPULATION, games=128),
+        "script": partial(ppo_rate, steps, "expert", games=128),
+    }
+    for rate in runs.values():
+        rate()  # compiles, loads
+    ratio = median_ratio(interleaved(repeats, runs), "agents", "script")
+    return [Figure("PPO's steps against 16 agents drawn per round / against a script", ratio, 0.8)]
+
+
 def measure_all(quick: bool) -> list[Figure]:
     """All figures of this script."""
-    return updating(quick) + frozen(quick)
+    return updating(quick) + frozen(quick) + population(quick)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from fpg_bench.ids import View, find_view
 from fpg_bench.planning import LLM_CONTROLS, as_planner
 from fpg_bench.planning.planner import called
 from fpg_bench.players.naming import as_player, player_name, policy_hash
+from fpg_bench.players.population import with_members
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.players.seat import Seat
 
@@ -45,7 +46,8 @@ class OneSided:
         scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard`` (with ten rounds
             a match in planner views).
         opponent, ally: the other side's player (its name, or in ``...VsPolicy`` views any object with
-            ``predict``), or a list to draw from per round.
+            ``predict``), or a list to draw from per round; ``field:NAME``, alone or in a list, stands for all
+            members of that field that play this side.
         path: how the opponent flies, or a list to draw from per round.
         planner: who plans the opponent's path (planner views): a name, an object, or a function or class
             that makes one, told the scenario. ``FPG/AllyVsLLM-v0`` takes those that ask a language model.
@@ -81,7 +83,7 @@ class OneSided:
         named = {"opponent": opponent, "ally": ally}
         if named[view.side] is not None:
             raise UserError(f"{view.side}: in {view.id} you play the {view.side}; name the {view.other_side}")
-        self.other_specs = _as_list(named[view.other_side], view.other)
+        self.other_specs = with_members(_as_list(named[view.other_side], view.other), view.other_side)
         if reward not in (None, *REWARDS):
             raise UserError(f"reward: expected {' or '.join(REWARDS)}, got {reward!r}")
         self._against = reward == "against"
@@ -101,7 +103,7 @@ class OneSided:
         self.duel = Duel(played, games, self.planner, threads)
         self.scenario, self.side, self.count = played, view.side, self.duel.count
         self.observation_space, self.action_space = observation_space(), action_space()
-        self._seat = Seat(view.other_side, [self._other(spec) for spec in self.other_specs], self.duel.arena)
+        self._seat = Seat(view.other_side, self._others(), self.duel.arena)
         hashes = zip(self.other_specs, map(policy_hash, self._seat.players), strict=True)
         self.policies = {player_name(spec): found for spec, found in hashes if found is not None}
         self._bind()
@@ -124,6 +126,11 @@ class OneSided:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._bind()  # a copied view of a buffer is a buffer of its own
+
+    def _others(self) -> list[Any]:
+        """The other side's players; one player for a name that stands in the list several times."""
+        named = {spec: self._other(spec) for spec in self.other_specs if isinstance(spec, str)}
+        return [named[spec] if isinstance(spec, str) else self._other(spec) for spec in self.other_specs]
 
     def _other(self, spec: Any) -> Any:
         side = self.view.other_side

@@ -30,7 +30,7 @@ class SB3View(VecEnv):
         core: the games, of which the caller plays one side (:class:`fpg_bench.envs.one_sided.OneSided`) or
             both.
         seed: begins the first matches, game i with seed + i; None: by chance.
-        stagger: cut the first rounds at evenly spread steps, so that a batch mixes phases.
+        stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
     """
 
@@ -69,7 +69,7 @@ class SB3View(VecEnv):
         seeds, horizons = self._next_seeds, None
         if seeds is None and not self._begun:
             seeds = first_seeds(None, self.num_envs)
-        if self._stagger and not self._begun:
+        if self._stagger and seeds is not None:
             horizons = staggered_horizons(self.num_envs, self.core.scenario.steps_per_round)
         self.core.reset(seeds=seeds, new_match=self._new_match, horizons=horizons)
         self._begun, self._next_seeds, self._new_match = True, None, False
@@ -160,7 +160,7 @@ def make_sb3(
         view_id: ``FPG/AllyVsScripted-v0`` and the like.
         n_envs: how many games, N.
         seed: game i begins with a match of seed + i; None: by chance.
-        stagger: cut the first rounds at evenly spread steps, so that a batch mixes phases.
+        stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`: ``scenario``, ``opponent`` or
             ``ally``, ``path``, ``planner``, ``knowledge``, ``jamming_types``, ``reward``, ``threads``.

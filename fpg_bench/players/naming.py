@@ -19,8 +19,9 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
 
     Args:
         spec: a script (``expert``), ``oracle``, a shipped agent (``ally-scripted/ppo/seed_0``), an agent
-            folder, ``package.module:object`` (a player, or a class or function that makes one, told the
-            scenario if it takes an argument), or any object with ``predict``.
+            folder, a member of a field (``field:NAME/MEMBER``), ``package.module:object`` (a player, or a
+            class or function that makes one, told the scenario if it takes an argument), or any object with
+            ``predict``.
         side: ``ally`` or ``opponent``.
         scenario: what is played.
 
@@ -36,6 +37,10 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
         return Scripted(side, name, scenario)
     if name in ORACLES:
         return OracleAlly(scenario) if side == "ally" else OracleOpponent(scenario)
+    if name.startswith("field:"):
+        from fpg_bench.players.population import load_member
+
+        return load_member(name, side)
     if ":" in name:
         return import_object(name, side, ("predict",), scenario)
     if "/" in name or (name and Path(name).is_dir()):

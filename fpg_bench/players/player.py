@@ -13,12 +13,14 @@ SIDES = ("ally", "opponent")
 class Player(Protocol):
     """Anything that plays one side: every SB3 model is one.
 
-    Two optional attributes:
+    Three optional attributes:
 
     * ``sees = "state"`` marks an oracle: it is handed the full state ``(n, 54)`` of
       :mod:`fpg_bench.game.full_state` instead of its observation and never enters a panel.
     * ``reset(mask, seeds)`` is called at a round's start by whoever hosts a player that draws at random:
       ``mask`` (n,) bool, ``seeds`` (n,) uint64 from the game's own stream.
+    * ``predict_rows(rows, ...)`` answers in some games only, where several players are drawn from; see
+      :class:`fpg_bench.players.keyed.Keyed`.
     """
 
     def predict(

@@ -12,6 +12,7 @@ from fpg_bench.files import read_yaml
 from fpg_bench.ids import VIEWS
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.algorithms import ALGORITHMS, Algorithm, find_algorithm
+from fpg_bench.training.imitation import Imitation, parse_imitation
 
 __all__ = ["ALGORITHMS", "Hyperparameters", "load_hyperparameters"]
 
@@ -28,6 +29,7 @@ class Hyperparameters:
         normalize: arguments of SB3's ``VecNormalize``; None: none is used.
         algorithm: arguments of the algorithm's constructor, ``policy`` included.
         frame_stack: how many of the last observations are seen at once; None: one.
+        imitate: the script that is imitated first; None: nobody is.
     """
 
     n_envs: int
@@ -35,6 +37,7 @@ class Hyperparameters:
     normalize: dict[str, Any] | None
     algorithm: dict[str, Any]
     frame_stack: int | None = None
+    imitate: Imitation | None = None
 
 
 def load_hyperparameters(
@@ -91,7 +94,10 @@ def _parsed(algorithm: Algorithm, values: dict[str, Any], where: str) -> Hyperpa
         _check_whole(frames, f"{where}: frame_stack")
     if named is not None and frames != named:
         raise UserError(f"{where}: frame_stack: {algorithm.name} has {named}, got {frames}")
-    return Hyperparameters(values.pop("n_envs"), values.pop("n_timesteps"), normalize, values, frames)
+    imitate = values.pop("imitate", None)
+    imitation = None if imitate is None else parse_imitation(imitate, f"{where}: imitate")
+    games, steps = values.pop("n_envs"), values.pop("n_timesteps")
+    return Hyperparameters(games, steps, normalize, values, frames, imitation)
 
 
 def _check_whole(value: Any, where: str) -> None:

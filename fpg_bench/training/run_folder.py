@@ -152,7 +152,8 @@ def described(
     named = {"hyperparams": file} if isinstance(file, str | Path) else {}
     options = {name: value for name, value in options.items() if value is not None}
     stack = {} if parameters.frame_stack is None else {"frame_stack": parameters.frame_stack}
-    games = {"n_envs": parameters.n_envs, "normalize": parameters.normalize, **stack}
+    start = {} if parameters.imitate is None else {"imitate": parameters.imitate.words()}
+    games = {"n_envs": parameters.n_envs, "normalize": parameters.normalize, **stack, **start}
     about = {
         "command": command_line("train", algorithm, view_id, seed=seed, steps=steps, **options, **named),
         "algorithm": algorithm,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import shutil
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +27,7 @@ from fpg_bench.training.callbacks import GameMeasures, TrainingBar
 from fpg_bench.training.checkpoints import load_checkpoint, load_weights, newest_checkpoint, save_model
 from fpg_bench.training.export import check_exportable, export_agent
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
+from fpg_bench.training.imitation import imitate, teacher_of
 from fpg_bench.training.keeping import Clock, Keeping, stopped_by_ctrl_c
 from fpg_bench.training.language_model import training_planner
 from fpg_bench.training.models import by_side, make_games, make_model
@@ -83,7 +86,7 @@ def train(
         against: the other side's player, or a list to draw from per round, whatever that side's option is
             called.
         start: the folder of a finished run of one's own, of the same side, algorithm and networks: begin
-            with its weights, optimiser and normalisation.
+            with its weights, optimiser and normalisation, and imitate nobody.
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`, or of
             :func:`fpg_bench.envs.duel.make_duel` where both sides learn.
 
@@ -231,6 +234,7 @@ class _Run:
         fields: what scores each of the sides.
         before: seconds of training before this part.
         part: how many times it was gone on with.
+        fresh: whether it begins with the weights that it was made with.
     """
 
     algorithm: Algorithm
@@ -242,6 +246,7 @@ class _Run:
     about: dict[str, Any]
     before: float = 0.0
     part: int = 0
+    fresh: bool = True
 
     def begin(self, start: str | Path | None) -> None:
         """Make the model, and see that an agent can be made of it: before anything is written."""
@@ -249,21 +254,39 @@ class _Run:
         if start is not None:
             _check_start(Path(start), self.about)
             load_weights(self.model, Path(start))
+            self.fresh = False
+        if (imitation := self.parameters.imitate) is not None:
+            teacher_of(imitation, self.model, self.sides[0], self.games.core.scenario)
         for player in by_side(self.model, self.sides).values():
             check_exportable(player)
 
     def go_on(self, state: dict[str, Any]) -> None:
         """Take up the newest checkpoint; from here on, other matches are played and other numbers drawn."""
         self.part = state.get("part", 0) + 1
-        seed, count = self.about["training_seed"], self.games.num_envs
+        seed = self.about["training_seed"]
         checkpoint = newest_checkpoint(self.folder.checkpoints)
         if checkpoint is not None:
             del self.model  # and its replay buffer
             self.model, progress = load_checkpoint(
                 checkpoint, self.algorithm, self.games, self.parameters, (seed + self.part * 2**20) % 2**32
             )
-            self.before = progress["seconds"]
-        self.games.seed(training_seed(seed) + self.part * count % (TRAINING_STRIDE - count))
+            self.before, self.fresh = progress["seconds"], False
+        self._seed_games()
+
+    def _seed_games(self) -> None:
+        """Let the games begin with the matches of this part of the run."""
+        count = self.games.num_envs
+        offset = self.part * count % (TRAINING_STRIDE - count)
+        self.games.seed(training_seed(self.about["training_seed"]) + offset)
+
+    def _imitate(self, stop: threading.Event, progress: bool) -> None:
+        """Learn what the hyper-parameters' teacher does, if they name one and nothing was learned yet."""
+        if self.parameters.imitate is None or not self.fresh:
+            return
+        say = functools.partial(print, flush=True) if progress else lambda line: None
+        error = imitate(self.model, self.games, self.parameters.imitate, stop, say)
+        self.about["imitation_error"] = round(error, 6)
+        self._seed_games()
 
     def learn(self, yardsticks: Mapping[str, Yardstick], looks: int, progress: bool) -> None:
         """Train to the budget.
@@ -277,6 +300,7 @@ class _Run:
         bar = [TrainingBar(budget)] if progress else []
         clock = Clock(self.before)
         with stopped_by_ctrl_c() as stop:
+            self._imitate(stop, progress)
             keeping = Keeping(
                 self.folder.checkpoints, clock, yardsticks, self.folder.evaluations, budget, looks, stop
             )

@@ -27,7 +27,7 @@ def settings(algorithm: str, **changes) -> dict:
     return {"n_envs": 4, "n_timesteps": 1200, "normalize": normalize, **policy, **kind, **changes}
 
 
-def train_tiny(algorithm, out, changes=None, **options):
+def train_tiny(algorithm, out, changes=None, view_id=ALLY, **options):
     """A run of :func:`settings`; scored nowhere unless asked for."""
     given = {"hyperparams": settings(algorithm, **(changes or {})), "progress": False, "evaluations": 0}
-    return train(algorithm, ALLY, out, **(given | options))
+    return train(algorithm, view_id, out, **(given | options))

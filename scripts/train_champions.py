@@ -1,0 +1,52 @@
+"""Train the champions of baselines/champions.yml and ship them to baselines/agents.
+
+python scripts/train_champions.py                                 all of them; stopped, it goes on next time
+python scripts/train_champions.py --only ally-champion --seed 0   one
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from pathlib import Path
+
+from fpg_bench.errors import UserError, nearest
+from fpg_bench.players.agent import baselines_folder
+from fpg_bench.training.champions import load_recipes, ship_champion, train_champion
+
+SEEDS = (0, 1, 2)
+
+
+def main() -> None:
+    """Do what the options say."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", help="one champion's name")
+    parser.add_argument("--seed", type=int, help="one training seed; default: 0, 1 and 2")
+    parser.add_argument("--file", type=Path, help="default: baselines/champions.yml")
+    parser.add_argument("--runs", type=Path, default=Path("runs/champions"), help="the runs' folders")
+    parser.add_argument("--agents", type=Path, help="where agents are shipped; default: baselines/agents")
+    parser.add_argument("--progress", action="store_true", help="show how each training goes")
+    options = parser.parse_args()
+    recipes = load_recipes(options.file or baselines_folder() / "champions.yml")
+    if options.only is not None and options.only not in recipes:
+        raise UserError(f"only: no champion {options.only!r}{nearest(options.only, recipes)}")
+    agents = options.agents or baselines_folder() / "agents"
+    for name in [options.only] if options.only else list(recipes):
+        recipe = recipes[name]
+        for seed in SEEDS if options.seed is None else (options.seed,):
+            agent = train_champion(recipe, seed, options.runs, progress=options.progress)
+            folder = agents / name / recipe.algorithm / f"seed_{seed}"
+            command = f"python scripts/train_champions.py --only {name} --seed {seed}"
+            ship_champion(agent, folder, recipe, seed, command)
+            print(f"shipped: {folder}", flush=True)
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # also in a shell's background
+    try:
+        main()
+    except UserError as error:
+        sys.exit(f"train_champions: {error}")
+    except KeyboardInterrupt:
+        sys.exit("train_champions: stopped; what was finished is kept, and the rest goes on next time")

@@ -1,0 +1,83 @@
+"""A start from imitation: the pupil does what the teacher does before it learns by itself."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.players.agent import load_agent
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.imitation import imitate
+from fpg_bench.training.models import make_games, make_model
+from tests.training.tiny import settings, train_tiny
+
+OPPONENT = "FPG/OpponentVsScripted-v0"
+NETS = {"net_arch": [32, 32]}
+LESSON = {"teacher": "adaptive", "steps": 10_000, "learning_rate": 0.003, "batch_size": 128}
+
+
+def pupil(algorithm="ppo", **changes):
+    parameters = load_hyperparameters(algorithm, OPPONENT, settings(algorithm, **changes))
+    games = make_games(OPPONENT, parameters, 0, ally="idle", path="learned")
+    return make_model(algorithm, games, parameters, 0), games, parameters
+
+
+def flown(model, games, steps=250):
+    """How near the opponent is to the ally in the end, in metres."""
+    games.seed(7)
+    env = model.get_env()
+    seen = env.reset()
+    for _ in range(steps):
+        seen = env.step(model.predict(seen, deterministic=True)[0])[0]
+    return float(np.median(games.core.duel.arena.games["distance_m"]))
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "ppo-stack2"])
+def test_a_pupil_flies_at_the_ally_as_its_teacher_does_and_its_spread_is_untouched(algorithm):
+    model, games, parameters = pupil(
+        algorithm, policy_kwargs=NETS, n_envs=8, imitate=LESSON, normalize={"norm_obs": False}
+    )
+    spread = model.policy.log_std.clone()
+    before, error = flown(model, games), imitate(model, games, parameters.imitate)
+    assert error < 0.25
+    assert flown(model, games) < 0.5 * before
+    assert bool((model.policy.log_std == spread).all())
+
+
+def test_a_run_imitates_once_says_so_and_goes_on_without_the_teacher(tmp_path):
+    words = {"imitate": LESSON | {"steps": 400}}
+    options = {"path": "learned", "ally": "idle", "steps": 400}
+    folder = tmp_path / "run"
+    agent = train_tiny("ppo", folder, words, view_id=OPPONENT, **options)
+    about = json.loads((folder / "run.json").read_text())
+    assert about["hyperparameters"]["imitate"]["teacher"] == "adaptive"
+    assert 0 < about["imitation_error"] < 2
+    again = train_tiny("ppo", tmp_path / "again", words, view_id=OPPONENT, **options)
+    assert load_agent(again).about["policy_sha256"] == load_agent(agent).about["policy_sha256"]
+    train_tiny("ppo", tmp_path / "on", words, view_id=OPPONENT, start=folder, **options)
+    assert "imitation_error" not in json.loads((tmp_path / "on" / "run.json").read_text())
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "lesson", "words"),
+    [
+        ("ppo", "adaptive", "expected a mapping with a teacher"),
+        ("ppo", {"teacher": "adaptve"}, "'adaptve' is no script of the opponent; did you mean 'adaptive'"),
+        ("ppo", {"teacher": "adaptive", "step": 3}, "unknown key 'step'; did you mean 'steps'"),
+        ("ppo", {"teacher": "adaptive", "steps": 0}, "steps: expected a whole number of 1 or more, got 0"),
+        ("ppo", {"teacher": "adaptive", "learning_rate": "1e-3"}, "learning_rate: expected a number"),
+        ("sac", {"teacher": "adaptive"}, "PPO and its kind, without an LSTM, can imitate; SAC can't"),
+        ("recurrent-ppo", {"teacher": "adaptive"}, "RecurrentPPO can't"),
+    ],
+)
+def test_a_lesson_that_cannot_be_given_is_refused_before_anything_is_written(
+    tmp_path, algorithm, lesson, words
+):
+    with pytest.raises(UserError, match=words):
+        train_tiny(
+            algorithm, tmp_path / "run", {"imitate": lesson}, view_id=OPPONENT, path="learned", steps=400
+        )
+    assert not (tmp_path / "run").exists()
