@@ -48,6 +48,9 @@ class Seat:
             drawn = np.empty_like(self.choice)
             draws.derived_integers(drawn, keys, draws.PLAYER_CHOICE, len(self.players))
             self.choice[mask] = drawn[mask]
+        for index, player in enumerate(self.players):
+            if getattr(player, "flies", None) == "pursuit":
+                self._arena.pursue(mask & (self.choice == index))
         self._starts |= mask
         self._stale_starts = True
         for player in self.players:
