@@ -1,4 +1,4 @@
-"""What a field must be: how alike two fields rank entries, by their size, their recipe and how they are chosen.
+"""What a field must be: how alike two fields rank entries, by their size and how they are chosen.
 
 A closing draws recipes from its seed, trains them and plays the zoo against each; rows go into a file as they
 come, and what is there is not done again. Two closings with different seeds are then compared.
@@ -104,7 +104,11 @@ def returns(side: str, seed: str, out: Path, trained: bool = True) -> tuple[list
     found = [rows for rows in found if len(rows) == whole]
     wanted = [row for row in found[0].values() if "/" in row["player"] or not trained]
     values = np.array([[rows[row["player"]][other] for rows in found] for row in wanted])
-    return [row["entry"] for row in wanted], values, [rows[wanted[0]["player"]]["candidate"] for rows in found]
+    return (
+        [row["entry"] for row in wanted],
+        values,
+        [rows[wanted[0]["player"]]["candidate"] for rows in found],
+    )
 
 
 def by_entry(names: list[str], values: np.ndarray) -> np.ndarray:
@@ -117,12 +121,17 @@ def agree(side: str, seeds: list[str], out: Path) -> None:
     (names, a, _), (_, b, _) = (returns(side, seed, out) for seed in seeds)
     every = [returns(side, seed, out, trained=False)[1] for seed in seeds]
     most = min(a.shape[1], b.shape[1])
-    print(f"{side}s: closings of {a.shape[1]} and {b.shape[1]}; {len(names)} agents of {len(set(names))} entries")
+    print(
+        f"{side}s: closings of {a.shape[1]} and {b.shape[1]}; {len(names)} agents of {len(set(names))} entries"
+    )
     sizes = [n for n in (2, 4, 6, 8, 10, 12, 16, 20, 24, 32, 40) if n <= most]
     for what, (x, y) in {"agents": (a, b), "entries": (by_entry(names, a), by_entry(names, b))}.items():
         for name, score in SCORES.items():
             drawn = agreement.curve(x, y, score, sizes)
-            shown = " ".join(f"{n}:{np.median(d):.2f}[{np.quantile(d, 0.1):.2f}]" for n, d in zip(sizes, drawn, strict=True))
+            shown = " ".join(
+                f"{n}:{np.median(d):.2f}[{np.quantile(d, 0.1):.2f}]"
+                for n, d in zip(sizes, drawn, strict=True)
+            )
             print(f"{what:8}{name:9} random {shown}")
             chosen = []
             for size in sizes:

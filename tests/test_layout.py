@@ -32,6 +32,7 @@ FLOORS = {
     "training": 5,
     "leaderboard": 5,
     "reproduce": 5,
+    "seasons": 5,
     "testing": 5,
     "cli": 6,
 }

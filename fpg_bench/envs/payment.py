@@ -1,7 +1,7 @@
 """What a learner is paid for: the reward of the rules, or another one that makes it behave differently.
 
-Who learns to answer a fixed player is paid for one thing, and differs from others by what that is. ``jamming``,
-``overlap`` and ``spending`` are things that the opponent raises and the ally lowers, in their own units.
+Players that answer the same fixed player differ most by what they are paid for. ``jamming``, ``overlap`` and
+``spending`` are things that the opponent raises and the ally lowers, each in its own unit.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ def pay(reward: str, side: str, games: np.ndarray, scenario: Scenario) -> np.nda
     """
     other = "opponent" if side == "ally" else "ally"
     if reward == "own":
-        return games[f"{side}_reward"]  # type: ignore[no-any-return]
+        return games[f"{side}_reward"]
     if reward == "against":
-        return -games[f"{other}_reward"]  # type: ignore[no-any-return]
+        return -games[f"{other}_reward"]
     found = _of_opponent(reward, games, scenario)
     return found if side == "opponent" else -found
 
@@ -39,6 +39,6 @@ def _of_opponent(reward: str, games: np.ndarray, scenario: Scenario) -> np.ndarr
     if reward == "spending":
         cap = np.inf if scenario.snr_cap_db is None else scenario.snr_cap_db
         unspent = np.minimum(games["snr_db"], cap) - scenario.snr_threshold_db
-        return unspent - games["ally_reward"]  # type: ignore[no-any-return]
+        return unspent - games["ally_reward"]
     outage = games["snr_db"] < scenario.snr_threshold_db
     return (games["covered"] & (outage | (reward == "overlap"))).astype(float)

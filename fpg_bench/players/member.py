@@ -1,4 +1,4 @@
-"""Members of a field: agents that may meet each other's counterparts in one game, whatever path they learned on."""
+"""Members of a field: opponents that learned on different paths can be drawn in one game."""
 
 from __future__ import annotations
 

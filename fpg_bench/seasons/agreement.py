@@ -10,12 +10,12 @@ from scipy.stats import spearmanr
 
 def mean(returns: np.ndarray) -> np.ndarray:
     """``(entries,)``: what entries earn a step against a field ``(entries, counterparts)`` on average."""
-    return returns.mean(axis=1)  # type: ignore[no-any-return]
+    return returns.mean(axis=1)
 
 
 def worst(returns: np.ndarray, lowest: int = 1) -> np.ndarray:
     """``(entries,)``: the mean of the so many lowest returns of each entry."""
-    return np.sort(returns, axis=1)[:, :lowest].mean(axis=1)  # type: ignore[no-any-return]
+    return np.sort(returns, axis=1)[:, :lowest].mean(axis=1)
 
 
 def agreement(a: np.ndarray, b: np.ndarray, score: Callable[[np.ndarray], np.ndarray]) -> float:
@@ -38,5 +38,5 @@ def curve(
             [field[:, rng.choice(field.shape[1], size, replace=False)] for field in (a, b)]
             for _ in range(draws)
         ]
-        found.append(np.array([agreement(*pair, score) for pair in parts]))
+        found.append(np.array([agreement(x, y, score) for x, y in parts]))
     return found

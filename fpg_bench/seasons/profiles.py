@@ -1,4 +1,4 @@
-"""Profiles: what entries earn a step against a counterpart. Everything a field is chosen by comes from here."""
+"""Profiles: what entries earn a step against a counterpart; a field is chosen by nothing else."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from fpg_bench.game.scenario import STANDARD
 ROUNDS = 60
 
 
-def played(player: Any, side: str, other: Any, path: str, season: str, rounds: int = ROUNDS) -> dict[str, Any]:
+def played(
+    player: Any, side: str, other: Any, path: str, season: str, rounds: int = ROUNDS
+) -> dict[str, Any]:
     """Rounds of a player against one of the other side, pooled.
 
     Args:

@@ -70,17 +70,20 @@ class Recipe:
         return {**self.__dict__, "targets": list(self.targets)}
 
 
-def draw_recipes(seed: str, side: str, count: int, targets: Sequence[Target]) -> list[Recipe]:
+def draw_recipes(
+    seed: str, side: str, count: int, targets: Sequence[Target], scale: float = 1.0
+) -> list[Recipe]:
     """The candidates of a side.
 
-    Every property is dealt evenly over the candidates and in an order of its own, so that a few of them hold all
-    of its values. Single entries are taken in turn: nobody is answered twice before everybody was once.
+    Every property is dealt evenly over the candidates, in an order of its own, so that a few of them hold
+    all of its values. Single entries are taken in turn: nobody is answered twice before everybody was once.
 
     Args:
         seed: the season's.
         side: the side that the candidates play.
         count: how many.
         targets: the entries of the other side.
+        scale: multiplies all budgets.
 
     Raises:
         UserError: no entry to be trained against.
@@ -103,7 +106,7 @@ def draw_recipes(seed: str, side: str, count: int, targets: Sequence[Target]) ->
                 name=f"{side[0]}{i:02d}",
                 side=side,
                 algorithm=algorithms[i],
-                steps=steps[algorithms[i]][i],
+                steps=round(scale * steps[algorithms[i]][i]),
                 reward=rewards[i],
                 gamma=gammas[i],
                 ent_coef=entropies[i],

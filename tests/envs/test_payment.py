@@ -58,5 +58,5 @@ def test_each_reward_pays_something_else(side):
 
 
 def test_an_unknown_reward_is_refused_with_the_nearest():
-    with pytest.raises(UserError, match="reward: expected one of own, against.*'jaming'.*jamming"):
+    with pytest.raises(UserError, match=r"reward: expected one of own, against.*'jaming'.*jamming"):
         OneSided(VIEWS["ally"], reward="jaming")
