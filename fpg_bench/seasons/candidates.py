@@ -21,7 +21,7 @@ _PPO = {
     "gae_lambda": 0.8,
     "normalize": {"norm_obs": False, "norm_reward": True},
 }
-_SAC = {
+_TD3 = {
     "policy": "MlpPolicy",
     "n_envs": 8,
     "learning_starts": 2000,
@@ -31,16 +31,9 @@ _SAC = {
     "gradient_steps": 1,
     "learning_rate": 0.002,
     "tau": 0.01,
-    "target_entropy": -18,
-    "ent_coef": "auto_0.1",
+    "noise_type": "normal",
+    "noise_std": 0.1,
     "normalize": {"norm_obs": False, "norm_reward": True},
-}
-# How widely actions are drawn at first. An opponent has to aim: what is drawn widely never meets the ally's
-# frequency. Flying (the last three) is learned from wide draws only.
-_LOG_STD = {
-    "ally": -0.2,
-    "opponent": -1.5,
-    "learned": [-1.0] * 6 + [0.3] * 3,
 }
 
 
@@ -48,14 +41,12 @@ def hyperparameters(recipe: Recipe) -> dict[str, Any]:
     """Those of a recipe, as :func:`fpg_bench.training.train.train` takes them."""
     networks: dict[str, Any] = {"net_arch": [64, 64]}
     own: dict[str, Any] = {"n_timesteps": recipe.steps, "gamma": recipe.gamma, "policy_kwargs": networks}
-    if recipe.algorithm.startswith("sac"):
-        return _SAC | own
-    flies = recipe.side == "opponent" and recipe.path == "learned"
+    if recipe.algorithm == "td3":
+        return _TD3 | own
     import torch
 
-    networks["activation_fn"] = torch.nn.ReLU
-    networks["log_std_init"] = _LOG_STD["learned" if flies else recipe.side]
-    return _PPO | own | {"ent_coef": recipe.ent_coef}
+    networks |= {"activation_fn": torch.nn.ReLU, "log_std_init": recipe.log_std}
+    return _PPO | own
 
 
 def train_candidate(recipe: Recipe, folder: Path) -> Path:

@@ -28,7 +28,7 @@ from fpg_bench.seasons.profiles import ROUNDS, played
 from fpg_bench.seasons.recipe import Recipe, draw_recipes
 from fpg_bench.seasons.season import FILE, Season, SeasonMember, write_season
 
-CANDIDATES, SIZE = 40, 12
+CANDIDATES, SIZE = 24, 12
 PROFILE, PLAN = "profile.jsonl", "plan.yml"
 Say = Callable[[str], None]
 OTHER = {"ally": "opponent", "opponent": "ally"}

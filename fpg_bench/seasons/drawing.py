@@ -26,6 +26,5 @@ def shuffled(items: Sequence[T], *words: object) -> list[T]:
 
 
 def dealt(levels: Sequence[T], count: int, *words: object) -> list[T]:
-    """One level for each of ``count``, in a drawn order: each level as often as the others, or once more."""
-    first = shuffled(levels, *words, "levels")
-    return shuffled([first[i % len(first)] for i in range(count)], *words, "places")
+    """One level for each of ``count``, in a drawn order; the first ones once more where it does not add up."""
+    return shuffled([levels[i % len(levels)] for i in range(count)], *words)

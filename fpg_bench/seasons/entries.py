@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,8 +43,8 @@ class SeasonEntry:
 
     def target(self) -> Target:
         """As candidates are trained against it; a script flies in either game."""
-        scripted = len(self.players) == 1 and "/" not in self.players[0]
-        return Target(self.name, self.players, None if scripted else self.flight)
+        found = Target(self.name, self.players, self.flight)
+        return dataclasses.replace(found, flight=None) if found.scripted else found
 
 
 def read_entries(board: str | Path = "leaderboard") -> list[SeasonEntry]:

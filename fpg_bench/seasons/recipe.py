@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from fpg_bench.errors import UserError
-from fpg_bench.seasons.drawing import dealt, digest, number, shuffled
+from fpg_bench.seasons.drawing import dealt, number, shuffled
 
 # What candidates are paid for. An ally that is paid for spending little never hops: that is the script idle.
 REWARDS = {
-    "opponent": ("own", "against", "jamming", "overlap", "spending"),
-    "ally": ("own", "against", "jamming", "overlap"),
+    "opponent": ("against", "jamming", "overlap", "own", "spending"),
+    "ally": ("against", "jamming", "own", "overlap"),
 }
-# Written twice: dealt twice as often.
-ALGORITHMS = ("ppo", "ppo", "ppo", "ppo-stack8", "ppo-stack8", "sac")
+ALGORITHMS = ("ppo", "td3", "ppo-stack8")
 STEPS = {
-    "ppo": (250_000, 500_000, 1_000_000),
-    "ppo-stack8": (250_000, 500_000, 1_000_000),
-    "sac": (20_000, 40_000),
+    "ppo": (500_000, 250_000, 1_000_000),
+    "ppo-stack8": (500_000, 250_000, 1_000_000),
+    "td3": (40_000, 20_000),
 }
-GAMMAS = (0.8, 0.9, 0.95)
-ENTROPIES = (0.0, 0.0, 0.01)
-TARGETS = (1, 1, 3, 5)  # a single entry, or a mixture of so many
-FLIGHTS = ("pursuit",) * 7 + ("learned",)
+GAMMAS = (0.9, 0.95, 0.8)
+# How widely PPO draws at first decides what an opponent learns: if widely, it learns to jam broadly.
+LOG_STDS = {"opponent": (-2.5, -1.5, -3.5), "ally": (-0.2, -1.0)}
+TARGETS = (1, 3, 1, 5)  # a single entry, or a mixture of so many
 FIRST_SEED, SEEDS = 300_000, 700_000  # training seeds that nobody else takes
 
 
@@ -42,6 +42,11 @@ class Target:
     players: tuple[str, ...]
     flight: str | None = None
 
+    @property
+    def scripted(self) -> bool:
+        """Whether it is a script."""
+        return "/" not in self.players[0]
+
 
 @dataclass(frozen=True)
 class Recipe:
@@ -50,8 +55,9 @@ class Recipe:
     Attributes:
         name: what the field calls it.
         side: the side that it plays.
+        log_std: of PPO's first draws; None for TD3.
         targets: the players that it is trained against, one drawn per round.
-        path: how the opponent flies meanwhile, and where it is met.
+        path: how the opponent flies meanwhile.
     """
 
     name: str
@@ -60,7 +66,7 @@ class Recipe:
     steps: int
     reward: str
     gamma: float
-    ent_coef: float
+    log_std: float | None
     targets: tuple[str, ...]
     path: str
     training_seed: int
@@ -75,8 +81,8 @@ def draw_recipes(
 ) -> list[Recipe]:
     """The candidates of a side.
 
-    Every property is dealt evenly over the candidates, in an order of its own, so that a few of them hold
-    all of its values. Single entries are taken in turn: nobody is answered twice before everybody was once.
+    All algorithms are used equally often, and every other property is dealt evenly over the candidates of an
+    algorithm: what a closing consists of does not depend on its seed, only what goes together with what.
 
     Args:
         seed: the season's.
@@ -90,54 +96,67 @@ def draw_recipes(
     """
     if not targets:
         raise UserError(f"season: there is no entry that candidates of the {side} could be trained against")
-    own = (seed, side)
-    rewards = dealt(REWARDS[side], count, *own, "reward")
-    algorithms = dealt(ALGORITHMS, count, *own, "algorithm")
-    gammas = dealt(GAMMAS, count, *own, "gamma")
-    entropies = dealt(ENTROPIES, count, *own, "entropy")
-    flights = dealt(FLIGHTS, count, *own, "flight") if side == "opponent" else [None] * count
-    steps = {name: dealt(levels, count, *own, "steps", name) for name, levels in STEPS.items()}
-    met = _met(seed, side, count, targets)
-    recipes = []
-    for i in range(count):
-        players, path = met[i]
-        recipes.append(
-            Recipe(
-                name=f"{side[0]}{i:02d}",
-                side=side,
-                algorithm=algorithms[i],
-                steps=round(scale * steps[algorithms[i]][i]),
-                reward=rewards[i],
-                gamma=gammas[i],
-                ent_coef=entropies[i],
-                targets=players,
-                path=flights[i] or path,
-                training_seed=FIRST_SEED + number(SEEDS, *own, "seed", i),
-            )
+    algorithms = [ALGORITHMS[i % len(ALGORITHMS)] for i in range(count)]
+    dealer = _Dealer((seed, side), algorithms)
+    rewards, gammas = dealer.deal("reward", REWARDS[side]), dealer.deal("gamma", GAMMAS)
+    steps = dealer.deal("steps", STEPS)
+    log_stds = dealer.deal("log_std", LOG_STDS[side])
+    met = _met((seed, side), dealer.deal("size", TARGETS), targets)
+    return [
+        Recipe(
+            name=f"{side[0]}{i:02d}",
+            side=side,
+            algorithm=algorithm,
+            steps=round(scale * steps[i]),
+            reward=rewards[i],
+            gamma=gammas[i],
+            log_std=None if algorithm == "td3" else log_stds[i],
+            targets=met[i][0],
+            path=met[i][1],
+            training_seed=FIRST_SEED + number(SEEDS, seed, side, "seed", i),
         )
-    return recipes
+        for i, algorithm in enumerate(algorithms)
+    ]
 
 
-def _met(seed: str, side: str, count: int, targets: Sequence[Target]) -> list[tuple[tuple[str, ...], str]]:
-    """Per candidate: the players that it is trained against, and how opponents fly there."""
-    sizes = dealt(TARGETS, count, seed, side, "size")
-    singles = iter(dealt(targets, count, seed, side, "single"))
+class _Dealer:
+    """Deals the values of a property evenly over the candidates of each algorithm.
+
+    Args:
+        seed: words of the draw.
+        algorithms: of each candidate.
+    """
+
+    def __init__(self, seed: tuple[str, str], algorithms: Sequence[str]) -> None:
+        self._seed, self._algorithms = seed, algorithms
+
+    def deal(self, what: str, levels: Any) -> list[Any]:
+        """A value for each candidate.
+
+        Args:
+            what: the property.
+            levels: its values, or those of each algorithm.
+        """
+        counts, hands = Counter(self._algorithms), {}
+        for name, count in counts.items():
+            own = levels[name] if isinstance(levels, dict) else levels
+            hands[name] = iter(dealt(own, count, *self._seed, what, name))
+        return [next(hands[name]) for name in self._algorithms]
+
+
+def _met(
+    seed: tuple[str, str], sizes: Sequence[int], targets: Sequence[Target]
+) -> list[tuple[tuple[str, ...], str]]:
+    """Per candidate: the players that it is trained against, and how the opponent flies there.
+
+    The first, or only, one is a trained entry wherever there are any; each of them is first equally often.
+    """
+    trained = [target for target in targets if not target.scripted] or list(targets)
+    firsts = dealt(trained, len(sizes), *seed, "first")
     found = []
-    for i, size in enumerate(sizes):
-        first = next(singles)
-        others = [t for t in targets if t.name != first.name and _fly_alike(first, t)]
-        chosen = [first, *shuffled(others, seed, side, "mixture", i)[: size - 1]]
-        players = tuple(t.players[number(len(t.players), seed, side, "player", i, t.name)] for t in chosen)
-        learned = any(t.flight == "learned" for t in chosen)
-        found.append((players, "learned" if learned else "pursuit"))
+    for i, (first, size) in enumerate(zip(firsts, sizes, strict=True)):
+        others = [t for t in targets if t.name != first.name and t.flight in (None, first.flight)]
+        chosen = [first, *shuffled(others, *seed, "mixture", i)[: size - 1]]
+        players = tuple(t.players[number(len(t.players), *seed, "player", i, t.name)] for t in chosen)
+        found.append((players, first.flight or "pursuit"))
     return found
-
-
-def _fly_alike(first: Target, other: Target) -> bool:
-    """Whether two opponents can be met in one game; a script flies in either."""
-    return None in (first.flight, other.flight) or first.flight == other.flight
-
-
-def plan_hash(recipes: Sequence[Recipe]) -> str:
-    """SHA-256 of recipes: two lists of one hash train the same candidates."""
-    return digest(*(sorted(recipe.words().items()) for recipe in recipes))
