@@ -142,7 +142,7 @@ def _compared(
                     other,
                     str(agent),
                     member.recipe.path if side == "opponent" else entry.path,
-                    season.name,
+                    season.seed,
                     rounds,
                 )[other]
                 for agent in (season.agent(side, member), again)

@@ -143,11 +143,11 @@ def _job(closing: Closing, recipe: Recipe) -> Job:
         (entry.name, entry.path, player) for entry in closing.met_by(recipe.side) for player in entry.players
     ]
     folder.parent.mkdir(parents=True, exist_ok=True)
-    run = partial(_make, recipe, meet, closing.name, closing.rounds)
+    run = partial(_make, recipe, meet, closing.seed, closing.rounds)
     return folder_job(f"{recipe.side}/{recipe.name}", folder, run, partial(_is_met, folder, len(meet)))
 
 
-def _make(recipe: Recipe, meet: list[tuple[str, str, str]], season: str, rounds: int, folder: Path) -> None:
+def _make(recipe: Recipe, meet: list[tuple[str, str, str]], seed: str, rounds: int, folder: Path) -> None:
     """Train a candidate and let all entries play against it; what is there is not done again."""
     if not is_trained(folder):
         train_candidate(recipe, folder)
@@ -157,7 +157,7 @@ def _make(recipe: Recipe, meet: list[tuple[str, str, str]], season: str, rounds:
     for entry, path, player in meet:
         if player not in there:
             path = recipe.path if recipe.side == "opponent" else path
-            found = played(player, OTHER[recipe.side], str(folder / "agent"), path, season, rounds)
+            found = played(player, OTHER[recipe.side], str(folder / "agent"), path, seed, rounds)
             file.append([{"entry": entry, "player": player, **found}])
 
 

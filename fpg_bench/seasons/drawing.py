@@ -26,5 +26,5 @@ def shuffled(items: Sequence[T], *words: object) -> list[T]:
 
 
 def dealt(levels: Sequence[T], count: int, *words: object) -> list[T]:
-    """One level for each of ``count``, in a drawn order; the first ones once more where it does not add up."""
+    """One level for each of ``count``, in a drawn order; the first ones once more where they are too few."""
     return shuffled([levels[i % len(levels)] for i in range(count)], *words)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import Entry, Panel
 from fpg_bench.evaluation.runner import play_entry
 from fpg_bench.evaluation.seeds import evaluation_seeds
@@ -22,7 +23,7 @@ def played(
         side: which it plays.
         other: whom it meets.
         path: how the opponent of the two flies.
-        season: whose evaluation seeds are played.
+        season: the season's seed, from which the evaluation seeds follow.
         rounds: how many.
 
     Returns:
@@ -34,7 +35,10 @@ def played(
     entry = Entry(other, path)
     panel = Panel("season", side, STANDARD, rounds, "random", (entry,), season)
     chances = lambda count: evaluation_seeds(count, season)  # noqa: E731
-    rows = [row for part in play_entry(player, panel, entry, rounds, chances) for row in part]
+    try:
+        rows = [row for part in play_entry(player, panel, entry, rounds, chances) for row in part]
+    except UserError as error:
+        raise UserError(f"{player} against {other}: {error}") from error
     steps = sum(row["steps"] for row in rows)
     returns = {name: sum(row[f"{name}_return"] for row in rows) / steps for name in ("ally", "opponent")}
     return {"n": len(rows), **{name: round(value, 6) for name, value in returns.items()}}
