@@ -181,7 +181,7 @@ def _chosen(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
     found = []
     for index in choose(returns, min(closing.size, len(recipes))):
         about = read_json(closing.folder(recipes[index]) / "agent" / "agent.json", "agent")
-        earn = statistics.fmean(returns[:, index])
+        earn = round(statistics.fmean(returns[:, index]), 3)
         found.append(SeasonMember(recipes[index], about["policy_sha256"], earn))
     return tuple(found)
 

@@ -138,7 +138,7 @@ def season_folder(name: str | Path) -> Path:
 def _words(member: SeasonMember) -> dict[str, Any]:
     return member.recipe.words() | {
         "policy_sha256": member.policy_sha256,
-        "entries_earn": round(member.entries_earn, 3),
+        "entries_earn": member.entries_earn,
     }
 
 
