@@ -33,6 +33,7 @@ FLOORS = {
     "training": 5,
     "leaderboard": 5,
     "reproduce": 5,
+    "seasons": 5,
     "testing": 5,
     "cli": 6,
 }

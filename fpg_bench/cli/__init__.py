@@ -10,7 +10,19 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli import compare, export, leaderboard, plan, reproduce, selfplay, submit, tune, verbs, zoo
+from fpg_bench.cli import (
+    compare,
+    export,
+    leaderboard,
+    plan,
+    reproduce,
+    season,
+    selfplay,
+    submit,
+    tune,
+    verbs,
+    zoo,
+)
 from fpg_bench.errors import UserError, printable
 
 app = typer.Typer(
@@ -34,6 +46,7 @@ plan.app.command()(compare.compare)
 app.add_typer(plan.app, name="plan")
 app.add_typer(submit.app, name="submit")
 app.add_typer(leaderboard.app, name="leaderboard")
+app.add_typer(season.app, name="season")
 _DEBUG = False
 _STOPPED = 130
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)

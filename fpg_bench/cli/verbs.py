@@ -116,7 +116,7 @@ def train(
     knowledge: Annotated[str | None, typer.Option(help="expert, none or a YAML file")] = None,
     jamming_types: Annotated[str | None, typer.Option(help="allowed types, separated by commas")] = None,
     reward: Annotated[
-        str | None, typer.Option(help="own, or against: minus the other side's; default: own")
+        str | None, typer.Option(help="own (default), against, jamming, overlap or spending")
     ] = None,
     prompt: PromptOption = None,
     server: ServerOption = None,

@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium import spaces
 
 from fpg_bench.envs.duel import Duel
+from fpg_bench.envs.payment import REWARDS, pay
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.arena import check_seeds
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
@@ -23,8 +24,6 @@ from fpg_bench.players.naming import as_player, player_name, policy_hash
 from fpg_bench.players.population import with_members
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.players.seat import Seat
-
-REWARDS = ("own", "against")
 
 
 def observation_space() -> spaces.Box:
@@ -52,7 +51,8 @@ class OneSided:
         planner: who plans the opponent's path (planner views): a name, an object, or a function or class
             that makes one, told the scenario. ``FPG/AllyVsLLM-v0`` takes those that ask a language model.
         knowledge, jamming_types: shorthand for the scenario's fields of these names.
-        reward: ``own`` (None), as the rules say; ``against``, minus the other side's, for adversaries.
+        reward: ``own`` (None), as the rules say; or what a responder is paid for instead: ``against``,
+            ``jamming``, ``overlap``, ``spending``; see :mod:`fpg_bench.envs.payment`.
 
     Attributes:
         observations: ``(N, 15)`` float32, a buffer; copy what you keep.
@@ -85,8 +85,10 @@ class OneSided:
             raise UserError(f"{view.side}: in {view.id} you play the {view.side}; name the {view.other_side}")
         self.other_specs = with_members(_as_list(named[view.other_side], view.other), view.other_side)
         if reward not in (None, *REWARDS):
-            raise UserError(f"reward: expected {' or '.join(REWARDS)}, got {reward!r}")
-        self._against = reward == "against"
+            raise UserError(
+                f"reward: expected one of {', '.join(REWARDS)}, got {reward!r}{nearest(str(reward), REWARDS)}"
+            )
+        self._reward = reward or "own"
         if planner is not None and view.planner is None:
             raise UserError(f"planner: {view.id} plans no paths; FPG/AllyVsPlanner-v0 does")
         own_rounds = scenario is not None and not (isinstance(scenario, str) and scenario in PRESETS)
@@ -117,11 +119,7 @@ class OneSided:
     @property
     def rewards(self) -> np.ndarray:
         """``(N,)`` float64: of the last step; a buffer, copy what you keep."""
-        games = self.duel.arena.games
-        found: np.ndarray = (
-            -games[f"{self.view.other_side}_reward"] if self._against else games[f"{self.side}_reward"]
-        )
-        return found
+        return pay(self._reward, self.side, self.duel.arena.games, self.scenario)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

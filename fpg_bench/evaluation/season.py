@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from fpg_bench.errors import UserError
 from fpg_bench.files import read_yaml
@@ -11,10 +12,21 @@ from fpg_bench.players.agent import fields_folder
 
 @dataclass(frozen=True)
 class SeasonKey:
-    """What of a season decides results: its number, and the seed that nobody knew before it was closed."""
+    """What of a season decides results.
+
+    Attributes:
+        number: the season's.
+        seed: that nobody knew before it was closed.
+        entries: over whom it was closed: the hashes of each entry's policies, by ``track/name``.
+    """
 
     number: int
     seed: str
+    entries: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+    def met(self, name: str, policies: Sequence[str]) -> bool:
+        """Whether an entry of policies was closed over as it is; any other may have trained on the season."""
+        return list(self.entries.get(name, ())) == list(policies)
 
     def field_name(self, public: str) -> str:
         """The season's field of a track: ``ally-v1`` becomes ``ally-season-1``."""
@@ -33,6 +45,7 @@ def current_season() -> SeasonKey | None:
 
 def _key(name: str) -> SeasonKey:
     content = read_yaml(fields_folder() / name / "season.yml", "season")
-    if type(content.get("number")) is not int or not isinstance(content.get("seed"), str):
-        raise UserError(f"season {name}: season.yml lacks its number or seed")
-    return SeasonKey(content["number"], content["seed"])
+    sound = type(content.get("number")) is int and isinstance(content.get("entries"), dict)
+    if not sound or not isinstance(content.get("seed"), str):
+        raise UserError(f"season {name}: season.yml lacks its number, seed or entries")
+    return SeasonKey(content["number"], content["seed"], content["entries"])

@@ -11,6 +11,7 @@ import numpy as np
 
 from fpg_bench.errors import UserError
 from fpg_bench.game import step as kernel
+from fpg_bench.game.flight import LEARNED, PURSUIT
 from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import ACTION_SIZE, GAME, OBSERVATION_SIZE, TALLY
@@ -198,6 +199,16 @@ class Arena:
             found = waypoints[index].tolist()
             raise UserError(f"waypoint {index}: {found} lies outside the box {self.scenario.box_m}")
         self.waypoints[game] = waypoints
+
+    def pursue(self, mask: np.ndarray) -> None:
+        """Let opponents that fly themselves pursue the ally in this round, as the path ``pursuit`` has it.
+
+        Call it before the round's first step; other paths stay as they are.
+
+        Args:
+            mask: ``(N,)`` bool, the games.
+        """
+        self.games["path"][mask & (self.games["path"] == LEARNED)] = PURSUIT
 
     def ally_path(self, game: int) -> np.ndarray:
         """Where one game's ally is after each second of its round if it flies at full speed.

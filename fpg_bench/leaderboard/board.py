@@ -143,7 +143,7 @@ def _table(shown: Iterable[Any], track: Track, pairs: list[Row]) -> Row:
         _texts(entry.case.submission)
         | _figures(entry, worst(entry.result.slug, track.side, entry.summaries, pairs))
         | {"rank": list(by_slug[slug]) if (slug := entry.result.slug) in by_slug else None}
-        | {"seeds_gap": gaps.get(slug)}
+        | {"seeds_gap": gaps.get(slug), "had_access": _had_access(entry.case.submission)}
         for entry in scored
     ]
     rows += [_texts(submission) | _blank(why) for submission, _, why in mine if why is not None]
@@ -158,6 +158,13 @@ def _table(shown: Iterable[Any], track: Track, pairs: list[Row]) -> Row:
         "improvement": _improvement(ranking),
         "profiles": _profiles(ranking),
     }
+
+
+def _had_access(submission: Submission) -> bool:
+    """Whether it was entered, or changed, after the season was closed: it may have trained on its members."""
+    season = current_season()
+    name, policies = f"{submission.track}/{submission.slug}", [p.sha256 for p in submission.policies]
+    return season is not None and bool(policies) and not season.met(name, policies)
 
 
 def _place(entry: _Scored) -> tuple[bool, float, str]:
@@ -270,7 +277,7 @@ def _planner(known: Summary, result: Result) -> Row | None:
 def _blank(why: str) -> Row:
     """What is shown of a result that is not verified, or does not count."""
     empty: Row = dict.fromkeys(
-        ("rank", "score", "worst", "planner", "histograms", "fingerprint", "seeds_gap")
+        ("rank", "score", "worst", "planner", "histograms", "fingerprint", "seeds_gap", "had_access")
     )
     return empty | {
         "status": "not verified",

@@ -98,7 +98,7 @@ class OnnxPlayer(Keyed):
         return noise
 
     def __reduce__(self) -> tuple[type[OnnxPlayer], tuple[bytes, dict[str, Any]]]:
-        return OnnxPlayer, (self.model, self.about)
+        return type(self), (self.model, self.about)
 
     def __repr__(self) -> str:
         return f"OnnxPlayer({self.about.get('id')}, {self.about.get('algorithm')})"

@@ -52,6 +52,9 @@ class Seat:
             draws.derived_integers(drawn, keys, draws.PLAYER_CHOICE, len(self.players))
             self.choice[mask] = drawn[mask]
             self._rows = self._by_player()
+        for index, player in enumerate(self.players):
+            if getattr(player, "flies", None) == "pursuit":
+                self._arena.pursue(mask & (self.choice == index))
         self._starts |= mask
         self._stale_starts = True
         seeds = player_seeds(keys, self.side)

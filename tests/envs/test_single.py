@@ -215,7 +215,7 @@ def test_an_adversary_is_paid_what_the_other_side_loses(view_id):
         _, own, *_ = same.step(action)
         assert reward == -games[1][f"{other}_reward"][0]
         assert own == games[0][f"{env.unwrapped.core.side}_reward"][0]
-    with pytest.raises(UserError, match="reward: expected own or against, got 'mine'"):
+    with pytest.raises(UserError, match="reward: expected one of own, against"):
         gymnasium.make(view_id, reward="mine")
 
 

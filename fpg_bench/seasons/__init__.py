@@ -1,0 +1,1 @@
+"""Seasons: fields of counterparts that are trained, in the open, only after all entries are in."""

@@ -1,0 +1,91 @@
+"""Training a candidate from its recipe: small networks, short budgets, the same agent for the same recipe."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.files import read_json
+from fpg_bench.ids import policy_view
+from fpg_bench.seasons.recipe import Recipe
+from fpg_bench.training.train import train
+
+_PPO = {
+    "policy": "MlpPolicy",
+    "n_envs": 128,
+    "n_steps": 64,
+    "batch_size": 4096,
+    "n_epochs": 4,
+    "learning_rate": 0.002,
+    "gae_lambda": 0.8,
+    "normalize": {"norm_obs": False, "norm_reward": True},
+}
+_TD3 = {
+    "policy": "MlpPolicy",
+    "n_envs": 8,
+    "learning_starts": 2000,
+    "buffer_size": 100_000,
+    "batch_size": 256,
+    "train_freq": 1,
+    "gradient_steps": 1,
+    "learning_rate": 0.002,
+    "tau": 0.01,
+    "noise_type": "normal",
+    "noise_std": 0.1,
+    "normalize": {"norm_obs": False, "norm_reward": True},
+}
+
+
+def hyperparameters(recipe: Recipe) -> dict[str, Any]:
+    """Those of a recipe, as :func:`fpg_bench.training.train.train` takes them."""
+    networks: dict[str, Any] = {"net_arch": [64, 64]}
+    own: dict[str, Any] = {"n_timesteps": recipe.steps, "gamma": recipe.gamma, "policy_kwargs": networks}
+    if recipe.algorithm == "td3":
+        return _TD3 | own
+    import torch
+
+    networks |= {"activation_fn": torch.nn.ReLU, "log_std_init": recipe.log_std}
+    return _PPO | own
+
+
+def train_candidate(recipe: Recipe, folder: Path) -> Path:
+    """Train a candidate; an unfinished one is begun again, so that the result is always the same.
+
+    Args:
+        recipe: how.
+        folder: of its run; a finished one is left as it is.
+
+    Returns:
+        The agent's folder.
+
+    Raises:
+        UserError: the folder holds another run, or training diverged.
+    """
+    return train(
+        recipe.algorithm,
+        policy_view(recipe.side).id,
+        folder,
+        seed=recipe.training_seed,
+        steps=recipe.steps,
+        hyperparams=hyperparameters(recipe),
+        evaluations=0,
+        progress=False,
+        restart=True,
+        against=list(recipe.targets),
+        reward=recipe.reward,
+        path=recipe.path,
+    )
+
+
+def is_trained(folder: Path) -> bool:
+    """Whether a candidate's run has finished."""
+    file = folder / "run.json"
+    return file.is_file() and bool(read_json(file, "run").get("finished"))
+
+
+def leave_agent(folder: Path) -> None:
+    """Drop what a finished run needs no more: the model, its log and its checkpoints."""
+    for path in folder.iterdir():
+        if path.name not in ("agent", "run.json", "evaluations.jsonl"):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()

@@ -1,0 +1,71 @@
+"""Members of a field fly as they were trained to, whatever the game's path."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+from fpg_bench.envs.duel import make_duel
+from fpg_bench.players.agent import load_agent
+from fpg_bench.players.member import flight_of, load_member
+from fpg_bench.players.naming import as_player
+from fpg_bench.players.seat import Seat
+
+PURSUER = "opponent-pursuit/ppo/seed_0"
+FLYER = "opponent-learned/sac/seed_0"
+
+
+def rounds(path, *opponents):
+    """Two rounds of five games of an agent each, as tallies; and who was seated."""
+    duel = make_duel(5, path=path)
+    ally = Seat("ally", [as_player("expert", "ally", duel.scenario)], duel.arena)
+    seat = Seat("opponent", opponents, duel.arena)
+    found, seated = [], []
+    for seeds in (range(5), None):
+        mask = duel.reset(seeds=seeds)
+        ally.begin(mask)
+        seat.begin(mask)
+        while not duel.arena.games["truncated"].all():
+            duel.arena.step(ally.act(), seat.act())
+        found.append(duel.arena.tallies.copy())
+        seated.append(seat.choice.copy())
+    return np.array(found), np.array(seated)
+
+
+def test_who_learned_in_pursuit_plays_the_same_rounds_under_learned_flight():
+    member = load_member(PURSUER)
+    assert (rounds("learned", member)[0] == rounds("pursuit", member)[0]).all()
+    agent = load_agent(PURSUER)  # which is not told how it flew
+    assert (rounds("learned", agent)[0] != rounds("pursuit", agent)[0]).any()
+
+
+def test_who_learned_to_fly_flies_itself():
+    assert (rounds("learned", load_member(FLYER))[0] == rounds("learned", load_agent(FLYER))[0]).all()
+
+
+def test_both_kinds_are_drawn_in_one_game():
+    pursuer, flyer = load_member(PURSUER), load_member(FLYER)
+    mixed, seated = rounds("learned", pursuer, flyer)
+    assert set(seated.ravel()) == {0, 1}
+    assert (mixed[seated == 0] == rounds("pursuit", pursuer)[0][seated == 0]).all()
+    assert (mixed[seated == 1] == rounds("learned", flyer)[0][seated == 1]).all()
+
+
+def test_a_member_that_travels_to_a_worker_flies_as_before():
+    assert pickle.loads(pickle.dumps(load_member(PURSUER))).flies == "pursuit"
+
+
+@pytest.mark.parametrize(
+    ("fields", "expected"),
+    [
+        ({"scenario_fields": {"opponent_path": "learned"}}, "learned"),
+        ({"scenario_fields": {"opponent_path": ["pursuit", "learned"]}}, "learned"),
+        ({"scenario_fields": {}}, "pursuit"),
+        ({}, "pursuit"),
+        ({"scenario_fields": None}, "pursuit"),
+    ],
+)
+def test_how_an_agent_flew_stands_in_its_folder(fields, expected):
+    assert flight_of(fields) == expected
