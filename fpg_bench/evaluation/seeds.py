@@ -11,7 +11,7 @@ import hashlib
 
 from fpg_bench.errors import UserError
 
-PROTOCOL = "2"
+PROTOCOL = "1"
 SEASON = "0"
 TRAINING_STRIDE = 10**6
 TUNING_START = 2**40
