@@ -24,15 +24,15 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
     A note is no fault.
     """
     from fpg_bench.leaderboard.check import notes, problems
-    from fpg_bench.leaderboard.planner_track import panel_of
     from fpg_bench.leaderboard.submission import load_submission
+    from fpg_bench.leaderboard.tracks import KNOWN
     from fpg_bench.leaderboard.trial import trial
 
     found = problems(folder)
     if not found:
         submission = load_submission(folder)
         for policy in submission.policies:
-            found += [f"seed_{policy.seed}: {line}" for line in trial(policy, panel_of(submission))]
+            found += [f"seed_{policy.seed}: {line}" for line in trial(policy, submission.fields[KNOWN])]
         for line in notes(submission):
             say(f"{folder}: note: {line}")
     for line in found:

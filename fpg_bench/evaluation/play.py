@@ -122,12 +122,12 @@ class _Sums:
             ) * self._field.scenario.steps_per_round
             returns[lost] = min([worst, *returns[~lost]])
         tally = pooled_tally(np.concatenate(self._tallies))
-        ally_points, jam_points = self._histogram.tolist()
+        ally_points, jam_points = (tuple(side) for side in self._histogram.tolist())
         return {
             "returns": tuple(np.round(returns.ravel(), _DIGITS).tolist()),
             "tally": {name: float(f"{tally[name]:.9g}") for name in TALLIES},
-            "ally_points": tuple(ally_points),
-            "jam_points": tuple(jam_points),
+            "ally_points": ally_points,
+            "jam_points": jam_points,
             "lost": int(lost.sum()),
             "rounds_sha256": self._seen.hexdigest(),
             "plans": self._told_plans() if self._plans else None,

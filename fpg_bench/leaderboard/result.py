@@ -176,7 +176,9 @@ def read_result(path: Path, fields: Fields) -> Result:
     if (head["track"], head["slug"]) != (path.parent.name, path.stem):
         raise UserError(f"result {path}: is the result of {head['track']}/{head['slug']}")
     if head["fingerprint"].get("protocol") != PROTOCOL or "fields" not in head["fingerprint"]:
-        raise UserError(f"result {path}: of another protocol than this version's, {PROTOCOL!r}; play it again")
+        raise UserError(
+            f"result {path}: of another protocol than this version's, {PROTOCOL!r}; play it again"
+        )
     lines = tuple(read_line(row, f"result {path}: line {number}") for number, row in enumerate(rows, 2))
     found = Result(head, lines)
     if head["lines_sha256"] != _sha256(lines):

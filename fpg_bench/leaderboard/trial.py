@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
-from fpg_bench.evaluation.panel import Entry, Panel
-from fpg_bench.evaluation.runner import play_entry
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.field import Counterpart, Field
+from fpg_bench.evaluation.play import play
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.leaderboard import host
 from fpg_bench.leaderboard.host import Limits, PolicyFailed
@@ -14,7 +17,7 @@ from fpg_bench.leaderboard.policies import Policy
 _GAMES, _STEPS, _ROUNDS = 16, 25, 6
 
 
-def trial(policy: Policy, panel: Panel | None = None, limits: Limits | None = None) -> list[str]:
+def trial(policy: Policy, field: Field | None = None, limits: Limits | None = None) -> list[str]:
     """What goes wrong when a policy plays random observations and some rounds, one line each.
 
     Its answers must be finite, within [-1, 1] and of the right shape, and those to one game must not depend
@@ -22,15 +25,14 @@ def trial(policy: Policy, panel: Panel | None = None, limits: Limits | None = No
 
     Args:
         policy: what is tried.
-        panel: of whose first and last entry it plays some rounds; None: it plays none.
+        field: whose first and last counterpart it meets for some rounds; None: it meets nobody.
         limits: of memory and time.
     """
     try:
         with host.PolicyHost(policy, limits, again=1.0) as player:
             lost = _random(player)
-            for entry in _some(panel):
-                assert panel is not None
-                list(play_entry(player, panel, entry, _ROUNDS))
+            for few, counterpart in _some(field):
+                play(player_entry(player), few, counterpart)
     except PolicyFailed as error:
         return [str(error)]
     return ["loses rounds: an answer is not finite, not in [-1, 1], or of another shape"] if lost else []
@@ -48,5 +50,10 @@ def _random(player: host.PolicyHost) -> bool:
     return bool(player.invalid.any())
 
 
-def _some(panel: Panel | None) -> list[Entry]:
-    return [] if panel is None else list(dict.fromkeys([panel.entries[0], panel.entries[-1]]))
+def _some(field: Field | None) -> list[tuple[Field, Counterpart]]:
+    if field is None:
+        return []
+    few = dataclasses.replace(field, matches=-(-_ROUNDS // field.rounds_per_match))
+    return [
+        (few, counterpart) for counterpart in dict.fromkeys([field.counterparts[0], field.counterparts[-1]])
+    ]

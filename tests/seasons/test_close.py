@@ -207,7 +207,13 @@ def test_a_season_is_told_in_words(closed, board):
 def test_an_audit_trains_a_member_again(closed, board, tmp_path):
     season, _ = closed
     (found,) = audit(
-        season, read_entries(board), tmp_path, ["o00"], rounds=TINY["rounds"], workers=1, say=lambda line: None
+        season,
+        read_entries(board),
+        tmp_path,
+        ["o00"],
+        rounds=TINY["rounds"],
+        workers=1,
+        say=lambda line: None,
     )
     assert (found.side, found.name, found.same, found.difference) == ("opponent", "o00", True, 0.0)
     with pytest.raises(UserError, match="has no member 'o99'"):
