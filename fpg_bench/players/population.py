@@ -77,4 +77,4 @@ def _folder(name: str) -> Path | None:
 def _shipped() -> list[str]:
     """The names of the fields that come with the package."""
     fields = baselines_folder() / "fields"
-    return [entry.name for entry in fields.iterdir()] if fields.is_dir() else []
+    return [entry.name for entry in fields.iterdir() if entry.is_dir()] if fields.is_dir() else []

@@ -22,7 +22,7 @@ from fpg_bench.players.population import with_members
 from fpg_bench.training.train import train
 
 RESPONDER_SEED = 1_000_000  # training seeds that nobody else takes
-ROUNDS = 48
+ROUNDS, LOOKS = 48, 4
 _RESPONDER = {"algorithm", "steps", "hyperparams", "options"}
 
 
@@ -143,6 +143,7 @@ def train_champion(
             hyperparams={**recipe.hyperparams, "n_timesteps": stage["steps"], **stage.get("hyperparams", {})},
             against=drawn,
             start=folder / f"stage_{number - 1}" / "run" if number else None,
+            evaluations=LOOKS,
             progress=progress,
             resume=True,
             **recipe.options,
