@@ -62,6 +62,10 @@ def exploit(
     algorithm: Annotated[
         str, typer.Option(help="what trains them, as for train; several, separated by commas")
     ] = "ppo",
+    start: Annotated[
+        str,
+        typer.Option(help="nothing; strongest: first imitate who takes most; or both, separated by a comma"),
+    ] = "nothing",
     hyperparams: HyperparamsOption = None,
     side: Annotated[str | None, typer.Option(help="ally or opponent; default: the agent's")] = None,
     scenario: ScenarioOption = None,
@@ -71,6 +75,7 @@ def exploit(
     ] = "against",
 ) -> None:
     """Train best responses against a player as it is, and say what it earns against them."""
+    from fpg_bench.training.exploit import called
     from fpg_bench.training.exploit import exploit as respond
 
     row = respond(
@@ -79,6 +84,7 @@ def exploit(
         steps=[whole_number("steps", word) for word in steps.split(",")],
         seeds=seeds,
         algorithm=algorithm.split(","),
+        start=start.split(","),
         hyperparams=hyperparams,
         side=side,
         scenario=scenario,
@@ -86,13 +92,11 @@ def exploit(
         reward=reward,
     )
     for response in row["responses"]:
-        made = f"{response['algorithm']}, {response['steps']:,} steps, seed {response['training_seed']}"
-        say(f"{made}: {response['return']:.2f} a step, jammed {_percent(response)}")
+        say(f"{called(response)}: {response['return']:.2f} a step, jammed {_percent(response)}")
     scripts = row["scripts"]
     strongest = min(scripts, key=lambda name: scripts[name]["return"])
-    say(
-        f"strongest script, {strongest}: {scripts[strongest]['return']:.2f} a step, jammed {_percent(scripts[strongest])}"
-    )
+    met = scripts[strongest]
+    say(f"strongest script, {strongest}: {met['return']:.2f} a step, jammed {_percent(met)}")
     say(f"{agent}: lowest {row['lowest']['return']:.2f} a step, against {row['lowest']['against']}")
     if row["lowest"]["against"] == strongest:
         say(f"{strongest} takes more than these responses: they are no best ones yet; give more --steps")

@@ -29,7 +29,7 @@ class Hyperparameters:
         normalize: arguments of SB3's ``VecNormalize``; None: none is used.
         algorithm: arguments of the algorithm's constructor, ``policy`` included.
         frame_stack: how many of the last observations are seen at once; None: one.
-        imitate: the script that is imitated first; None: nobody is.
+        imitate: the player that is imitated first; None: nobody is.
     """
 
     n_envs: int
@@ -38,6 +38,16 @@ class Hyperparameters:
     algorithm: dict[str, Any]
     frame_stack: int | None = None
     imitate: Imitation | None = None
+
+    def entry(self) -> dict[str, Any]:
+        """What a file would say for the id."""
+        values: dict[str, Any] = {
+            "n_envs": self.n_envs,
+            "n_timesteps": self.n_timesteps,
+            "normalize": self.normalize,
+        }
+        values |= {"frame_stack": self.frame_stack, "imitate": self.imitate and self.imitate.words()}
+        return {name: value for name, value in values.items() if value is not None} | self.algorithm
 
 
 def load_hyperparameters(

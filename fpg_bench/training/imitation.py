@@ -1,4 +1,4 @@
-"""A start from imitation: the learner's own networks first learn what a script does and what that earns."""
+"""A start from imitation: the learner's own networks first learn what a player does and what that earns."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import Player
-from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.players.seat import Seat
 
 _LEAST = {"steps": 1, "batch_size": 2, "n_epochs": 1}
@@ -30,7 +29,7 @@ class Imitation:
     """What hyper-parameters say under ``imitate``.
 
     Attributes:
-        teacher: a script of the learner's side.
+        teacher: a player of the learner's side, by its name.
         steps: how many are played, over all games; they come on top of the training's.
         learning_rate: of Adam.
         batch_size: of an update.
@@ -56,7 +55,7 @@ def parse_imitation(content: Any, where: str) -> Imitation:
     """
     known = Imitation.__dataclass_fields__
     if not isinstance(content, Mapping) or not isinstance(content.get("teacher"), str):
-        raise UserError(f"{where}: expected a mapping with a teacher, a script's name; got {content!r}")
+        raise UserError(f"{where}: expected a mapping with a teacher, a player's name; got {content!r}")
     for key in content:
         if key not in known:
             raise UserError(f"{where}: unknown key {key!r}{nearest(str(key), known)}")
@@ -72,14 +71,11 @@ def parse_imitation(content: Any, where: str) -> Imitation:
 
 
 def teacher_of(imitation: Imitation, model: BaseAlgorithm, side: str, scenario: Scenario) -> Player:
-    """The script to imitate.
+    """The player to imitate.
 
     Raises:
-        UserError: no such script on this side, or a model that is not of PPO's kind.
+        UserError: no such player, one of the other side, or a model that is not of PPO's kind.
     """
-    if imitation.teacher not in SCRIPTED[side]:
-        hint = nearest(imitation.teacher, SCRIPTED[side])
-        raise UserError(f"imitate: {imitation.teacher!r} is no script of the {side}{hint}")
     if not isinstance(model.policy, ActorCriticPolicy) or hasattr(model.policy, "lstm_actor"):
         raise UserError(
             f"imitate: PPO and its kind, without an LSTM, can imitate; {type(model).__name__} can't"
@@ -94,7 +90,7 @@ def imitate(
     stop: threading.Event | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> float:
-    """Let a model begin as a script's pupil.
+    """Let a model begin as a player's pupil.
 
     In half of the games the teacher plays, in the others the pupil, and the teacher says what it would do
     there (Ross et al. 2011, DAgger). The actor's mean learns that by least squares, the critic the discounted

@@ -139,6 +139,4 @@ def _entry(
     found = load_hyperparameters(algorithm, view_id, file, path=path)
     if not (found.n_timesteps or steps):
         raise UserError(f"steps: {algorithm.name} has no hyper-parameter file that says how many; name them")
-    values: dict[str, Any] = {"n_envs": found.n_envs, "n_timesteps": found.n_timesteps or steps}
-    values |= {name: getattr(found, name) for name in ("normalize", "frame_stack")}
-    return {name: value for name, value in values.items() if value is not None} | found.algorithm
+    return found.entry() | {"n_timesteps": found.n_timesteps or steps}
