@@ -90,9 +90,8 @@ def exploit(
         say(f"{made}: {response['return']:.2f} a step, jammed {_percent(response)}")
     scripts = row["scripts"]
     strongest = min(scripts, key=lambda name: scripts[name]["return"])
-    say(
-        f"strongest script, {strongest}: {scripts[strongest]['return']:.2f} a step, jammed {_percent(scripts[strongest])}"
-    )
+    met = scripts[strongest]
+    say(f"strongest script, {strongest}: {met['return']:.2f} a step, jammed {_percent(met)}")
     say(f"{agent}: lowest {row['lowest']['return']:.2f} a step, against {row['lowest']['against']}")
     if row["lowest"]["against"] == strongest:
         say(f"{strongest} takes more than these responses: they are no best ones yet; give more --steps")
