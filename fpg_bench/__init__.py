@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from fpg_bench.envs.duel import make_duel
     from fpg_bench.envs.sb3 import make_sb3
     from fpg_bench.envs.supersuit_bridge import supersuit_vec_env
+    from fpg_bench.evaluation.evaluate import evaluate
     from fpg_bench.game.scenario import Scenario, preset
     from fpg_bench.players.agent import load_agent
     from fpg_bench.players.writing import write_agent
@@ -32,6 +33,7 @@ _HOMES = {
     "make_duel": "fpg_bench.envs.duel",
     "make_sb3": "fpg_bench.envs.sb3",
     "supersuit_vec_env": "fpg_bench.envs.supersuit_bridge",
+    "evaluate": "fpg_bench.evaluation.evaluate",
     "load_agent": "fpg_bench.players.agent",
     "write_agent": "fpg_bench.players.writing",
     "export_agent": "fpg_bench.training.live",
@@ -41,6 +43,7 @@ __all__ = [
     "Scenario",
     "UserError",
     "__version__",
+    "evaluate",
     "export_agent",
     "load_agent",
     "make_duel",

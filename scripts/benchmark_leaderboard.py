@@ -16,9 +16,9 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 from benchmark_speed import VIEW, Figure, report
+from fpg_bench.evaluation.panel import load_panel
 from stable_baselines3 import PPO
 
-from fpg_bench.evaluation.panel import load_panel
 from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.verify import verify
 

@@ -17,11 +17,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 from benchmark_speed import PPO_GAMES, PPO_SETTINGS, Figure, interleaved, median_ratio, ppo_rate, report
+from fpg_bench.evaluation.runner import play_round
 from stable_baselines3 import PPO
 
 import fpg_bench
 from fpg_bench.envs.duel import make_duel
-from fpg_bench.evaluation.runner import play_round
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.planning.llm.background import Beside
 from fpg_bench.planning.llm.llm_planner import LLMPlanner

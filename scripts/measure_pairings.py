@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from fpg_bench.evaluation.runner import play_round
 
 from fpg_bench import make_duel
 from fpg_bench.envs.duel import Duel
-from fpg_bench.evaluation.runner import play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.files import write_whole
 from fpg_bench.game.measures import measures, pool

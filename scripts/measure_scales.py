@@ -2,9 +2,10 @@
 
 python scripts/measure_scales.py [FIELD ...]
 
-zero: the random player's (or planner's) mean return a step over the field. top: for allies in a game whose SNR
-is capped the unjammed link, cap - M a step; otherwise the mean over counterparts of the best that is known: the
-oracle and all scripts for players, the planner ``optimised`` for planners. On the field's own evaluation seeds.
+zero: the random player's (or planner's) mean return a step over the field. top: for allies in a game whose
+SNR is capped the unjammed link, cap - M a step; otherwise the mean over counterparts of the best that is
+known: the oracle and all scripts for players, the planner ``optimised`` for planners. On the field's own
+evaluation seeds.
 """
 
 from __future__ import annotations
@@ -47,9 +48,7 @@ def mean(values: list[float]) -> float:
 def main() -> int:
     """Print a line per field; 1 where a file says something else."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "fields", nargs="*", help="names or files; default: all that do not belong to a season"
-    )
+    parser.add_argument("fields", nargs="*", help="names or files; default: all public ones")
     named = parser.parse_args().fields
     names = named or sorted(path.stem for path in fields_folder().glob("*-v1.yml"))
     same = True

@@ -66,7 +66,7 @@ def test_train_evaluate_table(tmp_path):
     found = fpg(*words, folder=tmp_path)
     assert found.returncode == 0, found.stderr
     assert "run/agent" in found.stdout
-    words = ("evaluate", "idle", "run/agent", "--panel", "ally-v1", "--rounds", 2, "--out", "results")
+    words = ("evaluate", "idle", "run/agent", "--field", "ally-v1", "--matches", 2, "--out", "results")
     found = fpg(*words, folder=tmp_path)
     assert found.returncode == 0, found.stderr
     assert "idle" in found.stdout
@@ -74,18 +74,18 @@ def test_train_evaluate_table(tmp_path):
     again = fpg(*words, folder=tmp_path)
     assert again.stdout == found.stdout  # the same rows, nothing played again
     assert fpg("table", "results", folder=tmp_path).stdout == found.stdout
-    rows = (tmp_path / "results" / "rows.jsonl").read_text().splitlines()
-    assert len(rows) == 2 * 10 * 2
+    lines = (tmp_path / "results" / "lines.jsonl").read_text().splitlines()
+    assert len(lines) == 2 * 10
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (("evaluate", "exprt"), "did you mean 'expert'"),
-        (("evaluate", "expert", "--panel", "aly-v1"), "did you mean 'ally-v1'"),
+        (("evaluate", "expert", "--field", "aly-v1"), "did you mean 'ally-v1'"),
         (("evaluate", "oracle"), "sees the full state"),
         (("evaluate", "no/such/agent"), "neither a shipped agent nor a folder"),
-        (("evaluate", "expert", "--rounds", "0"), "rounds"),
+        (("evaluate", "expert", "--matches", "0"), "matches"),
         (("train", "ppo", "FPG/AllyVsScriptd-v0", "--out", "x"), "did you mean 'FPG/AllyVsScripted-v0'"),
         (("train", "pqo", "FPG/AllyVsScripted-v0", "--out", "x"), "did you mean 'ppo'"),
         (("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x", "--steps", "0"), "steps"),
@@ -112,15 +112,17 @@ def test_bad_words_get_one_line_and_a_status(words, message, tmp_path):
     assert message in line
 
 
-def test_version_and_measure_panel(tmp_path):
+def test_version():
     assert fpg("--version").stdout.strip() == __version__
-    entries = "entries: [{ally: idle, path: circle}]"
-    head = "side: opponent\nscenario: standard\nrounds: 5\nreference: adaptive\n"
-    (tmp_path / "mine.yml").write_text(head + entries)
-    found = fpg("measure-panel", "mine.yml", "--rounds", "60", folder=tmp_path)
+
+
+def test_a_field_of_ones_own_needs_a_file_and_no_more(tmp_path):
+    content = "side: opponent\nscenario: standard\nmatches: 3\ncounterparts: [{ally: idle, path: circle}]\n"
+    (tmp_path / "mine.yml").write_text(content)
+    found = fpg("evaluate", "adaptive", "--field", "mine.yml", folder=tmp_path)
     assert found.returncode == 0, found.stderr
-    assert "idle/circle" in found.stdout
-    assert (tmp_path / "mine.scores.json").exists()
+    assert "score: the return a step" in " ".join(found.stdout.split())
+    assert (tmp_path / "results" / "lines.jsonl").exists()
 
 
 def test_a_player_that_fails_is_named(tmp_path):
@@ -149,9 +151,9 @@ def test_debug_shows_the_traceback(tmp_path):
 
 
 def test_a_file_that_cannot_grow_is_one_line_and_keeps_what_it_holds(tmp_path):
-    words = ("evaluate", "idle", "--rounds", "20", "--out", "results")
+    words = ("evaluate", "idle", "--matches", "400", "--out", "results")
     command = [sys.executable, "-m", "fpg_bench.cli", *words]
-    limit = (30_000, 30_000)  # bytes a file may have: as a disk that is full in the middle of a row
+    limit = (15_000, 15_000)  # bytes a file may have: as a disk that is full in the middle of a line
     found = subprocess.run(
         command,
         cwd=tmp_path,
@@ -162,12 +164,12 @@ def test_a_file_that_cannot_grow_is_one_line_and_keeps_what_it_holds(tmp_path):
     assert found.returncode == 1
     assert found.stderr.count("\n") == 1
     assert "File too large; what was finished is kept" in found.stderr
-    kept = RowFile(tmp_path / "results" / "rows.jsonl").read()
-    assert 20 <= len(kept) < 200
+    kept = RowFile(tmp_path / "results" / "lines.jsonl").read()
+    assert 1 <= len(kept) < 10
     assert subprocess.run(command, cwd=tmp_path, capture_output=True).returncode == 0
-    rows = RowFile(tmp_path / "results" / "rows.jsonl").read()
-    assert rows[: len(kept)] == kept
-    assert len({(row["entry"], row["seed"]) for row in rows}) == len(rows) == 200
+    lines = RowFile(tmp_path / "results" / "lines.jsonl").read()
+    assert lines[: len(kept)] == kept
+    assert len({line["counterpart"] for line in lines}) == len(lines) == 10
 
 
 def started(*words, folder):
@@ -199,16 +201,16 @@ def test_ctrl_c_while_training_saves_the_model(tmp_path):
     assert json.loads((tmp_path / "run" / "run.json").read_text())["finished"] is False
 
 
-def test_ctrl_c_while_evaluating_keeps_finished_rows(tmp_path):
-    words = ("evaluate", "all-scripted", "--rounds", "500", "--out", "results")
+def test_ctrl_c_while_evaluating_keeps_finished_lines(tmp_path):
+    words = ("evaluate", "all-scripted", "--matches", "500", "--out", "results")
     process = started(*words, folder=tmp_path)
-    rows = tmp_path / "results" / "rows.jsonl"
+    lines = tmp_path / "results" / "lines.jsonl"
     deadline = time.monotonic() + 120
-    while not (rows.exists() and rows.stat().st_size) and time.monotonic() < deadline:
+    while not (lines.exists() and lines.stat().st_size) and time.monotonic() < deadline:
         time.sleep(0.1)
     process.send_signal(signal.SIGINT)
     error = process.communicate(timeout=60)[1]
     assert process.returncode == 130, error
-    whole = rows.read_bytes().splitlines()
-    assert len(whole) >= 500
-    assert json.loads(whole[0])["entry"] == "tone/pursuit"
+    whole = RowFile(lines).read()
+    assert len(whole[0]["returns"]) == 500
+    assert whole[0]["counterpart"] == "tone/pursuit"

@@ -57,8 +57,8 @@ def test_the_installed_package_finds_its_data(python, tmp_path):
     assert found.returncode == 0, found.stderr
 
 
-def test_the_installed_command_plays_a_panel(python, tmp_path):
-    words = ("-m", "fpg_bench.cli", "evaluate", "expert", "idle", "--rounds", "1", "--out", "results")
+def test_the_installed_command_plays_a_field(python, tmp_path):
+    words = ("-m", "fpg_bench.cli", "evaluate", "expert", "idle", "--matches", "1", "--out", "results")
     found = run(python, *words, cwd=tmp_path)
     assert found.returncode == 0, found.stderr
     assert "expert" in found.stdout

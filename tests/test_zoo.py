@@ -11,12 +11,12 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from fpg_bench import make_sb3
-from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.evaluation.exploits import exploit_lines
 from fpg_bench.evaluation.panel import load_panel
 from fpg_bench.evaluation.references import measure_panel
+
+from fpg_bench import make_sb3
+from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.evaluation.zoo_scores import (
     add_missing_lines,

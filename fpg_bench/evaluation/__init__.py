@@ -1,1 +1,1 @@
-"""Measures under one protocol: panels, the match runner, rows, statistics and tables."""
+"""Measures under one protocol: fields, entries, lines, summaries and tables."""

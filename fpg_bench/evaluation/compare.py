@@ -46,9 +46,9 @@ def compare(
         The summaries of all planners in the folder, best first.
 
     Raises:
-        UserError: something unknown, a folder that holds another field's lines, no language model where one is
-            named, or one that is of no use, options for one where none is, or transcripts that do not hold
-            these matches.
+        UserError: something unknown, a folder that holds another field's lines, no language model where one
+            is named, or one that is of no use, options for one where none is, or transcripts that do not
+            hold these matches.
     """
     out = Path(out)
     played = with_matches(load_field(field, side=PLANNER), matches)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import os
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from fpg_bench.players.naming import as_player, player_name, policy_hash
 from fpg_bench.players.scripted import SCRIPTED
 
 ALL_SCRIPTED = "all-scripted"
+_NAMELESS = "object "  # a fingerprint that holds as long as the program runs
 # What agents of one entry have in common; they differ by their training seed alone.
 _MADE_BY = ("algorithm", "id", "scenario", "training_steps", "hyperparameters", "options", "policies")
 
@@ -33,6 +36,7 @@ class Entry:
         fingerprint: what tells two players of one name apart: the hash of a policy or source file, or a word.
         make: gives the player (or planner) that meets a counterpart.
         tier: what a planner knows; None for players.
+        made: a hash of all that made an agent but its training seed; None for all else.
     """
 
     name: str
@@ -40,6 +44,7 @@ class Entry:
     fingerprint: str
     make: Callable[[Counterpart], Any]
     tier: str | None = None
+    made: str | None = None
 
 
 def player_entry(spec: Any, name: str | None = None, training_seed: int | None = None) -> Entry:
@@ -48,7 +53,9 @@ def player_entry(spec: Any, name: str | None = None, training_seed: int | None =
     return Entry(name or player_name(spec), training_seed, fingerprint, Same(spec))
 
 
-def entries_of(specs: Sequence[str], field: Field, name: str | None = None) -> list[Entry]:
+def entries_of(
+    specs: Sequence[Any] | Mapping[str, Any], field: Field, name: str | None = None
+) -> list[Entry]:
     """The entries that players' names stand for, one per training seed.
 
     Agents are training seeds of one entry where all that made them is the same but the seed: algorithm,
@@ -56,7 +63,8 @@ def entries_of(specs: Sequence[str], field: Field, name: str | None = None) -> l
     differ in these are called by their folders.
 
     Args:
-        specs: players of the field's side, or ``all-scripted``.
+        specs: players of the field's side, or ``all-scripted``; of a mapping, each key is the name of one
+            entry, a player or a list of agents.
         field: what they will meet.
         name: what to call the agents among them; None: their algorithm.
 
@@ -64,9 +72,13 @@ def entries_of(specs: Sequence[str], field: Field, name: str | None = None) -> l
         UserError: no such player, one of the other side, an oracle, two agents of one entry with the same
             training seed, or a name for several entries.
     """
+    if isinstance(specs, Mapping):
+        found = [entry for called, of in specs.items() for entry in _called(str(called), of, field)]
+        check_seeds(found)
+        return found
     every = [s for spec in specs for s in (SCRIPTED[field.side] if spec == ALL_SCRIPTED else [spec])]
     players = {spec: _player(spec, field) for spec in dict.fromkeys(every)}
-    groups: dict[str, list[str]] = {}
+    groups: dict[str, list[Any]] = {}
     for spec, player in players.items():
         groups.setdefault(_made_by(spec, player), []).append(spec)
     agents = [members for members in groups.values() if _about(players[members[0]]) is not None]
@@ -76,9 +88,27 @@ def entries_of(specs: Sequence[str], field: Field, name: str | None = None) -> l
     if name in SCRIPTED[field.side]:
         raise UserError(f"name {name!r}: is a script's; call the agents otherwise")
     names = _names(groups, players, name)
-    found = [_entry(spec, players[spec], names[spec], field) for spec in players]
+    found = [_entry(spec, players[spec], names[spec]) for spec in players]
     check_seeds(found)
-    return found
+    return list({(entry.name, entry.training_seed): entry for entry in found}.values())
+
+
+def _called(name: str, specs: Any, field: Field) -> list[Entry]:
+    """The entry of this name, one per training seed."""
+    found = entries_of(list(specs) if isinstance(specs, list | tuple) else [specs], field)
+    if len({entry.name for entry in found}) > 1:
+        raise UserError(f"{name}: {' and '.join(entry.name for entry in found)} are several entries")
+    return [dataclasses.replace(entry, name=name) for entry in found]
+
+
+def check_kept(entries: Sequence[Entry]) -> None:
+    """Raise UserError where a player could not be known again in a folder: it was not named by words."""
+    for entry in entries:
+        if entry.fingerprint.startswith(_NAMELESS):
+            raise UserError(
+                f"{entry.name}: a folder keeps lines of players by their names; export it as an agent, name "
+                "it package.module:object, or leave out the folder"
+            )
 
 
 def check_seeds(entries: Sequence[Entry]) -> None:
@@ -112,7 +142,7 @@ def code_fingerprint(name: str) -> str:
     return name if file is None else hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
-def _player(spec: str, field: Field) -> Any:
+def _player(spec: Any, field: Field) -> Any:
     player = as_player(spec, field.side, field.scenario)
     if getattr(player, "sees", "") == "state":
         raise UserError(f"{field.side} {spec!r}: sees the full state, which no field allows")
@@ -124,36 +154,46 @@ def _about(player: Any) -> dict[str, Any] | None:
     return about if isinstance(about, dict) else None
 
 
-def _made_by(spec: str, player: Any) -> str:
+def _made_by(spec: Any, player: Any) -> str:
     """What agents of one entry share; a player that is no agent is an entry of its own."""
     about = _about(player)
-    return spec if about is None else json.dumps([about.get(key) for key in _MADE_BY], sort_keys=True)
+    alone = spec if isinstance(spec, str) else f"{_NAMELESS}{id(spec)}"
+    return alone if about is None else json.dumps([about.get(key) for key in _MADE_BY], sort_keys=True)
 
 
-def _names(groups: dict[str, list[str]], players: dict[str, Any], name: str | None) -> dict[str, str]:
-    found: dict[str, str] = {}
+def _names(groups: dict[str, list[Any]], players: dict[Any, Any], name: str | None) -> dict[Any, str]:
+    found: dict[Any, str] = {}
     for members in groups.values():
         about = _about(players[members[0]])
         called = player_name(members[0]) if about is None else name or str(about["algorithm"])
         found |= dict.fromkeys(members, called)
+    known = Counter(found[members[0]] for members in groups.values())
     for members in groups.values():
-        shared = [spec for spec, called in found.items() if called == found[members[0]]]
-        if len(shared) > len(members):
-            found |= {spec: _label(spec) for spec in shared}
+        if known[found[members[0]]] > 1:
+            found |= dict.fromkeys(members, _label(members))
+    labels = Counter(found[members[0]] for members in groups.values())
+    for members in groups.values():
+        if labels[found[members[0]]] > 1:
+            found |= dict.fromkeys(members, player_name(members[0]))
     return found
 
 
-def _label(spec: str) -> str:
-    """What an agent's folder says of its entry: the path without the training seed's part."""
-    return re.sub(r"(/agent)?/?$", "", re.sub(r"/seed_\d+(?=/|$)", "", os.fspath(spec))) or spec
+def _label(specs: Sequence[Any]) -> str:
+    """What agents' folders say of their entry: what all paths begin with, without the training seed."""
+    folders = [re.sub(r"(/seed_\d+)?(/agent)?/?$", "", player_name(spec)) for spec in specs]
+    shared = os.path.commonprefix(folders)  # noqa: RUF071  runs/ppo_ of runs/ppo_0 and runs/ppo_1
+    return shared.rstrip("/_-.") or player_name(specs[0])
 
 
-def _entry(spec: str, player: Any, name: str, field: Field) -> Entry:
+def _entry(spec: Any, player: Any, name: str) -> Entry:
     about = _about(player)
-    fingerprint = policy_hash(player) or code_fingerprint(spec)
+    if about is None:
+        nameless = not isinstance(spec, str | os.PathLike)
+        fingerprint = f"{_NAMELESS}{id(spec)}" if nameless else code_fingerprint(os.fspath(spec))
+        return Entry(name, None, fingerprint, Same(spec))
     # An agent travels to other machines itself, so that its files need not be there; all else by its name.
-    plays = player if about is not None else spec
-    return Entry(name, None if about is None else about["training_seed"], fingerprint, Same(plays))
+    made = hashlib.sha256(_made_by(spec, player).encode()).hexdigest()[:16]
+    return Entry(name, about["training_seed"], str(policy_hash(player)), Same(player), made=made)
 
 
 @dataclass(frozen=True)
@@ -163,4 +203,5 @@ class Same:
     plays: Any
 
     def __call__(self, counterpart: Counterpart) -> Any:
+        """The player, whoever the counterpart is."""
         return self.plays

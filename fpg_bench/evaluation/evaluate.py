@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.entry import Entry, check_seeds, entries_of
+from fpg_bench.evaluation.entry import Entry, check_kept, check_seeds, entries_of
 from fpg_bench.evaluation.field import Counterpart, Field, load_field
 from fpg_bench.evaluation.line import Line, read_lines
 from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.results import Results
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.files import read_json, write_json
 from fpg_bench.jobs.job import Job, check_all_done
@@ -24,9 +27,9 @@ Progress = Callable[[Entry, Counterpart, int], None]  # told how many rounds of 
 
 
 def evaluate(
-    players: Sequence[str],
+    players: Sequence[Any] | Mapping[str, Any],
     field: str = "ally-v1",
-    out: str | Path = "results",
+    out: str | Path | None = None,
     *,
     matches: int | None = None,
     name: str | None = None,
@@ -35,14 +38,15 @@ def evaluate(
     backend: str = "loky",
     address: str | None = None,
     say: Callable[[str], None] = print,
-) -> list[Summary]:
+) -> Results:
     """Play players against a field; what is in the folder already is not played again.
 
     Args:
-        players: names by the one grammar of players, or ``all-scripted``; agents that differ by their training
-            seed alone become one entry.
+        players: names by the one grammar of players, ``all-scripted``, or anything with ``predict``; agents
+            that differ by their training seed alone become one entry. Of a mapping, each key is the name of
+            one entry: a player, or a list of agents.
         field: a field's name or YAML file.
-        out: the results folder; ``lines.jsonl`` grows as counterparts are met.
+        out: the results folder; ``lines.jsonl`` grows as counterparts are met. None: nothing is kept.
         matches: per counterpart and training seed; None: the field's own.
         name: what lines and tables call the agents given; None: their algorithm. Not a script's name.
         progress: called before each meeting and after each of its rounds, where they are played one by one.
@@ -52,18 +56,23 @@ def evaluate(
         say: told a line per meeting that begins or ends, where several are played at once.
 
     Returns:
-        The summaries of all entries in the folder, best first.
+        The summaries of all entries in the folder, best first, with ``table()`` and ``dataframe()``.
 
     Raises:
-        UserError: something unknown, of the wrong side, or a folder that holds another field's lines.
+        UserError: something unknown, of the wrong side, a folder that holds another field's lines, or one
+            for players that have no name by which they could be known again.
     """
     played = with_matches(load_field(field), matches)
     if played.side not in ("ally", "opponent"):
         raise UserError(f"field {field}: measures planners; write fpg-bench plan compare --field {field}")
     entries = entries_of(players, played, name)
+    if out is not None:
+        check_kept(entries)
     workers: dict[str, Any] = {"workers": jobs, "backend": backend, "address": address, "say": say}
     alone = (jobs, backend, address) == (1, "loky", None)
-    return play_into(Path(out), field, played, entries, progress, None if alone else workers)
+    with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
+        found = play_into(Path(folder), field, played, entries, progress, None if alone else workers)
+    return Results(found)
 
 
 def play_into(
@@ -88,6 +97,7 @@ def play_into(
     claim(out, name, field)
     file = RowFile(out / LINES)
     with file.locked():
+        _claim_names(out, entries)
         missing = list(_missing(entries, field, file))
         if workers is None:
             for entry, counterpart in missing:
@@ -96,9 +106,8 @@ def play_into(
                     [play(entry, field, counterpart, on_round=partial(progress, entry, counterpart)).row()]
                 )
         else:
-            say = workers.pop("say")
             jobs = [_job(entry, field, counterpart, file) for entry, counterpart in missing]
-            check_all_done(run_jobs(jobs, **workers, say=say))
+            check_all_done(run_jobs(jobs, **workers))
     return summarise(lines_of(file), field)
 
 
@@ -114,11 +123,7 @@ def read_results(folder: str | Path) -> tuple[list[Summary], Field]:
         UserError: no results folder, or one of a field that is not this version's.
     """
     folder = Path(folder)
-    about = read_json(folder / ABOUT, "results")
-    if not isinstance(about.get("field"), str) or not isinstance(about.get("matches"), int):
-        raise UserError(
-            f"results {folder}: {ABOUT} names no field; it is of an older protocol: evaluate again"
-        )
+    about = _about(folder)
     field = with_matches(load_field(about["field"]), about["matches"])
     if field.hash != about.get("field_hash"):
         raise UserError(f"results {folder}: played under another version of {about['field']}; evaluate again")
@@ -140,15 +145,47 @@ def claim(out: Path, name: str, field: Field) -> None:
     """
     path, lines = out / ABOUT, out / LINES
     about = {"field": name, "field_hash": field.hash, "matches": field.matches}
+    if path.exists():
+        _about(out)
     if not (path.exists() and lines.exists() and lines.stat().st_size):
         write_json(path, about)
         return
-    found = read_json(path, "results")
+    found = _about(out)
     if found.get("field_hash") != field.hash:
         raise UserError(
             f"results {out}: hold lines of {found.get('field')} with {found.get('matches')} matches, or of "
             f"another version of it, not of {name} with {field.matches}; choose another folder"
         )
+
+
+def _about(folder: Path) -> dict[str, Any]:
+    """What a results folder says of itself; raises UserError where it does not say what it should."""
+    about = read_json(folder / ABOUT, "results")
+    if not isinstance(about.get("field"), str) or not isinstance(about.get("matches"), int):
+        raise UserError(
+            f"results {folder}: {ABOUT} names no field; it is of an older protocol: evaluate again into "
+            "another folder"
+        )
+    if not isinstance(about.get("made", {}), dict):
+        raise UserError(f"results {folder}: {ABOUT}: made: expected a mapping, got {about['made']!r:.40}")
+    return about
+
+
+def _claim_names(out: Path, entries: Sequence[Entry]) -> None:
+    """Say in a folder how the agents of each name were made.
+
+    Raises:
+        UserError: it holds agents of a name that were made otherwise.
+    """
+    about = _about(out)
+    made = dict(about.get("made", {}))
+    for entry in entries:
+        if entry.made is not None and made.setdefault(entry.name, entry.made) != entry.made:
+            raise UserError(
+                f"results {out}: hold {entry.name!r} with another budget, other hyper-parameters or other "
+                "opponents; say --name to call this one otherwise"
+            )
+    write_json(out / ABOUT, about | {"made": made})
 
 
 def _missing(entries: Sequence[Entry], field: Field, file: RowFile) -> Iterator[tuple[Entry, Counterpart]]:

@@ -24,6 +24,7 @@ from fpg_bench.players.player import SIDES
 PLANNER = "planner"  # the side of fields whose entries plan the opponent's path
 _KEYS = {"side", "scenario", "matches", "counterparts"}
 _OPTIONAL = {"rounds_per_match", "last_rounds", "opponent", "scale", "season"}
+_SAME_FOR_ALL = ("steps_per_round", "rounds_per_match", "frequency_points")  # or sums could not be pooled
 _COUNTERPART = {"name", "ally", "opponent", "path", "planner", "changes"}
 
 
@@ -40,6 +41,10 @@ class Scale:
     def score(self, reward: Any) -> Any:
         """The score of a return a step, or of an array of them."""
         return 100 * (reward - self.zero) / (self.top - self.zero)
+
+    def reward(self, score: float) -> float:
+        """The return a step of a score."""
+        return self.zero + score / 100 * (self.top - self.zero)
 
     @property
     def told(self) -> str:
@@ -274,6 +279,10 @@ def _counterpart(item: Any, side: str, scenario: Scenario) -> Counterpart:
 
 def _changed(scenario: Scenario, changes: dict[str, Any]) -> Scenario:
     for key in changes:
+        if key in _SAME_FOR_ALL:
+            raise UserError(
+                f"changes: {key} is the same for all counterparts of a field; say it in the scenario"
+            )
         if key not in Scenario.__dataclass_fields__:
             raise UserError(f"changes: unknown key {key!r}{nearest(str(key), Scenario.__dataclass_fields__)}")
     return as_scenario(scenario, **changes)

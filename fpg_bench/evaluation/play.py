@@ -95,7 +95,7 @@ class _Sums:
     def __init__(self, field: Field) -> None:
         self._field = field
         self._tallies: list[np.ndarray] = []
-        self._histogram = np.zeros(1, np.int64)
+        self._histogram: Any = 0
         self._lost: list[np.ndarray] = []
         self._plans: list[Any] = []
         self._seen = hashlib.sha256()
@@ -116,10 +116,7 @@ class _Sums:
         """The fields of a line that tell of the rounds."""
         returns, lost = np.array(self.returns).T, np.array(self._lost).T
         if lost.any():
-            scale = self._field.scale
-            worst = (
-                scale.zero + LOST_SCORE / 100 * (scale.top - scale.zero)
-            ) * self._field.scenario.steps_per_round
+            worst = self._field.scale.reward(LOST_SCORE) * self._field.scenario.steps_per_round
             returns[lost] = min([worst, *returns[~lost]])
         tally = pooled_tally(np.concatenate(self._tallies))
         ally_points, jam_points = (tuple(side) for side in self._histogram.tolist())

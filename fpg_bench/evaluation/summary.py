@@ -127,6 +127,7 @@ def summary_of(lines: Sequence[Line], field: Field) -> Summary:
 def _summary(lines: Sequence[Line], field: Field) -> Summary | None:
     seeds: dict[int | None, dict[str, Line]] = {}
     for line in lines:
+        _check(line, field)
         seeds.setdefault(line.training_seed, {})[line.counterpart] = line
     names = [counterpart.name for counterpart in field.counterparts]
     whole = {seed: of for seed, of in sorted(seeds.items(), key=_by_seed) if set(names) <= of.keys()}
@@ -135,6 +136,16 @@ def _summary(lines: Sequence[Line], field: Field) -> Summary | None:
     rewards = [[field.rewards(of[name].returns) for name in names] for of in whole.values()]
     ordered = tuple(of[name] for of in whole.values() for name in names)
     return Summary(lines[0].entry, field, np.array(rewards), None not in whole, ordered)
+
+
+def _check(line: Line, field: Field) -> None:
+    """Raise UserError where a line cannot be of the field that it names."""
+    expected = (field.rounds, field.scenario.frequency_points)
+    if (len(line.returns), len(line.ally_points)) != expected:
+        raise UserError(
+            f"field {field.name}: the line of {line.entry} against {line.counterpart} has "
+            f"{len(line.returns)} rounds, expected {field.rounds}; evaluate again into another folder"
+        )
 
 
 def _by_seed(item: tuple[int | None, Mapping[str, Line]]) -> tuple[bool, int]:

@@ -37,9 +37,9 @@ def caption(field: Field) -> str:
     if field.rounds_per_match > 1:
         met += f" of {field.rounds_per_match} rounds"
     return (
-        f"Field {field.name} ({field.hash[:12]}): {met}. Mean over counterparts of the {_whose(field)} return a "
-        f"step; {field.scale.told}. Intervals: 95 %, over training seeds; for scripts, planners and single "
-        "training seeds over matches. † fewer than three training seeds."
+        f"Field {field.name} ({field.hash[:12]}): {met}. Mean over counterparts of the {_whose(field)} "
+        f"return a step; {field.scale.told}. Intervals: 95 %, over training seeds; for scripts, planners and "
+        "single training seeds over matches. † fewer than three training seeds."
     )
 
 

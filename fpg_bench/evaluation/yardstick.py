@@ -1,4 +1,4 @@
-"""How good a policy is while it is trained or tuned: a field on tuning seeds, all counterparts as one batch."""
+"""How good a policy is while it is trained or tuned: a field on tuning seeds, as one batch."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ import numpy as np
 from fpg_bench.envs.rounds import Table, play_round
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.field import PLANNER, Field, Scale, load_field
+from fpg_bench.evaluation.line import Pooled
 from fpg_bench.evaluation.play import table_of
 from fpg_bench.evaluation.seeds import tuning_seeds
-from fpg_bench.game.measures import measures, pool
+from fpg_bench.game.measures import pool
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.players.player import Player
+from fpg_bench.players.scripted import player_seeds
 
 MATCHES = 10
 
@@ -74,7 +76,8 @@ class Yardstick:
     def _play(self, player: Player) -> tuple[np.ndarray, dict[str, float | None]]:
         """All rounds of new matches: returns a step ``(counterparts, matches)``, and the pooled measures."""
         tables = self._tables(player)
-        returns, tallies, points = [], [], np.zeros(1)
+        returns, tallies = [], []
+        points: Any = 0
         for number in range(self.field.rounds_per_match):
             play_round(*tables, seeds=None if number else np.array(tuning_seeds(self.field.matches)))
             arenas = [table.duel.arena for table in tables]
@@ -83,15 +86,14 @@ class Yardstick:
             points = points + sum(arena.histograms.sum(axis=0) for arena in arenas)
         by_round = np.array(returns).transpose(1, 2, 0)  # (counterparts, matches, rounds)
         rewards = np.array([self.field.rewards(of.ravel()) for of in by_round])
-        return rewards, measures(pool(np.concatenate(tallies)), points)
+        played = np.concatenate(tallies)
+        return rewards, Pooled(pool(played), points, len(played), 0, None).measures
 
     def _tables(self, player: Player) -> list[Table]:
         tables = [table_of(player, self.field, counterpart) for counterpart in self.field.counterparts]
         together = _Together(player, self.field.side, tables)
-        return [
-            dataclasses.replace(table, **{self.field.side: seat})
-            for table, seat in zip(tables, together.seats, strict=True)
-        ]
+        seats: list[dict[str, Any]] = [{self.field.side: seat} for seat in together.seats]
+        return [dataclasses.replace(table, **seat) for table, seat in zip(tables, seats, strict=True)]
 
 
 def _played_in(field: Field, scenario: Scenario) -> Field:
@@ -112,7 +114,8 @@ class _Together:
     """A player that is asked about the games of several tables at once."""
 
     def __init__(self, player: Player, side: str, tables: Sequence[Table]) -> None:
-        self._player = player
+        self._player, self._side = player, side
+        self._games = [table.duel.arena.games for table in tables]
         self._views = [getattr(table.duel.arena, f"{side}_observations") for table in tables]
         self._cuts = np.cumsum([table.duel.count for table in tables])[:-1]
         self._memory: Any = None
@@ -126,6 +129,9 @@ class _Together:
     def actions(self, index: int) -> np.ndarray:
         """The actions at one table; the first asks for all."""
         if index == 0:
+            if self._starts.any() and hasattr(self._player, "reset"):
+                keys = np.concatenate([games["round_key"] for games in self._games])
+                self._player.reset(self._starts.copy(), player_seeds(keys, self._side))
             seen = np.concatenate(self._views)
             actions, self._memory = self._player.predict(seen, self._memory, self._starts.copy(), True)
             self._starts[:] = False

@@ -36,8 +36,9 @@ policies, `fields/` whom they meet, and `scores/` one line per training seed and
 This page and its pictures are made by `{COMMAND}`.
 
 A score is the mean over a field's counterparts of the return a step, on the scale of the track
-([measures](../docs/measures.md#fields-and-scores)). The first field of a view is public: its counterparts can be
-trained against. Players of a season's field were trained after the entries of that season had been closed.
+([measures](../docs/measures.md#fields-and-scores)). The first field of a view is public: its counterparts
+can be trained against. Players of a season's field were trained after the entries of that season had been
+closed.
 Intervals are 95 %, by Student's t: over training seeds, for scripts over matches. † marks fewer than three
 training seeds. Time is that of training, on one core, without evaluations, at the speed of the fastest
 training seed: the machine was shared, and the others were held up by other work.
@@ -111,7 +112,8 @@ def _section(zoo: Zoo, view: ZooView) -> str:
 def _described(view: ZooView, fields: Sequence[Field]) -> str:
     options = "".join(f", {key} {_named(value)}" for key, value in view.options.items())
     met = "; ".join(
-        f"`{field.name}` ({field.hash[:12]}): {len(field.counterparts)} counterparts, {field.matches} matches each"
+        f"`{field.name}` ({field.hash[:12]}): {len(field.counterparts)} counterparts, "
+        f"{field.matches} matches each"
         for field in fields
     )
     return f"Trained on `{view.id}`{options}; measured against {met}. {fields[0].scale.told.capitalize()}."

@@ -3,8 +3,8 @@
 import json
 
 import pytest
-
 from fpg_bench.evaluation.panel import load_panel
+
 from fpg_bench.leaderboard.onnx_contract import check_policies
 from fpg_bench.leaderboard.playing import FAILED, Part, fill, lines_in
 from fpg_bench.leaderboard.trial import trial

@@ -209,7 +209,7 @@ def test_a_changed_or_missing_line_is_named(tamper, message, file):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("content", ["", "no rows\n", "[]\n", '{"kind": "run"}\n', '{"panel": "ally-v1"}\n'])
+@pytest.mark.parametrize("content", ["", "no rows\n", "[]\n", '{"kind": "run"}\n', '{"field": "ally-v1"}\n'])
 def test_other_files_are_no_matches(content, file):
     file.parent.mkdir()
     file.write_text(content)

@@ -8,7 +8,7 @@ from tests.evaluation.zoo_making import ZOO, evaluations
 
 @pytest.fixture
 def zoo(tmp_path):
-    (tmp_path / "zoo.yml").write_text(ZOO.replace("PANEL", "ally-v1"))
+    (tmp_path / "zoo.yml").write_text(ZOO.replace("FIELD", "ally-v1"))
     return load_zoo(tmp_path)
 
 

@@ -1,4 +1,4 @@
-"""Scores on the way: the same games as the match runner plays, on tuning seeds."""
+"""Scores on the way: the same games as an evaluation plays, on tuning seeds."""
 
 import dataclasses
 
@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.panel import load_panel
-from fpg_bench.evaluation.runner import play_entry
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.field import Scale, load_field
+from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.seeds import tuning_seeds
-from fpg_bench.evaluation.statistics import iqm
+from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.players.naming import as_player
@@ -26,49 +27,69 @@ class Following:
 
 
 @pytest.mark.parametrize("name", ["ally-v1", "opponent-v1", "ally-planner-v1"])
-def test_scores_are_those_of_the_match_runner_on_tuning_seeds(name):
-    panel = load_panel(name, references=False)
-    yardstick = Yardstick(panel, rounds=4)
-    found = yardstick.score(Following())
-    assert yardstick.score(Following()) == found
+@pytest.mark.parametrize("who", ["following", "random"])
+def test_scores_are_those_of_an_evaluation_on_the_same_seeds(name, who):
+    """To the digit, for players that remember and for such that draw at random."""
+    field = load_field(name)
+    player = Following() if who == "following" else as_player("random", field.side, field.scenario)
+    yardstick = Yardstick(field, rounds=4)
+    found = yardstick.score(player)
+    assert yardstick.score(player) == found
 
-    entry, key = panel.entries[1], f"{panel.side}_return"
-    means = [
-        np.mean([row[key] for rows in play_entry(spec, panel, entry, 4, tuning_seeds) for row in rows])
-        for spec in ("random", panel.reference, Following())
-    ]
-    score = 100 * (means[2] - means[0]) / (means[1] - means[0])
-    assert found["entries"][entry.name] == pytest.approx(score, abs=2e-3)
+    lines = [play(player_entry(player), yardstick.field, c, tuning_seeds) for c in field.counterparts]
+    (summary,) = summarise(lines, yardstick.field)
+    assert found["score"] == pytest.approx(summary.score.value, abs=1e-3)
+    assert found["return"] == pytest.approx(summary.reward.value, abs=1e-4)
+    each = {name: interval.value for name, interval in summary.by_counterpart.items()}
+    assert found["counterparts"] == pytest.approx(each, abs=1e-4)
+    for measure, value in summary.measures.items():
+        assert found["measures"][measure] == (
+            None if value is None else pytest.approx(value, rel=1e-5, abs=1e-5)
+        )
 
-    scores = yardstick.scores(Following())
-    assert scores.shape == (len(panel.entries), -(-4 // panel.scenario.rounds_per_match))
-    assert scores.mean(axis=1) == pytest.approx(list(found["entries"].values()), abs=1e-3)
-    assert iqm(scores.mean(axis=1)) == pytest.approx(found["score"], abs=1e-3)
-
-
-def test_the_reference_is_worth_100_and_its_measures_are_pooled():
-    panel = load_panel("ally-v1", references=False)
-    yardstick = Yardstick(panel, rounds=3)
-    found = yardstick.score(as_player("expert", "ally", panel.scenario))
-    assert set(found) == {"score", "return", "entries", "measures"}
-    assert found["entries"].keys() == {entry.name for entry in panel.entries}
-    assert found["measures"]["jamming_success_rate"] <= 1
-    assert 90 < found["score"] < 110  # it draws other numbers than in its seat
+    scores = yardstick.scores(player)
+    assert scores == pytest.approx(field.scale.score(summary.rewards[0]), abs=1e-3)
 
 
-def test_the_runs_own_scenario_is_played():
+def test_rounds_are_rounded_up_to_whole_matches():
+    assert Yardstick("ally-v1", rounds=4).field.matches == 4
+    assert Yardstick("ally-planner-v1", rounds=11).field.matches == 2  # of ten rounds
+
+
+def test_the_runs_own_scenario_is_played_and_has_no_score_but_the_return():
     short = as_scenario(None, steps_per_round=50)
-    ours, theirs = (Yardstick("ally-v1", 2, scenario).score(Following()) for scenario in (short, None))
-    assert ours["return"] != theirs["return"]
+    ours, theirs = (Yardstick("ally-v1", 2, scenario) for scenario in (short, None))
+    assert ours.field.scale == Scale() != theirs.field.scale
+    found = ours.score(Following())
+    assert found["return"] != theirs.score(Following())["return"]
+    assert found["score"] == pytest.approx(found["return"], abs=1e-3)
+    paths = [counterpart.scenario.opponent_path for counterpart in ours.field.counterparts]
+    assert paths == [counterpart.scenario.opponent_path for counterpart in theirs.field.counterparts]
 
 
-def test_a_game_that_tells_nobody_apart_has_no_score():
-    panel = dataclasses.replace(load_panel("ally-v1", references=False), reference="random")
-    found = Yardstick(panel, 1).score(Following())
-    assert found["score"] is None
-    assert set(found["entries"].values()) == {None}
+def test_the_fields_own_scenario_by_another_road_keeps_its_scale():
+    field = load_field("ally-v1")
+    flown = as_scenario(None, opponent_path=("pursuit", "circle"))
+    assert Yardstick(field, 1, flown).field.scale == field.scale
 
 
-def test_a_panel_of_the_other_side_is_refused():
-    with pytest.raises(UserError, match="measures the opponent, not the ally"):
-        Yardstick("opponent-v1", side="ally")
+@pytest.mark.parametrize(
+    ("name", "side", "message"),
+    [
+        ("opponent-v1", "ally", "measures the opponent, not the ally"),
+        ("planner-v1", None, "measures the planner, not the ally or opponent"),
+    ],
+)
+def test_a_field_of_another_side_is_refused(name, side, message):
+    with pytest.raises(UserError, match=message):
+        Yardstick(name, side=side)
+
+
+def test_only_the_rounds_that_count_make_the_score():
+    field = dataclasses.replace(load_field("ally-planner-v1"), last_rounds=3)
+    found = Yardstick(field, rounds=10).scores(Following())
+    line = play(
+        player_entry(Following()), dataclasses.replace(field, matches=1), field.counterparts[0], tuning_seeds
+    )
+    last = np.mean(line.returns[-3:]) / 300
+    assert found[0, 0] == pytest.approx(field.scale.score(last), abs=1e-3)

@@ -1,31 +1,20 @@
 import dataclasses
-import hashlib
-import json
 
-import numpy as np
 import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.evaluate import evaluate
-from fpg_bench.evaluation.panel import load_panel
+from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.zoo_scores import (
     add_missing_lines,
     check_member,
-    complete,
     differences,
-    first_returns,
-    read_lines,
-    score_arrays,
+    read_zoo_lines,
     score_file,
-    score_lines,
-    seed_scores,
-    summarise_lines,
 )
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.rows import RowFile
 from tests.evaluation.zoo_making import make_agent, make_zoo
-
-HEAD = {"algorithm": "expert", "training_seed": None, "policy_sha256": None}
 
 
 @pytest.fixture(scope="module")
@@ -38,41 +27,16 @@ def zoo(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def panel(zoo):
-    return load_panel(zoo.views[0].panel)
+def field(zoo):
+    return load_field(zoo.views[0].fields[0])
 
 
-def lines_of(zoo, panel, algorithm):
-    return [line for line in read_lines(zoo, zoo.views[0], panel) if line["algorithm"] == algorithm]
+def lines_of(zoo, field, algorithm):
+    return [line for line in read_zoo_lines(zoo, zoo.views[0], field) if line.entry == algorithm]
 
 
-def test_a_line_per_entry_sums_up_the_rows_that_evaluate_writes(zoo, panel, tmp_path):
-    lines = score_lines("expert", panel, HEAD)
-    evaluate(["expert"], zoo.views[0].panel, tmp_path)
-    rows = RowFile(tmp_path / "rows.jsonl").read()
-    assert [line["entry"] for line in lines] == [entry.name for entry in panel.entries]
-    for line in lines:
-        mine = [row for row in rows if row["entry"] == line["entry"]]
-        assert line["n"] == len(mine) == panel.rounds
-        assert line["returns"] == pytest.approx([row["ally_return"] for row in mine], abs=1e-3)
-        hops = np.array([row["hops"] / row["steps"] for row in mine])
-        assert line["mean"]["hop_rate"] == pytest.approx(hops.mean(), rel=1e-4)
-        assert line["sd"]["hop_rate"] == pytest.approx(hops.std(ddof=1), rel=1e-4)
-        bare = [{key: row[key] for key in list(row)[list(row).index("seed") :]} for row in mine]
-        text = "".join(json.dumps(row) + "\n" for row in bare)
-        assert line["rows_sha256"] == hashlib.sha256(text.encode()).hexdigest()
-
-
-@pytest.mark.parametrize("name", ["ally-v1", "ally-planner-v1"])
-def test_first_returns_begin_a_line(name):
-    panel = load_panel(name)
-    few = dataclasses.replace(panel, rounds=12, entries=panel.entries[:2])
-    for line, entry in zip(score_lines("expert-spread", few, HEAD), few.entries, strict=True):
-        assert first_returns("expert-spread", few, entry) == line["returns"][:2]
-
-
-def test_everybody_has_lines_and_nobody_twice(zoo, panel):
-    lines = read_lines(zoo, zoo.views[0], panel)
+def test_everybody_has_lines_and_nobody_twice(zoo, field):
+    lines = read_zoo_lines(zoo, zoo.views[0], field)
     assert len(lines) == 2 * (len(SCRIPTED["ally"]) + 6)
     size = score_file(zoo, zoo.views[0]).path.stat().st_size
     scored = []
@@ -81,54 +45,46 @@ def test_everybody_has_lines_and_nobody_twice(zoo, panel):
     assert score_file(zoo, zoo.views[0]).path.stat().st_size == size
 
 
-def test_a_summary_of_lines_is_that_of_the_rows(zoo, panel, tmp_path):
+def test_the_zoos_numbers_are_those_of_evaluate_to_the_digit(zoo, field, tmp_path):
     agents = [str(member.folder) for member in zoo.members("small/ppo")]
-    expected = evaluate([*agents, "expert", "idle"], zoo.views[0].panel, tmp_path)
-    found = {s.player: s for s in summarise_lines(read_lines(zoo, zoo.views[0], panel), panel)}
+    expected = evaluate([*agents, "expert", "idle"], zoo.views[0].fields[0], tmp_path)
+    found = {s.entry: s for s in summarise(read_zoo_lines(zoo, zoo.views[0], field), field)}
+    assert len(expected) == 3
     for summary in expected:
-        mine = found[summary.player]
-        assert (mine.training_seeds, mine.rounds) == (summary.training_seeds, summary.rounds)
-        ours, theirs = mine.score, summary.score
-        assert (ours.value, ours.low, ours.high) == pytest.approx(
-            (theirs.value, theirs.low, theirs.high), abs=1e-3
-        )
-        assert ours.over == theirs.over
-        for name in ("overlap_ratio", "jamming_success_rate", "hop_rate", "ally_return"):
-            assert mine.measures[name] == pytest.approx(summary.measures[name], rel=1e-4)
+        mine = found[summary.entry]
+        assert (mine.score, mine.reward, mine.measures) == (summary.score, summary.reward, summary.measures)
+        assert mine.training_seeds == summary.training_seeds
+        for one, other in zip(mine.lines, summary.lines, strict=True):
+            assert one.same_as(other)
 
 
-def test_scores_of_single_seeds(zoo, panel):
-    lines = read_lines(zoo, zoo.views[0], panel)
-    found = seed_scores(lines, panel)
-    assert set(found) == {(algorithm, k) for algorithm in ("ppo", "td3") for k in range(3)}
-    scores = score_arrays(lines, panel)["td3"].mean(axis=2)
-    assert found["td3", 1] == pytest.approx(scores[1].mean())  # of two entries none is left out
+def test_scores_of_single_seeds(zoo, field):
+    (found,) = summarise(lines_of(zoo, field, "td3"), field)
+    scores = found.seed_scores()
+    assert scores.keys() == {0, 1, 2}
+    alone = [line for line in found.lines if line.training_seed == 1]
+    assert scores[1] == pytest.approx(summarise(alone, field)[0].score.value)
 
 
 def test_an_agent_that_is_replaced_is_scored_again(tmp_path):
     zoo = make_zoo(tmp_path)
-    member, panel = zoo.members()[0], load_panel(zoo.views[0].panel)
+    member, field = zoo.members()[0], load_field(zoo.views[0].fields[0])
     make_agent(member)
     add_missing_lines(zoo, member.view)
-    before = lines_of(zoo, panel, "ppo")
+    before = lines_of(zoo, field, "ppo")
     assert check_member(zoo, member) == []
     for file in member.folder.iterdir():
         file.unlink()
     member.folder.rmdir()
     make_agent(member, seed=77)
-    assert lines_of(zoo, panel, "ppo") == []
-    assert check_member(zoo, member) == ["adaptive/pursuit: no line", "sweep/circle: no line"]
+    assert lines_of(zoo, field, "ppo") == []
+    missing = ["small-v1, adaptive/pursuit: no line", "small-v1, sweep/circle: no line"]
+    assert check_member(zoo, member) == missing
     scored = []
     add_missing_lines(zoo, member.view, scored.append)
-    assert scored == [member.name]
-    after = lines_of(zoo, panel, "ppo")
-    assert differences(after, before) == ["adaptive/pursuit: other returns", "sweep/circle: other returns"]
-
-
-def test_half_a_player_is_no_player(zoo, panel):
-    lines = lines_of(zoo, panel, "ppo")
-    assert len(complete(lines, panel)) == 6
-    assert {line["training_seed"] for line in complete(lines[1:], panel)} == {1, 2}
+    assert scored == ["small: ppo/seed_0 against small-v1"]
+    after = lines_of(zoo, field, "ppo")
+    assert differences(after, before) == [line.replace("no line", "other returns") for line in missing]
 
 
 def test_a_policy_that_has_changed_is_refused(tmp_path):
@@ -140,7 +96,8 @@ def test_a_policy_that_has_changed_is_refused(tmp_path):
         add_missing_lines(zoo, member.view)
 
 
-def test_other_rows_with_the_same_returns_are_told():
-    line = {"entry": "a/b", "returns": [1.0], "rows_sha256": "x"}
+def test_other_rounds_with_the_same_returns_are_told(zoo, field):
+    line = lines_of(zoo, field, "ppo")[0]
     assert differences([line], [line]) == []
-    assert differences([line], [line | {"rows_sha256": "y"}]) == ["a/b: the same returns, but other rows"]
+    other = dataclasses.replace(line, rounds_sha256="0")
+    assert differences([line], [other]) == ["small-v1, adaptive/pursuit: the same returns, but other rounds"]

@@ -1,4 +1,4 @@
-"""A small zoo of its own for tests: a panel of two entries, and agents with random linear policies."""
+"""A small zoo of its own for tests: a field of two counterparts, and agents with random linear policies."""
 
 from __future__ import annotations
 
@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 from onnx import TensorProto, helper, numpy_helper
 
-from fpg_bench.evaluation.references import measure_panel
 from fpg_bench.evaluation.zoo import Member, Zoo, load_zoo
 
-PANEL = """\
+FIELD = """\
 side: ally
 scenario: standard
-rounds: 4
-reference: expert
-entries:
+matches: 4
+scale: {zero: -5.0, top: 22.0}
+counterparts:
   - {opponent: adaptive, path: pursuit}
   - {opponent: sweep, path: circle}
 """
@@ -27,17 +26,16 @@ views:
   small:
     id: FPG/AllyVsScripted-v0
     options: {path: [pursuit, circle]}
-    panel: PANEL
+    fields: [FIELD]
     steps: {ppo: 2000, td3: 1000}
 """
 
 
-def make_zoo(folder: Path) -> Zoo:
-    """A zoo without agents, whose panel is measured."""
-    panel = folder / "small-v1.yml"
-    panel.write_text(PANEL)
-    measure_panel(str(panel), 30)
-    (folder / "zoo.yml").write_text(ZOO.replace("PANEL", str(panel)))
+def make_zoo(folder: Path, more: str = "") -> Zoo:
+    """A zoo without agents; ``more`` are fields beside its first."""
+    field = folder / "small-v1.yml"
+    field.write_text(FIELD)
+    (folder / "zoo.yml").write_text(ZOO.replace("[FIELD]", f"[{field}{more}]"))
     return load_zoo(folder)
 
 

@@ -25,10 +25,10 @@ def test_train_and_evaluate(folder):
     assert found.returncode == 0, found.stderr
     assert "agents: runs/seed_*/agent" in found.stdout
     agents = [f"runs/seed_{seed}/agent" for seed in (0, 1)]
-    words = ("evaluate", *agents, "idle", "--rounds", 1, "--jobs", 2, "--out", "results")
+    words = ("evaluate", *agents, "idle", "--matches", 1, "--jobs", 2, "--out", "results")
     found = fpg(*words, folder=folder)
     assert found.returncode == 0, found.stderr
-    assert len((folder / "results" / "rows.jsonl").read_text().splitlines()) == 30
+    assert len((folder / "results" / "lines.jsonl").read_text().splitlines()) == 30
 
 
 def test_ctrl_c_saves_all_runs(folder):

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import yaml
-
 from fpg_bench.evaluation.references import measure_panel
+
 from fpg_bench.leaderboard.host import PolicyFailed
 from fpg_bench.players.agent import OnnxPlayer
 from tests.evaluation.zoo_making import PANEL, policy

@@ -2,8 +2,8 @@ import copy
 
 import numpy as np
 import pytest
-
 from fpg_bench.evaluation.panel import load_panel
+
 from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
 from fpg_bench.leaderboard.playing import Part, part_lines
 

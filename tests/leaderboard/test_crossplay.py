@@ -2,10 +2,10 @@ import json
 
 import numpy as np
 import pytest
-
-from fpg_bench.errors import UserError
 from fpg_bench.evaluation.panel import load_panel
 from fpg_bench.evaluation.runner import play_entry
+
+from fpg_bench.errors import UserError
 from fpg_bench.leaderboard.crossplay import (
     Entrant,
     check_pairs,

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from onnx import TensorProto
-
 from fpg_bench.evaluation.panel import Entry, Panel
 from fpg_bench.evaluation.runner import play_entry
+from onnx import TensorProto
+
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.leaderboard.host import Limits, PolicyFailed, PolicyHost
 from fpg_bench.leaderboard.sandbox import Sandbox

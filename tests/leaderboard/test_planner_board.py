@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-
 from fpg_bench.evaluation.planner_references import measure_planner_panel
+
 from fpg_bench.leaderboard import submission
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import make_case

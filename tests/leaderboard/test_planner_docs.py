@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-
 from fpg_bench.evaluation.planner_references import measure_planner_panel
+
 from fpg_bench.leaderboard.transcripts import LARGEST_FOLDER, MATCHES
 from fpg_bench.planning.llm import packed
 from tests.planning.llm.fault_server import FaultServer, answer

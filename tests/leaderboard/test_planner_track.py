@@ -6,11 +6,11 @@ import json
 
 import numpy as np
 import pytest
+from fpg_bench.evaluation.planner_references import measure_planner_panel
+from fpg_bench.leaderboard.planner_ranking import planner_standing
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.compare import compare, read_comparison
-from fpg_bench.evaluation.planner_references import measure_planner_panel
-from fpg_bench.leaderboard.planner_ranking import planner_standing
 from fpg_bench.leaderboard.planner_track import (
     is_planner_line,
     planner_facts,

@@ -3,9 +3,9 @@ import json
 import os
 
 import pytest
+from fpg_bench.evaluation.panel import load_panel
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.panel import load_panel
 from fpg_bench.leaderboard.playing import Part, part_lines
 from fpg_bench.leaderboard.result import (
     LARGEST,

@@ -7,8 +7,8 @@ import threading
 from pathlib import Path
 
 import pytest
-
 from fpg_bench.evaluation.panel import load_panel
+
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.replays import Replay, simulated
 from fpg_bench.leaderboard.site.serve import make_server

@@ -9,9 +9,9 @@ import shutil
 
 import pytest
 import yaml
+from fpg_bench.evaluation.planner_references import measure_planner_panel
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.planner_references import measure_planner_panel
 from fpg_bench.leaderboard import transcripts
 from fpg_bench.leaderboard.planner_track import planner_lines
 from fpg_bench.leaderboard.transcripts import check_transcripts, entered_table

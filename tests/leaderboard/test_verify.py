@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 
 import pytest
+from fpg_bench.evaluation.panel import load_panel
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.panel import load_panel
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.evaluation.zoo_scores import read_lines, score_lines
 from fpg_bench.leaderboard.cases import make_case, sampled, work_folder

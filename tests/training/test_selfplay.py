@@ -35,7 +35,7 @@ def about(out, side, generation):
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory):
-    """Two generations, scored on their panels."""
+    """Two generations, scored on their fields."""
     out = tmp_path_factory.mktemp("selfplay") / "out"
     assert play(out, evaluations=1, seed=3) == {"ally": out / "ally", "opponent": out / "opponent"}
     return out
@@ -54,12 +54,13 @@ def test_each_generation_has_a_row(played):
     assert [row["against"] for row in rows[2:]] == [["opponent_0"], ["ally_0"]]
     for row in rows:
         assert row["steps"] == 400
-        assert list(row["scores"]) == row["against"]
+        assert list(row["returns"]) == row["against"]
+        assert row["return"] == pytest.approx(sum(row["returns"].values()) / len(row["returns"]), abs=2e-4)
         shares = [row["measures"][f"share_{kind}"] for kind in ("tone", "narrowband", "broadband", "comb")]
         assert sum(shares) == pytest.approx(1, abs=1e-4)
         assert 0 <= row["measures"]["hop_rate"] <= 1
         looks = RowFile(played / f"generations/{row['side']}_{row['generation']}/evaluations.jsonl").read()
-        assert (row["panel"], row["panel_score"]) == (f"{row['side']}-v1", looks[-1]["score"])
+        assert (row["field"], row["field_score"]) == (f"{row['side']}-v1", looks[-1]["score"])
 
 
 def test_a_generation_goes_on_from_the_one_before_against_the_others_past(played):
@@ -68,7 +69,7 @@ def test_a_generation_goes_on_from_the_one_before_against_the_others_past(played
         assert options[other] == str(played / "generations" / f"{other}_0" / "agent")
         assert options["start"] == str(played / "generations" / f"{side}_0")
         looks = [RowFile(played / f"generations/{side}_{k}/evaluations.jsonl").read() for k in range(2)]
-        assert looks[1][0]["entries"] == looks[0][-1]["entries"]
+        assert looks[1][0]["counterparts"] == looks[0][-1]["counterparts"]
         assert [about(played, side, k)["training_seed"] for k in range(2)] == [3000, 3001]
 
 
@@ -121,7 +122,7 @@ def test_stopped_anywhere_it_goes_on(tmp_path, monkeypatch):
 
     stopped(GameMeasures, "_on_rollout_end")
     assert not read(tmp_path)
-    stopped(playing, "meet")
+    stopped(playing, "met")
     finished = about(tmp_path, "ally", 0)
     assert (finished["finished"], finished["part"], finished["steps_done"]) == (True, 1, 400)
     stopped(playing, "write_whole")
@@ -186,4 +187,4 @@ def test_from_the_command_line(tmp_path):
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "agents: out/ally, out/opponent"
     assert load_agent(tmp_path / "out" / "opponent").about["options"] == {"path": "learned"}
-    assert read(tmp_path / "out")[1]["panel"] == "opponent-learned-v1"
+    assert read(tmp_path / "out")[1]["field"] == "opponent-learned-v1"

@@ -56,7 +56,7 @@ def test_a_run_says_how_it_was_made(run):
     assert about["steps_done"] == 2400
     assert about["hyperparameters"]["n_steps"] == 300
     assert about["versions"]["torch"].startswith("2.")
-    assert about["panel"] == "ally-v1"
+    assert about["field"] == "ally-v1"
     assert about["scenario_fields"] == {}
     assert 2400 / about["steps_per_s"] == pytest.approx(about["seconds"], abs=0.06)  # written in tenths
     assert (run / "model.zip").exists()
@@ -105,7 +105,7 @@ def test_tensorboard_shows_the_game(run):
         "game/jamming_success_rate",
         "game/hop_rate",
         "rollout/ep_rew_mean",
-        "panel/score",
+        "field/score",
     } <= tags
     assert all(0 <= event.value <= 1 for event in events.Scalars("game/jamming_success_rate"))
 
@@ -252,7 +252,7 @@ def test_unknown_words(tmp_path):
     [
         ("ppo", "FPG/duel_v0", {}, "ppo: trains one side, not both, as in FPG/duel_v0"),
         ("maddpg", "FPG/AllyVsScripted-v0", {}, "maddpg: trains both sides, in FPG/duel_v0"),
-        ("maddpg", "FPG/duel_v0", {"panel": "ally-v1"}, "each side of FPG/duel_v0 is scored by its own"),
+        ("maddpg", "FPG/duel_v0", {"field": "ally-v1"}, "each side of FPG/duel_v0 is scored by its own"),
         ("maddpg", "FPG/duel_v0", {"opponent": "tone"}, "unknown option 'opponent'"),
     ],
 )

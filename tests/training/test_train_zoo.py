@@ -61,7 +61,7 @@ def begun(zoo):
 
 def test_the_command_is_what_one_would_type(zoo, tmp_path):
     words = command(zoo.members()[1], tmp_path / "runs")
-    start = "train ppo FPG/AllyVsScripted-v0 --seed 1 --steps 2000 --path pursuit,circle --panel"
+    start = "train ppo FPG/AllyVsScripted-v0 --seed 1 --steps 2000 --path pursuit,circle --field"
     assert " ".join(words).startswith(start)
     assert words[-3:] == ["--resume", "--out", str(tmp_path / "runs/small/ppo/seed_1")]
 
@@ -74,7 +74,7 @@ def test_what_is_missing_is_trained_shipped_and_scored_once(zoo, tmp_path):
     assert [state(member, runs) for member in zoo.members()] == ["shipped"] * 3 + ["missing"] * 3
     assert sum("shipped after" in line for line in said) == 2
     assert {row["training_seed"] for row in curve_file(zoo, zoo.views[0]).read()} == {1, 2}
-    scored = [row for row in score_file(zoo, zoo.views[0]).read() if row["algorithm"] == "ppo"]
+    scored = [row for row in score_file(zoo, zoo.views[0]).read() if row["entry"] == "ppo"]
     assert {row["training_seed"] for row in scored} == {0, 1, 2}
     train_zoo(zoo, runs, only="small/ppo", say=said.append)
     assert len(begun(zoo)) == 2

@@ -59,7 +59,7 @@ def test_a_study_has_its_trials_and_what_it_tunes(study):
     assert [trial.state.is_finished() for trial in study.trials] == [True] * 3
     assert study.trials[0].params == {"learning_rate": 0.001, "policy_kwargs.net_arch": "[8]"}
     task = study.user_attrs["task"]
-    assert (task["steps"], task["seeds"], task["panel"]) == (1200, 2, "opponent-v1")
+    assert (task["steps"], task["seeds"], task["field"]) == (1200, 2, "opponent-v1")
     assert study.trials[0].state == TrialState.COMPLETE
     assert sorted(study.trials[0].intermediate_values) == [1, 2, 3, 4, 5, 6, 7]
     low, high, over = study.trials[0].user_attrs["interval"]
@@ -136,8 +136,8 @@ def test_training_that_comes_to_no_numbers_is_said_so(algorithm):
         ({"seeds": 0}, "seeds"),
         ({"steps": 0}, "steps"),
         ({"rounds": 0}, "rounds"),
-        ({"panel": "oponent-v1"}, "did you mean 'opponent-v1'"),
-        ({"panel": "ally-v1"}, "measures the ally"),
+        ({"field": "oponent-v1"}, "did you mean 'opponent-v1'"),
+        ({"field": "ally-v1"}, "measures the ally"),
         ({"ally": "exprt"}, "did you mean 'expert'"),
         ({"ally": object()}, "name everything by words"),
         ({"storage": "nonsense"}, "expected a URL"),

@@ -62,7 +62,7 @@ def test_where_they_come_from_stands_above_them(file):
     for said in (
         "study 'ppo on it', trial 7 (of 20): score 61.2 [58.0, 64.5]",
         "fresh training seeds 200000 to 200002 of 1,500,000 steps each, 65.4 in the study",
-        "panel ally-v1 on tuning seeds, 100 rounds per entry",
+        "field ally-v1 on tuning seeds, 100 rounds per counterpart",
         "stable-baselines3 2.",
         "optuna 5.",
     ):

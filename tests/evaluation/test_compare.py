@@ -1,19 +1,19 @@
-"""Planners side by side, from a panel's file to the table; language models on loopback, then replayed."""
+"""Planners side by side, from a field's file to the table; language models on loopback, then replayed."""
 
 import csv
-import dataclasses
 import json
 import shutil
 import subprocess
 import sys
+from collections import Counter
 
 import pytest
 from planning.llm.fault_server import FaultServer, answer, html, ok, status
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.compare import compare, read_comparison
-from fpg_bench.evaluation.planner_panel import load_planner_panel
-from fpg_bench.evaluation.planner_table import planner_cells, planner_markdown, write_planner_table
+from fpg_bench.evaluation.compare import compare
+from fpg_bench.evaluation.evaluate import read_results
+from fpg_bench.evaluation.table import write_table
 from fpg_bench.rows import RowFile
 
 KEY = "sk-never-to-be-seen-3141592653"
@@ -29,16 +29,15 @@ class Chaser:
         due = [r.limits.due_s().astype(int) for r in requests]
         return [Plan(r.ally_path[at], "chaser") for r, at in zip(requests, due)]
 """
-PANEL = f"""\
+FIELD = f"""\
 side: planner
 scenario: short.yml
 rounds_per_match: {ROUNDS}
 matches: {MATCHES}
 opponent: adaptive
-allies: [{", ".join(ALLIES)}]
 last_rounds: 2
-zero: random
-bound: chasing:Chaser
+scale: {{zero: 5.0, top: 30.0}}
+counterparts: [{", ".join(f"{{ally: {ally}}}" for ally in ALLIES)}]
 """
 PATH = json.dumps({"waypoints": [{"x": 700, "y": 40 * k, "z": 300} for k in range(16)]})
 
@@ -46,7 +45,7 @@ PATH = json.dumps({"waypoints": [{"x": 700, "y": 40 * k, "z": 300} for k in rang
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     (tmp_path / "chasing.py").write_text(CHASER)
-    (tmp_path / "mine.yml").write_text(PANEL)
+    (tmp_path / "mine.yml").write_text(FIELD)
     (tmp_path / "short.yml").write_text("steps_per_round: 64\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.chdir(tmp_path)
@@ -67,59 +66,66 @@ def asks(monkeypatch):
     return point
 
 
-def rows_of(folder, planner):
-    rows = [row for row in RowFile(folder / "rows.jsonl").read() if row["planner"] == planner]
-    return [{name: value for name, value in row.items() if name != "planner"} for row in rows]
+def lines_of(folder, planner):
+    """Its lines, without its name and the seconds that planning took."""
+    lines = [row for row in RowFile(folder / "lines.jsonl").read() if row["entry"] == planner]
+    for line in lines:
+        del line["entry"]
+        del line["plans"]["seconds"]
+    return lines
+
+
+def statuses(folder, planner):
+    """How its plans came about, of all allies together."""
+    return dict(sum((Counter(line["plans"]["statuses"]) for line in lines_of(folder, planner)), Counter()))
 
 
 # Planners that ask nobody
 
 
 def test_planners_side_by_side_and_their_table(folder):
-    found = compare(["hold", "circle"], "mine.yml", "out")
-    assert {s.planner for s in found} == {"random", "chasing:Chaser", "hold", "circle"}
-    assert found[0].planner == "chasing:Chaser"
-    again, panel = read_comparison("out")
-    assert again == found
-    write_planner_table(found, panel, folder / "out")
+    found = compare(["hold", "circle", "chasing:Chaser"], "mine.yml", "out")
+    assert {s.entry for s in found} == {"chasing:Chaser", "hold", "circle"}
+    assert found[0].entry == "chasing:Chaser"
+    again, field = read_results("out")
+    assert [s.lines for s in again] == [s.lines for s in found]
+    write_table(found, field, folder / "out")
     text = (folder / "out" / "table.md").read_text()
-    assert text.splitlines()[2].startswith("| chasing:Chaser | ally | ")
-    assert "never" in text
-    assert "not to be compared" in text
+    assert text.splitlines()[0].startswith("| planner | score last 2 | 95 % interval | score all |")
+    assert text.splitlines()[2].startswith("| chasing:Chaser | ")
     best, *others = csv.DictReader((folder / "out" / "table.csv").open())
-    assert (float(best["score_all"]), best["rounds_to_bound"], best["valid"]) == (pytest.approx(100), "1", "")
-    assert {f"score_last {ally}" for ally in ALLIES} <= best.keys()
+    assert (best["valid"], best["tokens"]) == ("", "")
+    assert {f"return_a_step {ally}" for ally in ALLIES} <= best.keys()
     assert {f"round_{k}_low" for k in range(1, ROUNDS + 1)} <= best.keys()
-    assert len(others) == 3
+    assert len(others) == 2
     assert (folder / "out" / "table.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_more_planners_join_a_folder_and_nothing_is_played_twice(folder):
     compare(["hold"], "mine.yml", "out")
-    before = (folder / "out" / "rows.jsonl").read_bytes()
+    before = (folder / "out" / "lines.jsonl").read_bytes()
     played = []
     compare(["hold", "circle"], "mine.yml", "out", progress=lambda who, *_: played.append(who.name))
     assert set(played) == {"circle"}
-    assert (folder / "out" / "rows.jsonl").read_bytes().startswith(before)
+    assert (folder / "out" / "lines.jsonl").read_bytes().startswith(before)
 
 
 def test_all_are_those_that_ask_no_language_model(folder, monkeypatch):
     known = ("circle", "random", "hold", "llm", "llm-no-history")
     monkeypatch.setattr("fpg_bench.evaluation.compare.PLANNERS", known)
     found = compare(["all", "circle"], "mine.yml", "out")
-    assert {s.planner for s in found} == {"chasing:Chaser", "circle", "random", "hold"}
+    assert {s.entry for s in found} == {"circle", "random", "hold"}
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         ("opponent: adaptive", "opponent: adaptiv", "did you mean 'adaptive'"),
-        ("[idle, expert]", "[idle, expertt]", "did you mean 'expert'"),
-        ("zero: random", "zero: randm", "did you mean 'random'"),
+        ("{ally: expert}", "{ally: expertt}", "did you mean 'expert'"),
     ],
 )
-def test_what_a_panel_names_is_looked_for_before_anything_is_played(folder, old, new, message):
-    (folder / "mine.yml").write_text(PANEL.replace(old, new))
+def test_what_a_field_names_is_looked_for_before_anything_is_played(folder, old, new, message):
+    (folder / "mine.yml").write_text(FIELD.replace(old, new))
     with pytest.raises(UserError, match=message):
         compare(["hold"], "mine.yml", "out")
     assert not (folder / "out").exists()
@@ -127,18 +133,19 @@ def test_what_a_panel_names_is_looked_for_before_anything_is_played(folder, old,
 
 def test_a_folder_of_another_size_is_refused(folder):
     compare(["hold"], "mine.yml", "out")
-    with pytest.raises(UserError, match=r"rows of mine.yml with 2 matches.* with 3 matches; choose another"):
+    with pytest.raises(UserError, match=r"lines of mine.yml with 2 matches.* with 3; choose another"):
         compare(["hold"], "mine.yml", "out", matches=3)
     with pytest.raises(UserError, match="matches: expected a whole number above 0, got 0"):
         compare(["hold"], "mine.yml", "out", matches=0)
 
 
-def test_one_match_has_no_interval_and_a_name_does_not_break_the_table(folder):
-    (found,) = [s for s in compare(["hold"], "mine.yml", "out", matches=1) if s.planner == "hold"]
-    assert planner_cells(found)[3] == planner_cells(found)[5] == "-"
-    panel = load_planner_panel("mine.yml")
-    lines = planner_markdown([dataclasses.replace(found, planner="a|b")], panel).splitlines()
-    assert lines[2].startswith(r"| a\|b | none |")
+def test_code_that_has_changed_is_not_taken_for_what_was_played(folder):
+    source = folder / "changing.py"
+    source.write_text(CHASER)
+    compare(["changing:Chaser"], "mine.yml", "out")
+    source.write_text(CHASER + "# changed\n")
+    with pytest.raises(UserError, match="its file has changed"):
+        compare(["changing:Chaser"], "mine.yml", "out")
 
 
 # Language models
@@ -148,15 +155,16 @@ def test_a_language_model_is_recorded_and_replayed_without_a_server(folder, asks
     with FaultServer([ok(PATH), ok("I would rather fly a loop.")]) as server:
         asks(server)
         compare(["llm"], "mine.yml", "out", llm={"concurrency": 1})
-    found = {s.planner: s for s in compare(["llm"], "mine.yml", "out", llm={"concurrency": 1})}
-    assert found["llm"].valid == pytest.approx(1 / PLANS)
-    assert found["llm"].tokens > 0
-    assert found["random"].valid is None
+    options = {"concurrency": 1}
+    found = {s.entry: s for s in compare(["llm", "hold"], "mine.yml", "out", llm=options)}
+    assert found["llm"].pooled.plans.valid == pytest.approx(1 / PLANS)
+    assert found["llm"].pooled.plans.tokens > 0
+    assert found["hold"].pooled.plans.valid is None
 
     shutil.copytree(folder / "out" / "transcripts" / "llm", folder / "kept" / "toy-model")
-    replayed = {s.planner: s for s in compare([], "mine.yml", "again", transcripts="kept")}
-    assert replayed["toy-model"].last == found["llm"].last
-    assert rows_of(folder / "again", "toy-model") == rows_of(folder / "out", "llm")
+    (replayed,) = compare([], "mine.yml", "again", transcripts="kept")
+    assert (replayed.entry, replayed.score) == ("toy-model", found["llm"].score)
+    assert lines_of(folder / "again", "toy-model") == lines_of(folder / "out", "llm")
 
 
 class Stop(Exception):
@@ -167,7 +175,7 @@ def stop_at(*place):
     """A run that is stopped when a planner has played so many rounds against an ally."""
 
     def stop(who, ally, rounds):
-        if (who.name, ally, rounds) == place:
+        if (who.name, ally.name, rounds) == place:
             raise Stop
 
     return stop
@@ -192,8 +200,7 @@ def test_caps_hold_for_all_allies_together_and_over_stops(folder, asks):
             )
         compare(["llm"], "mine.yml", "out", llm={"calls": PLANS - 2})
         assert len(server.requests) == PLANS - 2
-    statuses = [row["status"] for row in rows_of(folder / "out", "llm")]
-    assert statuses == ["ok"] * (PLANS - 2) + ["fallback-budget"] * 2
+    assert statuses(folder / "out", "llm") == {"ok": PLANS - 2, "fallback-budget": 2}
 
 
 def test_controls_and_prompts_of_ones_own_are_recorded_as_such(folder, asks):
@@ -207,7 +214,7 @@ def test_controls_and_prompts_of_ones_own_are_recorded_as_such(folder, asks):
     assert len(texts) == MATCHES  # nothing that a round or an ally showed: the match's start alone
     (folder / "mine-prompt.yml").unlink()
     found = compare([], "mine.yml", "again", transcripts="out/transcripts")
-    assert "llm-no-history" in {s.planner for s in found}
+    assert "llm-no-history" in {s.entry for s in found}
 
 
 def test_another_model_or_prompt_is_not_taken_for_the_one_recorded(folder, asks):
@@ -215,9 +222,9 @@ def test_another_model_or_prompt_is_not_taken_for_the_one_recorded(folder, asks)
         asks(server)
         compare(["llm"], "mine.yml", "out")
         asks(server, model="another")
-        with pytest.raises(UserError, match="hold rows of another 'llm'"):
+        with pytest.raises(UserError, match="hold lines of another 'llm'"):
             compare(["llm"], "mine.yml", "out")
-        (folder / "out" / "rows.jsonl").unlink()
+        (folder / "out" / "lines.jsonl").unlink()
         with pytest.raises(UserError, match="recorded with model toy, not another"):
             compare(["llm"], "mine.yml", "out")
 
@@ -227,7 +234,7 @@ def test_transcripts_of_other_matches_are_refused(folder, asks):
         asks(server)
         compare(["llm"], "mine.yml", "out")
     with pytest.raises(
-        UserError, match=r"another panel, 'mine' with 2 matches per ally; .* --panel and --matches"
+        UserError, match=r"another field, 'mine' with 2 matches per ally; .* --field and --matches"
     ):
         compare([], "mine.yml", "more", matches=3, transcripts="out/transcripts")
 
@@ -257,12 +264,12 @@ def test_a_name_that_stands_for_two_is_refused(folder, asks):
 def test_a_server_that_is_of_no_use_ends_the_comparison_and_burns_nothing(folder, asks):
     with FaultServer([html()]) as server:
         asks(server, model="mistyped")
-        with pytest.raises(UserError, match=r"a web page; .*plan probe \(against idle, round 0\)"):
+        with pytest.raises(UserError, match=r"a web page; .*plan probe"):
             compare(["llm"], "mine.yml", "out")
         server.behaviours = [ok(PATH)]
         asks(server)
         compare(["llm"], "mine.yml", "out")
-    assert {row["status"] for row in rows_of(folder / "out", "llm")} == {"ok"}
+    assert statuses(folder / "out", "llm") == {"ok": PLANS}
     assert json.loads((folder / "out/transcripts/llm/planner.json").read_text())["model"] == "toy"
 
 
@@ -329,24 +336,24 @@ def fpg(*words, folder):
 
 def test_the_command_prints_and_writes_the_table(folder):
     found = fpg(
-        "plan", "compare", "circle", "--panel", "mine.yml", "--matches", 1, "--out", "out", folder=folder
+        "plan", "compare", "circle", "--field", "mine.yml", "--matches", 1, "--out", "out", folder=folder
     )
     assert found.returncode == 0, found.stderr
-    assert "chasing:Chaser" in found.stdout
     assert "circle" in found.stdout
+    assert "score last 2" in found.stdout
     assert {"table.md", "table.csv", "table.png"} <= {path.name for path in (folder / "out").iterdir()}
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("plan", "compare", "circel", "--panel", "mine.yml"), "did you mean 'circle'"),
-        (("plan", "compare", "llm", "--panel", "mine.yml"), "FPG_LLM_MODEL"),
+        (("plan", "compare", "circel", "--field", "mine.yml"), "did you mean 'circle'"),
+        (("plan", "compare", "llm", "--field", "mine.yml"), "FPG_LLM_MODEL"),
         (
-            ("plan", "compare", "circle", "--panel", "mine.yml", "--calls", 3),
+            ("plan", "compare", "circle", "--field", "mine.yml", "--calls", 3),
             "calls: is for the planners llm",
         ),
-        (("evaluate", "idle", "--panel", "planner-v1"), "fpg-bench plan compare --panel planner-v1"),
+        (("evaluate", "idle", "--field", "planner-v1"), "fpg-bench plan compare --field planner-v1"),
     ],
 )
 def test_what_cannot_be_compared_is_said_in_one_line(folder, words, message):

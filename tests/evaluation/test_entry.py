@@ -1,0 +1,147 @@
+"""Who is one entry: agents that differ by their training seed alone."""
+
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.entry import entries_of
+from fpg_bench.evaluation.field import load_field
+from fpg_bench.players.agent import load_agent
+from fpg_bench.players.scripted import SCRIPTED, Scripted
+from tests.evaluation.zoo_making import make_agent, make_zoo
+
+
+@pytest.fixture(scope="module")
+def field():
+    return load_field("ally-v1")
+
+
+@pytest.fixture
+def agent(tmp_path, monkeypatch):
+    """Writes an agent folder and gives its path, relative to where the test runs."""
+    member = make_zoo(tmp_path).members()[0]
+    monkeypatch.chdir(tmp_path)
+
+    def write(path, training_seed=0, policy=None, **about):
+        seed = training_seed if policy is None else policy
+        make_agent(member, tmp_path / path, seed=seed, training_seed=training_seed, **about)
+        return path
+
+    return write
+
+
+def names(specs, field, **words):
+    return [(entry.name, entry.training_seed) for entry in entries_of(specs, field, **words)]
+
+
+def test_scripts_are_entries_without_training_seed(field):
+    assert names(["all-scripted"], field) == [(name, None) for name in SCRIPTED["ally"]]
+    assert names(["expert", "idle", "expert"], field) == [("expert", None), ("idle", None)]
+
+
+def test_agents_that_differ_by_their_training_seed_alone_are_one_entry(field, agent):
+    agents = [agent(f"runs/ppo_{k}/agent", k) for k in range(3)]
+    assert names(agents, field) == [("ppo", 0), ("ppo", 1), ("ppo", 2)]
+    assert names(agents, field, name="mine") == [("mine", 0), ("mine", 1), ("mine", 2)]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"training_steps": 5000},
+        {"hyperparameters": {"gamma": 0.9}},
+        {"options": {"opponent": "tone"}},
+        {"scenario": "1"},
+        {"id": "FPG/AllyVsPolicy-v0"},
+    ],
+)
+def test_agents_that_were_made_otherwise_are_entries_of_their_own(field, agent, other):
+    mine = [agent(f"runs/ppo_{k}/agent", k) for k in range(2)]
+    theirs = [agent(f"zoo/ppo/seed_{k}", k, policy=10 + k, **other) for k in range(2)]
+    assert names([*mine, *theirs, "expert"], field) == [
+        ("runs/ppo", 0),
+        ("runs/ppo", 1),
+        ("zoo/ppo", 0),
+        ("zoo/ppo", 1),
+        ("expert", None),
+    ]
+
+
+def test_tuned_default_and_zoo_stand_side_by_side(field, agent):
+    found = names(
+        [
+            agent("runs/ppo_1/agent", 1, training_steps=200_000),
+            agent("runs/tuned/agent", 1, policy=5, hyperparameters={"gamma": 0.9}),
+            agent("ally-scripted/ppo/seed_0", 0),
+        ],
+        field,
+    )
+    assert found == [("runs/ppo_1", 1), ("runs/tuned", 1), ("ally-scripted/ppo", 0)]
+
+
+def test_folders_that_begin_alike_have_names_that_tell_them_apart(field, agent):
+    """What is left of these paths without the training seed is the same, so that the whole path is said."""
+    one = agent("runs/a/seed_0/agent", 0)
+    other = agent("runs/a/seed_1/agent", 1, training_steps=5000)
+    assert names([one, other], field) == [(one, 0), (other, 1)]
+
+
+def test_algorithms_of_other_names_keep_them(field, agent):
+    found = names([agent("a/one", 0), agent("b/two", 0, policy=3, algorithm="sac")], field)
+    assert found == [("ppo", 0), ("sac", 0)]
+
+
+def test_the_same_training_seed_twice_is_found_before_anything_is_played(field, agent):
+    agents = [agent("a/one", 0, policy=1), agent("b/two", 0, policy=2)]
+    with pytest.raises(UserError, match="ppo: two different players of training seed 0; name them one at a"):
+        entries_of(agents, field)
+
+
+def test_the_same_policy_by_two_names_is_one(field, agent):
+    assert names([agent("a/one", 0, policy=1), agent("b/two", 0, policy=1)], field) == [("ppo", 0)]
+
+
+def test_one_name_for_several_entries_is_refused(field, agent):
+    agents = [agent("a/one", 0), agent("b/two", 0, training_steps=5000)]
+    with pytest.raises(
+        UserError, match=r"name 'mine': .* were made differently, so they are several entries"
+    ):
+        entries_of(agents, field, name="mine")
+
+
+def test_no_agent_goes_by_the_name_of_a_script(field, agent):
+    with pytest.raises(UserError, match="is a script's"):
+        entries_of([agent("a/one")], field, name="expert")
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ("oracle", "sees the full state, which no field allows"),
+        ("adaptive", "unknown ally 'adaptive'"),
+        ("expertt", "did you mean 'expert'"),
+        (5, "expected a player's name or an object with predict"),
+    ],
+)
+def test_oracles_wrong_sides_and_unknown_players_never_enter(field, spec, message):
+    with pytest.raises(UserError, match=message):
+        entries_of([spec], field)
+
+
+# Players as objects, and names for all
+
+
+def test_players_as_objects_are_entries_by_their_class(field, agent):
+    one = Scripted("ally", "expert", field.scenario)
+    assert names([one, "expert"], field) == [("Scripted", None), ("expert", None)]
+    loaded = load_agent(agent("a/one", 4))
+    assert names([loaded], field) == [("ppo", 4)]
+    with pytest.raises(UserError, match="Scripted: two different players"):
+        entries_of([one, Scripted("ally", "idle", field.scenario)], field)
+
+
+def test_a_mapping_names_its_entries(field, agent):
+    agents = [agent(f"runs/ppo_{k}", k) for k in range(2)]
+    players = {"mine": agents, "calm": Scripted("ally", "idle", field.scenario), "best": "expert"}
+    assert names(players, field) == [("mine", 0), ("mine", 1), ("calm", None), ("best", None)]
+    with pytest.raises(UserError, match="both: expert and idle are several entries"):
+        entries_of({"both": ["expert", "idle"]}, field)
