@@ -22,7 +22,6 @@ from fpg_bench.leaderboard.team import Team
 from fpg_bench.leaderboard.verify import verify
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.naming import as_player
-from tests.evaluation.zoo_making import policy
 from tests.leaderboard.entering import enter
 
 ROUNDS = 6
