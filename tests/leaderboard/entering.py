@@ -60,9 +60,7 @@ def close_season(baselines: Path, number: int = 1, seed: str = "5eed", **fields:
     (folder / "season.yml").write_text(yaml.safe_dump({"number": number, "seed": seed}))
     for public, content in FIELDS.items():
         track = public.removesuffix("-v1")
-        write_field(
-            baselines, f"{track}-season-{number}", content | fields.get(track.replace("-", "_"), {})
-        )
+        write_field(baselines, f"{track}-season-{number}", content | fields.get(track.replace("-", "_"), {}))
 
 
 def enter(board: Path, track: str, slug: str, **other: Any) -> Path:
