@@ -39,7 +39,7 @@ def current_season() -> SeasonKey | None:
     Raises:
         UserError: its file cannot be read.
     """
-    found = [_key(folder.name) for folder in fields_folder().glob("season-*") if folder.is_dir()]
+    found = [_key(file.parent.name) for file in fields_folder().glob("season-*/season.yml")]
     return max(found, key=lambda key: key.number, default=None)
 
 

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from fpg_bench.evaluation.field import Field
-from fpg_bench.evaluation.line import Line
+from fpg_bench.evaluation.line import TALLIES, Line
+from fpg_bench.game.measures import GREATEST
 
 # Returns are compared by what they are worth: in shares of the distance from 0 to 100 on the field's scale.
 ROUND_WITHIN, MEAN_WITHIN = 1e-3, 5e-3
@@ -15,8 +16,10 @@ SHARE_OF_ROUNDS = 0.99
 _STEPS_WITHIN = 0.005  # of all steps, where something is counted by step
 _LEVEL_WITHIN = 0.005  # of a sum of levels or rates
 _POINTS_WITHIN = 0.01
-_BY_STEP = ("overlap", "jammed", "outage", "hops", "frequency_changes", "spread", "near", "checks", "heard")
+_SAME_WITHIN = 1e-6  # of sums over the same rounds, which are rounded once more when they are added up
 _LEVELS = ("snr_db", "capacity_mbit_s")
+_RETURNS = ("ally_return", "opponent_return")
+_BY_STEP = tuple(name for name in TALLIES if name not in (*_LEVELS, *_RETURNS, "steps", GREATEST))
 Key = tuple[int | None, str, str]
 
 
@@ -38,7 +41,7 @@ def disagreements(played: Iterable[Line], kept: Iterable[Line], fields: Mapping[
         return []
     spans = {field.hash[:16]: _span(field) for field in fields.values()}
     found = _of_rounds(pairs, spans) + _of_means(pairs, spans)
-    return found + [text for now, then in changed for text in _of_line(now, then)]
+    return found + [text for now, then in changed for text in _of_line(now, then, spans[now.field_hash])]
 
 
 def same_to_the_bit(played: Iterable[Line], kept: Iterable[Line]) -> int:
@@ -77,7 +80,7 @@ def _of_means(pairs: list[tuple[Line, Line]], spans: Mapping[str, float]) -> lis
     return found
 
 
-def _of_line(now: Line, then: Line) -> list[str]:
+def _of_line(now: Line, then: Line, span: float) -> list[str]:
     """What else a line says: lost rounds, sums, frequency points, plans."""
     seed = "" if now.training_seed is None else f"seed {now.training_seed}, "
     where, found = f"{seed}{_where(now)}", []
@@ -85,9 +88,7 @@ def _of_line(now: Line, then: Line) -> list[str]:
         found.append(f"{where}: {now.lost} rounds lost, the result says {then.lost}")
     if now.plans != then.plans:
         found.append(f"{where}: other plans: {now.plans}, the result says {then.plans}")
-    within = dict.fromkeys(_BY_STEP, _STEPS_WITHIN * now.tally["steps"])
-    within |= {name: _LEVEL_WITHIN * abs(now.tally[name]) for name in _LEVELS} | {"steps": 0.0}
-    for name, most in within.items():
+    for name, most in _within(now, then, span).items():
         if abs(now.tally[name] - then.tally[name]) > most:
             found.append(f"{where}: {name} {now.tally[name]:g}, the result says {then.tally[name]:g}")
     for name in ("ally_points", "jam_points"):
@@ -95,6 +96,15 @@ def _of_line(now: Line, then: Line) -> list[str]:
         if len(shares[0]) != len(shares[1]) or np.abs(shares[0] - shares[1]).sum() / 2 > _POINTS_WITHIN:
             found.append(f"{where}: other {name}")
     return found
+
+
+def _within(now: Line, then: Line, span: float) -> dict[str, float]:
+    """How far the sums of two lines may be apart; the longest outage may, as a single round decides it."""
+    if now.rounds_sha256 == then.rounds_sha256:
+        return {name: _SAME_WITHIN * abs(value) for name, value in now.tally.items()}
+    found = {"steps": 0.0} | dict.fromkeys(_BY_STEP, _STEPS_WITHIN * now.tally["steps"])
+    found |= {name: _LEVEL_WITHIN * abs(now.tally[name]) for name in _LEVELS}
+    return found | dict.fromkeys(_RETURNS, MEAN_WITHIN * span * len(now.returns))
 
 
 def _where(line: Line) -> str:

@@ -36,7 +36,7 @@ from fpg_bench.leaderboard.nash import nash
 from fpg_bench.leaderboard.ranking import improvements, profiles
 from fpg_bench.leaderboard.result import Result, rounded
 from fpg_bench.leaderboard.submission import Submission, load_submission
-from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, TRACKS, UNSEEN, Track
+from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, TRACKS, Track, ranked_by
 from fpg_bench.leaderboard.worst import Worst, worst
 from fpg_bench.players.player import SIDES
 from fpg_bench.rows import Row
@@ -49,17 +49,16 @@ SEEDS_GAP = 5.0
 
 @dataclass(frozen=True)
 class _Scored:
-    """A verified submission: its case and result, and its summaries by what they say."""
+    """A verified submission: its case and result, and its summaries by what they say.
+
+    Attributes:
+        ranking: what ranks it; None where it has not played what its track is ranked by.
+    """
 
     case: Case
     result: Result
     summaries: Mapping[str, Summary]
-
-    @property
-    def ranking(self) -> Summary | None:
-        """What ranks it: the unseen field once a season is closed, before that the known one."""
-        role = UNSEEN if current_season() is not None else KNOWN
-        return self.summaries.get(role)
+    ranking: Summary | None
 
 
 def make_board(folder: str | Path = "leaderboard", say: Callable[[str], None] = lambda line: None) -> Row:
@@ -129,7 +128,7 @@ def _table(shown: Iterable[Any], track: Track, pairs: list[Row]) -> Row:
     fields = track.fields()
     mine = [item for item in shown if (item[0].track, item[0].path) == (track.side, track.path)]
     scored = [
-        _Scored(case, case.known, case.known.summaries(case.fields))
+        _scored(case, case.known, ranked_by(fields))
         for _, case, _ in mine
         if case is not None and case.known is not None and case.known.verified
     ]
@@ -151,7 +150,7 @@ def _table(shown: Iterable[Any], track: Track, pairs: list[Row]) -> Row:
         "key": track.key,
         "title": track.title,
         "side": track.side,
-        "ranked_by": UNSEEN if UNSEEN in fields else KNOWN,
+        "ranked_by": ranked_by(fields),
         "fields": [_told_field(role, field) for role, field in fields.items()],
         "scale": {"zero": track.field.scale.zero, "top": track.field.scale.top},
         "rows": rows,
@@ -165,6 +164,11 @@ def _had_access(submission: Submission) -> bool:
     season = current_season()
     name, policies = f"{submission.track}/{submission.slug}", [p.sha256 for p in submission.policies]
     return season is not None and bool(policies) and not season.met(name, policies)
+
+
+def _scored(case: Case, result: Result, role: str) -> _Scored:
+    summaries = result.summaries(case.fields)
+    return _Scored(case, result, summaries, summaries.get(role))
 
 
 def _place(entry: _Scored) -> tuple[bool, float, str]:

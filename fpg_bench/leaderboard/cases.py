@@ -133,7 +133,7 @@ def _known(path: Path, submission: Submission, fields: dict[str, Field]) -> Resu
         raise UserError(
             f"submission.yaml or a {what} changed since this result was made; {again(submission)}"
         )
-    raise UserError(f"result {path}: of another {', '.join(others)}; {again(submission)}")
+    raise UserError(f"result {path}: of other {', '.join(others)}; {again(submission)}")
 
 
 def again(submission: Submission) -> str:

@@ -123,7 +123,10 @@ def read_pairs(board: Path, allies: list[Entrant], opponents: list[Entrant], rou
     found = {}
     for number, row in enumerate(RowFile(crossplay_file(board)).read(), 1):
         if not _is_pair(row):
-            raise UserError(f"{crossplay_file(board)}: line {number} is not that of a pair")
+            raise UserError(
+                f"{crossplay_file(board)}: line {number} is not that of a pair, or of an older protocol; "
+                "delete the file and run fpg-bench submit crossplay"
+            )
         if wanted.get(row["key"]) == (row["ally"], row["opponent"]):
             found[row["key"]] = row
     return found

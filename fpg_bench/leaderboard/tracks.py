@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -57,14 +58,21 @@ class Track:
             return {KNOWN: dataclasses.replace(public, matches=min(public.matches, TRANSCRIPT_MATCHES))}
         seeds = SEASON if season is None else season.seed
         found = {KNOWN: dataclasses.replace(public, season=seeds)}
+        others = {}
         if season is not None:
             found[PUBLIC] = dataclasses.replace(public, matches=min(public.matches, PUBLIC_MATCHES))
-            found[UNSEEN] = dataclasses.replace(load_field(season.field_name(self.public)), season=seeds)
+            others[UNSEEN] = season.field_name(self.public)
         stem = self.public.removesuffix("-v1")
-        for role, name in ((SHIFTED, f"{stem}-shifted-v1"), (RESPONSES, f"{stem}-responses-v1")):
+        others |= {SHIFTED: f"{stem}-shifted-v1", RESPONSES: f"{stem}-responses-v1"}
+        for role, name in others.items():
             if (fields_folder() / f"{name}.yml").is_file():
                 found[role] = dataclasses.replace(load_field(name), season=seeds)
         return found
+
+
+def ranked_by(fields: Collection[str]) -> str:
+    """What ranks entries that play these fields: the unseen one where a season has one, else the known one."""
+    return UNSEEN if UNSEEN in fields else KNOWN
 
 
 TRACKS = MappingProxyType(

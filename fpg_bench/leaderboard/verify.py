@@ -22,7 +22,7 @@ from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.playing import Meeting, Part, failure_in, fill, key_of, lines_in
 from fpg_bench.leaderboard.result import Result, failed_result, verified_result, write_result
 from fpg_bench.leaderboard.submission import TRACKS
-from fpg_bench.leaderboard.tracks import KNOWN, UNSEEN
+from fpg_bench.leaderboard.tracks import ranked_by
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ def told(result: Result) -> str:
     if not result.verified:
         return f"not verified: {result.head['reason']}"
     summary = result.head["summary"]
-    role = UNSEEN if UNSEEN in summary["scores"] else KNOWN
+    role = ranked_by(summary["scores"])
     score = summary["scores"][role]
     lost = f", {summary['lost']:,} of {summary['rounds']:,} rounds lost by rule" if summary["lost"] else ""
     return f"verified: {role} {score['value']:.1f} [{score['low']:.1f}, {score['high']:.1f}]{lost}"

@@ -1,22 +1,24 @@
-"""Boards on small panels, and policies that are played without a process each."""
+"""Boards on small fields, and policies that are played without a process each."""
 
 import platformdirs
 import pytest
 
-from fpg_bench.leaderboard import host, submission
+from fpg_bench.leaderboard import host
+from fpg_bench.players import agent
 from tests.leaderboard import entering
 
 
-@pytest.fixture(scope="session")
-def small_panels(tmp_path_factory):
-    return entering.make_panels(tmp_path_factory.mktemp("panels"))
+@pytest.fixture
+def small_fields(tmp_path, monkeypatch):
+    """A folder in place of ``baselines``: tracks play small fields, and seasons can be closed in it."""
+    folder = entering.make_fields(tmp_path / "baselines")
+    monkeypatch.setattr(agent, "baselines_folder", lambda: folder)
+    return folder
 
 
 @pytest.fixture
-def board(tmp_path, small_panels, monkeypatch):
-    """An empty board, whose tracks play small panels, and a cache of its own."""
-    for key, panel in small_panels.items():
-        monkeypatch.setitem(submission.PANELS, key, panel)
+def board(tmp_path, small_fields, monkeypatch):
+    """An empty board, whose tracks play small fields, and a cache of its own."""
     monkeypatch.setattr(platformdirs, "user_cache_path", lambda name: tmp_path / "cache")
     (tmp_path / "board" / "submissions").mkdir(parents=True)
     return tmp_path / "board"

@@ -1,4 +1,4 @@
-"""Small boards for tests: submissions on panels of two entries, and policies that misbehave."""
+"""Small boards for tests: submissions on fields of two counterparts, closed seasons, and policies that misbehave."""
 
 from __future__ import annotations
 
@@ -9,32 +9,58 @@ from typing import Any
 
 import numpy as np
 import yaml
-from fpg_bench.evaluation.references import measure_panel
 
 from fpg_bench.leaderboard.host import PolicyFailed
-from fpg_bench.players.agent import OnnxPlayer
-from tests.evaluation.zoo_making import PANEL, policy
+from fpg_bench.players.agent import OnnxPlayer, baselines_folder
+from tests.leaderboard.making import policy
+from tests.leaderboard.recording import PLANNER_FIELD
 
-OTHER_PANEL = """\
-side: opponent
-scenario: standard
-rounds: 4
-reference: adaptive
-entries:
-  - {ally: idle, path: PATH}
-  - {ally: expert, path: PATH}
-"""
+FIELD = {
+    "side": "ally",
+    "scenario": "standard",
+    "matches": 4,
+    "scale": {"zero": -5.66, "top": 22.0},
+    "counterparts": [{"opponent": "adaptive", "path": "pursuit"}, {"opponent": "sweep", "path": "circle"}],
+}
+_OPPONENTS = FIELD | {"side": "opponent", "scale": {"zero": 17.76, "top": 33.73}}
 
 
-def make_panels(folder: Path) -> dict[tuple[str, str | None], str]:
-    """Small panels of both sides, measured, in place of those of the tracks."""
-    found: dict[tuple[str, str | None], str] = {}
-    for track, path in (("ally", None), ("opponent", "pursuit"), ("opponent", "learned")):
-        file = folder / f"{track}-{path}.yml"
-        file.write_text(PANEL if path is None else OTHER_PANEL.replace("PATH", path))
-        measure_panel(str(file), 20)
-        found[track, path] = str(file)
-    return found
+def _meets(path: str) -> list[dict[str, str]]:
+    return [{"ally": "idle", "path": path}, {"ally": "expert", "path": path}]
+
+
+FIELDS = {
+    "ally-v1": FIELD,
+    "opponent-v1": _OPPONENTS | {"counterparts": _meets("pursuit")},
+    "opponent-learned-v1": _OPPONENTS | {"counterparts": _meets("learned")},
+    "planner-v1": yaml.safe_load(PLANNER_FIELD),
+}
+
+
+def make_fields(folder: Path) -> Path:
+    """A folder in place of the package's ``baselines``, whose public fields are small."""
+    folder.mkdir(parents=True)
+    (folder / "agents").symlink_to(baselines_folder() / "agents")
+    for name, content in FIELDS.items():
+        write_field(folder, name, content)
+    return folder
+
+
+def write_field(baselines: Path, name: str, content: dict[str, Any]) -> None:
+    """Write a field's file."""
+    file = baselines / "fields" / f"{name}.yml"
+    file.parent.mkdir(exist_ok=True)
+    file.write_text(yaml.safe_dump(content, sort_keys=False))
+
+
+def close_season(baselines: Path, number: int = 1, seed: str = "5eed", **fields: dict[str, Any]) -> None:
+    """Close a season: ``ally={"counterparts": ...}`` says what of a track's unseen field is not the public one's."""
+    folder = baselines / "fields" / f"season-{number}"
+    folder.mkdir()
+    (folder / "season.yml").write_text(yaml.safe_dump({"number": number, "seed": seed, "entries": {}}))
+    for public, content in FIELDS.items():
+        track = public.removesuffix("-v1")
+        write_field(baselines, f"{track}-season-{number}", content | fields.get(track.replace("-", "_"), {}))
 
 
 def enter(board: Path, track: str, slug: str, **other: Any) -> Path:
@@ -78,13 +104,15 @@ def _agent(folder: Path, side: str, seed: int) -> None:
 
 
 class InProcess:
-    """A PolicyHost that starts no process; ``loses`` games' rounds, and fails at once where ``fails``."""
+    """A PolicyHost that starts no process; ``loses`` games' rounds, fails at once where ``fails``, and where
+    ``mixes`` its answers depend on how many games there are.
+    """
 
     loses: tuple[int, ...] = ()
-    fails = False
+    fails = mixes = False
     started = 0
 
-    def __init__(self, policy: Any, limits: Any = None, again: float | None = None) -> None:
+    def __init__(self, policy: Any, limits: Any = None) -> None:
         type(self).started += 1
         self._player = OnnxPlayer(policy.model, policy.about)
         self.invalid = np.zeros(0, bool)
@@ -104,4 +132,5 @@ class InProcess:
             raise PolicyFailed("took longer than it may")
         actions, memory = self._player.predict(*seen)
         actions = np.where(self.invalid[:, None], np.float32(0), actions)
+        actions = actions / np.float32(len(actions)) if self.mixes else actions
         return actions, memory

@@ -1,4 +1,4 @@
-"""A small panel of planners, and a language model's submission that was recorded on it."""
+"""A small field of planners, and a language model's submission that was recorded on it."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from fpg_bench.evaluation.compare import compare
 from fpg_bench.planning.llm.attempt import Attempt
 from tests.planning.llm.fault_server import FaultServer, answer
 
-PANEL = """\
+PLANNER_FIELD = """\
 side: planner
 scenario: standard
 rounds_per_match: 3
 matches: 2
 opponent: adaptive
-allies: [idle, expert]
 last_rounds: 1
-zero: random
-bound: pursuit
+scale: {zero: 5.73, top: 30.45}
+counterparts:
+  - {ally: idle}
+  - {ally: expert}
 """
 PLANS = 6  # of an ally
 
@@ -39,11 +40,11 @@ def toy(body: dict[str, Any]) -> str:
     return json.dumps({"waypoints": points})
 
 
-def record(folder: Path, panel: Path, say: Callable[[dict[str, Any]], str] = toy, **options: Any) -> Any:
+def record(folder: Path, field: Path, say: Callable[[dict[str, Any]], str] = toy, **options: Any) -> Any:
     """Record the planner ``llm`` under ``folder/out``; gives what the comparison says of it."""
     with FaultServer([answer(say)]) as server, environment(server.url):
-        found = compare(["llm"], str(panel), folder / "out", llm=options)
-    return next(summary for summary in found if summary.planner == "llm")
+        found = compare(["llm"], str(field), folder / "out", llm=options)
+    return next(summary for summary in found if summary.entry == "llm")
 
 
 def environment(url: str, model: str = "toy") -> Any:

@@ -1,11 +1,14 @@
+import dataclasses
 import json
 
 import numpy as np
 import pytest
-from fpg_bench.evaluation.panel import load_panel
-from fpg_bench.evaluation.runner import play_entry
 
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.play import LOST_SCORE, play
+from fpg_bench.game.scenario import as_scenario
 from fpg_bench.leaderboard.crossplay import (
     Entrant,
     check_pairs,
@@ -22,50 +25,63 @@ from fpg_bench.leaderboard.team import Team
 from fpg_bench.leaderboard.verify import verify
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.naming import as_player
-from tests.evaluation.zoo_making import policy
-from tests.leaderboard.entering import enter
+from tests.leaderboard.entering import close_season, enter
+from tests.leaderboard.making import policy
 
 ROUNDS = 6
 
 
-def entrant(panel, slug, *plays, shipped=True):
-    panel = load_panel(panel)
+def entrant(field, slug, *plays, shipped=True):
+    field = load_field(field)
     parts = tuple(
-        Part(None, p) if isinstance(p, str) else Part(p, Policy(p, {}, policy(p), str(p)), shipped)
+        Part(slug, None, p)
+        if isinstance(p, str)
+        else Part(slug, p, Policy(p, {}, policy(p), str(p)), shipped)
         for p in plays
     )
-    return Entrant(slug, panel.side, parts, panel.entry_scenario(panel.entries[0]))
+    scenario = field.counterparts[0].scenario
+    return Entrant(slug, field.side, parts, scenario, field.scale, field.season)
 
 
-def rate(spec, panel, opponent):
-    """As the match runner has it."""
-    panel = load_panel(panel)
-    (entry,) = (e for e in panel.entries if e.name == opponent)
-    rows = [row for batch in play_entry(spec, panel, entry, ROUNDS) for row in batch]
-    return sum(row["jammed"] for row in rows) / sum(row["steps"] for row in rows)
+def line_of(player, field, counterpart):
+    """As an evaluation of so many rounds has it."""
+    field = dataclasses.replace(load_field(field), matches=ROUNDS)
+    return play(player_entry(player), field, field.named(counterpart))
 
 
 @pytest.mark.parametrize("spec", ["reactive", 3])
-def test_a_pair_plays_as_the_match_runner_does(spec):
+def test_a_pair_plays_as_an_evaluation_does(spec):
+    """Both sides' returns a step, and how much was jammed."""
     found = play_pair(entrant("ally-v1", "a", spec), entrant("opponent-v1", "o", "adaptive"), rounds=ROUNDS)
-    played = spec if isinstance(spec, str) else OnnxPlayer(policy(spec), {})
-    assert found["jamming_success_rate"] == pytest.approx(
-        rate(played, "ally-v1", "adaptive/pursuit"), rel=1e-5
-    )
-    assert (found["rounds"], found["lost"]) == (ROUNDS, [0, 0])
+    player = spec if isinstance(spec, str) else OnnxPlayer(policy(spec), {})
+    tally = line_of(player, "ally-v1", "adaptive/pursuit").tally
+    expected = {
+        "ally_rewards": pytest.approx([tally["ally_return"] / tally["steps"]], rel=1e-5),
+        "opponent_rewards": pytest.approx([tally["opponent_return"] / tally["steps"]], rel=1e-5),
+        "jamming_success_rate": pytest.approx(tally["jammed"] / tally["steps"], rel=1e-5),
+    }
+    assert found == expected | {"rounds": ROUNDS, "lost": [0, 0]}
+
+
+def test_every_training_seed_has_its_own_return():
+    pair = entrant("ally-v1", "a", 0, 1), entrant("opponent-v1", "o", "adaptive", "tone", "comb")
+    found = play_pair(*pair, rounds=12)
+    assert [len(found[f"{side}_rewards"]) for side in ("ally", "opponent")] == [2, 3]
+    assert len(set(found["ally_rewards"])) == 2
+    assert len(set(found["opponent_rewards"])) == 3
 
 
 def test_the_opponents_table_says_how_it_flies():
     ally = entrant("ally-v1", "a", "expert")
     found = [
-        play_pair(ally, entrant(panel, "o", 1), rounds=ROUNDS)["jamming_success_rate"]
-        for panel in ("opponent-v1", "opponent-learned-v1")
+        play_pair(ally, entrant(field, "o", 1), rounds=ROUNDS)["jamming_success_rate"]
+        for field in ("opponent-v1", "opponent-learned-v1")
     ]
     assert found[0] != found[1]
 
 
 def test_a_team_plays_each_game_as_its_member_alone_would():
-    members = [as_player("random", "ally", load_panel("ally-v1").scenario), OnnxPlayer(policy(1), {})]
+    members = [as_player("random", "ally", as_scenario(None)), OnnxPlayer(policy(1), {})]
     seats = np.array([0, 1, 1, 0, 1])
     team = Team(members, seats)
     seeds, seen = np.arange(5, dtype=np.uint64), np.random.default_rng(0).normal(size=(3, 5, 15)).astype("f")
@@ -74,7 +90,7 @@ def test_a_team_plays_each_game_as_its_member_alone_would():
     for step in seen:
         actions, memory = team.predict(step, memory, np.zeros(5, bool))
         found.append(actions)
-    for k, alone in enumerate([as_player("random", "ally", load_panel("ally-v1").scenario), members[1]]):
+    for k, alone in enumerate([as_player("random", "ally", as_scenario(None)), members[1]]):
         mine = seats == k
         if hasattr(alone, "reset"):
             alone.reset(np.ones(mine.sum(), bool), seeds[mine])
@@ -87,9 +103,12 @@ def test_a_team_plays_each_game_as_its_member_alone_would():
 def test_lost_rounds_go_to_the_other_side(in_process):
     in_process.loses = (0,)
     opponent = entrant("opponent-v1", "o", "tone")
-    lost = play_pair(entrant("ally-v1", "a", 0, shipped=False), opponent, rounds=2)
+    lost = play_pair(ally := entrant("ally-v1", "a", 0, shipped=False), opponent, rounds=2)
     assert lost["lost"] == [1, 0]
     assert lost["jamming_success_rate"] >= 0.5
+    scale, (reward,) = ally.scale, lost["ally_rewards"]
+    worst = scale.zero + LOST_SCORE / 100 * (scale.top - scale.zero)
+    assert reward <= (worst + scale.top) / 2
     ally = entrant("ally-v1", "a", "idle")
     lost = play_pair(ally, entrant("opponent-v1", "o", 0, shipped=False), rounds=2)
     assert lost["lost"] == [0, 1]
@@ -111,22 +130,22 @@ def rows(board):
     return [json.loads(line) for line in crossplay_file(board).read_text().splitlines()]
 
 
-def play(board, **how):
+def play_all(board, **how):
     said = []
     assert play_missing(board, say=said.append, **how) == []
     return said[0]
 
 
 def test_only_new_pairs_are_played(entered):
-    assert play(entered) == "crossplay: 4 of 4 pairs to play"
+    assert play_all(entered) == "crossplay: 4 of 4 pairs to play"
     first = rows(entered)
     pairs = [(a, o) for a in ("expert", "idle") for o in ("adaptive", "linear")]
     assert [(row["ally"], row["opponent"]) for row in first] == pairs
-    assert play(entered) == "crossplay: 0 of 4 pairs to play"
+    assert play_all(entered) == "crossplay: 0 of 4 pairs to play"
     enter(entered, "ally", "always-hop", script="always-hop")
     enter(entered, "ally", "unplayed", script="reactive")
     verify(entered, ["ally/always-hop"], say=lambda line: None)
-    assert play(entered, jobs=2) == "crossplay: 2 of 6 pairs to play"
+    assert play_all(entered, jobs=2) == "crossplay: 2 of 6 pairs to play"
     assert rows(entered)[2:] == first
     assert rows(entered)[0]["ally"] == "always-hop"
 
@@ -165,24 +184,65 @@ def test_a_policy_that_fails_leaves_a_gap_and_a_line(entered, in_process):
     assert [row["opponent"] for row in rows(entered)] == ["adaptive"] * 2
 
 
+def change(board, row, **values):
+    kept = rows(board)
+    kept[row] |= values
+    crossplay_file(board).write_text("".join(json.dumps(row) + "\n" for row in kept))
+
+
 def test_figures_that_were_edited_are_found(entered):
-    play(entered)
+    play_all(entered)
     assert check_pairs(entered, 1.0, seed=0) == []
-    kept = rows(entered)
-    kept[0]["jamming_success_rate"] += 0.01
-    crossplay_file(entered).write_text("".join(json.dumps(row) + "\n" for row in kept))
+    first = rows(entered)[0]
+    change(entered, 0, jamming_success_rate=first["jamming_success_rate"] + 0.01)
     (found,) = check_pairs(entered, 1.0, seed=0)
     assert found.startswith("expert - adaptive: jammed 0.")
     assert len([seed for seed in range(12) if check_pairs(entered, 0.01, seed)]) in range(1, 12)
 
 
+@pytest.mark.parametrize("side", ["ally", "opponent"])
+def test_returns_that_were_edited_are_found(entered, side):
+    play_all(entered)
+    last = rows(entered)[-1]
+    change(entered, -1, **{f"{side}_rewards": [value + 1 for value in last[f"{side}_rewards"]]})
+    (found,) = check_pairs(entered, 1.0, seed=0)
+    assert found.startswith(f"idle - linear: {side}'s return a step ")
+
+
+def test_a_new_season_wants_new_pairs(entered, small_fields):
+    """Its rounds are others, so that figures of two seasons never stand in one matrix."""
+    play_all(entered)
+    before = rows(entered)
+    close_season(small_fields)
+    assert play_missing(entered, say=lambda line: None) == []
+    assert rows(entered) == []
+    verify(entered, update=True, say=lambda line: None)
+    assert play_all(entered) == "crossplay: 4 of 4 pairs to play"
+    assert not {row["key"] for row in before} & {row["key"] for row in rows(entered)}
+
+
 def test_who_is_not_verified_does_not_play(entered):
     path = entered / "results/ally/expert.jsonl"
-    path.write_text(path.read_text().replace('"season":"0"', '"season":"1"'))
+    path.write_text(path.read_text().replace('"protocol":"2"', '"protocol":"1"'))
     assert [a.slug for a in entrants(entered)[0]] == ["idle"]
 
 
-def test_a_line_that_is_no_pair_is_told(entered):
-    crossplay_file(entered).write_text('{"ally": "x"}\n')
-    with pytest.raises(UserError, match=r"crossplay.jsonl: line 1 is not that of a pair"):
+@pytest.mark.parametrize(
+    "row",
+    [
+        {"ally": "x"},
+        {
+            "ally": "a",
+            "opponent": "o",
+            "key": "0",
+            "rounds": 100,
+            "jamming_success_rate": 0.1,
+            "lost": [0, 0],
+        },
+    ],
+    ids=["nonsense", "the older protocol's"],
+)
+def test_a_line_that_is_no_pair_is_told(entered, row):
+    crossplay_file(entered).write_text(json.dumps(row) + "\n")
+    with pytest.raises(UserError, match=r"crossplay.jsonl: line 1 is not that of a pair.*delete the file"):
         play_missing(entered, say=lambda line: None)

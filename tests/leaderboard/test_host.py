@@ -4,20 +4,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fpg_bench.evaluation.panel import Entry, Panel
-from fpg_bench.evaluation.runner import play_entry
 from onnx import TensorProto
 
+from fpg_bench.evaluation.entry import Entry, Same
+from fpg_bench.evaluation.field import Counterpart, Field
+from fpg_bench.evaluation.play import play
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.leaderboard.host import Limits, PolicyFailed, PolicyHost
 from fpg_bench.leaderboard.sandbox import Sandbox
 from fpg_bench.leaderboard.trial import trial
 from fpg_bench.players.agent import OnnxPlayer
-from tests.evaluation.zoo_making import policy
-from tests.leaderboard.making import as_policy, model, node, through, value, weights, whole
+from tests.leaderboard.making import as_policy, model, node, policy, through, value, weights, whole
 from tests.players.test_agent import model_bytes
 
-PANEL = Panel("small", "ally", STANDARD, 3, "expert", (Entry("adaptive", "pursuit"),))
+ADAPTIVE = Counterpart("adaptive", ("adaptive",), STANDARD)
+FIELD = Field("small", "ally", STANDARD, 3, (ADAPTIVE,))
 MEMORY = model_bytes(state=3, noise=2)
 # Four gigabytes, where the contract did not see them coming.
 GIGABYTES = model(
@@ -36,6 +37,10 @@ GIGABYTES = model(
 
 def observations(steps, games, seed=0):
     return np.random.default_rng(seed).uniform(-1, 1, (steps, games, 15)).astype(np.float32)
+
+
+def line_of(player):
+    return play(Entry("mine", 0, "0" * 64, Same(player)), FIELD, ADAPTIVE)
 
 
 def played(player, seen, restarts=()):
@@ -146,23 +151,19 @@ def test_a_policy_that_dies_in_a_match_says_so_itself():
     with PolicyHost(as_policy(policy(0))) as host:
         os.kill(host.pid, signal.SIGKILL)
         with pytest.raises(PolicyFailed, match=r"its process died \(SIGKILL\)"):
-            list(play_entry(host, PANEL, PANEL.entries[0], 2))
+            line_of(host)
 
 
-@pytest.mark.parametrize(
-    ("data", "why"),
-    [(b"nonsense", "is no ONNX file"), (through("NoSuchOperator"), "onnxruntime cannot read it")],
-)
-def test_what_cannot_be_read_is_told(data, why):
-    with pytest.raises(PolicyFailed, match=why), PolicyHost(as_policy(data)):
+def test_what_onnxruntime_cannot_read_is_told():
+    with pytest.raises(PolicyFailed, match="onnxruntime cannot read it"), PolicyHost(as_policy(b"nonsense")):
         pass
 
 
-def test_rows_are_those_of_the_agent_without_a_host():
+def test_a_line_is_that_of_the_agent_without_a_host():
     data = policy(3)
     with PolicyHost(as_policy(data)) as host:
-        hosted = list(play_entry(host, PANEL, PANEL.entries[0], 3))
-    assert hosted == list(play_entry(OnnxPlayer(data, {}), PANEL, PANEL.entries[0], 3))
+        hosted = line_of(host)
+    assert hosted == line_of(OnnxPlayer(data, {}))
 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="reads what Linux says of a process")

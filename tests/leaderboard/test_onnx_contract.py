@@ -6,8 +6,7 @@ from onnx import ModelProto, TensorProto, helper, numpy_helper
 
 from fpg_bench.leaderboard.onnx_contract import check_policies, check_policy
 from fpg_bench.players.agent import baselines_folder
-from tests.evaluation.zoo_making import policy
-from tests.leaderboard.making import model, node, through, value, weights, whole
+from tests.leaderboard.making import model, node, policy, through, value, weights, whole
 
 DEEP = model(
     [node("MatMul", ["observation", "w"], ["x0"])]

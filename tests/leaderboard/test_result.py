@@ -1,66 +1,86 @@
 import dataclasses
+import hashlib
 import json
+import math
 import os
 
 import pytest
-from fpg_bench.evaluation.panel import load_panel
 
 from fpg_bench.errors import UserError
-from fpg_bench.leaderboard.playing import Part, part_lines
+from fpg_bench.evaluation.evaluate import evaluate
+from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.seeds import PROTOCOL
+from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines
 from fpg_bench.leaderboard.result import (
     LARGEST,
+    check_lines,
     differing,
     failed_result,
     read_result,
+    summary,
     verified_result,
     write_result,
 )
 
-PRINTED = {"version": "0", "policies": {}}
+PRINTED = {"version": "0", "protocol": PROTOCOL, "policies": {}}
 
 
 @pytest.fixture
-def panel(small_panels):
-    return load_panel(small_panels["ally", None])
+def fields(small_fields):
+    """Two fields, as one track has them; the second meets others."""
+    known = load_field("ally-v1")
+    return {"known": known, "shifted": dataclasses.replace(known, season="5eed")}
 
 
 @pytest.fixture
-def good(panel):
-    lines = list(part_lines(Part(None, "expert"), panel, panel.entries))
-    return verified_result("wise", "ally", PRINTED | {"panel_hash": panel.hash}, lines, panel)
+def printed(fields):
+    return PRINTED | {"fields": {role: [field.name, field.hash] for role, field in fields.items()}}
+
+
+@pytest.fixture
+def good(fields, printed):
+    lines = list(part_lines(Part("wise", None, "expert"), meetings_of(fields.values())))
+    return verified_result("wise", "ally", printed, lines, fields)
 
 
 def path_of(folder):
     return folder / "ally" / "wise.jsonl"
 
 
-def forged(good, change):
-    """A result whose lines were changed by somebody who knows how to make the hash and the first row fit."""
-    lines = json.loads(json.dumps(good.lines))
+def forge(path, good, change):
+    """Write a result whose lines were changed by somebody who knows how to make the hash fit."""
+    lines = [json.loads(json.dumps(line.row())) for line in good.lines]
     change(lines)
-    result = failed_result("wise", "ally", good.fingerprint, "")
-    return dataclasses.replace(result, head=good.head | {"lines_sha256": _hash_of(lines)}, lines=lines)
-
-
-def _hash_of(lines):
-    import hashlib
-
     text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
-    return hashlib.sha256(text.encode()).hexdigest()
+    head = good.head | {"lines_sha256": hashlib.sha256(text.encode()).hexdigest()}
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(json.dumps(head, separators=(",", ":")) + "\n" + text)
 
 
-def test_what_is_written_is_read(good, panel, tmp_path):
+def test_what_is_written_is_read(good, fields, tmp_path):
     write_result(path_of(tmp_path), good)
-    assert read_result(path_of(tmp_path), panel) == good
+    assert read_result(path_of(tmp_path), fields) == good
     assert good.verified
-    assert good.head["summary"]["score"]["value"] == 100
+    assert good.head["summary"]["scores"].keys() == fields.keys()
 
 
-def test_a_failure_is_written_with_its_reason(panel, tmp_path):
-    result = failed_result("wise", "ally", PRINTED | {"panel_hash": panel.hash}, "died")
-    write_result(path_of(tmp_path), result)
-    found = read_result(path_of(tmp_path), panel)
-    assert (found.verified, found.head["reason"], found.lines) == (False, "died", [])
+def test_a_failure_is_written_with_its_reason(fields, printed, tmp_path):
+    write_result(path_of(tmp_path), failed_result("wise", "ally", printed, "died"))
+    found = read_result(path_of(tmp_path), fields)
+    assert (found.verified, found.head["reason"], found.lines) == (False, "died", ())
+
+
+def test_a_result_says_what_an_evaluation_says_to_the_digit(good, fields, tmp_path):
+    (found,) = evaluate(["expert"], "ally-v1", tmp_path, say=lambda line: None)
+    told = good.summaries(fields)["known"]
+    assert (told.score, told.reward, told.by_counterpart, told.measures) == (
+        found.score,
+        found.reward,
+        found.by_counterpart,
+        found.measures,
+    )
+    for mine, other in zip(told.lines, found.lines, strict=True):
+        assert dataclasses.replace(mine, entry=other.entry) == other
 
 
 @pytest.mark.parametrize(
@@ -68,25 +88,29 @@ def test_a_failure_is_written_with_its_reason(panel, tmp_path):
     [
         lambda lines: lines[0].update(training_seed="0"),
         lambda lines: lines[0].update(training_seed=[0]),
-        lambda lines: lines[0].update(entry={}),
-        lambda lines: lines[0].update(n=3),
-        lambda lines: lines[0]["returns"].pop(),
-        lambda lines: lines[0]["returns"].__setitem__(0, 10**30),
+        lambda lines: lines[0].update(counterpart={}),
+        lambda lines: lines[0].update(field_hash=3),
+        lambda lines: lines[0].update(returns=[]),
+        lambda lines: lines[0]["returns"].__setitem__(0, 10**400),
         lambda lines: lines[0]["returns"].__setitem__(0, True),
         lambda lines: lines[0]["returns"].__setitem__(0, "1"),
-        lambda lines: lines[0]["mean"].pop("snr_db"),
-        lambda lines: lines[0]["mean"].update(ally_return=None),
-        lambda lines: lines[0].update(mean=[]),
+        lambda lines: lines[0]["tally"].pop("snr_db"),
+        lambda lines: lines[0]["tally"].update(ally_return=None),
+        lambda lines: lines[0]["tally"].update(steps=0),
+        lambda lines: lines[0].update(tally=[]),
         lambda lines: lines[0].update(ally_points=[1]),
+        lambda lines: lines[0].update(jam_points=[1.5] * 15),
         lambda lines: lines[0].update(lost=-1),
         lambda lines: lines[0].update(lost=5),
+        lambda lines: lines[0].update(rounds_sha256="two\nlines"),
         lambda lines: lines[0].update(more=1),
+        lambda lines: lines[0].pop("entry"),
     ],
 )
-def test_a_line_that_fits_its_hash_but_is_none_is_told(good, panel, tmp_path, change):
-    write_result(path_of(tmp_path), forged(good, change))
-    with pytest.raises(UserError, match=r"wise.jsonl: line 2 is not that of an entry of ally-None"):
-        read_result(path_of(tmp_path), panel)
+def test_a_line_that_fits_its_hash_but_is_none_is_told(good, fields, tmp_path, change):
+    forge(path_of(tmp_path), good, change)
+    with pytest.raises(UserError, match=r"wise.jsonl: line 2 is no line of a counterpart"):
+        read_result(path_of(tmp_path), fields)
 
 
 @pytest.mark.parametrize(
@@ -94,27 +118,95 @@ def test_a_line_that_fits_its_hash_but_is_none_is_told(good, panel, tmp_path, ch
     [
         lambda lines: lines.pop(),
         lambda lines: lines.append(lines[0]),
-        lambda lines: lines[1].update(entry=lines[0]["entry"]),
+        lambda lines: lines[1].update(counterpart=lines[0]["counterpart"]),
         lambda lines: lines[0].update(training_seed=0),
+        lambda lines: lines[0].update(field_hash=lines[-1]["field_hash"]),
     ],
 )
-def test_lines_are_one_per_seed_and_entry(good, panel, tmp_path, change):
-    write_result(path_of(tmp_path), forged(good, change))
-    with pytest.raises(UserError, match="its lines are not one per training seed and entry"):
-        read_result(path_of(tmp_path), panel)
+def test_lines_are_one_per_seed_and_counterpart(good, fields, tmp_path, change):
+    forge(path_of(tmp_path), good, change)
+    with pytest.raises(UserError, match="its lines are not one per training seed and counterpart"):
+        read_result(path_of(tmp_path), fields)
 
 
-def test_a_summary_follows_from_the_lines(good, panel, tmp_path):
-    write_result(path_of(tmp_path), forged(good, lambda lines: lines[0]["returns"].__setitem__(0, 9e3)))
+@pytest.mark.parametrize(
+    "change",
+    [lambda lines: lines[0].update(field_hash="0" * 16), lambda lines: lines[0]["returns"].pop()],
+    ids=["another field", "a round less"],
+)
+def test_a_line_of_another_field_is_refused(good, fields, tmp_path, change):
+    forge(path_of(tmp_path), good, change)
+    with pytest.raises(UserError, match="holds a line of another field, or of another number of rounds"):
+        read_result(path_of(tmp_path), fields)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda lines: lines[0]["returns"].__setitem__(0, 9e3),
+        lambda lines: lines[0]["tally"].update(jammed=lines[0]["tally"]["jammed"] + 1),
+        lambda lines: lines[1].update(lost=1),
+        lambda lines: lines[-1]["returns"].__setitem__(0, -9e3),
+    ],
+    ids=["return", "tally", "lost", "the worst"],
+)
+def test_a_summary_follows_from_the_lines(good, fields, tmp_path, change):
+    forge(path_of(tmp_path), good, change)
     with pytest.raises(UserError, match="edited by hand: its summary does not follow from its lines"):
-        read_result(path_of(tmp_path), panel)
+        read_result(path_of(tmp_path), fields)
+
+
+@pytest.mark.parametrize("key", ["scores", "worst", "rounds", "lost", "measures", "training_seeds"])
+def test_a_number_of_the_summary_that_was_edited_is_told(good, fields, tmp_path, key):
+    told = json.loads(json.dumps(good.head["summary"]))
+    at, last = told, key
+    while isinstance(at[last], dict):
+        at, last = at[last], "return" if "return" in at[last] else next(iter(at[last]))
+    at[last] = (at[last] or 0) + 1
+    edited = dataclasses.replace(good, head=good.head | {"summary": told})
+    write_result(path_of(tmp_path), edited)
+    with pytest.raises(UserError, match="edited by hand: its summary does not follow from its lines"):
+        read_result(path_of(tmp_path), fields)
+
+
+def test_the_hash_of_the_rounds_is_part_of_what_a_line_says(good, fields, tmp_path):
+    write_result(path_of(tmp_path), good)
+    text = path_of(tmp_path).read_text()
+    digits = good.lines[0].rounds_sha256
+    path_of(tmp_path).write_text(text.replace(digits, digits[::-1], 1))
+    with pytest.raises(UserError, match="its lines are not those it was written with"):
+        read_result(path_of(tmp_path), fields)
+
+
+def test_a_last_digit_that_another_machine_rounds_otherwise_is_no_edit(good, fields, tmp_path):
+    def nudged(value):
+        if isinstance(value, dict):
+            return {key: nudged(of) for key, of in value.items()}
+        return float(math.nextafter(value, math.inf)) if isinstance(value, float) else value
+
+    other = dataclasses.replace(good, head=good.head | {"summary": nudged(good.head["summary"])})
+    check_lines(other, fields, tmp_path)
+
+
+def test_a_result_of_an_older_protocol_is_named(good, fields, tmp_path):
+    head = good.head | {"fingerprint": good.fingerprint | {"protocol": "1"}}
+    path_of(tmp_path).parent.mkdir()
+    path_of(tmp_path).write_text(json.dumps(head) + "\n" + '{"entry": "tone/pursuit", "returns": [1]}\n')
+    with pytest.raises(UserError, match=rf"of protocol '1', this version's is '{PROTOCOL}'; play it again$"):
+        read_result(path_of(tmp_path), fields)
+
+
+def test_a_result_on_other_fields_is_read_for_what_it_says_of_itself(good, fields, tmp_path):
+    """Who asks for it compares the fingerprints."""
+    write_result(path_of(tmp_path), good)
+    assert read_result(path_of(tmp_path), {"known": fields["known"]}) == good
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("", "not lines of JSON: Expecting value"),
-        ("[1]\n", "not lines of JSON: expected an object"),
+        ("", "not lines of JSON objects"),
+        ("[1]\n", "not lines of JSON objects"),
         ("{\n", "not lines of JSON"),
         ("[" * 100_000 + "\n", "not lines of JSON"),
         ("\udcff", "not lines of JSON"),
@@ -122,28 +214,36 @@ def test_a_summary_follows_from_the_lines(good, panel, tmp_path):
         (" " * (LARGEST + 1), "larger than"),
     ],
 )
-def test_what_is_no_result_is_one_line(panel, tmp_path, content, message):
+def test_what_is_no_result_is_one_line(fields, tmp_path, content, message):
     path = path_of(tmp_path)
     path.parent.mkdir()
     path.write_bytes(content.encode(errors="surrogateescape"))
     with pytest.raises(UserError, match=message) as raised:
-        read_result(path, panel)
+        read_result(path, fields)
     assert "\n" not in str(raised.value)
 
 
-def test_only_a_file_of_its_own_is_read(good, panel, tmp_path):
+def test_only_a_file_of_its_own_is_read(good, fields, tmp_path):
     write_result(tmp_path / "elsewhere", good)
     path_of(tmp_path).parent.mkdir()
     path_of(tmp_path).symlink_to(tmp_path / "elsewhere")
     with pytest.raises(UserError, match="not a file"):
-        read_result(path_of(tmp_path), panel)
+        read_result(path_of(tmp_path), fields)
     path_of(tmp_path).unlink()
     os.mkfifo(path_of(tmp_path))
     with pytest.raises(UserError, match="not a file"):
-        read_result(path_of(tmp_path), panel)
+        read_result(path_of(tmp_path), fields)
+
+
+def test_the_worst_of_each_field_is_told_with_whom_it_was_against(good, fields):
+    for role, found in summary(good.lines, fields)["worst"].items():
+        lines = {line.counterpart: line for line in good.lines if line.field_hash == fields[role].hash[:16]}
+        means = {name: sum(line.returns) / len(line.returns) / 300 for name, line in lines.items()}
+        assert found["against"] == min(means, key=means.get)
+        assert found["return"] == pytest.approx(min(means.values()), rel=1e-5)
 
 
 def test_fingerprints_differ_by_name_and_not_by_version():
-    one = {"version": "1", "season": "0", "rounds": 4}
+    one = {"version": "1", "protocol": "2", "fields": {}}
     assert differing(one, one | {"version": "2"}) == []
-    assert differing(one, {"version": "1", "season": "1"}) == ["rounds", "season"]
+    assert differing(one, {"version": "1", "protocol": "3"}) == ["fields", "protocol"]

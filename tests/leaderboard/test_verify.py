@@ -7,20 +7,21 @@ import time
 from pathlib import Path
 
 import pytest
-from fpg_bench.evaluation.panel import load_panel
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.zoo import load_zoo
-from fpg_bench.evaluation.zoo_scores import read_lines, score_lines
+from fpg_bench.evaluation.evaluate import evaluate
+from fpg_bench.evaluation.play import LOST_SCORE, play
 from fpg_bench.leaderboard.cases import make_case, sampled, work_folder
-from fpg_bench.leaderboard.playing import Part, part_lines, parts_of, run_submission
+from fpg_bench.leaderboard.playing import part_lines, parts_of
 from fpg_bench.leaderboard.submission import load_submission
+from fpg_bench.leaderboard.tracks import KNOWN
 from fpg_bench.leaderboard.verify import run_one, verify
+from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.rows import RowFile
-from tests.leaderboard.entering import enter
+from tests.leaderboard.entering import FIELD, close_season, enter, write_field
 
 BOARD = Path(__file__).parents[2] / "leaderboard"
-LINES = ("returns", "mean", "sd", "rows_sha256", "n")
+COUNTERPARTS = ("adaptive/pursuit", "sweep/circle")
 
 
 def told(board, *names, **how):
@@ -44,52 +45,70 @@ def test_a_result_is_written_and_holds(board, in_process):
     enter(board, "ally", "linear", seeds=(0, 2))
     first = told(board)
     assert [good for good, _ in first.values()] == [True, True]
-    assert first["ally/wise"][1].startswith("verified: score 100.0 [")
+    assert first["ally/wise"][1].startswith("verified: known ")
     before = result(board, "ally/linear").read_bytes()
     assert told(board)["ally/linear"] == (True, "holds: 4 of 4 lines played again are the same to the bit")
     assert result(board, "ally/linear").read_bytes() == before
     head, *lines = map(json.loads, before.splitlines())
     assert (head["status"], head["summary"]["training_seeds"], head["summary"]["lost"]) == ("verified", 2, 0)
-    assert [(line["training_seed"], line["entry"]) for line in lines] == [
-        (seed, entry) for seed in (0, 2) for entry in ("adaptive/pursuit", "sweep/circle")
+    assert [(line["training_seed"], line["counterpart"]) for line in lines] == [
+        (seed, name) for seed in (0, 2) for name in COUNTERPARTS
     ]
 
 
-def test_lines_are_those_that_the_zoo_keeps(small_panels):
-    panel = load_panel(small_panels["ally", None])
-    (entry, _) = panel.entries
-    (line,) = part_lines(Part(None, "reactive"), panel, [entry])
-    kept = score_lines("reactive", panel, {})[0]
-    assert {key: line[key] for key in LINES} == {key: kept[key] for key in LINES}
-    assert sum(line["ally_points"]) == sum(line["jam_points"]) == 4 * 300
+def test_a_verdict_says_what_an_evaluation_says_to_the_digit(board, in_process, tmp_path):
+    """The same policies, once behind the door and once as agents' folders."""
+    folder = enter(board, "ally", "linear", seeds=(0, 2))
+    told(board)
+    agents = [str(folder / f"seed_{seed}") for seed in (0, 2)]
+    (found,) = evaluate(agents, "ally-v1", tmp_path / "results", name="linear", say=lambda line: None)
+    kept = make_case(board, folder).known
+    assert kept.summaries(load_submission(folder).fields)[KNOWN].lines == found.lines
+    score = kept.head["summary"]["scores"][KNOWN]
+    assert (score["value"], score["low"]) == pytest.approx((found.score.value, found.score.low), rel=1e-5)
 
 
-def test_a_shipped_agent_plays_behind_the_door_as_it_was_scored():
+def test_a_shipped_agent_plays_behind_the_door_as_it_does_without(board):
     submission = load_submission(BOARD / "submissions/ally/ally-scripted-ppo")
-    panel = load_panel(submission.panel)
-    (view,) = (view for view in load_zoo().views if view.name == "ally-scripted")
-    kept = {
-        line["entry"]: line
-        for line in read_lines(load_zoo(), view, panel)
-        if (line["algorithm"], line["training_seed"]) == ("ppo", 0)
-    }
-    written = RowFile(BOARD / "results/ally/ally-scripted-ppo.jsonl").read()[1:]
-    for line in part_lines(parts_of(submission)[0], panel, panel.entries[5:7]):
-        assert {key: line[key] for key in LINES} == {key: kept[line["entry"]][key] for key in LINES}
-        assert line in written
+    part = parts_of(submission)[0]
+    known = submission.fields[KNOWN]
+    (behind,) = part_lines(part, [(known, known.counterparts[0])])
+    player = OnnxPlayer(part.plays.model, part.plays.about)
+    assert behind == play(part.entry(player, known), known, known.counterparts[0])
+
+
+def test_all_fields_of_the_track_are_played(board, small_fields):
+    """Before a season all on seeds that everybody knows, and then on the season's."""
+    write_field(small_fields, "ally-shifted-v1", FIELD | {"matches": 2})
+    write_field(small_fields, "ally-responses-v1", FIELD | {"matches": 3})
+    folder = enter(board, "ally", "wise", script="expert")
+    told(board)
+    head, *lines = map(json.loads, result(board, "ally/wise").read_text().splitlines())
+    assert list(head["summary"]["scores"]) == ["known", "shifted", "responses"]
+    assert [len(line["returns"]) for line in lines] == [4, 4, 2, 2, 3, 3]
+    close_season(small_fields, ally={"matches": 5})
+    assert told(board)["ally/wise"] == (
+        False,
+        f"result {result(board, 'ally/wise')}: of other fields; make it again: "
+        f"fpg-bench submit run --update {folder}",
+    )
+    assert told(board, update=True)["ally/wise"][1].startswith("verified: unseen ")
+    head, *lines = map(json.loads, result(board, "ally/wise").read_text().splitlines())
+    assert list(head["summary"]["scores"]) == ["known", "public", "unseen", "shifted", "responses"]
+    assert len({line["rounds_sha256"] for line in lines}) == len(lines) == 10
+    assert told(board)["ally/wise"][0]
 
 
 def test_lost_rounds_count_as_the_lowest_return(board, in_process):
     in_process.loses = (1, 3)
     submission = load_submission(enter(board, "ally", "linear", seeds=(0,)))
-    panel = load_panel(submission.panel)
-    for line in run_submission(submission, panel):
-        valid = [line["returns"][k] for k in (0, 2)]
-        lowest = min(*panel.references[line["entry"]].random, *valid)
-        assert [line["returns"][k] for k in (1, 3)] == pytest.approx([lowest] * 2, abs=1e-3)
-        assert line["lost"] == 2
-        assert line["mean"]["ally_return"] == pytest.approx(sum(line["returns"]) / 4, rel=1e-5)
     assert told(board)["ally/linear"][1].endswith(", 4 of 8 rounds lost by rule")
+    known = submission.fields[KNOWN]
+    worst = (known.scale.zero + LOST_SCORE / 100 * (known.scale.top - known.scale.zero)) * 300
+    for line in make_case(board, submission.folder).known.lines:
+        lowest = min(worst, line.returns[0], line.returns[2])
+        assert [line.returns[k] for k in (1, 3)] == pytest.approx([lowest] * 2, abs=1e-3)
+        assert line.lost == 2
 
 
 def test_who_loses_all_rounds_is_not_verified(board, in_process):
@@ -98,6 +117,22 @@ def test_who_loses_all_rounds_is_not_verified(board, in_process):
     why = "all of its rounds are lost by rule: its answers are no valid actions"
     assert told(board)["ally/linear"] == (False, f"not verified: {why}")
     assert told(board)["ally/linear"] == (True, f"not verified, as before: {why}")
+
+
+def test_answers_that_depend_on_the_batch_are_not_verified(board, in_process):
+    in_process.mixes = True
+    enter(board, "ally", "linear", seeds=(0, 1))
+    why = "seed_0: its answer to one game depends on the other games of the batch"
+    assert told(board)["ally/linear"] == (False, f"not verified: {why}")
+    assert told(board)["ally/linear"] == (True, f"not verified, as before: {why}")
+
+
+def test_a_policy_is_tried_before_its_first_result_alone(board, in_process):
+    enter(board, "ally", "linear", seeds=(0, 1))
+    told(board)
+    assert in_process.started == 4
+    told(board)
+    assert in_process.started == 6
 
 
 def test_a_policy_that_fails_is_not_verified_and_stops_nobody(board, in_process):
@@ -131,22 +166,24 @@ def test_a_verified_policy_that_fails_later_is_told(board, in_process):
 
 EDITS = {
     "a return": ('"returns":[', '"returns":[9', "its lines are not those it was written with"),
-    "the summary": ('"value":100.0', '"value":140.0', "its summary does not follow from its lines"),
-    "the rounds": (
-        '"rounds":4',
-        '"rounds":5',
-        "of another rounds; make it again: fpg-bench submit run --update",
+    "a tally": ('"jammed":', '"jammed":1', "its lines are not those it was written with"),
+    "the rounds' hash": ('"rounds_sha256":"', '"rounds_sha256":"0', "its lines are not those it was"),
+    "the score": (
+        '"scores":{"known":{"value":',
+        '"scores":{"known":{"value":9',
+        "its summary does not follow",
     ),
-    "the season": (
-        '"season":"0"',
-        '"season":"1"',
-        "of another season; make it again: fpg-bench submit run --update",
+    "the worst": ('"against":"adaptive/pursuit"', '"against":"sweep/circle"', "its summary does not follow"),
+    "the fields": (
+        '"fields":{"known":["ally-v1","',
+        '"fields":{"known":["ally-v1","0',
+        "of other fields; make",
     ),
-    "the protocol": ('"protocol":"1"', '"protocol":"7"', "of another protocol; make it again: fpg"),
+    "the protocol": ('"protocol":"2"', '"protocol":"1"', "of protocol '1', this version's is '2'"),
     "the status": ('"status":"verified"', '"status":"not verified"', "not verified, but with lines or"),
-    "a seed": ('"training_seed":null', '"training_seed":"x"', "its lines are not those it was written with"),
+    "a seed": ('"training_seed":null', '"training_seed":"x"', "is no line of a counterpart"),
     "the name": ('"slug":"wise"', '"slug":"wiser"', "is the result of ally/wiser"),
-    "a number": ('"mean":', '"mean":NaN,"m":', "not lines of JSON: NaN is no number"),
+    "a number": ('"tally":', '"tally":NaN,"m":', "not lines of JSON: NaN is no number"),
     "all": ('{"kind"', '[{"kind"', "not lines of JSON"),
 }
 
@@ -163,7 +200,7 @@ def test_a_result_that_was_edited_is_told_in_a_line(board, what):
     assert line in found["ally/wise"][1]
     assert "\n" not in found["ally/wise"][1]
     assert found["ally/still"][0]
-    assert told(board, update=True)["ally/wise"][1].startswith("verified: score 100.0")
+    assert told(board, update=True)["ally/wise"][1].startswith("verified: known ")
     assert told(board)["ally/wise"][0]
 
 
@@ -233,7 +270,7 @@ def test_a_sample_holds_a_line_of_each_and_can_be_drawn_again(board, in_process)
 
     def drawn(share, seed):
         return [
-            [(part.name, entry) for part, entries in case.wanted for entry in entries]
+            [(part.name, meeting[1].name) for part, meetings in case.wanted for meeting in meetings]
             for case in sampled(cases, share, seed)
         ]
 
