@@ -2,9 +2,31 @@
 
 from __future__ import annotations
 
+from decimal import Decimal, InvalidOperation
 from typing import Annotated, Any
 
 import typer
+
+
+def whole_number(text: str) -> int:
+    """The number above 0 of ``2000000``, ``2_000_000`` or ``2e6``.
+
+    Raises:
+        typer.BadParameter: it is none, or above 10^15.
+    """
+    try:
+        number = Decimal(str(text))
+        if 0 < number <= 10**15 and number == int(number):  # in this order: 1e999999999 is a number, too
+            return int(number)
+    except InvalidOperation:
+        pass
+    raise typer.BadParameter(f"expected a whole number above 0, 2000000 or 2e6 for instance, got {text!r}")
+
+
+def steps_option(help: str) -> Any:
+    """``--steps``, also as ``2e6``."""
+    return typer.Option(parser=whole_number, metavar="STEPS", help=help)
+
 
 ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper or a YAML file")]
 PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]

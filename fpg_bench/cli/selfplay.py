@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import PathOption, ScenarioOption, listed, say
+from fpg_bench.cli.options import PathOption, ScenarioOption, listed, say, steps_option
 
 HyperparamsOption = Annotated[Path | None, typer.Option(help="a YAML file of your own")]
 
@@ -16,7 +16,7 @@ def selfplay(
     algorithm: Annotated[str, typer.Argument(help="as for train")],
     out: Annotated[Path, typer.Option(help="a folder for all generations")],
     generations: Annotated[int, typer.Option(min=1, help="of each side")] = 10,
-    steps: Annotated[int, typer.Option(min=1, help="budget of a generation of a side")] = 500_000,
+    steps: Annotated[int, steps_option("budget of a generation of a side")] = 500_000,
     pool: Annotated[
         int, typer.Option(min=1, help="most past generations of the other side to train against")
     ] = 5,
@@ -54,7 +54,7 @@ def exploit(
         str, typer.Argument(help="a shipped agent, an agent folder, a script, or package.module:object")
     ],
     out: Annotated[Path, typer.Option(help="a folder for the best responses and exploit.json")],
-    steps: Annotated[int, typer.Option(min=1, help="budget of each best response")] = 500_000,
+    steps: Annotated[int, steps_option("budget of each best response")] = 500_000,
     seeds: Annotated[int, typer.Option(min=1, help="how many best responses")] = 3,
     algorithm: Annotated[str, typer.Option(help="what trains them, as for train")] = "ppo",
     hyperparams: HyperparamsOption = None,
