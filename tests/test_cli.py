@@ -7,8 +7,10 @@ import sys
 import time
 
 import pytest
+import typer
 
 from fpg_bench import __version__
+from fpg_bench.cli.options import whole_number
 from fpg_bench.rows import RowFile
 
 TINY = """\
@@ -66,6 +68,12 @@ def test_train_evaluate_table(tmp_path):
     found = fpg(*words, folder=tmp_path)
     assert found.returncode == 0, found.stderr
     assert "run/agent" in found.stdout
+    last = RowFile(tmp_path / "run" / "evaluations.jsonl").read()[-1]
+    said = f"ally's score at the end of training (few rounds, tuning seeds): {last['score']:.1f}\n"
+    assert said in found.stdout
+    again = fpg(*words, folder=tmp_path)
+    assert "finished before; nothing was trained" in again.stdout
+    assert said in again.stdout
     words = ("evaluate", "idle", "run/agent", "--field", "ally-v1", "--matches", 2, "--out", "results")
     found = fpg(*words, folder=tmp_path)
     assert found.returncode == 0, found.stderr
@@ -89,6 +97,8 @@ def test_train_evaluate_table(tmp_path):
         (("train", "ppo", "FPG/AllyVsScriptd-v0", "--out", "x"), "did you mean 'FPG/AllyVsScripted-v0'"),
         (("train", "pqo", "FPG/AllyVsScripted-v0", "--out", "x"), "did you mean 'ppo'"),
         (("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x", "--steps", "0"), "steps"),
+        (("train", "ppo", "FPG/AllyVsScriptd-v0", "--out", "x", "--steps", "1e6"), "did you mean 'FPG/Ally"),
+        (("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x", "--steps", "1e-6"), "2000000 or 2e6"),
         (
             ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x", "--opponent", "tonne"),
             "did you mean 'tone'",
@@ -110,6 +120,20 @@ def test_bad_words_get_one_line_and_a_status(words, message, tmp_path):
     (line,) = [line for line in found.stderr.splitlines() if not line.startswith("fpg_bench: compiling")]
     assert line.startswith("fpg-bench: ")
     assert message in line
+
+
+@pytest.mark.parametrize(
+    ("text", "number"), [("1", 1), ("1e6", 10**6), ("1_000", 1000), ("2.5E+3", 2500), ("1e15", 10**15)]
+)
+def test_a_whole_number_may_be_written_with_an_exponent(text, number):
+    assert (found := whole_number(text)) == number
+    assert type(found) is int
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "1.5", "1e-6", "nan", "inf", "1e999999999", "1e16", "many", ""])
+def test_what_is_no_whole_number_is_refused(text):
+    with pytest.raises(typer.BadParameter, match="expected a whole number above 0"):
+        whole_number(text)
 
 
 def test_version():

@@ -2,12 +2,33 @@
 
 from __future__ import annotations
 
-import math
+from decimal import Decimal, InvalidOperation
 from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.errors import UserError, printable
+from fpg_bench.errors import printable
+
+
+def whole_number(text: str) -> int:
+    """The number above 0 of ``2000000``, ``2_000_000`` or ``2e6``.
+
+    Raises:
+        typer.BadParameter: it is none, or above 10^15.
+    """
+    try:
+        number = Decimal(str(text))
+        if 0 < number <= 10**15 and number == int(number):  # in this order: 1e999999999 is a number, too
+            return int(number)
+    except InvalidOperation:
+        pass
+    raise typer.BadParameter(f"expected a whole number above 0, 2000000 or 2e6 for instance, got {text!r}")
+
+
+def steps_option(help: str) -> Any:
+    """``--steps``, also as ``2e6``."""
+    return typer.Option(parser=whole_number, metavar="STEPS", help=help)
+
 
 ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper or a YAML file")]
 PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]
@@ -48,14 +69,3 @@ def listed(value: str | None) -> Any:
 def say(line: str) -> None:
     """Print a line at once, also into a file; what it quotes of others does nothing to a terminal."""
     print(printable(line), flush=True)
-
-
-def whole_number(name: str, word: str) -> int:
-    """The whole number above 0 that a word says; ``500_000`` and ``5e5`` are numbers, too."""
-    try:
-        value = float(word)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value >= 1 and value == int(value)):
-        raise UserError(f"{name}: expected a whole number above 0, got {word!r}")
-    return int(value)

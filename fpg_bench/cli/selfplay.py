@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import PathOption, ScenarioOption, listed, say, whole_number
+from fpg_bench.cli.options import PathOption, ScenarioOption, listed, say, steps_option, whole_number
 from fpg_bench.rows import Row
 
 HyperparamsOption = Annotated[Path | None, typer.Option(help="a YAML file of your own")]
@@ -17,7 +17,7 @@ def selfplay(
     algorithm: Annotated[str, typer.Argument(help="as for train")],
     out: Annotated[Path, typer.Option(help="a folder for all generations")],
     generations: Annotated[int, typer.Option(min=1, help="of each side")] = 10,
-    steps: Annotated[int, typer.Option(min=1, help="budget of a generation of a side")] = 500_000,
+    steps: Annotated[int, steps_option("budget of a generation of a side")] = 500_000,
     pool: Annotated[
         int, typer.Option(min=1, help="most past generations of the other side to train against")
     ] = 5,
@@ -81,7 +81,7 @@ def exploit(
     row = respond(
         agent,
         out,
-        steps=[whole_number("steps", word) for word in steps.split(",")],
+        steps=[whole_number(word) for word in steps.split(",")],
         seeds=seeds,
         algorithm=algorithm.split(","),
         start=start.split(","),

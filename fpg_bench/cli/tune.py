@@ -17,6 +17,7 @@ from fpg_bench.cli.options import (
     ScenarioOption,
     listed,
     say,
+    steps_option,
 )
 
 Folder = Annotated[Path, typer.Argument(help="the study's folder")]
@@ -34,7 +35,7 @@ def tune(
     out: Annotated[Path, typer.Option(help="the study's folder")],
     trials: Annotated[int, typer.Option(min=1, help="finished trials, of all workers together")] = 20,
     seeds: Annotated[int, typer.Option(min=1, help="training seeds of a trial")] = 2,
-    steps: Annotated[int | None, typer.Option(help="budget of a seed; default: half of the file's")] = None,
+    steps: Annotated[int | None, steps_option("budget of a seed; default: half of the file's")] = None,
     space: Annotated[Path | None, typer.Option(help="a search space of your own, YAML")] = None,
     hyperparams: Annotated[Path | None, typer.Option(help="a YAML file of your own")] = None,
     field: Annotated[str | None, typer.Option(help="what scores a policy; default: the id's")] = None,
@@ -95,7 +96,7 @@ def tune_write(
     file: Annotated[Path, typer.Argument(help="the hyper-parameter file")],
     best: Annotated[int, typer.Option(min=1, help="how many trials are trained again")] = 3,
     seeds: Annotated[int, typer.Option(min=1, help="fresh training seeds of each")] = 3,
-    steps: Annotated[int | None, typer.Option(help="budget of a seed; default: the study's")] = None,
+    steps: Annotated[int | None, steps_option("budget of a seed; default: the study's")] = None,
     storage: StorageOption = None,
     name: NameOption = None,
     lost: LostOption = None,

@@ -6,7 +6,7 @@ import contextlib
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -27,8 +27,12 @@ from fpg_bench.cli.options import (
     listed,
     llm_options,
     say,
+    steps_option,
 )
 from fpg_bench.errors import UserError
+
+if TYPE_CHECKING:
+    from fpg_bench.training.run_folder import RunFolder
 
 
 def envs() -> None:
@@ -93,7 +97,9 @@ def train(
     jobs: JobsOption = 2,
     backend: BackendOption = "loky",
     address: AddressOption = None,
-    steps: Annotated[int | None, typer.Option(help="budget; default: the hyper-parameter file's")] = None,
+    steps: Annotated[
+        int | None, steps_option("budget, 2e6 for instance; default: the hyper-parameter file's")
+    ] = None,
     hyperparams: Annotated[Path | None, typer.Option(help="a YAML file of your own")] = None,
     field: Annotated[
         str | None, typer.Option(help="what scores the policy on the way; default: the id's field")
@@ -126,6 +132,7 @@ def train(
     deadline: DeadlineOption = None,
 ) -> None:
     """Train an algorithm of Stable-Baselines3's kind on an id and export the agent."""
+    from fpg_bench.training.run_folder import RunFolder
     from fpg_bench.training.several import parse_seeds, train_seeds
     from fpg_bench.training.train import train as train_run
 
@@ -156,16 +163,31 @@ def train(
         raise UserError("seed, seeds: say one of them")
     if seeds is not None:
         where: dict[str, Any] = {"workers": jobs, "backend": backend, "address": address}
-        train_seeds(algorithm, view_id, out, parse_seeds(seeds), **where, say=say, **words)
+        listed_seeds = parse_seeds(seeds)
+        train_seeds(algorithm, view_id, out, listed_seeds, **where, say=say, **words)
+        for each in listed_seeds:
+            print_scores(RunFolder(out / f"seed_{each}"), f"seed {each}: ")
         typer.echo(f"agents: {out}/seed_*/agent\nlearning curves: tensorboard --logdir {out}")
         return
+    folder = RunFolder(out)
+    already = folder.is_finished()
     try:
         agent = train_run(algorithm, view_id, out, seed=seed or 0, resume=resume, **words)
     except KeyboardInterrupt as stop:
         saved = str(stop) or "the last checkpoint is kept"
         typer.echo(f"{saved}; go on by the same command with --resume", err=True)
         raise
+    if already:
+        typer.echo("this run was finished before; nothing was trained")
+    print_scores(folder)
     typer.echo(f"agent: {agent}\nlearning curves: tensorboard --logdir {out}")
+
+
+def print_scores(run: RunFolder, head: str = "") -> None:
+    """Print what the policy of each side scored at the end of a run; nothing where it was never scored."""
+    for side, score in run.last_scores().items():
+        shown = "none" if score is None else f"{score:.1f}"
+        typer.echo(f"{head}{side}'s score at the end of training (few rounds, tuning seeds): {shown}")
 
 
 def evaluate(

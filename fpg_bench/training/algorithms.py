@@ -10,7 +10,7 @@ from fpg_bench.errors import UserError, nearest
 from fpg_bench.imports import imported
 
 # Of one side, with shipped hyper-parameters.
-ALGORITHMS = ("ppo", "ppo-stack8", "recurrent-ppo", "sac", "td3")
+ALGORITHMS = ("ppo", "ppo-fast", "ppo-stack8", "recurrent-ppo", "sac", "td3")
 _CLASSES = {
     "ppo": "stable_baselines3:PPO",
     "sac": "stable_baselines3:SAC",
@@ -18,6 +18,7 @@ _CLASSES = {
     "recurrent-ppo": "sb3_contrib:RecurrentPPO",
     "maddpg": "fpg_bench.training.maddpg:MADDPG",
 }
+_VARIANTS = {"ppo-fast": "ppo"}  # the same class with a hyper-parameter file of its own
 _STACKED = re.compile(r"(ppo|sac|td3)-stack([1-9]\d*)")
 
 
@@ -27,7 +28,8 @@ class Algorithm:
 
     Attributes:
         name: what tables and folders say.
-        base: the name without its stacked frames; its hyper-parameter file.
+        base: the name of its class: without stacked frames, or what it is a variant of; where it has no
+            hyper-parameter file and no search space of its own, it takes those of this name.
         kind: the class, a subclass of SB3's ``BaseAlgorithm``.
         frame_stack: how many of the last observations it sees at once; None: as its hyper-parameters say.
         custom: whether it is a class of the user's.
@@ -47,7 +49,8 @@ class Algorithm:
 
 def find_algorithm(name: str | type[Any]) -> Algorithm:
     """The algorithm of a name: ``ppo``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` (any number of
-    frames, on any of the first three), ``maddpg``, or ``package.module:Class``; or of a class itself.
+    frames, on any of the first three), ``ppo-fast`` (PPO with values that reach a score in the least time),
+    ``maddpg``, or ``package.module:Class``; or of a class itself.
 
     Raises:
         UserError: no such algorithm, or no algorithm class of Stable-Baselines3's kind.
@@ -58,10 +61,11 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
         return _custom(name, imported(name, "algorithm"))
     if stacked := _STACKED.fullmatch(name):
         return Algorithm(name, stacked[1], imported(_CLASSES[stacked[1]], "algorithm"), int(stacked[2]))
-    if name not in _CLASSES:
+    base = _VARIANTS.get(name, name)
+    if base not in _CLASSES:
         hint = nearest(name, (*ALGORITHMS, "maddpg"))
         raise UserError(f"unknown algorithm {name!r}{hint}")
-    return Algorithm(name, name, imported(_CLASSES[name], "algorithm"))
+    return Algorithm(name, base, imported(_CLASSES[base], "algorithm"))
 
 
 def _custom(name: str, kind: Any) -> Algorithm:

@@ -9,6 +9,7 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
+LINE_EVERY_S = 30.0  # at most, where no bar can be drawn
 WATCHED = ("overlap_ratio", "jamming_success_rate", "snr_db", "hop_rate", "spread_ratio", "near_ratio")
 
 
@@ -27,7 +28,10 @@ class GameMeasures(BaseCallback):
 
 
 class TrainingBar(BaseCallback):
-    """A bar with steps, rate, time left and the last rounds' mean return; lines where none can be drawn."""
+    """A bar with steps, rate, time left and the last rounds' mean return.
+
+    Where none can be drawn, a line is printed for each tenth of the budget, and 30 s after the last one.
+    """
 
     def __init__(self, total: int) -> None:
         super().__init__()
@@ -44,25 +48,39 @@ class TrainingBar(BaseCallback):
 
     def _on_training_start(self) -> None:
         self._first, self._start = self.num_timesteps, time.monotonic()
+        self._printed = self._start
         self._lines = 10 * self._first // self._total
         self._task = self._progress.add_task("", total=self._total, completed=self._first, said="")
         self._progress.start()
 
     def _on_step(self) -> bool:
         self._progress.update(self._task, completed=self.num_timesteps)
+        if time.monotonic() - self._printed >= LINE_EVERY_S:
+            self._print()
         return True
 
     def _on_rollout_end(self) -> None:
+        self._progress.update(self._task, said=self._said())
+        tenth = 10 * self.num_timesteps // self._total
+        if tenth > self._lines:
+            self._lines = tenth
+            self._print()
+
+    def _said(self) -> str:
+        """The rate, and the last rounds' mean return."""
         rate = (self.num_timesteps - self._first) / (time.monotonic() - self._start)
         said = f"{rate:,.0f} steps/s"
         if self.model.ep_info_buffer:
             (side,) = self.training_env.get_attr("side", 0)
             said += f", {side}'s return {np.mean([info['r'] for info in self.model.ep_info_buffer]):,.0f}"
-        self._progress.update(self._task, said=said)
-        tenth = 10 * self.num_timesteps // self._total
-        if self._progress.disable and tenth > self._lines:
-            self._lines = tenth
-            print(f"training: {self.num_timesteps:,} of {self._total:,} steps, {said}", flush=True)
+        return said
+
+    def _print(self) -> None:
+        """Print how far it is, where no bar is drawn."""
+        self._printed = time.monotonic()
+        if self._progress.disable:
+            done = f"{self.num_timesteps:,} of {self._total:,} steps"
+            print(f"training: {done}, {self._said()}", flush=True)
 
     def close(self) -> None:
         """Stop drawing, however training ended."""

@@ -20,6 +20,7 @@ from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.ids import sides_of
 from fpg_bench.imports import reason
+from fpg_bench.training.activations import as_activation
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import Hyperparameters
 
@@ -133,6 +134,8 @@ def _arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict
         raise UserError(f"{where}: policy_kwargs: expected a mapping, got {policy!r}")
     if isinstance(policy.get("log_std_init"), list):  # one for each action
         policy["log_std_init"] = torch.tensor(_per_action(policy["log_std_init"], f"{where}: log_std_init"))
+    if "activation_fn" in policy:
+        policy["activation_fn"] = as_activation(policy["activation_fn"], f"{where}: activation_fn")
     for name in _SCHEDULED:
         if isinstance(arguments.get(name), str):
             arguments[name] = _schedule(arguments[name], f"{where}: {name}")

@@ -110,6 +110,15 @@ class RunFolder:
             )
         return found
 
+    def last_scores(self) -> dict[str, float | None]:
+        """What the policy of each side scored when it was last looked at; of no side where it never was."""
+        return {row["side"]: row["score"] for row in self.evaluations.read()}
+
+    def is_finished(self) -> bool:
+        """Whether a run lies here that came to its end."""
+        about = self.path / "run.json"
+        return about.exists() and bool(read_json(about, "run").get("finished"))
+
     def clear(self) -> None:
         """Forget a run that is to begin again."""
         for folder in (self.agent, self.checkpoints):

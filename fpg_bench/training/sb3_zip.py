@@ -17,9 +17,9 @@ from fpg_bench.envs.sb3 import make_sb3
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.plain_json import read_object
+from fpg_bench.training.activations import ACTIVATIONS
 
 KINDS: dict[str, Any] = {"ppo": PPO, "a2c": A2C, "sac": SAC, "td3": TD3}
-_ACTIVATIONS = ("Tanh", "ReLU", "ELU", "GELU", "SiLU", "LeakyReLU")
 # What policy_kwargs may say without changing what predict computes, beside the sizes that the weights tell.
 _HARMLESS = {
     "net_arch",
@@ -84,9 +84,9 @@ def _policy_kwargs(words: dict[str, Any], weights: dict[str, torch.Tensor]) -> d
     kwargs: dict[str, Any] = {"net_arch": _sizes(weights)}
     if "activation_fn" in told:
         name = re.sub(r"\W+$", "", str(told["activation_fn"])).rpartition(".")[2]
-        if name not in _ACTIVATIONS:
+        if name not in ACTIVATIONS:
             raise UserError(f"export: its activation is {name!r}; {INSTEAD}")
-        kwargs["activation_fn"] = getattr(torch.nn, name)
+        kwargs["activation_fn"] = ACTIVATIONS[name]
     if critics := {key.split(".")[1] for key in weights if key.startswith("critic.qf")}:
         kwargs["n_critics"] = len(critics)
     return kwargs

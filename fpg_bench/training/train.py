@@ -25,6 +25,7 @@ from fpg_bench.ids import DUEL, VIEWS, find_view, sides_of
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.callbacks import GameMeasures, TrainingBar
 from fpg_bench.training.checkpoints import load_checkpoint, load_weights, newest_checkpoint, save_model
+from fpg_bench.training.divergence import is_finite, tells_divergence
 from fpg_bench.training.export import check_exportable, export_agent
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
@@ -257,8 +258,16 @@ class _Run:
             self.fresh = False
         if (imitation := self.parameters.imitate) is not None:
             teacher_of(imitation, self.model, self.sides[0], self.games.core.scenario)
-        for player in by_side(self.model, self.sides).values():
-            check_exportable(player)
+        try:
+            for player in by_side(self.model, self.sides).values():
+                check_exportable(player)
+        except ValueError as error:
+            if not tells_divergence(error, self.sides):
+                raise
+            raise UserError(
+                f"hyper-parameters of {self.algorithm.name}: the new policy draws no finite actions; see its "
+                "policy_kwargs, log_std_init for instance"
+            ) from error
 
     def go_on(self, state: dict[str, Any]) -> None:
         """Take up the newest checkpoint; from here on, other matches are played and other numbers drawn."""
@@ -309,20 +318,21 @@ class _Run:
                     left = budget - model.num_timesteps
                     model.learn(left, [GameMeasures(), keeping, *bar], 1, reset_num_timesteps=False)
             except ValueError as error:
-                self._check_finite(error)
+                if tells_divergence(error, self.sides) or not is_finite(model):
+                    raise self._diverged() from error
                 raise
             finally:
                 for drawn in bar:
                     drawn.close()
+        if not is_finite(model):  # after the last update
+            raise self._diverged()
         self.seconds = clock.seconds
 
-    def _check_finite(self, error: Exception) -> None:
-        """Raise UserError where training came to weights that are no numbers, whoever stumbled over them."""
-        if not all(bool(torch.isfinite(weights).all()) for weights in self.model.policy.parameters()):
-            raise UserError(
-                f"{self.folder.path}: training diverged by {self.model.num_timesteps:,} steps, the policy's "
-                "weights are no numbers any more; try a smaller learning_rate"
-            ) from error
+    def _diverged(self) -> UserError:
+        return UserError(
+            f"{self.folder.path}: training diverged by {self.model.num_timesteps:,} steps, the policy has no "
+            "finite actions any more; try a smaller learning_rate"
+        )
 
     def finish(self) -> None:
         """Export the agent, keep the model, and let the checkpoints go."""

@@ -14,6 +14,7 @@ from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_games, make_model
 from fpg_bench.training.train import train
+from fpg_bench.training.tuning.space import load_space
 from tests.training.own import Mine
 from tests.training.tiny import ALLY, train_tiny
 
@@ -22,6 +23,7 @@ from tests.training.tiny import ALLY, train_tiny
     ("name", "kind", "frames"),
     [
         ("ppo", PPO, None),
+        ("ppo-fast", PPO, None),
         ("sac", SAC, None),
         ("td3-stack4", TD3, 4),
         ("ppo-stack8", PPO, 8),
@@ -69,6 +71,16 @@ def test_stacked_frames_come_from_the_name_or_the_file():
     assert load_hyperparameters("ppo", ALLY, given).frame_stack == 4
     with pytest.raises(UserError, match="frame_stack: ppo-stack8 has 8, got 4"):
         load_hyperparameters("ppo-stack8", ALLY, given)
+
+
+def test_a_variant_has_values_of_its_own_and_else_those_of_its_class():
+    fast = load_hyperparameters("ppo-fast", ALLY).algorithm
+    assert fast["policy_kwargs"]["activation_fn"] == "ReLU"
+    assert fast != load_hyperparameters("ppo", ALLY).algorithm
+    opponent = "FPG/OpponentVsScripted-v0"
+    learned = load_hyperparameters("ppo", opponent, path="learned")
+    assert load_hyperparameters("ppo-fast", opponent, path="learned") == learned
+    assert load_space(find_algorithm("ppo-fast").base) == load_space("ppo")
 
 
 @pytest.mark.parametrize("sds", [0.3, [0.1] * 6 + [0.5] * 3])

@@ -55,7 +55,7 @@ def test_a_live_model_is_an_agent(tmp_path):
     ("kind", "algorithm", "frames", "options"),
     [
         (PPO, "ppo", 1, {}),
-        (PPO, "ppo", 3, {"policy_kwargs": SMALL | {"activation_fn": torch.nn.ReLU}}),
+        (PPO, "ppo", 3, {"policy_kwargs": SMALL | {"activation_fn": torch.nn.Mish}}),
         (SAC, "sac", 1, {"policy_kwargs": SMALL, "buffer_size": 10}),
         (TD3, "td3", 1, {"policy_kwargs": SMALL | {"n_critics": 1}, "buffer_size": 10}),
     ],

@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import pytest
+import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
 from fpg_bench.errors import UserError
@@ -17,7 +18,7 @@ from fpg_bench.players.agent import load_agent
 from fpg_bench.rows import RowFile
 from fpg_bench.training import checkpoints, train
 from fpg_bench.training.checkpoints import newest_checkpoint
-from tests.training.tiny import train_tiny
+from tests.training.tiny import settings, train_tiny
 
 ALGORITHMS = ["ppo", "sac", "td3", "recurrent-ppo", "ppo-stack3", "sac-stack3"]
 
@@ -78,7 +79,8 @@ def stopped(algorithm, out, monkeypatch, at=600, **options):
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_a_run_goes_on_where_it_was_and_ends_with_the_steps_asked_for(algorithm, tmp_path, monkeypatch):
-    changes = {"learning_rate": "lin_0.001"}
+    policy = settings(algorithm)["policy_kwargs"] | {"activation_fn": "ELU"}
+    changes = {"learning_rate": "lin_0.001", "policy_kwargs": policy}
     first = stopped(algorithm, tmp_path / "run", monkeypatch, changes=changes)
     with pytest.raises(UserError, match="unfinished; go on with --resume"):
         train_tiny(algorithm, tmp_path / "run", changes=changes)
@@ -88,6 +90,7 @@ def test_a_run_goes_on_where_it_was_and_ends_with_the_steps_asked_for(algorithm,
     assert second.seen == first.seen
     # The games' first observations are normalised, and counted, at each beginning
     assert second.counts == first.counts + 4
+    assert any(isinstance(layer, torch.nn.ELU) for layer in second.model.policy.modules())
     assert set(second.seeds).isdisjoint(first.seeds)
     assert set(second.seeds) <= set(range(10**6))
     assert second.rates[-1] <= second.rates[0] == first.rates[-1] < first.rates[0]
@@ -168,7 +171,7 @@ def test_scores_of_a_run_that_goes_on_stand_once(tmp_path, monkeypatch):
 PROGRAM = """
 import json, sys
 import fpg_bench.training.keeping as keeping
-from tests.training.tiny import train_tiny
+from tests.training.tiny import settings, train_tiny
 keeping.SAVE_EVERY_S = 0.0
 train_tiny("sac", sys.argv[1], {"train_freq": 1}, steps=int(sys.argv[2]), resume=True, evaluations=4)
 """

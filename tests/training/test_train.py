@@ -2,6 +2,7 @@ import json
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
@@ -18,6 +19,7 @@ from fpg_bench.training.checkpoints import newest_checkpoint
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model
 from fpg_bench.training.train import train
+from tests.training.tiny import settings, train_tiny
 
 TINY = """\
 FPG/AllyVsScripted-v0:
@@ -227,17 +229,40 @@ def test_bad_hyperparameters(tmp_path, old, new, message):
     assert not (tmp_path / "run").exists()
 
 
-def test_weights_that_are_no_numbers_are_named(tmp_path):
-    (tmp_path / "mine.yml").write_text(TINY.replace("n_steps: 300", "n_steps: 300\n  learning_rate: .inf"))
-    with pytest.raises(UserError, match=r"training diverged by .* smaller learning_rate"):
-        train(
-            "ppo",
-            "FPG/AllyVsScripted-v0",
-            tmp_path / "run",
-            hyperparams=tmp_path / "mine.yml",
-            progress=False,
-            evaluations=0,
-        )
+@pytest.mark.parametrize("evaluations", [0, 2])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"learning_rate": float("inf")},
+        {"learning_rate": 30.0, "policy_kwargs": {"net_arch": [8], "log_std_init": -100.0}},
+        {"learning_rate": float("inf"), "n_steps": 300},  # in the last update
+    ],
+    ids=["weights", "spread", "end"],
+)
+def test_training_that_diverges_is_one_line(changes, evaluations, tmp_path):
+    with pytest.raises(UserError, match=r"run: training diverged by [\d,]+ steps, .* smaller learning_rate"):
+        train_tiny("ppo", tmp_path / "run", changes, evaluations=evaluations)
+
+
+@pytest.mark.parametrize("spread", [-200.0, float("nan")])
+def test_a_policy_that_cannot_act_is_refused_before_anything_is_written(spread, tmp_path):
+    changes = {"policy_kwargs": {"net_arch": [8], "log_std_init": spread}}
+    with pytest.raises(UserError, match="hyper-parameters of ppo: the new policy draws no finite actions"):
+        train_tiny("ppo", tmp_path / "run", changes)
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_opponent_that_answers_nan_is_not_called_divergence(tmp_path):
+    given = {"hyperparams": settings("ppo"), "progress": False, "evaluations": 0}
+    with pytest.raises(UserError, match="opponent action of game 0: index 0 is nan"):
+        train("ppo", "FPG/AllyVsPolicy-v0", tmp_path / "run", opponent=Nowhere(), **given)
+
+
+class Nowhere:
+    """An opponent without an answer."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return np.full((len(observation), 9), np.nan, np.float32), state
 
 
 def test_unknown_words(tmp_path):

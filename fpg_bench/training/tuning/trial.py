@@ -15,9 +15,10 @@ from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.evaluation.seeds import training_seed
 from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.evaluation.yardstick import Yardstick
-from fpg_bench.game.arena import ActionError
+from fpg_bench.ids import sides_of
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.training.actor import ActorPlayer
+from fpg_bench.training.divergence import tells_divergence
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.models import make_games, make_model
@@ -84,8 +85,8 @@ class Objective:
             looks = _Looks(self._task.steps, lambda part: look(part, self._scores(ActorPlayer(model))))
             model.learn(self._task.steps, callback=looks)
             return self._scores(OnnxPlayer(export_onnx(model), {"algorithm": self._task.algorithm}))
-        except ValueError as error:  # torch says the latter, of a distribution's parameters
-            if isinstance(error, ActionError) or "found invalid values" in str(error):
+        except ValueError as error:
+            if tells_divergence(error, sides_of(self._task.view_id)):
                 raise Diverged("training came to numbers that are none") from error
             raise
         finally:
