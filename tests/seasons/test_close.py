@@ -101,7 +101,7 @@ def test_a_season_is_closed_once(closed, board):
 
 def test_candidates_of_another_closing_are_not_taken(closed, board, tmp_path):
     _, work = closed
-    with pytest.raises(UserError, match="holds candidates of another closing .seed"):
+    with pytest.raises(UserError, match=r"holds candidates of another closing .seed"):
         close_tiny(board, work, tmp_path / "season-2", name="2")
 
 
@@ -128,7 +128,7 @@ def test_a_board_without_entries_is_refused(tmp_path):
 def test_an_entry_that_is_not_sound_is_named(board, tmp_path):
     shutil.copytree(board, tmp_path / "board")
     (tmp_path / "board/submissions/opponent/tone/submission.yaml").write_text("name: x\n")
-    with pytest.raises(UserError, match="entry opponent/tone: submission.yaml: lacks"):
+    with pytest.raises(UserError, match=r"entry opponent/tone: submission.yaml: lacks"):
         read_entries(tmp_path / "board")
 
 
