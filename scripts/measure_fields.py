@@ -4,7 +4,10 @@ Two closings over the same entries with different seeds; the second one is for t
 
     fpg-bench season close training-1 --work runs/training-1
     fpg-bench season close twin-1 --work runs/twin-1 --out runs/twin-1/field
-    python scripts/measure_fields.py runs/training-1 runs/twin-1
+    python scripts/measure_fields.py runs/training-1 runs/twin-1 --known runs/known
+
+``--known`` names a folder for what entries earn against the scripts and trained entries of the other side; it
+is played once. The board's ``worst`` is the lowest over these and the field together.
 
 Spearman's rank correlation is over the trained entries (the mean over an entry's training seeds). A script
 is no entry here: it would raise the correlation, since scripts are far apart. ``random`` is the median of
@@ -24,6 +27,8 @@ from fpg_bench.rows import RowFile
 from fpg_bench.seasons import agreement
 from fpg_bench.seasons.choosing import choose
 from fpg_bench.seasons.close import OTHER, PROFILE
+from fpg_bench.seasons.entries import apart, of_side, read_entries
+from fpg_bench.seasons.profiles import played
 
 SIZES = (2, 4, 6, 8, 10, 12, 16, 20, 24, 32, 40)
 SCORES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
@@ -60,8 +65,28 @@ class Closed:
         return self.entries[:, choose(self.returns, size)]
 
 
-def tell(a: Closed, b: Closed, side: str) -> None:
-    """Print the agreement of two closings by size."""
+def play_known(side: str, folder: Path, rounds: int = 30) -> None:
+    """Let all entries play the entries of a side, one training seed of each, once."""
+    entries = read_entries()
+    for known in apart(of_side(entries, side)):
+        file = RowFile(folder / side / known.name.partition("/")[2] / PROFILE)
+        there = {row["player"] for row in file.read()}
+        for entry in apart(of_side(entries, OTHER[side])):
+            path = known.path if side == "opponent" else entry.path
+            for player in entry.players:
+                if player not in there:
+                    found = played(player, OTHER[side], known.players[0], path, "known", rounds)
+                    file.append([{"entry": entry.name, "player": player, **found}])
+
+
+def tell(a: Closed, b: Closed, side: str, known: np.ndarray | None = None) -> None:
+    """Print the agreement of two closings by size.
+
+    Args:
+        a, b: the closings.
+        side: of their candidates.
+        known: ``(trained entries, n)``, returns against what everybody knew, for the board's ``worst``.
+    """
     counts = a.entries.shape[1], b.entries.shape[1]
     sizes = [size for size in SIZES if size <= min(counts)]
     print(f"{side}s: {counts[0]} and {counts[1]} candidates, {len(a.names)} trained entries")
@@ -74,6 +99,13 @@ def tell(a: Closed, b: Closed, side: str) -> None:
         print(f"| {name}, random | {' | '.join(cells)} | {every} |")
         chosen = [agreement.agreement(a.field(size), b.field(size), score) for size in sizes]
         print(f"| {name}, chosen | {' | '.join(f'{found:.2f}' for found in chosen)} | {every} |")
+    if known is not None:
+        parts = [[np.hstack((known, c.field(size))) for c in (a, b)] for size in sizes]
+        chosen = [agreement.agreement(x, y, agreement.worst) for x, y in parts]
+        print(f"| worst, chosen and known | {' | '.join(f'{found:.2f}' for found in chosen)} | |")
+        for name, score in SCORES.items():
+            found = [agreement.agreement(known, c.entries, score) for c in (a, b)]
+            print(f"{name}, known against each closing: {found[0]:.2f}, {found[1]:.2f}")
     for name in ("mean", "worst"):
         each = agreement.agreement(a.agents, b.agents, SCORES[name])
         print(f"{name}, all candidates, over {len(a.agents)} agents: {each:.2f}")
@@ -84,10 +116,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("closings", type=Path, nargs=2, help="the working folders of two closings")
     parser.add_argument("--side", choices=tuple(OTHER), action="append", help="of the candidates")
+    parser.add_argument("--known", type=Path, help="a folder for what entries earn against the known")
     words = parser.parse_args()
     for side in words.side or OTHER:
         a, b = (Closed(folder, side) for folder in words.closings)
-        tell(a, b, side)
+        if words.known:
+            play_known(side, words.known)
+        tell(a, b, side, Closed(words.known, side).entries if words.known else None)
 
 
 if __name__ == "__main__":

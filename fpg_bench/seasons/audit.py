@@ -16,13 +16,12 @@ from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.job import Job, check_all_done
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.seasons.candidates import is_trained, leave_agent, train_candidate
+from fpg_bench.seasons.close import OTHER
 from fpg_bench.seasons.drawing import shuffled
 from fpg_bench.seasons.entries import SeasonEntry, season_seed
 from fpg_bench.seasons.profiles import ROUNDS, played
 from fpg_bench.seasons.recipe import Recipe
 from fpg_bench.seasons.season import Season, SeasonMember
-
-OTHER = {"ally": "opponent", "opponent": "ally"}
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,7 @@ def hyperparameters(recipe: Recipe) -> dict[str, Any]:
     networks: dict[str, Any] = {"net_arch": [64, 64]}
     own: dict[str, Any] = {"n_timesteps": recipe.steps, "gamma": recipe.gamma, "policy_kwargs": networks}
     if recipe.algorithm == "td3":
+        networks["optimizer_kwargs"] = {"fused": True}
         return _TD3 | own
     import torch
 

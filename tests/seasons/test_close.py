@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import shutil
@@ -18,7 +19,8 @@ from fpg_bench.seasons.profiles import played
 from fpg_bench.seasons.season import FILE, load_season
 from fpg_bench.seasons.show import told
 from tests.leaderboard.making import model, node, weights
-from tests.seasons.closing import TINY, close_tiny, make_board
+from tests.seasons.closing import TINY, close_tiny, in_this_process, make_board
+from tests.test_cli import fpg
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +101,7 @@ def test_a_season_is_closed_once(closed, board):
 
 def test_candidates_of_another_closing_are_not_taken(closed, board, tmp_path):
     _, work = closed
-    with pytest.raises(UserError, match="holds candidates of another closing .seed"):
+    with pytest.raises(UserError, match=r"holds candidates of another closing .seed"):
         close_tiny(board, work, tmp_path / "season-2", name="2")
 
 
@@ -126,7 +128,7 @@ def test_a_board_without_entries_is_refused(tmp_path):
 def test_an_entry_that_is_not_sound_is_named(board, tmp_path):
     shutil.copytree(board, tmp_path / "board")
     (tmp_path / "board/submissions/opponent/tone/submission.yaml").write_text("name: x\n")
-    with pytest.raises(UserError, match="entry opponent/tone: submission.yaml: lacks"):
+    with pytest.raises(UserError, match=r"entry opponent/tone: submission.yaml: lacks"):
         read_entries(tmp_path / "board")
 
 
@@ -185,8 +187,6 @@ def test_a_member_that_answers_nan_is_named(closed, tmp_path):
     shutil.copytree(season.agent("opponent", member), tmp_path / "agent")
     policy = model([node("MatMul", ["observation", "w"], ["action"])], [weights(scale=float("nan"))])
     (tmp_path / "agent" / "policy.onnx").write_bytes(policy)
-    import hashlib
-
     about = json.loads((tmp_path / "agent" / "agent.json").read_text())
     about["policy_sha256"] = hashlib.sha256(policy).hexdigest()
     (tmp_path / "agent" / "agent.json").write_text(json.dumps(about))
@@ -204,17 +204,27 @@ def test_a_season_is_told_in_words(closed, board):
         assert re.search(rf"{member.name} +{member.recipe.reward} +{member.recipe.algorithm} ", text)
 
 
-def test_an_audit_trains_a_member_again(closed, board, tmp_path):
+def test_an_audit_trains_a_member_again(closed, board, tmp_path, monkeypatch):
     season, _ = closed
-    (found,) = audit(
-        season,
-        read_entries(board),
-        tmp_path,
-        ["o00"],
-        rounds=TINY["rounds"],
-        workers=1,
-        say=lambda line: None,
-    )
+    monkeypatch.setattr("fpg_bench.seasons.audit.run_jobs", in_this_process)
+    (found,) = audit(season, read_entries(board), tmp_path, ["o00"], rounds=TINY["rounds"])
     assert (found.side, found.name, found.same, found.difference) == ("opponent", "o00", True, 0.0)
     with pytest.raises(UserError, match="has no member 'o99'"):
         audit(season, read_entries(board), tmp_path, ["o99"])
+
+
+def test_the_verbs_answer_in_lines(closed, board, tmp_path):
+    season, work = closed
+    shown = fpg("season", "show", season.folder, "--board", board)
+    assert shown.returncode == 0, shown.stderr
+    assert f"season-1: season 1 of protocol {season.protocol}, hash {season.hash}" in shown.stdout
+    refused = [
+        (("close", "1", "--board", board, "--work", work, "--out", season.folder), "is closed already"),
+        (("audit", season.folder, "--work", tmp_path, "--board", tmp_path), "holds no submissions"),
+        (("show", "season-99"), "no 'season-99'"),
+    ]
+    for words, message in refused:
+        found = fpg("season", *words)
+        assert found.returncode == 2
+        assert message in found.stderr
+        assert found.stderr.count("\n") == 1

@@ -36,7 +36,7 @@ def test_two_closings_consist_of_the_same_and_combine_it_otherwise(side, targets
     for kind in ("algorithm", "reward", "gamma"):
         found = Counter(getattr(recipe, kind) for recipe in a)
         assert found == Counter(getattr(recipe, kind) for recipe in b)
-        assert max(found.values()) - min(found.values()) <= len(ALGORITHMS)
+        assert kind == "algorithm" or max(found.values()) - min(found.values()) <= 3
     assert {recipe.reward for recipe in a} == set(REWARDS[side])
     assert all(recipe.steps in STEPS[recipe.algorithm] for recipe in a)
     assert [(r.reward, r.targets) for r in a] != [(r.reward, r.targets) for r in b]
@@ -68,7 +68,7 @@ def test_without_entries_there_is_nothing_to_train_against():
         draw_recipes("a", "ally", 4, [])
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize("algorithm", sorted(set(ALGORITHMS)))
 def test_hyperparameters_say_what_the_recipe_says(algorithm):
     recipe = next(r for r in draw_recipes("a", "opponent", 24, ALLIES) if r.algorithm == algorithm)
     found = hyperparameters(recipe)
