@@ -150,19 +150,30 @@ def train_champion(
         )
         say(f"{recipe.name}/seed_{seed}: stage {number} trained, against {len(population)} players")
         if number + 1 < len(recipe.stages):
-            population += _respond(recipe, agent, seed, number, here, progress)
+            population += respond(recipe, agent, here, RESPONDER_SEED + 1000 * seed + 100 * number, progress)
     return agent
 
 
-def _respond(recipe: Recipe, agent: Path, seed: int, number: int, here: Path, progress: bool) -> list[str]:
-    """Train the responders to a stage's agent."""
+def respond(recipe: Recipe, agent: str | Path, folder: Path, seed: int, progress: bool = False) -> list[str]:
+    """Train a recipe's responders against an agent; what is done is not done again.
+
+    Args:
+        recipe: says how.
+        agent: the agent's folder or name.
+        folder: of the runs, ``responder_<j>``.
+        seed: the first one's training seed.
+        progress: whether to show how each training goes.
+
+    Returns:
+        Their agents' folders.
+    """
     found = []
     for index, responder in enumerate(recipe.responders):
         response = train(
             responder["algorithm"],
             policy_view(recipe.other_side).id,
-            here / f"responder_{index}",
-            seed=RESPONDER_SEED + 1000 * seed + 100 * number + index,
+            folder / f"responder_{index}",
+            seed=seed + index,
             steps=responder["steps"],
             hyperparams=responder.get("hyperparams"),
             against=str(agent),
@@ -175,7 +186,7 @@ def _respond(recipe: Recipe, agent: Path, seed: int, number: int, here: Path, pr
     return found
 
 
-def _drawn(recipe: Recipe, agent: Path, population: list[str], file: Path) -> list[str]:
+def _drawn(recipe: Recipe, agent: str | Path, population: list[str], file: Path) -> list[str]:
     """The population, each as often as it is to be drawn; kept in a file, so that it stays."""
     if file.exists():
         kept = read_json(file, "population")
@@ -201,7 +212,7 @@ def copies_by_hardness(returns: Sequence[float], priority: int) -> list[int]:
 
 
 def returns_a_step(
-    recipe: Recipe, agent: Path, population: Sequence[str], rounds: int = ROUNDS
+    recipe: Recipe, agent: str | Path, population: Sequence[str], rounds: int = ROUNDS
 ) -> list[float]:
     """The agent's mean return a step against each player of a population, on tuning seeds."""
     found = []
