@@ -1,8 +1,8 @@
-"""What planning the opponent's path costs: the interceptor, the match runner, a slow language model.
+"""What planning the opponent's path costs: the interceptor, the loop of rounds, a slow language model.
 
     python scripts/benchmark_planning.py [--quick] [--json FILE]
 
-The runner's speeds are in thousands of game steps a second on one thread; they move with the machine, so the
+The loop's speeds are in thousands of game steps a second on one thread; they move with the machine, so the
 ratio of both is shown, too. Training is measured in turns, with a server that answers after five seconds
 and on a fixed path.
 """
@@ -22,12 +22,11 @@ from stable_baselines3 import PPO
 
 import fpg_bench
 from fpg_bench.envs.duel import make_duel
+from fpg_bench.envs.rounds import play_round, seated
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.planning.llm.background import Beside
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.servers import Endpoint, load_server
-from fpg_bench.players.naming import as_player
-from fpg_bench.players.seat import Seat
 
 MATCHES = 256
 ROUNDS = 10
@@ -35,30 +34,27 @@ ANSWER_S = 5.0
 PLANNED = as_scenario(None, opponent_path="waypoints", rounds_per_match=ROUNDS)
 
 
-def runner_rate(planner: str, rounds: int, plan_ms: list[float]) -> float:
+def rounds_rate(planner: str, rounds: int, plan_ms: list[float]) -> float:
     """Thousands of game steps a second of whole matches on one thread; notes what each game's plans took."""
     duel = make_duel(MATCHES, scenario=PLANNED, planner=planner, threads=1)
-    ally, opponent = (
-        Seat(side, [as_player(name, side, PLANNED)], duel.arena)
-        for side, name in (("ally", "expert"), ("opponent", "adaptive"))
-    )
+    table = seated(duel, "expert", "adaptive")
     begin = time.perf_counter()
     for number in range(rounds):
-        play_round(duel, ally, opponent, None if number else 0)
+        play_round(table, seeds=None if number else 0)
         plan_ms += [1000 * (duel.plans[0].seconds or 0.0)] if number and duel.plans[0] else []
     return rounds * PLANNED.steps_per_round * MATCHES / (time.perf_counter() - begin) / 1000
 
 
 def running(quick: bool) -> list[Figure]:
-    """The match runner with a fixed shape and with the interceptor, and the plans themselves."""
+    """The loop with a fixed shape and with the interceptor, and the plans themselves."""
     rounds, repeats = (2, 1) if quick else (ROUNDS, 5)
     plan_ms: list[float] = []
-    runner_rate("interceptor", 2, [])  # compiles
+    rounds_rate("interceptor", 2, [])  # compiles
     rates = interleaved(
         repeats,
         {
-            "circle": partial(runner_rate, "circle", rounds, []),
-            "interceptor": partial(runner_rate, "interceptor", rounds, plan_ms),
+            "circle": partial(rounds_rate, "circle", rounds, []),
+            "interceptor": partial(rounds_rate, "interceptor", rounds, plan_ms),
         },
     )
     last = np.median(plan_ms[rounds - 2 :: rounds - 1])
@@ -66,9 +62,9 @@ def running(quick: bool) -> list[Figure]:
     return [
         Figure("interceptor, a game's plan, mean over rounds", float(np.mean(plan_ms)), None, unit="ms"),
         Figure("interceptor, a game's plan in the last round", float(last), 2, at_least=False, unit="ms"),
-        Figure("runner, 256 matches, circle", middle["circle"], 500, unit="k/s"),
-        Figure("runner, 256 matches, interceptor", middle["interceptor"], 100, unit="k/s"),
-        Figure("runner, interceptor / circle", median_ratio(rates, "interceptor", "circle"), None),
+        Figure("rounds, 256 matches, circle", middle["circle"], 500, unit="k/s"),
+        Figure("rounds, 256 matches, interceptor", middle["interceptor"], 100, unit="k/s"),
+        Figure("rounds, interceptor / circle", median_ratio(rates, "interceptor", "circle"), None),
     ]
 
 

@@ -14,12 +14,11 @@ from fpg_bench.evaluation.runner import play_round
 
 from fpg_bench import make_duel
 from fpg_bench.envs.duel import Duel
+from fpg_bench.envs.rounds import play_round, seated
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.files import write_whole
 from fpg_bench.game.measures import measures, pool
-from fpg_bench.players.naming import as_player
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.players.seat import Seat
 
 Measures = dict[str, float | None]
 TABLES = (
@@ -32,11 +31,7 @@ TABLES = (
 
 def play(ally: str, opponent: str, duel: Duel, rounds: int) -> Measures:
     """The measures of a pairing over as many rounds as the duel has games; returns per step."""
-    one, other = (
-        Seat(side, [as_player(name, side, duel.scenario)], duel.arena)
-        for side, name in (("ally", ally), ("opponent", opponent))
-    )
-    play_round(duel, one, other, np.array(evaluation_seeds(rounds)))
+    play_round(seated(duel, ally, opponent), seeds=np.array(evaluation_seeds(rounds)))
     found = measures(pool(duel.arena.tallies), duel.arena.histograms.sum(axis=0))
     steps = float(duel.arena.tallies["steps"].sum())
     return found | {f"{side}_return": found[f"{side}_return"] / steps for side in ("ally", "opponent")}  # type: ignore[operator]

@@ -4,6 +4,7 @@ A zoo of two tiny agents is trained here by the script itself, so that all of it
 nothing is shipped.
 """
 
+import dataclasses
 import re
 import shutil
 import subprocess
@@ -11,20 +12,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from fpg_bench.evaluation.exploits import exploit_lines
-from fpg_bench.evaluation.panel import load_panel
-from fpg_bench.evaluation.references import measure_panel
 
 from fpg_bench import make_sb3
 from fpg_bench.envs.both_sides import make_sb3_duel
+from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.zoo import load_zoo
-from fpg_bench.evaluation.zoo_scores import (
-    add_missing_lines,
-    complete,
-    first_returns,
-    read_lines,
-    summarise_lines,
-)
+from fpg_bench.evaluation.zoo_scores import add_missing_lines, member_entry, read_zoo_lines
 from fpg_bench.evaluation.zoo_table import page
 from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent
@@ -39,23 +33,22 @@ views:
   small:
     id: FPG/AllyVsScripted-v0
     options: {path: circle}
-    panel: PANEL
+    fields: [FIELD]
     steps: {td3: 5200}
   duel-ally:
     id: FPG/duel_v0
-    panel: PANEL
+    fields: [FIELD]
     steps: {maddpg: 2400}
   duel-opponent:
     id: FPG/duel_v0
-    panel: OTHER
+    fields: [OTHER]
     steps: {maddpg: 2400}
 """
 OTHER = """\
 side: opponent
 scenario: standard
-rounds: 2
-reference: adaptive
-entries:
+matches: 2
+counterparts:
   - {ally: idle, path: pursuit}
   - {ally: expert, path: pursuit}
 """
@@ -70,33 +63,43 @@ def shipped_agents():
     return [member.name for member in SHIPPED.members() if member.shipped]
 
 
-def test_every_shipped_agent_plays_as_its_lines_say():
-    for name in shipped_agents():
-        (member,) = SHIPPED.members(name)
-        about = load_agent(name).about
-        assert (about["id"], about["training_seed"]) == (member.view.id, member.seed), name
-        assert about["training_steps"] == member.steps, name
-        panel = load_panel(member.view.panel)
-        who = (member.algorithm, member.seed)
-        lines = read_lines(SHIPPED, member.view, panel)
-        kept = {line["entry"]: line for line in lines if (line["algorithm"], line["training_seed"]) == who}
-        for entry in panel.entries:
-            returns = kept[entry.name]["returns"][:2]
-            assert first_returns(name, panel, entry) == pytest.approx(returns, abs=2e-3), (name, entry)
+def first_returns(member, field, counterpart, matches=2):
+    """The returns of an agent's first matches."""
+    few = dataclasses.replace(field, matches=matches)
+    return play(member_entry(member), few, counterpart).returns
+
+
+@pytest.mark.parametrize("view", SHIPPED.views, ids=lambda view: view.name)
+def test_every_shipped_agent_plays_as_its_lines_say(view):
+    for member in SHIPPED.members(view.name):
+        if not member.shipped:
+            continue
+        about = load_agent(member.name).about
+        assert (about["id"], about["training_seed"]) == (view.id, member.seed), member.name
+        assert about["training_steps"] == member.steps, member.name
+        for field in map(load_field, view.fields):
+            lines = read_zoo_lines(SHIPPED, view, field)
+            kept = {
+                line.counterpart: line
+                for line in lines
+                if (line.entry, line.training_seed) == (member.algorithm, member.seed)
+            }
+            counterpart = field.counterparts[-1]
+            returns = first_returns(member, field, counterpart, 1 if field.rounds_per_match > 1 else 2)
+            known = kept[counterpart.name].returns[: len(returns)]
+            assert returns == pytest.approx(known, abs=2e-3), (member.name, field.name)
 
 
 @pytest.mark.parametrize("view", SHIPPED.views, ids=lambda view: view.name)
 def test_shipped_views_can_be_played_and_measured(view):
-    panel = load_panel(view.panel)
-    assert panel.references is not None
+    fields = [load_field(name) for name in view.fields]
+    assert {field.side for field in fields} == {view.side}
     if view.id == DUEL:
         games = make_sb3_duel(2, 0, **view.options)
         assert games.reset().shape == (2, 30)
     else:
         games = make_sb3(view.id, 2, 0, **view.options)
-        assert games.core.side == panel.side
-    lines = read_lines(SHIPPED, view, panel)
-    assert complete(lines, panel) == lines
+        assert games.core.side == view.side
 
 
 def test_every_folder_of_an_agent_is_a_member_and_all_together_are_small():
@@ -150,8 +153,7 @@ def tiny(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tiny")
     make_zoo(folder)
     (folder / "other-v1.yml").write_text(OTHER)
-    measure_panel(str(folder / "other-v1.yml"), 30)
-    zoo = TINY.replace("PANEL", str(folder / "small-v1.yml")).replace("OTHER", str(folder / "other-v1.yml"))
+    zoo = TINY.replace("FIELD", str(folder / "small-v1.yml")).replace("OTHER", str(folder / "other-v1.yml"))
     (folder / "zoo.yml").write_text(zoo)
     found = script("--zoo", folder, "--runs", folder / "runs", "--jobs", 2, folder=folder)
     assert found.returncode == 0, found.stdout + found.stderr
@@ -168,32 +170,11 @@ def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
     assert (tiny / "README.md").read_text() == page(zoo)
     assert (tiny / "scores/small/curves.png").is_file()
     for member in zoo.members():
-        panel = load_panel(member.view.panel)
-        assert load_agent(member.folder).about["side"] == member.view.side == panel.side
-        lines = [line for line in read_lines(zoo, member.view, panel) if line["training_seed"] == member.seed]
-        played = [first_returns(str(member.folder), panel, entry) for entry in panel.entries]
-        assert played == [line["returns"][:2] for line in lines]
-
-
-def test_best_responses_to_the_zoo_are_trained_once_and_shown(tiny, tmp_path):
-    shutil.copytree(tiny, tmp_path / "zoo")
-    words = ["--zoo", "zoo", "--only", "small/td3", "--steps", "400", "--responses", "1", "--jobs", "1"]
-    run = [sys.executable, ROOT / "scripts" / "exploit_zoo.py", *words]
-    for said in ("small/td3/seed_0", ""):  # only seed 0, and nothing the second time
-        found = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True)
-        assert found.returncode == 0, found.stderr
-        assert ("begins" in found.stdout) == bool(said)
-        assert said in found.stdout
-    zoo = load_zoo(tmp_path / "zoo")
-    (line,) = exploit_lines(zoo, zoo.views[0])
-    assert (line["algorithm"], line["training_seed"], line["steps"]) == ("td3", 0, 400)
-    (score,) = line["responses"]
-    (shown,) = [row for row in page(zoo).splitlines() if row.startswith("| td3/seed_0 |")]
-    panel = load_panel(zoo.views[0].panel)
-    summaries = summarise_lines(read_lines(zoo, zoo.views[0], panel), panel)
-    (on_panel,) = [s.score.value for s in summaries if s.player == "td3"]
-    figures = (on_panel, score, score, line["script_score"])
-    assert shown.startswith("| td3/seed_0 | " + " | ".join(f"{figure:.1f}" for figure in figures))
+        field = load_field(member.view.fields[0])
+        assert load_agent(member.folder).about["side"] == member.view.side == field.side
+        lines = [x for x in read_zoo_lines(zoo, member.view, field) if x.training_seed == member.seed]
+        played = [first_returns(member, field, counterpart) for counterpart in field.counterparts]
+        assert played == [line.returns[:2] for line in lines]
 
 
 def test_the_script_checks(tiny, tmp_path):
@@ -201,11 +182,11 @@ def test_the_script_checks(tiny, tmp_path):
     words = ("--zoo", tmp_path / "zoo", "--check", "--only", "small/td3/seed_1")
     found = script(*words, folder=tmp_path)
     assert (found.returncode, found.stdout) == (0, "small/td3/seed_1: as before\n")
-    lines = tmp_path / "zoo/scores/small/summary.jsonl"
-    lines.write_text(re.sub(r'("algorithm":"td3".*?"returns":)\[[^,]+', r"\1[0.5", lines.read_text()))
+    lines = tmp_path / "zoo/scores/small/lines.jsonl"
+    lines.write_text(re.sub(r'("entry":"td3".*?"returns":)\[[^,]+', r"\1[0.5", lines.read_text()))
     found = script(*words, folder=tmp_path)
     assert found.returncode == 1
-    assert "adaptive/pursuit: other returns; sweep/circle: other returns" in found.stdout
+    assert "small-v1, adaptive/pursuit: other returns; small-v1, sweep/circle: other returns" in found.stdout
 
 
 @pytest.mark.parametrize(

@@ -229,8 +229,9 @@ def table(folder: Annotated[Path, typer.Argument(help="a results folder")], wide
 
     summaries, field = read_results(folder)
     tables.write_table(summaries, field, folder)
-    lines = [tables.cells(summary, wide) for summary in summaries]
-    print_table(tables.headings(field, wide), lines, tables.caption(field))
+    width = None if wide else terminal_width()
+    head, *lines = tables.lines_of_table(summaries, field, width)
+    print_table(head, lines, tables.caption(field))
     typer.echo(f"written: {folder}/table.md, table.csv, table.png")
 
 
@@ -244,13 +245,23 @@ def shown_progress() -> Iterator[Callable[[str], None]]:
         yield lambda line: bar.update(task, description=line)
 
 
+def terminal_width() -> int:
+    """How many characters a line of the terminal has; 80 where there is none."""
+    from rich.console import Console
+
+    return Console().width
+
+
 def print_table(names: list[str], lines: list[list[str]], below: str) -> None:
-    """Print a table and its caption, as wide as the terminal."""
+    """Print a table, whole however narrow the terminal is, and its caption."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
 
-    drawn = Table(*names, box=box.SIMPLE_HEAD, caption=below, caption_justify="left", padding=(0, 1, 0, 0))
+    drawn = Table(*names, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for line in lines:
         drawn.add_row(*line)
-    Console().print(drawn)
+    width = terminal_width()
+    wide = Console(width=max(width, 1000))
+    Console(width=max(width, wide.measure(drawn).maximum)).print(drawn)
+    Console(width=width, highlight=False).print(below)

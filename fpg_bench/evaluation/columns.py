@@ -12,29 +12,35 @@ from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, mean_interval
 from fpg_bench.evaluation.summary import Summary
 
 _MEASURES = (
-    ("jammed %", "jamming_success_rate", 100, False),
-    ("overlap %", "overlap_ratio", 100, True),
-    ("hops %", "hop_rate", 100, True),
-    ("spread %", "spread_ratio", 100, True),
-    ("within 30 m %", "near_ratio", 100, True),
-    ("SNR dB", "snr_db", 1, True),
-    ("Mbit/s", "capacity_mbit_s", 1, True),
-    ("longest outage s", "outage_longest_s", 1, True),
+    ("jammed %", "jamming_success_rate", 100),
+    ("hops %", "hop_rate", 100),
+    ("spread %", "spread_ratio", 100),
+    ("overlap %", "overlap_ratio", 100),
+    ("within 30 m %", "near_ratio", 100),
+    ("SNR dB", "snr_db", 1),
+    ("Mbit/s", "capacity_mbit_s", 1),
+    ("longest outage s", "outage_longest_s", 1),
 )
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its heading, what a cell says of a summary, and whether only a wide table has it."""
+    """A column: its heading, what a cell says of a summary, and how soon a narrow table does without it.
+
+    ``spare`` 0: never; otherwise the largest goes first.
+    """
 
     heading: str
     cell: Callable[[Summary], str]
-    wide: bool = False
+    spare: int = 0
 
 
 def columns(field: Field) -> list[Column]:
     """All columns of a field's table."""
-    measures = [Column(heading, _measure(name, factor), wide) for heading, name, factor, wide in _MEASURES]
+    measures = [
+        Column(heading, _measure(name, factor), spare)
+        for spare, (heading, name, factor) in enumerate(_MEASURES, _FIRST_MEASURE)
+    ]
     return [*(_of_planners(field) if field.side == PLANNER else _OF_PLAYERS), *measures]
 
 
@@ -69,20 +75,22 @@ def _measure(name: str, factor: float) -> Callable[[Summary], str]:
 
 
 def _worst(s: Summary) -> str:
-    return f"{number(s.by_counterpart[s.worst].value)} {s.worst}"
+    return number(s.by_counterpart[s.worst].value, digits=2)
 
 
 def _marked(s: Summary) -> str:
     return bounds(s.score) + (" †" if 0 < s.training_seeds < FEW_SEEDS else "")
 
 
+_FIRST_MEASURE = 3  # what they can be spared for: all but jamming, before the columns of returns
 _OF_PLAYERS = (
     Column("player", lambda s: s.entry),
-    Column("seeds", lambda s: str(s.training_seeds or "-")),
+    Column("seeds", lambda s: str(s.training_seeds or "-"), spare=2),
     Column("score", lambda s: number(s.score.value)),
     Column("95 % interval", _marked),
-    Column("return a step", lambda s: number(s.reward.value, digits=2)),
-    Column("worst return, against", _worst),
+    Column("return", lambda s: number(s.reward.value, digits=2), spare=2),
+    Column("worst", _worst, spare=1),
+    Column("against", lambda s: s.worst, spare=4),
 )
 
 
@@ -93,12 +101,13 @@ def _of_planners(field: Field) -> list[Column]:
         Column(f"score last {field.last_rounds or field.rounds_per_match}", lambda s: number(s.score.value)),
         Column("95 % interval", lambda s: bounds(over_rounds(s, last))),
         Column("score all", lambda s: number(over_rounds(s, everything).value)),
-        Column("95 % interval", lambda s: bounds(over_rounds(s, everything)), wide=True),
-        Column("return a step", lambda s: number(s.reward.value, digits=2), wide=True),
-        Column("worst return, against", _worst, wide=True),
-        Column("valid %", lambda s: number(_plans(s, "valid"), 100)),
-        Column("tokens", lambda s: number(_per_plan(s, "tokens"), digits=0), wide=True),
-        Column("s per plan", lambda s: f"{_per_plan(s, 'seconds') or 0:.2g}", wide=True),
+        Column("95 % interval", lambda s: bounds(over_rounds(s, everything)), spare=4),
+        Column("return", lambda s: number(s.reward.value, digits=2), spare=2),
+        Column("worst", _worst, spare=3),
+        Column("against", lambda s: s.worst, spare=5),
+        Column("valid %", lambda s: number(_plans(s, "valid"), 100), spare=1),
+        Column("tokens", lambda s: number(_per_plan(s, "tokens"), digits=0), spare=4),
+        Column("s per plan", lambda s: f"{_per_plan(s, 'seconds') or 0:.2g}", spare=6),
     ]
 
 

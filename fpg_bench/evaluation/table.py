@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +21,30 @@ _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#
 _MARKERS = "os^"
 
 
-def headings(field: Field, wide: bool = False) -> list[str]:
-    """The table's columns."""
-    return [column.heading for column in columns(field) if wide or not column.wide]
+def lines_of_table(summaries: Sequence[Summary], field: Field, width: int | None = None) -> list[list[str]]:
+    """The headings, and a line per summary.
+
+    Args:
+        summaries: in the order of the lines.
+        field: what they met.
+        width: characters that a line may have, as far as columns can be spared; None: all columns.
+    """
+    known = columns(field)
+    cells = [[column.heading, *map(column.cell, summaries)] for column in known]
+    kept = list(range(len(known)))
+    if width is not None:  # a column that says nothing of anybody is no loss
+        kept = [k for k in kept if not summaries or set(cells[k][1:]) != {"-"}]
+    while width is not None and _width(cells[k] for k in kept) > width:
+        spared = max(kept, key=lambda k: (known[k].spare, k))
+        if not known[spared].spare:
+            break
+        kept.remove(spared)
+    return [list(line) for line in zip(*(cells[k] for k in kept), strict=True)]
 
 
-def cells(summary: Summary, wide: bool = False) -> list[str]:
-    """One line of the table."""
-    return [column.cell(summary) for column in columns(summary.field) if wide or not column.wide]
+def _width(columns: Iterable[list[str]]) -> int:
+    """How wide columns are drawn: a blank before the first, and two after each."""
+    return 1 + sum(2 + max(map(len, cells)) for cells in columns)
 
 
 def caption(field: Field) -> str:
@@ -37,9 +53,10 @@ def caption(field: Field) -> str:
     if field.rounds_per_match > 1:
         met += f" of {field.rounds_per_match} rounds"
     return (
-        f"Field {field.name} ({field.hash[:12]}): {met}. Mean over counterparts of the {_whose(field)} "
-        f"return a step; {field.scale.told}. Intervals: 95 %, over training seeds; for scripts, planners and "
-        "single training seeds over matches. † fewer than three training seeds."
+        f"Field {field.name} ({field.hash[:12]}): {met}. Return: the {_whose(field)}, a step, mean over "
+        f"counterparts; {field.scale.told}; worst: the lowest return a step, against one of them. Intervals: "
+        "95 %, over training seeds; for scripts, planners and single training seeds over matches. † fewer "
+        "than three training seeds."
     )
 
 
@@ -49,8 +66,8 @@ def _whose(field: Field) -> str:
 
 def markdown(summaries: Sequence[Summary], field: Field) -> str:
     """The table as Markdown, with all columns."""
-    lines = [[cell.replace("|", "\\|") for cell in cells(summary, wide=True)] for summary in summaries]
-    return as_markdown(headings(field, wide=True), lines, caption(field))
+    head, *lines = lines_of_table(summaries, field)
+    return as_markdown(head, [[cell.replace("|", "\\|") for cell in line] for line in lines], caption(field))
 
 
 def as_markdown(names: list[str], lines: Sequence[list[str]], below: str) -> str:
