@@ -89,7 +89,8 @@ def _with_replays(board: Row, replays: Replays) -> Row:
 def _pages(board: Row, replays: Replays) -> dict[str, str]:
     """All HTML pages by their names."""
     environment = _environment(board)
-    tracks = [views.track_view(track) for track in board["tracks"]]
+    names = views.names_of(board)
+    tracks = [views.track_view(track, names) for track in board["tracks"]]
     crossplay = scripts_data.crossplay_data(board)
     shown: list[tuple[str, str, Row]] = [
         ("index.html", "index.html", {"tracks": tracks}),
@@ -101,7 +102,7 @@ def _pages(board: Row, replays: Replays) -> dict[str, str]:
     for track in board["tracks"]:
         for row in track["rows"]:
             rounds = replays.get((track["key"], row["slug"]), [])
-            entry = {"entry": entry_page.entry_view(track, row), "replays": rounds}
+            entry = {"entry": entry_page.entry_view(track, row, names), "replays": rounds}
             shown.append((views.page_of(track, row), "entry.html", entry))
     return {
         name: environment.get_template(template).render(page=name, root="../" * name.count("/"), **content)

@@ -5,36 +5,62 @@ from __future__ import annotations
 from typing import Any
 
 from fpg_bench.leaderboard.site import drawing, wording
-from fpg_bench.leaderboard.site.views import axis_of, entry_head, is_verified, share_text, value_of
+from fpg_bench.leaderboard.site.views import (
+    Names,
+    axis_of,
+    entry_head,
+    fields_of,
+    gap_of,
+    is_verified,
+    met,
+    score_of,
+    seeds_gap_text,
+    value_of,
+    worst_view,
+)
 from fpg_bench.leaderboard.site.wording import finite, written
 
 Row = dict[str, Any]
 
 
-def entry_view(track: Row, row: Row) -> Row:
-    """What an entry's own page shows."""
-    entries = row.get("entries") or {}
-    names = [name for name in (track.get("entries") or []) if name in entries]
-    domain = drawing.domain_of([entries[name] for name in names] + [row.get("score")])
-    score, worst = row.get("score") or {}, row.get("worst") or {}
+def entry_view(track: Row, row: Row, names: Names) -> Row:
+    """What an entry's own page shows.
+
+    Args:
+        track: of a board.
+        row: the entry's, of that track.
+        names: see :func:`fpg_bench.leaderboard.site.views.names_of`.
+    """
+    fields, score = fields_of(track), row.get("score") or {}
+    domain = drawing.domain_of(_intervals(row))
     return {
         **entry_head(track, row),
         "track": track["title"],
         "key": track["key"],
-        "panel": track.get("panel"),
-        "reference_player": track.get("reference"),
-        "entrants": sum(map(is_verified, track["rows"])),
+        "entrants": sum(is_verified(other) and bool(other.get("rank")) for other in track["rows"]),
+        "ranked_by": wording.role_of(track.get("ranked_by") or "known").label.lower(),
+        "scale": wording.scale_text(track.get("scale"), track.get("side")),
         "score": written(score.get("value")),
         "interval": wording.interval_text(score),
         "over": score.get("over") or "",
-        "mean": written(row.get("mean")),
-        "lead": share_text(row.get("lead")),
-        "worst": worst.get("entry") or "",
-        "worst_score": written(worst.get("value")),
-        "best": _best(entries, names),
-        "best_response": _best_responses(row.get("best_response")),
+        "gap": "" if gap_of(row) is None else wording.signed(gap_of(row)),
+        "seeds_gap": seeds_gap_text(row),
+        "worst": {
+            **worst_view(track, row, names),
+            "picture": drawing.interval_picture(row.get("worst"), domain),
+        },
         "axis": axis_of(domain),
-        "entries": [_scored(name, entries[name], domain) for name in names],
+        "scores": [_over_field(field, row, domain) for field in fields if score_of(row, field["role"])],
+        "fields": [
+            field
+            | {
+                "rows": [
+                    _scored(name, met(row, field["role"]).get(name), domain) for name in field["counterparts"]
+                ]
+            }
+            for field in fields
+            if field["role"] != "public" and met(row, field["role"])
+        ],
         "seeds": _seeds(row, domain),
         "measures": _measures(row.get("measures") or {}),
         "histograms": _histograms(row.get("histograms")),
@@ -43,22 +69,28 @@ def entry_view(track: Row, row: Row) -> Row:
     }
 
 
-def _best(entries: Row, names: list[str]) -> str:
-    known = {name: value for name in names if (value := value_of(entries[name])) is not None}
-    return max(known, key=lambda name: known[name]) if known else ""
+def _intervals(row: Row) -> list[Any]:
+    """All scores that the page draws."""
+    planner = row.get("planner") if isinstance(row.get("planner"), dict) else {}
+    seeds = [{"value": value} for value in (row.get("seeds") or {}).values()]
+    of_fields = [one for role in row.get("counterparts") or {} for one in met(row, role).values()]
+    scores = [score_of(row, role) for role in row.get("scores") or {}]
+    return [row.get("worst"), *scores, *of_fields, *seeds, *((planner or {}).get("curve") or [])]
 
 
-def _best_responses(found: Any) -> str:
-    if value_of(found) is None:
-        return ""
-    between = wording.interval_text(found)
-    return written(found["value"]) + (f" ({between})" if between else "")
+def _over_field(field: Row, row: Row, domain: drawing.Domain) -> Row:
+    found = score_of(row, field["role"])
+    return {**_scored(field["label"], found, domain), "about": field["about"], "field": field["name"]}
 
 
-def _scored(name: str, interval: Row, domain: drawing.Domain) -> Row:
+def _one_by_one(field: Row, found: Row, domain: drawing.Domain) -> Row:
+    return field | {"rows": [_scored(name, found.get(name), domain) for name in field["counterparts"]]}
+
+
+def _scored(name: str, interval: Any, domain: drawing.Domain) -> Row:
     return {
         "name": name,
-        "score": written(interval.get("value")),
+        "score": written(value_of(interval)),
         "interval": wording.interval_text(interval),
         "picture": drawing.interval_picture(interval, domain),
     }
@@ -81,8 +113,7 @@ def _seeds(row: Row, domain: drawing.Domain) -> list[Row]:
 def _measures(found: Row) -> list[Row]:
     names = [name for name in wording.MEASURES if name in found]
     names += [name for name in found if name not in wording.MEASURES]
-    hidden = {*wording.HIDDEN, *(["return"] if "ally_return" in found else [])}  # it is one of both sides'
-    listed = [(name, wording.measure_of(name)) for name in names if name not in hidden]
+    listed = [(name, wording.measure_of(name)) for name in names if name not in wording.HIDDEN]
     return [
         {"label": told.label, "text": written(found[name], told.style), "about": told.about}
         for name, told in listed

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,27 +13,27 @@ from typing import Any
 import numpy as np
 
 from fpg_bench import __version__
-from fpg_bench.envs.duel import Duel
 from fpg_bench.envs.recording import Recording
 from fpg_bench.envs.replay import FORMAT, replay_data, script_json
+from fpg_bench.envs.rounds import begin, play_round
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.panel import Entry, Panel
+from fpg_bench.evaluation.field import Counterpart, Field
+from fpg_bench.evaluation.play import table_of
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.leaderboard.planner_track import TRACK as PLANNERS
-from fpg_bench.leaderboard.planner_track import panel_of
-from fpg_bench.leaderboard.playing import parts_of, seated
+from fpg_bench.leaderboard.playing import Meeting, parts_of, seated
 from fpg_bench.leaderboard.sandbox import PolicyFailed
-from fpg_bench.leaderboard.site.wording import written
+from fpg_bench.leaderboard.site.views import met, value_of
+from fpg_bench.leaderboard.site.wording import role_of, written
 from fpg_bench.leaderboard.submission import Submission, load_submission
+from fpg_bench.leaderboard.tracks import KNOWN, RESPONSES, UNSEEN
 from fpg_bench.plain_json import read_object
-from fpg_bench.planning import as_planner
-from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import SIDES
-from fpg_bench.players.seat import Seat
 
 Row = dict[str, Any]
-STRONG = ("adaptive/pursuit", "expert/pursuit", "expert/learned", "expert")  # of any track's panel
-_FORM = 2  # of labels and texts; another number has all rounds made anew
+STRONG = ("adaptive/pursuit", "expert/pursuit", "expert/learned", "expert")  # of any track's known field
+_FORM = 3  # of labels and texts; another number has all rounds made anew
+_ROLES = (KNOWN, UNSEEN, RESPONSES)  # of fields that are played under the game's own rules
 _CALL, _END = "fpgRound(", ");\n"
 
 
@@ -64,7 +64,8 @@ def make_replays(
     """Rounds of all entries of a board that can be played, by track and entry.
 
     The policy of the first training seed plays one round against a strong counterpart and one against that
-    which it scores least against, on the first evaluation seed. Rounds that the site holds already are kept.
+    which it scores least against of all fields under its own rules, on the first evaluation seed. Rounds that
+    the site holds already are kept.
 
     Args:
         board: what :func:`fpg_bench.leaderboard.board.make_board` gives.
@@ -90,38 +91,43 @@ def _entry_replays(key: str, row: Row, folder: Path, out: Path, simulate: bool) 
     try:
         home = folder / "submissions" / key.partition("-")[0] / row["slug"]
         submission = load_submission(home, contract=simulate)
-        panel = panel_of(submission)
-        entries = _chosen(panel, (row.get("worst") or {}).get("entry"))
-        return list(_rounds(submission, panel, entries, key, out, simulate))
+        return list(_rounds(submission, _chosen(submission.fields, row), key, out, simulate))
     except (PolicyFailed, UserError):
         return []  # submit verify says what is wrong
 
 
-def _chosen(panel: Panel, worst: Any) -> list[Entry]:
-    """Which counterparts are played: a strong one, and that of the lowest score."""
-    by_name = {entry.name: entry for entry in panel.entries}
-    strong = next((name for name in STRONG if name in by_name), panel.entries[0].name)
-    names = dict.fromkeys([strong, worst if worst in by_name else strong])
-    return [by_name[name] for name in names]
+def _chosen(fields: Mapping[str, Field], row: Row) -> dict[str, Meeting]:
+    """What is played, by what it is called: a strong counterpart, and that of the lowest score."""
+    meetings = [(role, one) for role in _ROLES if role in fields for one in fields[role].counterparts]
+    strong = next((m for m in meetings if m[1].name in STRONG), meetings[0])
+    scores = [value_of(met(row, role).get(one.name)) for role, one in meetings]
+    known = [(score, m) for score, m in zip(scores, meetings, strict=True) if score is not None]
+    lowest = min(known, key=lambda item: item[0])[1] if known else strong
+    return {_label(role, one): (fields[role], one) for role, one in (strong, lowest)}
+
+
+def _label(role: str, counterpart: Counterpart) -> str:
+    told = "" if role == KNOWN else f" ({role_of(role).label.lower()})"
+    return f"against {counterpart.name}{told}"
 
 
 def _rounds(
-    submission: Submission, panel: Panel, entries: list[Entry], key: str, out: Path, simulate: bool
+    submission: Submission, meetings: Mapping[str, Meeting], key: str, out: Path, simulate: bool
 ) -> Iterator[Replay]:
     """The rounds; none is simulated where all are there already, or nothing is to be."""
-    files = [_file(submission, panel, entry, key) for entry in entries]
+    files = [_file(submission, label, meeting, key) for label, meeting in meetings.items()]
     known = [_kept(out / file, file) for file in files]
     if None not in known or not simulate:
         yield from (replay for replay in known if replay is not None)
         return
     with _player(submission) as player:
-        for entry, file in zip(entries, files, strict=True):
-            yield simulated(submission, player, panel, entry, file)
+        for (label, meeting), file in zip(meetings.items(), files, strict=True):
+            yield simulated(submission, player, meeting, label, file)
 
 
-def _file(submission: Submission, panel: Panel, entry: Entry, key: str) -> str:
+def _file(submission: Submission, label: str, meeting: Meeting, key: str) -> str:
     """Where a round lies; all that decides it decides its name."""
-    content = [FORMAT, _FORM, __version__, submission.fingerprint, panel.hash, panel.season, entry.name]
+    content = [FORMAT, _FORM, __version__, submission.fingerprint, meeting[0].hash, label]
     digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
     return f"replays/{key}/{submission.slug}/{digest}.js"
 
@@ -138,57 +144,42 @@ def _kept(path: Path, file: str) -> Replay | None:
 
 @contextlib.contextmanager
 def _player(submission: Submission) -> Iterator[Any]:
-    """Who plays: a policy in a process of its own, a script's name, or None for a planner."""
-    if submission.track == PLANNERS:
-        if submission.script is None:
-            raise UserError("transcripts are not shown as rounds")
-        yield None
-        return
+    """Who plays: a policy in a process of its own, or the name of a script or planner."""
+    if submission.track == PLANNERS and submission.script is None:
+        raise UserError("transcripts are not shown as rounds")
     with seated(parts_of(submission)[0].plays) as player:
         yield player
 
 
-def simulated(submission: Submission, player: Any, panel: Panel, entry: Entry, file: str) -> Replay:
+def simulated(submission: Submission, player: Any, meeting: Meeting, label: str, file: str) -> Replay:
     """Play one round of a submission.
 
     Args:
         submission: whose.
-        player: what plays its side: a player or its name; None for a planner.
-        panel, entry: what it plays.
+        player: what plays its side: a player or its name, or a planner's name.
+        meeting: what it plays: a field, and whom of it.
+        label: what the page calls the round.
         file: where the round's script is to lie.
     """
-    recording, measures = _play(submission, player, panel, entry)
-    names = {panel.side: submission.name, "opponent" if panel.side == "ally" else "ally": entry.other}
-    if submission.track == PLANNERS:
-        names = {"ally": entry.other, "opponent": submission.name}
-    label = f"against {entry.name}"
-    title = f"{names['ally']} against {names['opponent']}"
+    (field, counterpart), other = meeting, " or ".join(meeting[1].players)
+    recording, measures = _play(player, field, counterpart)
+    pair = (submission.name, other) if field.side == "ally" else (other, submission.name)
+    names = dict(zip(SIDES, pair, strict=True))
     summary = _summary(measures)
+    title = f"{names['ally']} against {names['opponent']}"
     content = {"label": label, "summary": summary, "replay": replay_data([recording], title, **names)}
     return Replay(file, label, summary, _CALL + script_json(content) + _END)
 
 
-def _play(
-    submission: Submission, player: Any, panel: Panel, entry: Entry
-) -> tuple[Recording, dict[str, float | None]]:
+def _play(player: Any, field: Field, counterpart: Counterpart) -> tuple[Recording, dict[str, float | None]]:
     """Play a match's rounds and keep the last: what a planner has learned shows at its end."""
-    planners = submission.track == PLANNERS
-    scenario = panel.entry_scenario(entry)
-    sides: dict[str, Any] = {panel.side: player, "opponent" if panel.side == "ally" else "ally": entry.other}
-    if planners:
-        sides = {"ally": entry.other, "opponent": panel.planners.opponent}  # type: ignore[attr-defined]
-    duel = Duel(scenario, 1, as_planner(submission.script, scenario) if planners else None)
-    seats = [Seat(side, [as_player(sides[side], side, scenario)], duel.arena) for side in SIDES]
-    seeds: Any = np.array(evaluation_seeds(1, panel.season))
-    for _ in range(scenario.rounds_per_match if planners else 1):
-        mask = duel.reset(seeds=seeds)
-        for seat in seats:
-            seat.begin(mask)
-        recording, seeds = Recording(duel.arena), None
-        while not duel.arena.games["truncated"].all():
-            duel.arena.step(*(seat.act() for seat in seats))
-            recording.add()
-    return recording, duel.measures(0)
+    table = table_of(player, field, counterpart, matches=1)
+    seeds: Any = np.array(evaluation_seeds(1, field.season))
+    for _ in range(field.rounds_per_match if field.side == PLANNERS else 1):
+        begin(table, seeds=seeds)
+        recording, seeds = Recording(table.duel.arena), None
+        play_round(table, on_step=recording.add, begun=True)
+    return recording, table.duel.measures(0)
 
 
 def _summary(measures: dict[str, float | None]) -> str:

@@ -5,7 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 from fpg_bench.envs.replay import script_json
-from fpg_bench.leaderboard.site.views import entry_head, is_verified, ordered
+from fpg_bench.leaderboard.crossplay import WITHIN
+from fpg_bench.leaderboard.site.views import (
+    entry_head,
+    fields_of,
+    gap_of,
+    is_verified,
+    met,
+    names_of,
+    ordered,
+    score_of,
+)
 from fpg_bench.leaderboard.site.wording import MEASURES, finite, measure_of
 from fpg_bench.players.player import SIDES
 
@@ -25,28 +35,37 @@ def compare_data(board: Row) -> Row:
 
 def _compared(track: Row) -> Row:
     rows = [row for row in ordered(track["rows"]) if is_verified(row)]
+    fields = [field for field in fields_of(track) if field["role"] != "public"]
+    kept = ("role", "label", "about", "counterparts")
     return {
         "key": track["key"],
         "title": track["title"],
-        "entries": list(track.get("entries") or []),
-        "rows": [_entry(track, row) for row in rows],
+        "ranked_by": track.get("ranked_by") or "known",
+        "fields": [{name: field[name] for name in kept} for field in fields],
+        "rows": [_entry(track, fields, row) for row in rows],
         "improvement": _improvement(track),
     }
 
 
-def _entry(track: Row, row: Row) -> Row:
+def _entry(track: Row, fields: list[Row], row: Row) -> Row:
     head = entry_head(track, row)
     kept = ("slug", "name", "page", "rank", "kind", "algorithm", "authors", "few_seeds")
-    entries = row.get("entries") or {}
     return {
         **{name: head[name] for name in kept},
         "score": interval_list(row.get("score")),
-        "lead": rounded(row.get("lead"), 3),
-        "mean": rounded(row.get("mean"), 1),
-        "entries": {name: interval_list(entries.get(name)) for name in track.get("entries") or []},
+        "gap": rounded(gap_of(row), 1),
+        "worst": rounded((row.get("worst") or {}).get("value"), 1),
+        "scores": {field["role"]: interval_list(score_of(row, field["role"])) for field in fields},
+        "met": {field["role"]: _met(field, row) for field in fields},
         "measures": {name: rounded(value, 4) for name, value in (row.get("measures") or {}).items()},
         "training": row.get("training") if isinstance(row.get("training"), dict) else None,
     }
+
+
+def _met(field: Row, row: Row) -> list[list[float | None]]:
+    """The score against each counterpart of a field, in its order."""
+    found = met(row, field["role"])
+    return [interval_list(found.get(name)) for name in field["counterparts"]]
 
 
 def interval_list(interval: Any) -> list[float | None]:
@@ -97,29 +116,62 @@ def _improvement(track: Row, order: list[str] | None = None) -> Row | None:
     return {"names": [names[i] for i in places], **matrices}
 
 
-def _names(board: Row, side: str) -> dict[str, str]:
-    """What the players of a side are called, by the names of their folders."""
-    tracks = [track for track in board["tracks"] if track.get("side") == side]
-    return {row["slug"]: row["name"] for track in tracks for row in track["rows"]}
-
-
 def _numbers(values: Any, digits: int) -> list[float | None]:
     return [rounded(value, digits) for value in values]
 
 
 def crossplay_data(board: Row) -> Row | None:
-    """Allies against opponents, who is missing there, and the Nash mixture; None where nobody is there."""
+    """Allies against opponents, who is missing there, and the Nash mixture; None where nobody is there.
+
+    Opponents that are one player in two tables, and fare alike in both, are shown once.
+    """
     found = board.get("crossplay")
     if not isinstance(found, dict) or not found.get("allies") or not found.get("opponents"):
         return None
-    nash = found.get("nash") if isinstance(found.get("nash"), dict) else None
-    names, missing = {side: _names(board, side) for side in SIDES}, found.get("missing") or {}
+    names, missing = names_of(board), found.get("missing") or {}
+    matrices = {**found["returns"], "jammed": found["jamming_success_rate"]}
+    twins = _twins(found, matrices)
+    left = [j for j, slug in enumerate(found["opponents"]) if slug not in twins]
+    called = {side: names.get(side, {}) for side in SIDES}
     return {
-        "names": names,
-        "missing": [names[side].get(slug, slug) for side in SIDES for slug in missing.get(side) or []],
+        "names": called,
+        "missing": [called[side].get(slug, slug) for side in SIDES for slug in missing.get(side) or []],
+        "twins": [[called["opponent"].get(slug, slug) for slug in pair] for pair in twins.items()],
         "allies": list(found["allies"]),
-        "opponents": list(found["opponents"]),
-        "rates": [_numbers(line, 4) for line in found["jamming_success_rate"]],
+        "opponents": [found["opponents"][j] for j in left],
+        "matrices": {
+            key: [[rounded(line[j], 4) for j in left] for line in matrix] for key, matrix in matrices.items()
+        },
         "rounds": finite(found.get("rounds")),
-        "nash": nash and {key: nash.get(key) for key in ("ally", "opponent", "value")},
+        "nash": _nash(found.get("nash"), twins),
     }
+
+
+def _twins(found: Row, matrices: dict[str, list[list[float]]]) -> dict[str, str]:
+    """Opponents that are left out, each with the one that is shown in its place."""
+    place = {slug: j for j, slug in enumerate(found["opponents"])}
+    out: dict[str, str] = {}
+    for first, *others in found.get("twins") or []:
+        columns = [place[slug] for slug in (first, *others)]
+        for slug, column in zip(others, columns[1:], strict=True):
+            if all(_alike(matrix, columns[0], column) for matrix in matrices.values()):
+                out[slug] = first
+    return out
+
+
+def _alike(matrix: list[list[float]], one: int, other: int) -> bool:
+    """Whether two columns are as near to each other as when they are played again."""
+    numbers = [value for line in matrix for value in line]
+    return all(abs(line[one] - line[other]) <= WITHIN * (max(numbers) - min(numbers)) for line in matrix)
+
+
+def _nash(found: Any, twins: dict[str, str]) -> Row | None:
+    """The mixtures, in which one player has the shares of all its tables."""
+    if not isinstance(found, dict):
+        return None
+    shares: Row = {side: {} for side in SIDES}
+    for side in SIDES:
+        for slug, share in (found.get(side) or {}).items():
+            name = twins.get(slug, slug) if side == "opponent" else slug
+            shares[side][name] = shares[side].get(name, 0.0) + (finite(share) or 0.0)
+    return {**shares, "value": finite(found.get("value"))}

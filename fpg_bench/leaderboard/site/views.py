@@ -12,9 +12,11 @@ from fpg_bench.leaderboard.site import drawing, wording
 from fpg_bench.leaderboard.site.wording import finite, written
 
 Row = dict[str, Any]
+Names = dict[str, dict[str, str]]  # what the players of each side are called, by the names of their folders
 KINDS = {"script": "script", "zoo": "zoo", "submitted": "submitted"}
 FEW_SEEDS = "fewer than three training seeds: its interval says little"
-_COLUMNS_MOST = 6
+_HEAT = ("known", "unseen")  # whose counterparts stand in the table of strengths
+_CROSSPLAY = "cross-play"
 
 
 def check_board(board: Row) -> None:
@@ -25,8 +27,17 @@ def check_board(board: Row) -> None:
             wording.safe_slug(row["slug"], f"entry of {key}")
 
 
+def names_of(board: Row) -> Names:
+    """What the players of each side are called, by the names of their folders."""
+    found: Names = {}
+    for track in board["tracks"]:
+        side = found.setdefault(str(track.get("side")), {})
+        side |= {row["slug"]: row["name"] for row in track["rows"]}
+    return found
+
+
 def is_verified(row: Row) -> bool:
-    """Whether an entry is ranked."""
+    """Whether an entry's result counts."""
     return row.get("status") == "verified"
 
 
@@ -34,7 +45,7 @@ def ordered(rows: list[Row]) -> list[Row]:
     """Entries by rank, then score; those that are not verified last."""
 
     def place(row: Row) -> tuple[bool, float, float, str]:
-        rank, score = row.get("rank"), finite((row.get("score") or {}).get("value"))
+        rank, score = row.get("rank"), value_of(row.get("score"))
         low = finite(rank[0]) if isinstance(rank, list | tuple) and rank else None
         return not is_verified(row), low or 1e9, -(score or -1e9), row["slug"]
 
@@ -46,39 +57,51 @@ def page_of(track: Row, row: Row) -> str:
     return f"entries/{track['key']}/{row['slug']}.html"
 
 
-def track_view(track: Row) -> Row:
-    """What the front page shows of a track."""
-    rows = ordered(track["rows"])
-    domain = drawing.domain_of([row.get("score") for row in rows])
-    names = _columns(rows)
-    best_response = any(value_of(row.get("best_response")) is not None for row in rows)
+def fields_of(track: Row) -> list[Row]:
+    """The fields of a track in the order in which pages list them, each with what it is called."""
+    places = {role: place for place, role in enumerate(wording.ROLES)}
+    fields = sorted(track.get("fields") or [], key=lambda field: places.get(field["role"], len(places)))
+    return [{**field, **wording.role_of(field["role"])._asdict()} for field in fields]
+
+
+def track_view(track: Row, names: Names) -> Row:
+    """What the front page shows of a track.
+
+    Args:
+        track: of a board.
+        names: see :func:`names_of`.
+    """
+    rows, ranked_by = ordered(track["rows"]), track.get("ranked_by") or "known"
+    columns = _columns(rows, ranked_by)
+    domain = drawing.domain_of([score_of(row, ranked_by) for row in rows])
+    ranking = next((field for field in fields_of(track) if field["role"] == ranked_by), None)
     return {
         "key": track["key"],
         "title": track["title"],
         "side": track.get("side"),
-        "panel": track.get("panel"),
-        "rounds": track.get("rounds"),
-        "reference": track.get("reference"),
-        "entries": list(track.get("entries") or []),
-        "columns": [{"name": name, **wording.measure_of(name)._asdict()} for name in names],
-        "best_response": best_response,
+        "ranked_by": wording.role_of(ranked_by).label.lower(),
+        "field": ranking,
+        "scale": wording.scale_text(track.get("scale"), track.get("side")),
+        "columns": columns,
         "axis": axis_of(domain),
-        "rows": [_row_view(track, row, names, domain) for row in rows],
+        "rows": [_row_view(track, row, columns, domain, names) for row in rows],
         "strengths": _strengths(track, rows),
         "leaders": _leaders(rows),
     }
 
 
-def _columns(rows: list[Row]) -> list[str]:
-    """Which measures stand in the table: those that matter most, else the first that there are."""
-    there = [name for row in rows for name in (row.get("measures") or {})]
-    known = [name for name in wording.COLUMNS if name in there]
-    return known or list(dict.fromkeys(there))[:_COLUMNS_MOST]
-
-
-def _in_column(value: Any, style: str) -> str:
-    """A number under a heading that says its unit."""
-    return written(value, "score" if "/" in style else style)
+def _columns(rows: list[Row], ranked_by: str) -> Row:
+    """Which columns stand in the table: those that any entry has something for."""
+    measured = {name for row in rows for name in (row.get("measures") or {})}
+    return {
+        "ranked_by": ranked_by,
+        "shifted": any(score_of(row, "shifted") for row in rows),
+        "measures": [
+            {"name": name, **wording.measure_of(name)._asdict()}
+            for name in wording.COLUMNS
+            if name in measured
+        ],
+    }
 
 
 def axis_of(domain: drawing.Domain) -> Row:
@@ -86,32 +109,64 @@ def axis_of(domain: drawing.Domain) -> Row:
     return {"zero": drawing.place(0, domain), "hundred": drawing.place(100, domain)}
 
 
-def _row_view(track: Row, row: Row, names: list[str], domain: drawing.Domain) -> Row:
-    measures = row.get("measures") or {}
-    score, worst = row.get("score") or {}, row.get("worst") or {}
+def score_of(row: Row, role: str) -> Row:
+    """An entry's score over the field of a role, with its interval; empty where it has none."""
+    found = (row.get("scores") or {}).get(role)
+    return found if isinstance(found, dict) else {}
+
+
+def gap_of(row: Row) -> float | None:
+    """By how much an entry scores more against whom everybody knows than against whom nobody had met."""
+    known, unseen = (value_of(score_of(row, role)) for role in ("known", "unseen"))
+    return None if known is None or unseen is None else known - unseen
+
+
+def _row_view(track: Row, row: Row, columns: Row, domain: drawing.Domain, names: Names) -> Row:
+    measures, score = row.get("measures") or {}, score_of(row, columns["ranked_by"])
     return {
         **entry_head(track, row),
-        "score": written(score.get("value")),
-        "score_sort": finite(score.get("value")),
+        "score": shown(value_of(score)),
         "interval": wording.interval_text(score),
         "over": score.get("over") or "",
         "picture": drawing.interval_picture(score, domain),
         "rank_sort": finite((row.get("rank") or [None])[0]),
-        "lead": share_text(_lead(row)),
-        "lead_sort": _lead(row),
-        "worst": written(worst.get("value")),
-        "worst_sort": finite(worst.get("value")),
-        "worst_entry": worst.get("entry") or "",
-        "best_response": written(value_of(row.get("best_response"))),
-        "best_response_sort": value_of(row.get("best_response")),
-        "measures": [
-            {
-                "text": _in_column(measures.get(name), wording.measure_of(name).style),
-                "sort": finite(measures.get(name)),
-            }
-            for name in names
-        ],
+        "known": shown(value_of(score_of(row, "known"))),
+        "gap": {"text": wording.signed(gap_of(row)), "sort": gap_of(row)},
+        "shifted": shown(value_of(score_of(row, "shifted"))),
+        "worst": worst_view(track, row, names),
+        "seeds_gap": seeds_gap_text(row),
+        "measures": [shown(measures.get(column["name"]), column["style"]) for column in columns["measures"]],
     }
+
+
+def shown(value: Any, style: str = "score") -> Row:
+    """A number as a cell: its text, and what it is sorted by."""
+    return {"text": written(value, style), "sort": finite(value)}
+
+
+def worst_view(track: Row, row: Row, names: Names) -> Row:
+    """The lowest score that is known of an entry: who did it, where, and the return a step."""
+    worst = row.get("worst") or {}
+    other = "opponent" if track.get("side") == "ally" else "ally"
+    against, where = str(worst.get("against") or ""), str(worst.get("where") or "")
+    if where == _CROSSPLAY:
+        against = names.get(other, {}).get(against, against)
+    roles = {field["name"]: field["label"].lower() for field in fields_of(track)}
+    return {
+        **shown(value_of(worst)),
+        "interval": wording.interval_text(worst),
+        "against": against,
+        "where": roles.get(where, where),
+        "return": written(value_of(worst.get("return")), "step"),
+    }
+
+
+def seeds_gap_text(row: Row) -> str:
+    """A sentence where an entry does better on the seeds that everybody knew than others do; else empty."""
+    gap = row.get("seeds_gap")
+    if not isinstance(gap, dict) or not gap.get("flagged"):
+        return ""
+    return f"scores {written(gap.get('value'))} more on the seeds that everybody knew"
 
 
 def entry_head(track: Row, row: Row) -> Row:
@@ -136,28 +191,38 @@ def value_of(interval: Any) -> float | None:
     return finite(interval.get("value")) if isinstance(interval, dict) else None
 
 
-def _lead(row: Row) -> float | None:
-    return finite(row.get("lead")) if is_verified(row) else None
+def met(row: Row, role: str) -> Row:
+    """An entry's scores against each counterpart of the field of a role."""
+    found = (row.get("counterparts") or {}).get(role)
+    return found if isinstance(found, dict) else {}
 
 
-def share_text(value: Any) -> str:
-    """A share in whole per cent."""
-    number = finite(value)
-    return wording.NONE if number is None else f"{100 * number:.0f} %"
-
-
-def _strengths(track: Row, rows: list[Row]) -> list[Row]:
-    """The score of each entry against each pairing of the panel, tinted."""
-    names = list(track.get("entries") or [])
-    shown = [row for row in rows if is_verified(row) and row.get("entries")]
+def _strengths(track: Row, rows: list[Row]) -> Row:
+    """The score of each entry against each counterpart that is known or unseen, tinted."""
+    fields = [field for field in fields_of(track) if field["role"] in _HEAT]
+    met_by = [row for row in rows if is_verified(row) and row.get("counterparts")]
     values = [
-        value for row in shown for cell in row["entries"].values() if (value := value_of(cell)) is not None
+        value
+        for row in met_by
+        for field in fields
+        for cell in met(row, field["role"]).values()
+        if (value := value_of(cell)) is not None
     ]
     domain = (0.0, max([100.0, *values]))
-    return [
-        {**entry_head(track, row), "cells": [_cell(row["entries"].get(name), domain) for name in names]}
-        for row in shown
-    ]
+    return {
+        "fields": fields,
+        "rows": [
+            {
+                **entry_head(track, row),
+                "cells": [
+                    _cell(met(row, field["role"]).get(name), domain)
+                    for field in fields
+                    for name in field["counterparts"]
+                ],
+            }
+            for row in met_by
+        ],
+    }
 
 
 def _cell(interval: Any, domain: drawing.Domain) -> Row:

@@ -23,7 +23,7 @@ class Measure(NamedTuple):
 
 # In the order in which an entry's page lists them.
 MEASURES = {
-    "return": Measure("Return", "whole", "sum of its own rewards in a round"),
+    "return": Measure("Return a step", "step", "mean of its own rewards in the rounds that its score counts"),
     "ally_return": Measure("Ally's return", "whole", "sum of the ally's rewards in a round"),
     "opponent_return": Measure("Opponent's return", "whole", "sum of the opponent's rewards in a round"),
     "jamming_success_rate": Measure(
@@ -54,9 +54,26 @@ MEASURES = {
     "share_broadband": Measure("Broadband", "share", "time in which it jams a broad band"),
     "share_comb": Measure("Comb", "share", "time in which it jams a comb of tones"),
 }
-# Beside the score in a track's table, where any of its entries has them.
 HIDDEN = ("recoveries_cut",)  # of use to those who compute the others
-COLUMNS = ("return", "overlap_ratio", "jamming_success_rate", "spectrum_overlap", "outage", "capacity_mbit_s")
+COLUMNS = ("jamming_success_rate", "return")  # beside the scores in a track's table
+
+
+class Role(NamedTuple):
+    """What the page calls a field by what it says of an entry, and whom one meets there."""
+
+    label: str
+    about: str
+
+
+# In the order in which pages list them.
+ROLES = {
+    "known": Role("Known", "the public field, which everybody can train on"),
+    "unseen": Role("Unseen", "players that were trained after entries were closed"),
+    "shifted": Role("Shifted", "the public field under changed rules"),
+    "responses": Role("Best responses", "players that were trained to beat one entry"),
+    "public": Role("Public seeds", "the known field on seeds that everybody knew"),
+}
+_TOPS = {"ally": "a link that is never jammed"}  # what scores 100
 
 
 def finite(value: Any) -> float | None:
@@ -67,7 +84,7 @@ def finite(value: Any) -> float | None:
 
 
 def written(value: Any, style: str = "score") -> str:
-    """A number in words: ``score`` (one digit), ``whole``, ``share`` (in per cent), or a unit."""
+    """A number in words: ``score`` (one digit), ``step`` (two), ``whole``, ``share`` or a unit."""
     number = finite(value)
     if number is None:
         return NONE
@@ -75,8 +92,8 @@ def written(value: Any, style: str = "score") -> str:
         return f"{100 * number:.1f} %"
     if style == "whole":
         return f"{number:,.0f}".replace("-", "−")
-    text = f"{number:.1f}".replace("-", "−")
-    return text if style == "score" else f"{text} {style}"
+    text = f"{number:.{2 if style == 'step' else 1}f}".replace("-", "−")
+    return text if style in ("score", "step") else f"{text} {style}"
 
 
 def measure_of(name: str) -> Measure:
@@ -93,6 +110,27 @@ def interval_text(interval: Any) -> str:
         return ""
     low, high = finite(interval.get("low")), finite(interval.get("high"))
     return "" if low is None or high is None else f"{written(low)} to {written(high)}"
+
+
+def signed(value: Any) -> str:
+    """A difference of scores with its sign; a dash where there is none."""
+    number = finite(value)
+    return f"+{written(number)}" if number is not None and number >= 0 else written(number)
+
+
+def role_of(name: str) -> Role:
+    """What the page says about a field's role; one that it does not know is called by its own name."""
+    return ROLES.get(name, Role(name.capitalize(), ""))
+
+
+def scale_text(scale: Any, side: Any) -> str:
+    """What scores 0 and 100, in returns a step; empty where a board does not say."""
+    ends = [finite(scale.get(end)) for end in ("zero", "top")] if isinstance(scale, dict) else [None]
+    if None in ends:
+        return ""
+    zero, top = (written(end, "step") for end in ends)
+    best = _TOPS.get(str(side), "the best that is known to be possible")
+    return f"a score of 0 is what playing at random earns ({zero} a step), 100 is {best} ({top} a step)"
 
 
 def rank_text(rank: Any) -> str:

@@ -2,6 +2,7 @@
 "use strict";
 const fpgCharts = (() => {
   const percent = (share, digits = 1) => (share === null || share === undefined ? "–" : `${(100 * share).toFixed(digits)} %`);
+  const step = (value) => (value === null || value === undefined ? "–" : value.toFixed(2).replace("-", "−"));
   const redraws = [];
 
   function colours() {
@@ -44,25 +45,30 @@ const fpgCharts = (() => {
   new MutationObserver(redrawAll).observe(document.documentElement, { attributeFilter: ["data-theme"] });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redrawAll);
 
-  /** A heat map of shares; axis texts are numbered inside, as two players may have one name. */
+  /**
+   * A heat map; axis texts are numbered inside, as two players may have one name.
+   * `scale` holds the numbers of both ends (`low`, `top`), the `colours` between them, and `share`: whether
+   * numbers are shares, to be written in per cent.
+   */
   function heatMap(id, rows, columns, values, title, scale) {
     const big = columns.length > 40;
     const ticks = (names) => (big ? { showticklabels: false, ticks: "" } : {
       tickmode: "array", tickvals: names.map((_, i) => i), ticktext: names.map(short),
     });
     const cell = Math.max(22, Math.min(34, 900 / rows.length));
-    const written = columns.length <= 16 ? { texttemplate: "%{z:.0%}", textfont: { size: 11 } } : {};
+    const written = columns.length <= 16 ? { texttemplate: scale.share ? "%{z:.0%}" : "%{z:.1f}", textfont: { size: 11 } } : {};
+    const told = scale.share ? percent : step;
     const box = document.getElementById(id).style;
     box.maxWidth = `${Math.max(420, 260 + 72 * columns.length)}px`;
     box.minWidth = big ? "" : `${230 + (columns.length <= 16 ? 34 : 14) * columns.length}px`; // else it scrolls
     draw(id, (c) => ({
       traces: [{
-        type: "heatmap", ...written, z: values, zmin: 0, zmax: scale.top, colorscale: scale.colours(c), hoverongaps: false,
+        type: "heatmap", ...written, z: values, zmin: scale.low, zmax: scale.top, colorscale: scale.colours(c), hoverongaps: false,
         x: columns.map((_, i) => i), y: rows.map((_, i) => i), xgap: big ? 0 : 2, ygap: big ? 0 : 2,
         customdata: values.map((line, i) => line.map((value, j) =>
-          `${plain(rows[i])}<br>${plain(columns[j])}<br><b>${percent(value)}</b>`)),
+          `${plain(rows[i])}<br>${plain(columns[j])}<br><b>${told(value)}</b>`)),
         hovertemplate: "%{customdata}<extra></extra>",
-        colorbar: { title: { text: title, side: "right" }, tickformat: ".0%", thickness: 12, outlinewidth: 0 },
+        colorbar: { title: { text: title, side: "right" }, tickformat: scale.share ? ".0%" : ".0f", thickness: 12, outlinewidth: 0 },
       }],
       xaxis: { ...ticks(columns), side: "top", tickangle: -45, showgrid: false, zeroline: false },
       yaxis: { ...ticks(rows), autorange: "reversed", showgrid: false, zeroline: false },
@@ -95,5 +101,5 @@ const fpgCharts = (() => {
     select.replaceChildren(...names.map((name, i) => new Option(name, i)));
   }
 
-  return { percent, draw, heatMap, table, fill, plain, short };
+  return { percent, step, draw, heatMap, table, fill, plain, short };
 })();

@@ -11,6 +11,7 @@
     if (value === null || value === undefined) return "–";
     if (style === "share") return percent(value);
     if (style === "whole") return Math.round(value).toLocaleString("en").replace("-", "−");
+    if (style === "step") return value.toFixed(2).replace("-", "−");
     return style === "score" ? number(value) : `${number(value)} ${style}`;
   }
 
@@ -104,23 +105,33 @@
     return box;
   }
 
-  function scored(a, b) {
-    const pairs = [["All counterparts", a.score, b.score], ...track().entries.map((name) => [name, a.entries[name], b.entries[name]])];
-    const numbers = pairs.flatMap(([, one, two]) => [...one, ...two]).filter((value) => value !== null);
-    const domain = [Math.min(0, ...numbers), Math.max(100, ...numbers)];
+  /** Scores of both over a field: all of it, then each counterpart. */
+  function scored(field, domain, a, b) {
     const told = ([value, low, high]) => (low === null || value === null ? number(value) : `${number(value)}  (${number(low)} to ${number(high)})`);
+    const pairs = [["All counterparts", a.scores[field.role], b.scores[field.role]],
+      ...field.counterparts.map((name, k) => [name, a.met[field.role][k], b.met[field.role][k]])];
     return pairs.map(([name, one, two]) => [
       name, told(one), told(two), one[0] === null || two[0] === null ? "–" : signed(one[0] - two[0]), picture(domain, [one, two]),
     ]);
   }
 
+  /** The fields that either has met, and what their pictures span together. */
+  function shown(a, b) {
+    const fields = track().fields.filter(({ role }) => a.scores[role][0] !== null || b.scores[role][0] !== null);
+    const intervals = fields.flatMap(({ role }) => [a, b].flatMap((row) => [row.scores[role], ...row.met[role]]));
+    const numbers = intervals.flat().filter((value) => value !== null);
+    return [fields, [Math.min(0, ...numbers), Math.max(100, ...numbers)]];
+  }
+
   const signed = (value) => (value >= 0 ? "+" : "−") + Math.abs(value).toFixed(1);
+
+  const gaps = (a, b) => (a.gap === null && b.gap === null ? [] : [["Gap, known - unseen", number(a.gap), number(b.gap)]]);
 
   function facts(a, b) {
     const about = (row) => row.training;
     const budget = (row) => (about(row) ? `${Number(about(row).steps).toLocaleString("en")} steps` : "–");
     return [
-      ["Rank", a.rank, b.rank], ["Leads", percent(a.lead), percent(b.lead)], ["Mean score", number(a.mean), number(b.mean)],
+      ["Rank", a.rank, b.rank], ...gaps(a, b), ["Worst score", number(a.worst), number(b.worst)],
       ["Algorithm", a.algorithm, b.algorithm], ["Authors", a.authors, b.authors], ["Learning budget a seed", budget(a), budget(b)],
     ];
   }
@@ -137,8 +148,10 @@
   function verdict(a, b) {
     const found = track().improvement;
     const i = found ? found.names.indexOf(a.slug) : -1, j = found ? found.names.indexOf(b.slug) : -1;
-    const wins = track().entries.filter((name) => a.entries[name][0] > b.entries[name][0]).length;
-    let text = `${a.name} scores ${number(a.score[0])}, ${b.name} ${number(b.score[0])}; the first is ahead against ${wins} of ${track().entries.length} counterparts.`;
+    const role = track().ranked_by;
+    const pairs = a.met[role].map(([one], k) => [one, b.met[role][k][0]]).filter(([one, two]) => one !== null && two !== null);
+    const wins = pairs.filter(([one, two]) => one > two).length;
+    let text = `Over the ${role} field ${a.name} scores ${number(a.scores[role][0])}, ${b.name} ${number(b.scores[role][0])}; the first is ahead against ${wins} of ${pairs.length} counterparts.`;
     if (i >= 0 && j >= 0 && i !== j) {
       const share = (value) => `${Math.round(100 * value)} %`;
       text += ` A new run of the first scores more than one of the second with a probability of ${share(found.value[i][j])} (${share(found.low[i][j])} to ${share(found.high[i][j])}).`;
@@ -167,7 +180,9 @@
       section("At a glance", ["Fact", ...heads], facts(a, b)),
       section("What happens in their games", ["Measure", ...heads], measured(a, b)),
     );
-    place.replaceChildren(section("Scores", ["Counterpart", ...heads, "Difference", "Picture"], scored(a, b)), columns, links);
+    const [fields, domain] = shown(a, b);
+    const scores = fields.map((field) => section(`${field.label}: ${field.about}`, ["Counterpart", ...heads, "Difference", "Picture"], scored(field, domain, a, b)));
+    place.replaceChildren(...scores, columns, links);
   }
 
   select.track.addEventListener("change", () => {

@@ -20,7 +20,7 @@
         line: { color: PALETTE[i % PALETTE.length], dash: DASHES[i % DASHES.length], width: 2.2 },
         hovertemplate: "%{y:.0%} above %{x}<extra>%{fullData.name}</extra>",
       })),
-      xaxis: { title: { text: "normalised score" } },
+      xaxis: { title: { text: "score" } },
       yaxis: { title: { text: "share of runs above it" }, tickformat: ".0%", range: [-0.02, 1.03] },
       legend: { orientation: "h", y: -0.22 }, height: 400,
     }));
@@ -39,7 +39,7 @@
     const names = found.names.map((slug) => track.names[slug] ?? slug);
     const values = found.value.map((line, i) => line.map((value, j) => (i === j ? null : value)));
     heatMap("matrix", names, names, values, "", {
-      top: 1, colours: (c) => [[0, c.opponent], [0.5, c.panel], [1, c.ally]],
+      low: 0, top: 1, share: true, colours: (c) => [[0, c.opponent], [0.5, c.panel], [1, c.ally]],
     });
     fill(who, names);
     one();
