@@ -40,8 +40,8 @@ from fpg_bench.players.player import SIDES
 from fpg_bench.rows import Row
 
 _LONGEST_REASON = 300
-# By how many points a score on the seeds that everybody knew may lie above that on the season's, beyond what the
-# track's entries gain there in the middle.
+# By how many points a score on the seeds that everybody knew may lie above that on the season's, beyond what
+# the track's entries gain there in the middle.
 SEEDS_GAP = 5.0
 
 

@@ -197,7 +197,7 @@ def test_the_mixtures_are_those_of_the_ally_s_returns(entered):
 
 
 def test_who_hops_in_every_step_is_not_crowned_where_hopping_costs(board):
-    """It is jammed least, so by jamming rate it would be played alone; by its return it is not played at all."""
+    """It is jammed least: by jamming rate it would be played alone, by its return it is not played."""
     for slug in ("always-hop", "expert", "reactive"):
         enter(board, "ally", f"the-{slug}", script=slug)
     enter(board, "opponent", "the-tone", script="tone")
