@@ -42,8 +42,8 @@ from fpg_bench.players.player import SIDES
 from fpg_bench.rows import Row
 
 _LONGEST_REASON = 300
-# By how many points a score on the seeds that everybody knew may lie above that on the season's, beyond what the
-# track's entries gain there in the middle.
+# By how many points a score on the seeds that everybody knew may lie above that on the season's, beyond what
+# the track's entries gain there in the middle.
 SEEDS_GAP = 5.0
 
 
@@ -188,17 +188,29 @@ def _told_field(role: str, field: Field) -> Row:
 
 
 def _seeds_gaps(scored: Sequence[_Scored]) -> dict[str, Row]:
-    """By how much each scores more on seeds that everybody knew than others do, and whether that is flagged."""
+    """By how much each scores more on seeds that everybody knew than others do, and whether that is flagged:
+    where it is more than a few points, and more than chance.
+    """
     gaps = {
-        entry.result.slug: entry.summaries[PUBLIC].score.value - entry.summaries[KNOWN].score.value
+        entry.result.slug: _gap(entry.summaries[PUBLIC], entry.summaries[KNOWN])
         for entry in scored
         if PUBLIC in entry.summaries
     }
-    middle = float(np.median(list(gaps.values()))) if gaps else 0.0
+    middle = float(np.median([value for value, _ in gaps.values()])) if gaps else 0.0
     return {
-        slug: {"value": _short(gap - middle), "flagged": gap - middle > SEEDS_GAP}
-        for slug, gap in gaps.items()
+        slug: {"value": _short(value - middle), "flagged": value - middle > SEEDS_GAP and low > middle}
+        for slug, (value, low) in gaps.items()
     }
+
+
+def _gap(public: Summary, known: Summary) -> tuple[float, float]:
+    """How much more a score is on the one field's seeds, and the lower end of its interval over matches."""
+    from scipy.stats import ttest_ind
+
+    ours, theirs = (of.field.scale.score(of.rewards.mean(axis=(0, 1))) for of in (public, known))
+    with np.errstate(divide="ignore", invalid="ignore"):  # a single match has no spread
+        interval = ttest_ind(ours, theirs, equal_var=False).confidence_interval()
+    return float(ours.mean() - theirs.mean()), float(interval.low)
 
 
 def _texts(submission: Submission) -> Row:

@@ -55,7 +55,7 @@ _ROW = {
 
 @dataclass(frozen=True)
 class Entrant:
-    """Who plays: its name in its track, its parts, what it plays in, the scale of its track, and the season."""
+    """Who plays: its name in its track, its parts, what it plays in, its track's scale, and the season."""
 
     slug: str
     side: str

@@ -37,8 +37,8 @@ def replaying(folder: Path, field: Field) -> Callable[[Counterpart], Any]:
     """What gives the planner of a submission's transcripts against an ally; no language model is asked.
 
     Raises:
-        UserError: when called: a transcript is not that of these matches: its prompts are others, or something
-            of it is missing or was changed.
+        UserError: when called: a transcript is not that of these matches: its prompts are others, or
+            something of it is missing or was changed.
     """
     from fpg_bench.planning.llm.llm_planner import LLMPlanner
 

@@ -1,4 +1,4 @@
-"""A result: what a submission earned, meeting by meeting, in one file that shows when it was edited by hand."""
+"""A result: what a submission earned, meeting by meeting, in a file that shows when it was edited by hand."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Fields = Mapping[str, Field]  # what a submission plays, by what it says of it
 
 @dataclass(frozen=True)
 class Result:
-    """A result's file: its first row, and one line per training seed and counterpart, none if not verified."""
+    """A result's file: its first row, and a line per training seed and counterpart, none if not verified."""
 
     head: Row
     lines: tuple[Line, ...]
@@ -189,7 +189,7 @@ def read_result(path: Path, fields: Fields) -> Result:
 
 
 def check_lines(result: Result, fields: Fields, path: Path) -> None:
-    """Raise UserError where lines are not those of a field's meetings, or the summary is not what they say."""
+    """Raise UserError where lines are not those of the fields, or the summary is not what they say."""
     if not result.verified:
         if result.lines or result.head["summary"] is not None or not isinstance(result.head["reason"], str):
             raise UserError(

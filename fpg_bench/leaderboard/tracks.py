@@ -49,7 +49,7 @@ class Track:
         single entries. Before a season is closed all is played on the seeds that everybody knows.
 
         Args:
-            transcripts: whether the entry is a language model's, recorded on the public field's first matches.
+            transcripts: whether the entry is a language model's, recorded on the first public matches.
             season: the season that is on; None: the newest one that is closed.
         """
         season = season or current_season()
@@ -71,7 +71,7 @@ class Track:
 
 
 def ranked_by(fields: Collection[str]) -> str:
-    """What ranks entries that play these fields: the unseen one where a season has one, else the known one."""
+    """What ranks entries that play these fields: the unseen one where there is one, else the known one."""
     return UNSEEN if UNSEEN in fields else KNOWN
 
 

@@ -1,4 +1,4 @@
-"""Small boards for tests: submissions on fields of two counterparts, closed seasons, and policies that misbehave."""
+"""Small boards for tests: submissions on small fields, closed seasons, and policies that misbehave."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def write_field(baselines: Path, name: str, content: dict[str, Any]) -> None:
 
 
 def close_season(baselines: Path, number: int = 1, seed: str = "5eed", **fields: dict[str, Any]) -> None:
-    """Close a season: ``ally={"counterparts": ...}`` says what of a track's unseen field is not the public one's."""
+    """Close a season; ``ally={"matches": 2}`` says how a track's unseen field differs from the public one."""
     folder = baselines / "fields" / f"season-{number}"
     folder.mkdir()
     (folder / "season.yml").write_text(yaml.safe_dump({"number": number, "seed": seed, "entries": {}}))

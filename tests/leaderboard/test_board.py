@@ -1,15 +1,18 @@
+import dataclasses
 import json
 import math
 
+import numpy as np
 import pytest
 
 from fpg_bench.cli.leaderboard import build
-from fpg_bench.errors import UserError
 from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.crossplay import play_missing
-from fpg_bench.leaderboard.site.build import build_site
+from fpg_bench.leaderboard.nash import nash
+from fpg_bench.leaderboard.result import verified_result, write_result
 from fpg_bench.leaderboard.verify import verify
-from tests.leaderboard.entering import enter
+from tests.leaderboard.entering import FIELD, close_season, enter, write_field
 
 
 def quiet(line):
@@ -57,23 +60,35 @@ def test_rows_are_ranked_and_marked(entered):
     wise = rows["wise"]
     assert wise["name"] == "<b>Wise</b>"
     assert (wise["kind"], wise["training"], wise["training_seeds"]) == ("script", None, 0)
-    assert wise["score"]["value"] == pytest.approx(100)
-    assert list(wise["entries"]) == ally["entries"]
-    assert wise["worst"]["value"] == min(entry["value"] for entry in wise["entries"].values())
-    assert wise["measures"]["return"] == wise["measures"]["ally_return"]
+    assert (ally["ranked_by"], wise["score"]) == ("known", wise["scores"]["known"])
+    assert list(wise["counterparts"]["known"]) == ally["fields"][0]["counterparts"]
+    assert wise["worst"]["value"] == min(of["value"] for of in wise["counterparts"]["known"].values())
+    assert wise["measures"]["return"] == pytest.approx(wise["measures"]["ally_return"] / 300, rel=1e-4)
     assert sum(wise["histograms"]["jam"]) == pytest.approx(1, abs=1e-4)
     assert not wise["few_seeds"]
     assert rows["few"]["few_seeds"]
     assert (rows["linear"]["kind"], rows["linear"]["few_seeds"]) == ("submitted", False)
-    assert sum(row["lead"] for row in ally["rows"]) == pytest.approx(1, abs=1e-4)
     assert all(1 <= row["rank"][0] <= row["rank"][1] <= 4 for row in ally["rows"])
+    assert wise["seeds_gap"] is None
+
+
+def test_scores_are_returns_on_the_track_s_scale(entered):
+    ally = table(entered, "ally")
+    zero, top = ally["scale"]["zero"], ally["scale"]["top"]
+    for row in ally["rows"]:
+        expected = 100 * (row["measures"]["return"] - zero) / (top - zero)
+        assert row["score"]["value"] == pytest.approx(expected, rel=1e-4)
+        worst = row["worst"]
+        assert worst["value"] == pytest.approx(
+            100 * (worst["return"]["value"] - zero) / (top - zero), rel=1e-4
+        )
 
 
 def test_every_seed_has_its_own_score(entered):
     ally = table(entered, "ally")
     rows = {row["slug"]: row for row in ally["rows"]}
     seeds = rows["linear"]["seeds"]
-    assert set(seeds) == {"0", "10", "2"}
+    assert list(seeds) == ["0", "2", "10"]
     assert sum(seeds.values()) / 3 == pytest.approx(rows["linear"]["score"]["value"], rel=1e-4)
     assert seeds["0"] == pytest.approx(rows["few"]["score"]["value"])
     assert rows["wise"]["seeds"] == {}
@@ -97,7 +112,7 @@ def test_the_opponents_tables_are_apart(entered):
 
 def test_what_does_not_count_is_shown_last_with_its_reason(entered, in_process):
     path = entered / "results/ally/wise.jsonl"
-    path.write_text(path.read_text().replace('"value":100.0', '"value":150.0', 1))
+    path.write_text(path.read_text().replace('"known":{"value":', '"known":{"value":9', 1))
     enter(entered, "ally", "slow", seeds=(7,))
     in_process.fails = True
     verify(entered, ["ally/slow"], say=quiet)
@@ -140,50 +155,179 @@ def test_who_is_left_out_or_not_verified_is_said_with_the_reason(entered, in_pro
     ]
 
 
-def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, tmp_path):
+def test_a_result_of_an_older_protocol_is_named_and_never_mixed(entered):
+    play_missing(entered, say=quiet)
+    path = entered / "results/ally/wise.jsonl"
+    path.write_text(path.read_text().replace('"protocol":"2"', '"protocol":"1"', 1))
+    said = []
+    board = make_board(entered, said.append)
+    assert said == [
+        f"ally/wise: not verified: result {path}: of protocol '1', this version's is '2'; play it again"
+    ]
+    (ally,) = (track for track in board["tracks"] if track["key"] == "ally")
+    last = ally["rows"][-1]
+    assert (last["slug"], last["status"], last["score"], last["rank"]) == ("wise", "not verified", None, None)
+    assert "wise" not in ally["improvement"]["names"]
+    assert "wise" not in board["crossplay"]["allies"]
+
+
+def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered):
     assert make_board(entered)["crossplay"] is None
     play_missing(entered, say=quiet)
     found = make_board(entered)["crossplay"]
     assert found["allies"] == ["few", "linear", "still", "wise"]
     assert found["opponents"] == ["far", "near"]
-    assert [len(row) for row in found["jamming_success_rate"]] == [2] * 4
-    assert sum(found["nash"]["ally"].values()) == pytest.approx(1, abs=1e-4)
-    assert 0 <= found["nash"]["value"] <= 1
+    for matrix in (found["jamming_success_rate"], *found["returns"].values()):
+        assert [len(row) for row in matrix] == [2] * 4
     assert found["missing"] == {"ally": [], "opponent": []}
     enter(entered, "ally", "new", script="reactive", name="Brand New")
     verify(entered, ["ally/new"], say=quiet)
+    assert make_board(entered)["crossplay"] == found | {"missing": {"ally": ["new"], "opponent": []}}
+
+
+def test_the_mixtures_are_those_of_the_ally_s_returns(entered):
+    play_missing(entered, say=quiet)
+    found = make_board(entered)["crossplay"]
+    returns = np.array(found["returns"]["ally"])
+    ally, opponent = (np.array(list(found["nash"][side].values())) for side in ("ally", "opponent"))
+    assert (ally.sum(), opponent.sum()) == pytest.approx((1, 1), abs=1e-4)
+    assert ally @ returns @ opponent == pytest.approx(found["nash"]["value"], abs=1e-3)
+    assert (returns @ opponent).max() == pytest.approx(found["nash"]["value"], abs=1e-3)
+    assert (ally @ returns).min() == pytest.approx(found["nash"]["value"], abs=1e-3)
+
+
+def test_who_hops_in_every_step_is_not_crowned_where_hopping_costs(board):
+    """It is jammed least: by jamming rate it would be played alone, by its return it is not played."""
+    for slug in ("always-hop", "expert", "reactive"):
+        enter(board, "ally", f"the-{slug}", script=slug)
+    enter(board, "opponent", "the-tone", script="tone")
+    verify(board, say=quiet)
+    play_missing(board, say=quiet)
+    found = make_board(board)["crossplay"]
+    assert found["nash"]["ally"]["the-always-hop"] == 0
+    by_rate = nash(np.array(found["jamming_success_rate"])).rows
+    assert by_rate[found["allies"].index("the-always-hop")] == pytest.approx(1)
+
+
+def test_twins_are_named(board):
+    """One script stands in both tables of opponents."""
+    enter(board, "ally", "wise", script="expert")
+    for slug, script, path in (("near", "tone", "pursuit"), ("far", "tone", "learned")):
+        enter(board, "opponent", slug, script=script, path=path)
+    enter(board, "opponent", "other", script="comb")
+    verify(board, say=quiet)
+    play_missing(board, say=quiet)
+    assert make_board(board)["crossplay"]["twins"] == [["far", "near"]]
+
+
+def test_an_ally_s_worst_may_be_an_opponent_of_the_board(entered):
+    before = {row["slug"]: row["worst"] for row in table(entered, "ally")["rows"]}
+    assert {of["where"] for of in before.values()} == {"ally-v1"}
+    play_missing(entered, say=quiet)
     board = make_board(entered)
-    assert board["crossplay"] == found | {"missing": {"ally": ["new"], "opponent": []}}
-    build_site(board, tmp_path / "site")
-    page = (tmp_path / "site/crossplay.html").read_text()
-    assert "Not in it yet: Brand New." in page
-    assert "fpg-bench submit crossplay" in page
+    after = {row["slug"]: row["worst"] for row in board["tracks"][0]["rows"]}
+    cross = board["crossplay"]
+    for slug, worst in after.items():
+        row = cross["returns"]["ally"][cross["allies"].index(slug)]
+        if min(row) < before[slug]["return"]["value"]:
+            assert (worst["where"], worst["against"]) == (
+                "cross-play",
+                cross["opponents"][row.index(min(row))],
+            )
+            assert worst["return"]["value"] == pytest.approx(min(row))
+        else:
+            assert worst == before[slug]
+    assert "cross-play" in {of["where"] for of in after.values()}
 
 
-def test_best_response_is_shown_where_it_was_measured(entered):
-    rows = [
-        {"track": "ally", "slug": "wise", "scores": [1]},
-        {"track": "ally", "slug": "wise", "scores": [3, 2.5, 4]},
-        {"track": "opponent", "slug": "still", "scores": [9]},
+@pytest.fixture
+def season(board, small_fields, in_process):
+    """A board whose first season is closed: two opponents are unseen, and some rules shifted."""
+    close_season(small_fields, ally={"counterparts": [{"opponent": "tone"}, {"opponent": "comb"}]})
+    slow = [{"opponent": ["tone", "comb"], "changes": {"ally_speed_m_s": [3, 6]}, "name": "a slower ally"}]
+    write_field(small_fields, "ally-shifted-v1", FIELD | {"matches": 2, "counterparts": slow})
+    enter(board, "ally", "wise", script="expert")
+    enter(board, "ally", "still", script="idle")
+    enter(board, "ally", "linear", seeds=(0, 10, 2))
+    assert all(verdict.good for verdict in verify(board, say=quiet))
+    return board
+
+
+def test_a_closed_season_ranks_by_whom_nobody_had_met(season):
+    board = make_board(season)
+    assert (board["season"], board["protocol"]) == (1, "2")
+    ally = table(season, "ally")
+    assert ally["ranked_by"] == "unseen"
+    roles = ["known", "public", "unseen", "shifted"]
+    assert [field["role"] for field in ally["fields"]] == roles
+    assert ally["fields"][2]["counterparts"] == ["tone", "comb"]
+    for row in ally["rows"]:
+        assert list(row["scores"]) == list(row["counterparts"]) == roles
+        assert row["score"] == row["scores"]["unseen"]
+        assert row["worst"]["where"] in ("ally-v1", "ally-season-1")
+        assert row["seeds_gap"].keys() == {"value", "flagged"}
+        assert row["rank"] is not None
+    unseen = [row["scores"]["unseen"]["value"] for row in ally["rows"]]
+    assert unseen == sorted(unseen, reverse=True)
+    assert unseen != sorted((row["scores"]["known"]["value"] for row in ally["rows"]), reverse=True)
+
+
+def test_results_from_before_a_season_do_not_count_in_it(entered, small_fields):
+    close_season(small_fields)
+    said = []
+    board = make_board(entered, said.append)
+    assert len(said) == 6
+    assert all("not verified: result" in line and "of other fields; make it again" in line for line in said)
+    assert {row["status"] for track in board["tracks"] for row in track["rows"]} == {"not verified"}
+
+
+def improve_public(board, slug, points):
+    """Make a result whose rounds on the seeds that everybody knew score so many points more."""
+    case = make_case(board, board / "submissions/ally" / slug)
+    public = case.fields["public"]
+    more = np.array(points) / 100 * (public.scale.top - public.scale.zero) * public.scenario.steps_per_round
+    lines = [
+        dataclasses.replace(line, returns=tuple((np.array(line.returns) + more).tolist()))
+        if line.field_hash == public.hash[:16]
+        else line
+        for line in case.known.lines
     ]
-    file = entered / "results/exploit.jsonl"
-    file.write_text("".join(json.dumps(row) + "\n" for row in rows))
-    found = {row["slug"]: row["best_response"] for row in table(entered, "ally")["rows"]}
-    assert found == {
-        "wise": {"value": 2.5, "low": 2.5, "high": 4},
-        "still": None,
-        "linear": None,
-        "few": None,
-    }
-    file.write_text('{"track": "ally"}\n')
-    with pytest.raises(UserError, match=r"exploit.jsonl: line 1 lacks"):
-        make_board(entered)
+    write_result(case.path, verified_result(slug, "ally", case.printed, lines, case.fields))
+
+
+def flagged(board):
+    gaps = {row["slug"]: row["seeds_gap"] for row in table(board, "ally")["rows"]}
+    return {slug for slug, gap in gaps.items() if gap["flagged"]}
+
+
+def test_seeds_that_were_learned_by_heart_are_flagged(season):
+    """Who earns much more on the seeds that everybody knew than others do, and more than by chance."""
+    assert flagged(season) == set()
+    improve_public(season, "wise", 40)
+    assert flagged(season) == {"wise"}
+
+
+def test_a_gap_that_may_be_chance_is_not_flagged(season):
+    improve_public(season, "wise", [160, -80, 160, -80])
+    assert flagged(season) == set()
 
 
 def test_an_empty_board_is_a_board(board):
     found = make_board(board)
     assert not [row for track in found["tracks"] for row in track["rows"]]
-    assert found["crossplay"] is None
+    assert (found["crossplay"], found["season"]) == (None, None)
+
+
+def test_cross_play_names_who_is_not_in_it_on_its_page(entered, tmp_path):
+    from fpg_bench.leaderboard.site.build import build_site
+
+    play_missing(entered, say=quiet)
+    enter(entered, "ally", "new", script="reactive", name="Brand New")
+    verify(entered, ["ally/new"], say=quiet)
+    build_site(make_board(entered), tmp_path / "site")
+    page = (tmp_path / "site/crossplay.html").read_text()
+    assert "Not in it yet: Brand New." in page
+    assert "fpg-bench submit crossplay" in page
 
 
 def test_the_verb_says_who_is_left_out_and_keeps_rounds_that_it_does_not_simulate(board, tmp_path, capsys):

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import hashlib
+import dataclasses
 import json
 import shutil
 from pathlib import Path
 
 import pytest
 import yaml
-from fpg_bench.evaluation.planner_references import measure_planner_panel
 
-from fpg_bench.leaderboard import submission
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.check import problems
+from fpg_bench.leaderboard.result import verified_result, write_result
 from fpg_bench.leaderboard.verify import verify
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 
 from . import recording
-from .entering import enter
+from .entering import close_season, enter
 
 BOARD = Path(__file__).parents[2] / "leaderboard"
 NAMES = ["planner/hold", "planner/pursuit", "planner/toy"]
@@ -28,16 +27,14 @@ NAMES = ["planner/hold", "planner/pursuit", "planner/toy"]
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
-    (folder / "mine.yml").write_text(recording.PANEL)
-    measure_planner_panel(str(folder / "mine.yml"))
-    recording.record(folder, folder / "mine.yml")
+    (folder / "planner-v1.yml").write_text(recording.PLANNER_FIELD)
+    recording.record(folder, folder / "planner-v1.yml")
     return folder
 
 
 @pytest.fixture
-def entered(board, recorded, monkeypatch):
+def entered(board, recorded):
     """A board with two planners of the package and a model."""
-    monkeypatch.setitem(submission.PANELS, ("planner", None), str(recorded / "mine.yml"))
     for name in ("hold", "pursuit"):
         enter(board, "planner", name, script=name)
     recording.enter(recorded / "out", enter(board, "planner", "toy"))
@@ -55,7 +52,7 @@ def quietly(board, *names, **how):
 def test_a_board_of_planners_is_verified_and_holds(entered):
     first = quietly(entered)
     assert list(first) == NAMES
-    assert all(good and line.startswith("verified: score ") for good, line in first.values())
+    assert all(good and line.startswith("verified: known ") for good, line in first.values())
     kept = {path: path.read_bytes() for path in (entered / "results").rglob("*.jsonl")}
     again = quietly(entered, sample=0.01, sample_seed=1)
     assert all(good and line.startswith("holds: 1 of 1 lines") for good, line in again.values())
@@ -65,7 +62,7 @@ def test_a_board_of_planners_is_verified_and_holds(entered):
 def test_the_board_tells_tier_model_and_valid_answers(entered):
     quietly(entered)
     table = next(table for table in make_board(entered)["tracks"] if table["key"] == "planner")
-    assert table["entries"] == ["idle", "expert"]
+    assert table["fields"][0]["counterparts"] == ["idle", "expert"]
     rows = {row["slug"]: row for row in table["rows"]}
     assert [row["rank"][0] for row in table["rows"]] == sorted(row["rank"][0] for row in table["rows"])
     assert (rows["pursuit"]["planner"]["tier"], rows["pursuit"]["planner"]["valid"]) == ("ally", None)
@@ -73,7 +70,7 @@ def test_the_board_tells_tier_model_and_valid_answers(entered):
     assert (told["model"], told["tier"], told["valid"]) == ("toy", "history", pytest.approx(2 / 3, rel=1e-5))
     assert len(told["curve"]) == 3
     assert rows["toy"]["kind"] == "submitted"
-    assert rows["toy"]["score"]["over"] == "match seeds"
+    assert rows["toy"]["score"]["over"] == "matches"
     assert json.loads(json.dumps(table, allow_nan=False)) == table
 
 
@@ -105,17 +102,30 @@ def test_prompts_that_do_not_match_are_one_line_and_no_result(entered, recorded)
 
 def test_a_share_of_valid_answers_that_was_edited_is_found(entered):
     quietly(entered, "planner/toy")
-    path = entered / "results" / "planner" / "toy.jsonl"
-    head, *lines = [json.loads(line) for line in path.read_text().splitlines()]
-    for line in lines:
-        line["statuses"] = {"ok": line["n"]}
-    head["summary"] |= {"valid": 1.0, "statuses": {"ok": sum(line["n"] for line in lines)}}
-    text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
-    head["lines_sha256"] = hashlib.sha256(text.encode()).hexdigest()
-    path.write_text(json.dumps(head, separators=(",", ":")) + "\n" + text)
+    case = make_case(entered, entered / "submissions" / "planner" / "toy")
+    lines = [
+        dataclasses.replace(line, plans=dataclasses.replace(line.plans, statuses={"ok": 6}))
+        for line in case.known.lines
+    ]
+    write_result(case.path, verified_result("toy", "planner", case.printed, lines, case.fields))
     good, line = quietly(entered, "planner/toy")["planner/toy"]
     assert not good
-    assert "the result does not hold: idle: statuses" in line
+    assert "the result does not hold: planner-v1, idle: other plans" in line
+
+
+def test_a_model_stands_behind_planners_once_a_season_is_closed(entered, small_fields):
+    """It has met the first public matches alone, so it has a score of what is known, and no rank."""
+    close_season(small_fields, planner={"counterparts": [{"ally": "reactive"}]})
+    assert quietly(entered)["planner/toy"][1].startswith("verified: known ")
+    assert quietly(entered)["planner/hold"][0]
+    table = next(table for table in make_board(entered)["tracks"] if table["key"] == "planner")
+    assert table["ranked_by"] == "unseen"
+    last = table["rows"][-1]
+    assert (last["slug"], last["rank"], list(last["scores"])) == ("toy", None, ["known"])
+    assert last["score"] == last["scores"]["known"]
+    assert all(
+        row["rank"] and list(row["scores"]) == ["known", "public", "unseen"] for row in table["rows"][:-1]
+    )
 
 
 def test_what_was_stopped_goes_on_and_comes_to_the_same(entered, monkeypatch):
@@ -125,15 +135,15 @@ def test_what_was_stopped_goes_on_and_comes_to_the_same(entered, monkeypatch):
     path = entered / "results" / "planner" / "toy.jsonl"
     whole = path.read_bytes()
     path.unlink()
-    played, line_of = [], playing.planner_line
+    played, play = [], playing.play
 
-    def stops(planner, panel, entry):
-        played.append(entry.name)
+    def stops(entry, field, counterpart):
+        played.append(counterpart.name)
         if len(played) == 2:
             raise KeyboardInterrupt
-        return line_of(planner, panel, entry)
+        return play(entry, field, counterpart)
 
-    monkeypatch.setattr(playing, "planner_line", stops)
+    monkeypatch.setattr(playing, "play", stops)
     with pytest.raises(KeyboardInterrupt):
         quietly(entered, "planner/toy")
     quietly(entered, "planner/toy")
@@ -164,7 +174,6 @@ def test_all_planners_that_ask_no_model_stand_on_the_board_as_their_scores_say()
         case = make_case(BOARD, BOARD / "submissions" / "planner" / name)
         assert case.known is not None, f"{name}: no result; run fpg-bench submit verify"
         assert case.known.verified, name
-        found[name] = case.known.head["summary"]["score"]["value"]
-    assert found["random"] == 0
-    assert found["optimised"] == pytest.approx(100, abs=0.5)
+        found[name] = case.known.head["summary"]["scores"]["known"]["value"]
     assert found["hold"] < found["random"] < found["hill-climb"] < found["interceptor"] < found["pursuit"]
+    assert found["optimised"] == max(found.values())

@@ -1,4 +1,4 @@
-"""The page on entering a planner: its commands are run, on a small panel in place of the track's."""
+"""The page on entering a planner: its commands are run, on a small field in place of the track's."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from pathlib import Path
 
 import pytest
 import yaml
-from fpg_bench.evaluation.planner_references import measure_planner_panel
 
-from fpg_bench.leaderboard.transcripts import LARGEST_FOLDER, MATCHES
+from fpg_bench.leaderboard.tracks import TRANSCRIPT_MATCHES
+from fpg_bench.leaderboard.transcripts import LARGEST_FOLDER
 from fpg_bench.planning.llm import packed
 from tests.planning.llm.fault_server import FaultServer, answer
 
-from .recording import PANEL, toy
+from .entering import make_fields
+from .recording import toy
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "submitting-planners.md").read_text()
@@ -25,8 +26,9 @@ ENTRY = "leaderboard/submissions/planner/my-model"
 
 FPG_BENCH = """\
 #!{python}
-from fpg_bench.leaderboard import submission
-submission.PANELS["planner", None] = "planner-small.yml"
+from pathlib import Path
+from fpg_bench.players import agent
+agent.baselines_folder = lambda: Path("{baselines}")
 from fpg_bench.cli import main
 main()
 """
@@ -34,12 +36,11 @@ main()
 
 @pytest.fixture
 def environment(tmp_path):
-    """A folder with the small panel, and a command that takes it for the track's."""
-    (tmp_path / "planner-small.yml").write_text(PANEL)
-    measure_planner_panel(str(tmp_path / "planner-small.yml"))
+    """A command that takes a small field for the track's."""
+    baselines = make_fields(tmp_path / "baselines")
     command = tmp_path / "bin" / "fpg-bench"
     command.parent.mkdir()
-    command.write_text(FPG_BENCH.format(python=sys.executable))
+    command.write_text(FPG_BENCH.format(python=sys.executable, baselines=baselines))
     command.chmod(0o755)
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("FPG_LLM_", "OPENAI_"))}
     paths = {"PATH": f"{command.parent}:{kept['PATH']}", "PYTHONPATH": str(ROOT)}
@@ -59,23 +60,24 @@ def test_every_command_works_in_the_order_of_the_page(tmp_path, environment):
                     name, _, value = line.removeprefix("export ").partition("=")
                     environment[name] = server.url if name == "FPG_LLM_BASE_URL" else value
                     continue
-                small = line.replace("planner-v1", "planner-small.yml").replace(f"--matches {MATCHES}", "")
+                small = line.replace(f"--matches {TRANSCRIPT_MATCHES}", "")
                 found = subprocess.run(
                     ["sh", "-c", small], cwd=tmp_path, env=environment, capture_output=True, text=True
                 )
                 assert found.returncode == 0, f"{line}\n{found.stdout}\n{found.stderr}"
                 ran.append(line)
     assert len(ran) == 10
-    head = json.loads((tmp_path / "leaderboard/results/planner/my-model.jsonl").read_text().splitlines()[0])
+    result = (tmp_path / "leaderboard/results/planner/my-model.jsonl").read_text()
+    head, *kept = map(json.loads, result.splitlines())
     assert (head["status"], head["fingerprint"]["planner"]["model"]) == ("verified", "my-model")
-    table = (tmp_path / "runs/again/table.csv").read_text()
-    (again,) = [line for line in table.splitlines() if line.startswith("transcripts,")]
-    assert float(again.split(",")[3]) == pytest.approx(head["summary"]["score"]["value"], abs=0.01)
+    lines = (tmp_path / "runs/again/lines.jsonl").read_text().splitlines()
+    again = [line for line in map(json.loads, lines) if line["entry"] == "transcripts"]
+    assert [line["rounds_sha256"] for line in again] == [line["rounds_sha256"] for line in kept]
 
 
 def test_the_page_s_numbers_are_the_code_s():
-    assert f"--matches {MATCHES}" in PAGE
-    assert f"first {MATCHES} matches" in PAGE
+    assert f"--matches {TRANSCRIPT_MATCHES}" in PAGE
+    assert f"first {TRANSCRIPT_MATCHES} matches" in PAGE
     assert f"{LARGEST_FOLDER // 10**6} MB in all, {packed.MOST_BYTES // 10**6} MB a transcript" in PAGE
     (told,) = [
         code for language, code in re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL) if language == "yaml"

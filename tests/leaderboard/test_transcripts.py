@@ -9,15 +9,17 @@ import shutil
 
 import pytest
 import yaml
-from fpg_bench.evaluation.planner_references import measure_planner_panel
 
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.leaderboard import transcripts
-from fpg_bench.leaderboard.planner_track import planner_lines
-from fpg_bench.leaderboard.transcripts import check_transcripts, entered_table
+from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines
+from fpg_bench.leaderboard.tracks import TRACKS
+from fpg_bench.leaderboard.transcripts import check_transcripts
 from fpg_bench.planning.llm import packed
 
-from .recording import PANEL, PLANS, enter, record, rows_of, write_rows
+from .recording import PLANNER_FIELD, PLANS, enter, record, rows_of, write_rows
 
 _REWARD = re.compile(r"^(\d+,\d+,\d+,\d+,)(-?\d+\.\d\d)$")
 
@@ -25,10 +27,14 @@ _REWARD = re.compile(r"^(\d+,\d+,\d+,\d+,)(-?\d+\.\d\d)$")
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
-    (folder / "mine.yml").write_text(PANEL)
-    measure_planner_panel(str(folder / "mine.yml"))
+    (folder / "mine.yml").write_text(PLANNER_FIELD)
     record(folder, folder / "mine.yml")
     return folder
+
+
+@pytest.fixture(scope="module")
+def field(recorded):
+    return load_field(str(recorded / "mine.yml"))
 
 
 @pytest.fixture
@@ -37,8 +43,8 @@ def entry(recorded, tmp_path):
 
 
 @pytest.fixture
-def check(recorded, entry):
-    return lambda: check_transcripts(entry, str(recorded / "mine.yml"))
+def check(field, entry):
+    return lambda: check_transcripts(entry, field)
 
 
 def only(found):
@@ -46,16 +52,16 @@ def only(found):
     return line
 
 
-def test_what_was_recorded_may_be_run_packed_or_not(recorded, entry, check, tmp_path):
+def test_what_was_recorded_may_be_run_packed_or_not(recorded, field, entry, check, tmp_path):
     assert check() == []
     packed_entry = enter(recorded / "out", tmp_path / "packed")
-    assert check_transcripts(packed_entry, str(recorded / "mine.yml")) == []
+    assert check_transcripts(packed_entry, field) == []
 
 
 def test_a_language_model_plays_the_first_twenty_matches_and_others_play_all():
-    asked, whole = entered_table(), entered_table(asks=False)
-    assert (asked.planners.matches, whole.planners.matches) == (20, 100)
-    assert asked.references["idle"].random == whole.references["idle"].random[:200]
+    asked, whole = (TRACKS["planner"].fields(transcripts=asks)["known"] for asks in (True, False))
+    assert (asked.matches, whole.matches) == (20, 100)
+    assert evaluation_seeds(20, asked.season) == evaluation_seeds(100, whole.season)[:20]
 
 
 # Files
@@ -99,7 +105,7 @@ def test_a_folder_that_is_too_large_for_the_repository(entry, check, monkeypatch
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("panel_hash", "0" * 64, "record those of plan compare --panel mine --matches 2"),
+        ("field_hash", "0" * 64, "record those of plan compare --field mine --matches 2"),
         ("control", "magic", "control: expected one of none"),
         ("model", "two\nlines", "model: expected a line"),
         ("server", ["generic"], "server: expected a line"),
@@ -218,7 +224,7 @@ def test_a_key_that_is_not_its_request_s(entry, check):
     [
         (lambda data: data[:-1], "is cut off in its last line"),
         (lambda data: data + b"no row\n", "is no row"),
-        (lambda data: data + b"[1]\n", "is no row: expected an object in braces, got list"),
+        (lambda data: data + b"[1]\n", "is no row but list"),
         (lambda data: data + b'{"kind": NaN}\n', "NaN is no number"),
         (lambda data: data + b'{"a":' + b"[" * 100_000 + b"\n", "is no row"),
         (lambda data: data + b'{"a":"' + b"x" * 1_000_001 + b'"}\n', "is longer than 1,000,000 bytes"),
@@ -305,7 +311,7 @@ def a_status(row):
         (a_status, "is changed: its status are not what its text says"),
     ],
 )
-def test_a_forged_transcript_is_found_when_it_is_played(recorded, entry, check, change, message):
+def test_a_forged_transcript_is_found_when_it_is_played(field, entry, check, change, message):
     file = entry / "transcripts" / "idle.jsonl"
     rows = rows_of(file)
     for row in rows:
@@ -313,33 +319,32 @@ def test_a_forged_transcript_is_found_when_it_is_played(recorded, entry, check, 
     write_rows(file, rows)
     assert check() == []
     with pytest.raises(UserError) as caught:
-        planner_lines(submitted(entry), entered_table(str(recorded / "mine.yml")))
+        lines_of(entry, field)
     assert message in str(caught.value)
     assert str(caught.value).startswith("against idle: transcript transcripts/idle.jsonl: seed ")
 
 
-def test_the_last_digit_of_a_reward_may_be_another_on_another_machine(recorded, entry):
-    table = entered_table(str(recorded / "mine.yml"))
-    before = planner_lines(submitted(entry), table)
+def test_the_last_digit_of_a_reward_may_be_another_on_another_machine(field, entry):
+    before = lines_of(entry, field)
     file = entry / "transcripts" / "idle.jsonl"
     rows = rows_of(file)
     for row in rows:
         a_reward(0.01)(row)
     write_rows(file, rows)
-    assert planner_lines(submitted(entry), table) == before
+    assert lines_of(entry, field) == before
 
 
-def submitted(folder):
-    return type("Submitted", (), {"folder": folder, "script": None})
+def lines_of(entry, field):
+    """The matches, played again."""
+    return list(part_lines(Part("toy", None, "transcripts", recorded=entry), meetings_of([field])))
 
 
-def test_a_prompt_of_one_s_own_is_played(recorded, tmp_path):
+def test_a_prompt_of_one_s_own_is_played(recorded, field, tmp_path):
     prompt = {"about": "mine", "user": "Go. $history", "row": "$second $reward $x $y $z"}
     (tmp_path / "own.yml").write_text(
         yaml.safe_dump(prompt | {"rounds": dict.fromkeys(("first", "best", "latest"), 1)})
     )
     summary = record(tmp_path, recorded / "mine.yml", prompt=str(tmp_path / "own.yml"))
     entry = enter(tmp_path / "out", tmp_path / "toy")
-    assert check_transcripts(entry, str(recorded / "mine.yml")) == []
-    lines = planner_lines(submitted(entry), entered_table(str(recorded / "mine.yml")))
-    assert sum(line["n"] for line in lines) == summary.plans
+    assert check_transcripts(entry, field) == []
+    assert [line.returns for line in lines_of(entry, field)] == [line.returns for line in summary.lines]
