@@ -15,13 +15,14 @@ _LONG_NUMBER = re.compile(rf"[0-9.]{{{MOST_DIGITS + 1}}}|[eE]\+?[0-9]{{3}}")
 _HALF_PAIR = re.compile(r"\\u[dD][89a-fA-F]")
 
 
-def read_plain(text: str | bytes, most: int = LONGEST, nan: bool = False) -> Any:
+def read_plain(text: str | bytes, most: int = LONGEST, nan: bool = False, halves: bool = False) -> Any:
     """What a JSON text says.
 
     Args:
         text: bytes are UTF-8.
         most: bytes or characters that it may have.
         nan: whether NaN and infinity may stand there, which Python writes and JSON does not know.
+        halves: whether half of a surrogate pair may stand there, as in a text that was cut off.
 
     Raises:
         ValueError: it is no JSON, is too long or too deep, or holds a key twice, a number of too many digits
@@ -39,7 +40,7 @@ def read_plain(text: str | bytes, most: int = LONGEST, nan: bool = False) -> Any
         raise ValueError(f"more than {DEEPEST} brackets within brackets") from None
     if text.count("[") + text.count("{") > DEEPEST:
         _check_depth(content)
-    if _HALF_PAIR.search(text):
+    if not halves and _HALF_PAIR.search(text):
         _check_letters(content)
     return content
 

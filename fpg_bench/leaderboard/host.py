@@ -23,7 +23,7 @@ HEAD = struct.Struct("<cII")
 LOAD, RESET, PLAY, READY, ACTIONS, FAILED = b"L", b"R", b"P", b"H", b"A", b"E"
 FRESH, STARTS, AGAIN = 1, 2, 4
 SEED_BITS = 8  # flags lie below, the seed of asking again above
-ASKED_AGAIN = 1 / 8  # of all calls, drawn by what nobody knows before
+ASKED_AGAIN = 1 / 16  # of all calls, drawn by what nobody knows before
 _ROUNDING = 1e-6
 _LONGEST_REASON = 300
 
@@ -38,7 +38,7 @@ class PolicyHost:
         policy: what is played; ``onnx_contract`` has found nothing wrong with it.
         limits: of memory and time.
         again: which share of its calls is asked again in another order and company of games (see
-            :mod:`fpg_bench.leaderboard.audit`), None: an eighth; who answers otherwise then has failed.
+            :mod:`fpg_bench.leaderboard.audit`), None: a sixteenth; who answers otherwise then has failed.
 
     Attributes:
         invalid: ``(n,)`` bool, the games whose present round is lost.

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import functools
+import importlib
 import logging
 import threading
+from collections.abc import AsyncIterator
 from typing import Any
 
 from fpg_bench.errors import UserError
@@ -58,18 +61,13 @@ class Connection:
         try:
             talk = self._connected().chat.completions.with_streaming_response.create(**body)
             async with talk as response:
-                data = b""
-                async for part in response.iter_bytes():
-                    data += part
-                    if len(data) >= LONGEST_BODY:
-                        break
-                return Received(response.status_code, data)
+                return Received(response.status_code, await response.read())
         except openai.APITimeoutError:
             raise TimeoutError from None
         except openai.APIStatusError as error:
             wait = error.response.headers.get("retry-after", "")
             seconds = float(wait) if wait.replace(".", "", 1).isdecimal() else None
-            return Received(error.status_code, error.response.content[:LONGEST_BODY], seconds)
+            return Received(error.status_code, error.response.content, seconds)
 
     def _connected(self) -> Any:
         """The package's client. Its sockets belong to one event loop, so each loop gets a new one."""
@@ -98,11 +96,12 @@ def _connect(endpoint: Endpoint, timeout_s: float) -> Any:
             if name.lower() not in _HEADERS:
                 del request.headers[name]
         request.headers["Connection"] = "close"  # answers take seconds, and no socket is left open
+        request.headers["Accept-Encoding"] = "identity"  # what is unpacked has no bound
         if endpoint.key:
             request.headers["Authorization"] = f"Bearer {endpoint.key}"
 
     http = openai.DefaultAsyncHttpxClient(
-        event_hooks={"request": [keep_to_headers]},
+        event_hooks={"request": [keep_to_headers], "response": [_bound]},
         follow_redirects=False,  # the key goes to the server that it is for, and to no other
         trust_env=not endpoint.on_this_machine,  # a proxy has no way back to this machine
         timeout=timeout_s,
@@ -110,6 +109,40 @@ def _connect(endpoint: Endpoint, timeout_s: float) -> Any:
     return openai.AsyncOpenAI(
         base_url=endpoint.base_url, api_key="none", max_retries=0, timeout=timeout_s, http_client=http
     )
+
+
+async def _bound(response: Any) -> None:
+    """Have no more than ``LONGEST_BODY`` read of a response, whoever reads it, and nothing unpacked."""
+    response.headers.pop("content-encoding", None)
+    response.stream = _stream_type(response)(response.stream)
+
+
+@functools.cache
+def _bounded(base: type) -> type:
+    class Bounded(base):
+        """A stream of bytes that ends where it becomes too long."""
+
+        def __init__(self, stream: Any) -> None:
+            self._stream = stream
+
+        async def __aiter__(self) -> AsyncIterator[bytes]:
+            left = LONGEST_BODY
+            async for part in self._stream:
+                yield part[:left]
+                left -= len(part)
+                if left <= 0:
+                    return
+
+        async def aclose(self) -> None:
+            await self._stream.aclose()
+
+    return Bounded
+
+
+def _stream_type(response: Any) -> type:
+    """The bounded kind of stream of the package that a response is of: the one that ``openai`` stands on."""
+    package = importlib.import_module(type(response).__module__.partition(".")[0])
+    return _bounded(package.AsyncByteStream)
 
 
 # One thread for all connections of a process: it ends with the process, whatever is under way

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from fpg_bench.errors import printable
+from fpg_bench.plain_json import read_plain
+
 ERRORS = ("timeout", "http", "refused", "invalid")
 LONGEST_BODY = 1_000_000  # bytes; the rest is not read
-DEEPEST_BODY = 50  # brackets within brackets
+MOST_TOKENS = 10**9  # of one answer; a server that counts more counts wrong
 LONGEST_RAW = 10_000  # characters kept of a body that is no JSON
 LONGEST_DETAIL = 200
 _PAGE = "a web page"
@@ -67,15 +71,10 @@ def read_reply(received: Received, secret: str | None, refusal_codes: tuple[int 
         secret: what must not stand in the reply: the key.
         refusal_codes: the codes of errors that mean a refusal.
     """
-    text = without(secret, received.body.decode("utf-8", "replace"))
-    try:
-        # Parsed, written and parsed again: an escaped key is found, and what cannot be written is no JSON
-        plain = json.dumps(json.loads(text), allow_nan=False)
-        body = json.loads(without(secret, plain))
-        if _depth(body) > DEEPEST_BODY:  # whoever writes it down would run out of stack
-            raise ValueError
-    except (ValueError, RecursionError):
-        body = text[:LONGEST_RAW]
+    body = _read(received.body[:LONGEST_BODY].decode("utf-8", "replace"), secret)
+    words = "".join(_words(body))
+    if without(secret, words) != words:
+        return Reply(error="invalid", detail="the reply holds the key in pieces; nothing of it is kept")
     if received.status >= 300:
         reply = _failed(body, f"HTTP {received.status}{_advice(received.status)}", refusal_codes)
         lasting = received.status in _HOPELESS or received.status < 400
@@ -89,6 +88,35 @@ def read_reply(received: Received, secret: str | None, refusal_codes: tuple[int 
             return _failed(body, "an error in place of an answer", refusal_codes)
         return Reply(error="invalid", detail="the reply holds no choices", raw=body)
     return read_body(body)
+
+
+def _read(text: str, secret: str | None) -> Any:
+    """A body as JSON, else as text, without the key."""
+    try:
+        body = read_plain(text, halves=True)
+        _join_parts(body)
+        # Written and read again: an escaped key is found, and one whose parts were joined
+        plain = json.dumps(body, ensure_ascii=False).encode("utf-8", "replace").decode()
+        return read_plain(without(secret, plain))
+    except ValueError:
+        return without(secret, text)[:LONGEST_RAW]
+
+
+def _join_parts(body: Any) -> None:
+    """Make one text of the parts of each message's content."""
+    choices = _object(body).get("choices")
+    for choice in choices if isinstance(choices, list) else ():
+        message = _object(_object(choice).get("message"))
+        if isinstance(message.get("content"), list):
+            message["content"] = _text(message["content"])
+
+
+def _words(value: Any) -> Iterator[str]:
+    """All texts in JSON, keys too, as they follow on one another."""
+    if isinstance(value, str):
+        yield value
+    for part in value if isinstance(value, list) else _object(value).items():
+        yield from _words(list(part) if isinstance(part, tuple) else part)
 
 
 def read_body(body: dict[str, Any]) -> Reply:
@@ -115,8 +143,8 @@ def without(secret: str | None, text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """A text on one line, cut where it is long."""
-    line = " ".join(text[: 4 * LONGEST_DETAIL].split())
+    """A text on one line, cut where it is long, without what would move a terminal."""
+    line = printable(" ".join(text[: 4 * LONGEST_DETAIL].split()))
     return line if len(line) <= LONGEST_DETAIL else f"{line[: LONGEST_DETAIL - 1]}…"
 
 
@@ -172,17 +200,11 @@ def _name(model: Any) -> str | None:
 def _tokens(usage: Any) -> dict[str, Any]:
     counts = {"tokens_in": "prompt_tokens", "tokens_out": "completion_tokens"}
     told = {name: _object(usage).get(key) for name, key in counts.items()}
-    return {name: count if type(count) is int and count >= 0 else None for name, count in told.items()}
+    return {
+        name: count if type(count) is int and 0 <= count <= MOST_TOKENS else None
+        for name, count in told.items()
+    }
 
 
 def _object(value: Any) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
-
-
-def _depth(value: Any) -> int:
-    level, depth = [value], 0
-    while level:
-        lists = [list(item.values()) if isinstance(item, dict) else item for item in level]
-        level = [part for parts in lists if isinstance(parts, list) for part in parts]
-        depth += 1
-    return depth

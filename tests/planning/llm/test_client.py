@@ -115,7 +115,7 @@ def test_answers_of_other_forms_are_answers(behaviour, text):
         (faults.html(502), "http"),
         (faults.close_socket(), "http"),
         (faults.close_socket(after=20), "http"),
-        (lambda handler, body: handler.send(200, b"no gzip", {"Content-Encoding": "gzip"}), "http"),
+        (lambda handler, body: handler.send(200, b"no gzip", {"Content-Encoding": "gzip"}), "invalid"),
         (faults.html(), "invalid"),
         (faults.empty_choices(), "invalid"),
         (faults.ok(None), "invalid"),

@@ -1,0 +1,91 @@
+"""A server of a language model learns nothing, breaks nothing and fills nothing, whatever it answers."""
+
+import json
+import tracemalloc
+from dataclasses import replace
+
+import pytest
+
+from fpg_bench.errors import printable
+from fpg_bench.planning.llm.probe import probe
+from fpg_bench.planning.llm.replies import ERRORS, MOST_TOKENS, Received, read_body, read_reply
+from fpg_bench.planning.llm.servers import Endpoint, load_server
+from tests.attacks.servers import PAINT, hostile_answers
+from tests.planning.llm.asking import KEY, ask, client
+from tests.planning.llm.fault_server import FaultServer, completion, json_body
+
+ANSWERS = list(hostile_answers(160, KEY))
+MOST_BYTES = 40_000_000
+
+
+def played(answer):
+    return lambda handler, request: handler.send(answer.status, answer.body, answer.headers)
+
+
+def said(reply):
+    """All that is kept of a reply, joined as somebody might join it."""
+    return json.dumps(reply.raw, allow_nan=False) + (reply.text or "") + reply.detail + (reply.model or "")
+
+
+@pytest.mark.parametrize("number", range(len(ANSWERS)))
+def test_what_is_kept_of_an_answer_is_harmless(number):
+    kind, answer = ANSWERS[number]
+    tracemalloc.start()
+    reply = read_reply(Received(answer.status, answer.body), KEY, ("content_filter",))
+    assert tracemalloc.get_traced_memory()[1] < MOST_BYTES, kind
+    tracemalloc.stop()
+    assert (reply.error is None) == (reply.text is not None)
+    assert reply.error in (None, *ERRORS)
+    assert KEY not in said(reply).replace('", "', "").replace('"}, {"type": "text", "text": "', "")
+    assert printable(reply.detail + (reply.model or "")) == reply.detail + (reply.model or "")
+    for count in (reply.tokens_in, reply.tokens_out):
+        assert count is None or 0 <= count <= MOST_TOKENS
+    if reply.text is not None:
+        reply.text.encode()
+        assert read_body(reply.raw).text == reply.text  # as a transcript is checked
+
+
+@pytest.mark.parametrize(("number", "kind"), [(k, kind) for k, (kind, _) in enumerate(ANSWERS[:32])])
+def test_a_hostile_server_is_read_to_a_bound(number, kind):
+    with FaultServer([played(ANSWERS[number][1])]) as server:
+        tracemalloc.start()
+        reply = ask(client(server.url))
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert peak < MOST_BYTES
+    assert KEY not in said(reply)
+    assert server.requests[0].headers["accept-encoding"] == "identity"
+
+
+def test_a_key_in_two_parts_of_a_content_is_struck_out_of_what_is_joined():
+    parts = [{"type": "text", "text": f"It is {KEY[:7]}"}, {"type": "text", "text": f"{KEY[7:]}."}]
+    body = completion(None, choices=[{"message": {"content": parts}}])
+    reply = read_reply(Received(200, json.dumps(body).encode()), KEY, ())
+    assert reply.text == "It is ***."
+    assert KEY[7:] not in json.dumps(reply.raw)
+
+
+def test_a_key_in_pieces_elsewhere_leaves_nothing():
+    body = {"error": {"message": "no", "param": [KEY[:9], KEY[9:]]}}
+    reply = read_reply(Received(401, json.dumps(body).encode()), KEY, ())
+    assert (reply.error, reply.raw) == ("invalid", None)
+
+
+@pytest.mark.parametrize("content", ["Hello \ud800", PAINT, "Hello"])
+@pytest.mark.parametrize("model", ["m\ud800", PAINT, 7])
+def test_probe_ends_with_findings_that_a_terminal_may_show(content, model):
+    body = completion(content, model=model)
+    with FaultServer([json_body(body)]) as server:
+        endpoint = Endpoint(server.url, "some-model", KEY, load_server("generic"))
+        findings = probe(replace(endpoint), deadline_s=5.0)
+    assert len(findings) > 5
+    for finding in findings:
+        assert printable(finding.detail) == finding.detail
+
+
+def test_counts_of_tokens_never_end_a_run():
+    body = json.dumps(completion("x")).replace('"completion_tokens": 7', f'"completion_tokens": {"9" * 4000}')
+    reply = read_reply(Received(200, body.encode()), KEY, ())
+    assert reply.error == "invalid"
+    body = json.dumps(completion("x")).replace('"completion_tokens": 7', f'"completion_tokens": {10**20}')
+    assert read_reply(Received(200, body.encode()), KEY, ()).tokens_out is None
