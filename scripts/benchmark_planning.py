@@ -17,7 +17,6 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 from benchmark_speed import PPO_GAMES, PPO_SETTINGS, Figure, interleaved, median_ratio, ppo_rate, report
-from fpg_bench.evaluation.runner import play_round
 from stable_baselines3 import PPO
 
 import fpg_bench

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from fpg_bench.evaluation.runner import play_round
 
 from fpg_bench import make_duel
 from fpg_bench.envs.duel import Duel

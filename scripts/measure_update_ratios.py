@@ -113,8 +113,8 @@ def main() -> None:
         "# Update ratio and net size of SAC and TD3\n\n"
         f"On `{VIEW}`, {options.seeds} training seeds of {options.steps:,} steps each;\n"
         "otherwise the shipped hyper-parameters. The score is that of training on the way (mean over the\n"
-        "field's counterparts, tuning seeds); `-`: the training had ended by then. Times are of one core of a\n"
-        "shared machine, measured with all settings taking turns: compare them with each other. Made by\n"
+        "field's counterparts, tuning seeds); `-`: the training had ended by then. Times are of one core of\n"
+        "a shared machine, measured with all settings taking turns: compare them with each other. Made by\n"
         f"`python scripts/measure_update_ratios.py --steps {options.steps} --seeds {options.seeds}`.\n"
     )
     for algorithm in ("sac", "td3"):
