@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from fpg_bench.evaluation.panel import panel_of
+from fpg_bench.evaluation.field import field_of
 from stable_baselines3.common.base_class import BaseAlgorithm
 from taking_turns import train_together
 
@@ -64,11 +64,11 @@ class Setting(NamedTuple):
 
 
 class Judge:
-    """What a policy is worth on an id's panel, and the best script there."""
+    """What a policy is worth on an id's field, and the best script there."""
 
     def __init__(self, view_id: str) -> None:
-        self._yardstick = Yardstick(panel_of(view_id, {}))
-        scenario, side = self._yardstick.panel.scenario, find_view(view_id).side
+        self._yardstick = Yardstick(field_of(view_id, {}))
+        scenario, side = self._yardstick.field.scenario, find_view(view_id).side
         self._steps = scenario.steps_per_round
         scripts = {name: self.look(as_player(name, side, scenario)) for name in SCRIPTED[side]}
         self.script = max(scripts, key=lambda name: scripts[name]["return"])

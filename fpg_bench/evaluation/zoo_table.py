@@ -80,7 +80,8 @@ def draw_pictures(zoo: Zoo, view: ZooView, summaries: Sequence[Summary]) -> None
     shown = {s.entry: s.rewards.mean(axis=2) for s in summaries if s.trained or s is best}
     levels = {best.entry: best.score.value} if best else {}
     coloured = colours(view.steps)
-    draw_curves(curve_file(zoo, view).read(), levels, coloured, paths[0])
+    if rows := curve_file(zoo, view).read():
+        draw_curves(rows, levels, coloured, paths[0])
     draw_profiles(shown, coloured, paths[1])
     draw_improvement(shown, coloured, paths[2])
 
@@ -105,6 +106,8 @@ def _section(zoo: Zoo, view: ZooView) -> str:
     body = [_table(zoo, view, known, others), ""]
     if any(summary.trained for summary in known):
         for name, words in zip(PICTURES, (_CURVES, _PROFILES, _IMPROVEMENT), strict=True):
+            if name == PICTURES[0] and not curve_file(zoo, view).read():
+                continue  # agents whose training was scored on another scale have no curves
             body += [words, "", f"![{name} of {view.name}](scores/{view.name}/{name}.png)", ""]
     return "\n".join([*head, *body])
 
