@@ -7,8 +7,8 @@ BIN = .venv/bin
 .PHONY: benchmark test clean
 
 benchmark: .venv/.ready
-	$(BIN)/fpg-bench train ppo FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo --restart
-	$(BIN)/fpg-bench evaluate all-scripted $(RESULTS)/ppo/agent --field ally-v1 --out $(RESULTS)/ally-v1
+	$(BIN)/fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo-fast --restart
+	$(BIN)/fpg-bench evaluate all-scripted $(RESULTS)/ppo-fast/agent --field ally-v1 --out $(RESULTS)/ally-v1
 
 test: .venv/.ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=5

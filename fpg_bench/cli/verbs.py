@@ -83,7 +83,7 @@ def train(
     algorithm: Annotated[
         str,
         typer.Argument(
-            help="ppo, sac, td3, recurrent-ppo, ppo-stack8, maddpg, or your own: package.module:Class"
+            help="ppo, ppo-fast, ppo-stack8, recurrent-ppo, sac, td3, maddpg, or package.module:Class"
         ),
     ],
     view_id: Annotated[str, typer.Argument(metavar="ID", help="FPG/AllyVsScripted-v0 and the like")],

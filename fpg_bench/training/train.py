@@ -67,8 +67,8 @@ def train(
     behind depends on the server's speed, so ``transcript.jsonl`` keeps what each round flew.
 
     Args:
-        algorithm: ``ppo``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` and the like, ``maddpg``,
-            ``package.module:Class``, or a class of SB3's kind.
+        algorithm: ``ppo``, ``ppo-fast``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` and the like,
+            ``maddpg``, ``package.module:Class``, or a class of SB3's kind.
         view_id: ``FPG/AllyVsScripted-v0`` and the like; ``FPG/duel_v0`` for both sides.
         out: the run's folder.
         seed: the training seed k; games begin at seed k * 10^6.

@@ -76,7 +76,11 @@ def test_a_zip_is_read_without_its_pickles(kind, algorithm, frames, options, tmp
     ("options", "algorithm", "message"),
     [
         ({"use_sde": True}, "ppo", "use_sde"),
-        ({"policy_kwargs": SMALL | {"activation_fn": torch.nn.Softplus}}, "ppo", "activation is 'Softplus'"),
+        (
+            {"policy_kwargs": SMALL | {"activation_fn": torch.nn.LogSigmoid}},
+            "ppo",
+            "activation is 'LogSigmoid'",
+        ),
         ({"policy_kwargs": SMALL | {"normalize_images": False}}, "ppo", "normalize_images"),
         ({}, "sac", "no plain MlpPolicy of sac"),
         ({}, "dqn", "algorithm 'dqn'"),
