@@ -18,38 +18,66 @@ TRACKS = {
 }
 
 
-def example_board(entries: int = 6, hostile: bool = False, counterparts: int | None = None) -> dict:
-    """A board of two tracks, the first with so many entries, the second with two."""
+SLOWER = ("checks every 3 s", "slower ally")
+
+
+def example_board(
+    entries: int = 6, hostile: bool = False, counterparts: int | None = None, season: int | None = 1
+) -> dict:
+    """A board of two tracks: so many entries, and two; season None: none is closed."""
     rng = np.random.default_rng(0)
     tracks = []
     for number, (key, (title, side, others)) in enumerate(TRACKS.items()):
         count = 2 if number else entries
         names = [f"{other}/pursuit" for other in (others if counterparts is None else range(counterparts))]
-        rows = [_row(rng, key, index, names, hostile) for index in range(count)]
+        fields = _fields(side, names, season)
+        rows = [_row(rng, key, index, fields, hostile) for index in range(count)]
         ranked = [row for row in rows if row["score"]]
         for rank, row in enumerate(sorted(ranked, key=lambda row: -row["score"]["value"])):
             row["rank"] = [rank // 2 * 2 + 1, rank // 2 * 2 + 2]
-        tracks.append(
-            {"key": key, "title": title, "side": side, "panel": f"{side}-v1", "panel_hash": "0" * 64}
-        )
-        tracks[-1] |= {"rounds": 100, "reference": "expert", "entries": names, "rows": rows}
+        tracks.append({"key": key, "title": title, "side": side, "scale": {"zero": -5.66, "top": 22.0}})
+        tracks[-1] |= {"ranked_by": _ranking(fields), "fields": fields, "rows": rows}
         slugs = [row["slug"] for row in rows if row["rank"]]
         tracks[-1] |= _statistics(rng, slugs)
     return {
         "version": "0.1.0",
-        "protocol": "1",
-        "season": "0",
+        "protocol": "2",
+        "season": season,
         "built": "2026-01-01",
         "tracks": tracks,
         "crossplay": _crossplay(rng, tracks, hostile),
     }
 
 
-def _row(rng, key: str, index: int, names: list[str], hostile: bool) -> dict:
+def _fields(side: str, known: list[str], season: int | None) -> list[dict]:
+    """The known field alone before a season is closed, all that there can be after it."""
+    fields = {"known": (f"{side}-v1", known)}
+    if season is not None:
+        trained = [f"trained-{k}" for k in range(3)]
+        shifted = [f"{known[0]}, {change}" for change in SLOWER]
+        fields |= {"public": (f"{side}-v1", known), "unseen": (f"{side}-season-{season}", trained)}
+        fields |= {"shifted": (f"{side}-shifted-v1", shifted)}
+    return [
+        {"role": role, "name": name, "hash": "0" * 64, "rounds": 100, "counterparts": list(names)}
+        for role, (name, names) in fields.items()
+    ]
+
+
+def _ranking(fields: list[dict]) -> str:
+    return "unseen" if "unseen" in [field["role"] for field in fields] else "known"
+
+
+def _row(rng, key: str, index: int, fields: list[dict], hostile: bool) -> dict:
     kind = ("script", "zoo", "submitted")[index % 3]
-    score = float(rng.uniform(20, 130))
-    scores = {name: score + float(rng.normal(0, 15)) for name in names}
-    worst = min(scores, key=lambda name: scores[name])
+    scores = {field["role"]: float(rng.uniform(20, 130)) for field in fields}
+    met = {
+        field["role"]: {
+            name: _interval(scores[field["role"]] + float(rng.normal(0, 15)), 9)
+            for name in field["counterparts"]
+        }
+        for field in fields
+    }
+    score = scores[_ranking(fields)]
     text = HOSTILE[index % len(HOSTILE)] if hostile else ""
     verified = not (key == "ally" and index == 0)
     return {
@@ -63,16 +91,20 @@ def _row(rng, key: str, index: int, names: list[str], hostile: bool) -> dict:
         "status": "verified" if verified else "not verified",
         "reason": None if verified else f"seed_0: outran the limit {text}".strip(),
         "rank": None,
-        "lead": float(rng.uniform()),
         "training_seeds": 0 if kind == "script" else 5,
         "few_seeds": index % 4 == 1,
         "score": _interval(score, 6) | {"over": "training seeds"} if verified else None,
-        "mean": score - 2 if verified else None,
-        "worst": {"entry": worst, "value": scores[worst]} if verified else None,
-        "entries": {name: _interval(value, 9) for name, value in scores.items()} if verified else {},
+        "scores": {role: _interval(value, 6) | {"over": "training seeds"} for role, value in scores.items()}
+        if verified
+        else {},
+        "worst": _worst(index, min(met["known"].items(), key=lambda item: item[1]["value"]), fields)
+        if verified
+        else None,
+        "counterparts": met if verified else {},
         "seeds": {} if kind == "script" or not verified else {str(k): score + k - 2 for k in range(5)},
+        "seeds_gap": {"value": 7.25, "flagged": True} if index == 2 else {"value": -1.0, "flagged": False},
         "measures": _measures(rng) if verified else {},
-        "best_response": _interval(12.0, 3) if index == 2 else None,
+        "planner": None,
         "lost": 1234 if index == 4 else 0,
         "rounds": 5000,
         "training": None
@@ -90,6 +122,15 @@ def _row(rng, key: str, index: int, names: list[str], hostile: bool) -> dict:
     }
 
 
+def _worst(index: int, lowest: tuple[str, dict], fields: list[dict]) -> dict:
+    """In every third row from cross-play, as one round of a script without an interval, else from a field."""
+    if index % 3 == 0:
+        score = {"value": -30.0, "low": None, "high": None}
+        return score | {"against": "player-1", "where": "cross-play", "return": dict(score, value=-13.96)}
+    against, score = lowest
+    return score | {"against": against, "where": fields[0]["name"], "return": _interval(2.5, 0.5)}
+
+
 def _interval(value: float, half: float) -> dict:
     return {"value": value, "low": value - half, "high": value + half}
 
@@ -105,7 +146,8 @@ def _measures(rng) -> dict:
     )
     found = {name: float(rng.uniform(0, 0.5)) for name in shares}
     return found | {
-        "return": float(rng.uniform(-500, 4000)),
+        "return": float(rng.uniform(-5, 22)),
+        "ally_return": float(rng.uniform(-500, 4000)),
         "capacity_mbit_s": 90.0,
         "snr_db": 61.25,
         "near_ratio": None,
@@ -130,14 +172,18 @@ def _statistics(rng, slugs: list[str]) -> dict:
 
 def _crossplay(rng, tracks: list[dict], hostile: bool) -> dict:
     allies, opponents = ([row["slug"] for row in track["rows"]] for track in tracks)
+    returns = {side: rng.uniform(-10, 22, (len(allies), len(opponents))) for side in ("ally", "opponent")}
     return {
         "allies": allies,
         "opponents": opponents,
+        "missing": {"ally": [], "opponent": []},
+        "twins": [],
+        "returns": {side: matrix.tolist() for side, matrix in returns.items()},
         "jamming_success_rate": rng.uniform(0, 0.4, (len(allies), len(opponents))).tolist(),
         "rounds": 100,
         "nash": {
             "ally": {allies[0]: 0.25, allies[-1]: 0.75},
             "opponent": {opponents[0]: 1.0},
-            "value": 0.18,
+            "value": -1.5,
         },
     }

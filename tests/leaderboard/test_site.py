@@ -15,7 +15,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.leaderboard.site.build import DOCS, build_site
 from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.leaderboard.site.serve import make_server
-from fpg_bench.leaderboard.site.wording import interval_text, rank_text, safe_link, written
+from fpg_bench.leaderboard.site.wording import interval_text, rank_text, safe_link, signed, written
 from tests.leaderboard.example_board import HOSTILE, example_board
 
 LEADS_AWAY = {"src", "srcset", "poster", "action", "formaction", "data", "background", "ping"}
@@ -79,6 +79,85 @@ def test_lost_rounds_are_counted_where_an_entry_is_shown(site):
     for name in ("index.html", "entries/ally/player-4.html"):
         assert (site / name).read_text().count("1,234 of 5,000 rounds lost by rule") == 1
     assert "lost by rule" not in (site / "entries/ally/player-3.html").read_text()
+
+
+def columns(site, track="ally"):
+    """The heads of a track's table on the front page."""
+    table = (site / "index.html").read_text().split(f'id="{track}"')[1].split("</thead>")[0]
+    return re.findall(r'class="sort"[^>]*>([^<]*)</button>', table)
+
+
+def test_the_table_shows_the_four_numbers_once_a_season_is_closed_and_only_what_there_is_before(
+    site, tmp_path
+):
+    four = ["Rank", "Entry", "Score, unseen", "Known", "Gap", "Shifted", "Worst", "Jammed", "Return a step"]
+    assert columns(site) == four
+    build_site(example_board(3, season=None), tmp_path)
+    assert columns(tmp_path) == ["Rank", "Entry", "Score, known", "Worst", "Jammed", "Return a step"]
+    assert "No season is closed yet" in (tmp_path / "index.html").read_text()
+    assert "no season closed yet" in (tmp_path / "compare.html").read_text()
+
+
+def test_the_gap_is_known_minus_unseen(tmp_path):
+    board = example_board(2)
+    board["tracks"][0]["rows"][1]["scores"] |= {"known": {"value": 60.25}, "unseen": {"value": 20.0}}
+    build_site(board, tmp_path)
+    assert '<td class="num" data-v="40.25">+40.2</td>' in (tmp_path / "index.html").read_text()
+    assert "+40.2" in (tmp_path / "entries/ally/player-1.html").read_text()
+
+
+def test_the_worst_says_who_and_where(tmp_path):
+    build_site(example_board(4), tmp_path)
+    for name in ("index.html", "entries/ally/player-3.html"):
+        text = "".join(Page(tmp_path / name).text)
+        assert "Player 1" in text  # of the other side, by its name
+        assert "cross-play" in text
+        assert "−13.96 a step" in text
+    text = "".join(Page(tmp_path / "entries/ally/player-2.html").text)
+    assert re.search(r"against \w+/pursuit \(known\) it earns 2.50 a step", text)
+
+
+def test_who_does_better_on_seeds_that_everybody_knew_is_told_in_words(site):
+    told = "scores 7.2 more on the seeds that everybody knew"
+    assert (site / "index.html").read_text().count(told) == 1
+    assert told in (site / "entries/ally/player-2.html").read_text()
+    assert "that everybody knew than" not in (site / "entries/ally/player-3.html").read_text()
+
+
+def test_an_entry_without_a_score_that_ranks_is_shown_last_and_without_a_rank(tmp_path):
+    board = example_board(4)
+    row = board["tracks"][0]["rows"][2]
+    for role in ("unseen", "shifted", "public"):
+        del row["scores"][role], row["counterparts"][role]
+    row |= {"rank": None, "score": row["scores"]["known"]}
+    build_site(board, tmp_path)
+    data = json.loads((tmp_path / "data/compare.js").read_text().removeprefix("window.fpgData = ")[:-2])
+    (compared,) = [one for one in data["tracks"][0]["rows"] if one["slug"] == "player-2"]
+    assert (compared["rank"], compared["gap"], compared["scores"]["unseen"]) == ("–", None, [None] * 3)
+    order = re.findall(r'href="entries/ally/(player-\d)', (tmp_path / "index.html").read_text())
+    assert order[2:4] == ["player-2", "player-0"]
+
+
+def crossplay_of(board, folder):
+    build_site(board, folder)
+    return json.loads((folder / "data/crossplay.js").read_text().removeprefix("window.fpgData = ")[:-2])
+
+
+def test_one_player_in_two_tables_is_shown_once_where_it_fares_alike(tmp_path):
+    board = example_board(3)
+    found = board["crossplay"]
+    found |= {"twins": [["player-0", "player-1"]]}
+    found["nash"]["opponent"] = {"player-0": 0.25, "player-1": 0.75}
+    assert crossplay_of(board, tmp_path / "apart")["opponents"] == ["player-0", "player-1"]
+    for matrix in (*found["returns"].values(), found["jamming_success_rate"]):
+        for line in matrix:
+            line[1] = line[0]
+    data = crossplay_of(board, tmp_path / "alike")
+    assert data["opponents"] == ["player-0"]
+    assert [len(line) for matrix in data["matrices"].values() for line in matrix] == [1] * 9
+    assert data["nash"]["opponent"] == {"player-0": 1.0}
+    told = (tmp_path / "alike/crossplay.html").read_text()
+    assert "shown once: Player 1 as Player 0" in told
 
 
 def test_links_of_submissions_are_https_or_none(pages):
@@ -164,7 +243,7 @@ def test_the_board_can_be_taken_away_whole(site):
 
 
 def test_the_front_page_stays_small_for_many_entries(tmp_path):
-    build_site(example_board(200, counterparts=10), tmp_path)
+    build_site(example_board(200, counterparts=22), tmp_path)
     page = Page(tmp_path / "index.html")
     loaded = [
         attrs.get("src") or attrs.get("href") for tag, attrs in page.elements if tag in ("script", "link")
@@ -230,11 +309,9 @@ def test_only_plain_https_links_are_kept(link, kept):
 
 def test_numbers_are_written_alike_and_missing_ones_as_a_dash():
     assert [written(value) for value in (1.26, -3, None, float("nan"), "7", True)] == ["1.3", "−3.0", *"––––"]
-    assert (written(0.1234, "share"), written(12345.6, "whole"), written(2, "dB")) == (
-        "12.3 %",
-        "12,346",
-        "2.0 dB",
-    )
+    told = [written(0.1234, "share"), written(12345.6, "whole"), written(2, "dB"), written(-2, "step")]
+    assert told == ["12.3 %", "12,346", "2.0 dB", "−2.00"]
+    assert [signed(value) for value in (1.26, -3, None)] == ["+1.3", "−3.0", "–"]
     assert [rank_text(rank) for rank in ([1, 1], [2, 5], None, [None, 2])] == ["1", "2–5", "–", "–"]
     assert interval_text({"low": -1.0, "high": 2}) == "−1.0 to 2.0"
     assert interval_text({"low": None, "high": 2}) == ""

@@ -7,8 +7,8 @@ import threading
 from pathlib import Path
 
 import pytest
-from fpg_bench.evaluation.panel import load_panel
 
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.replays import Replay, simulated
 from fpg_bench.leaderboard.site.serve import make_server
@@ -38,10 +38,12 @@ def rounds() -> list[Replay]:
     submission = Submission(
         Path("player-3"), "ally", HOSTILE[0], (), saw="", unable="", script="expert-spread", **texts
     )
-    panel = load_panel("ally-v1", references=False)
+    field = load_field("ally-v1")
     return [
-        simulated(submission, "expert-spread", panel, entry, f"replays/ally/player-3/{index}.js")
-        for index, entry in enumerate(panel.entries[:2])
+        simulated(
+            submission, "expert-spread", (field, one), f"against {one.name}", f"replays/ally/player-3/{k}.js"
+        )
+        for k, one in enumerate(field.counterparts[:2])
     ]
 
 
@@ -167,7 +169,9 @@ def test_two_entries_are_compared_and_the_address_keeps_which(visit, site):
     page.goto(address)
     assert (page.locator("#a").input_value(), page.locator("#b").input_value()) == ("player-4", "player-7")
     page.locator("#track").select_option("opponent-pursuit")
-    assert page.locator("#comparison svg").count() == 3
+    headings = page.locator("#comparison h2").all_inner_texts()
+    assert [heading.partition(":")[0] for heading in headings[:3]] == ["Known", "Unseen", "Shifted"]
+    assert page.locator("#comparison svg").count() == 3 + 4 + 3  # all counterparts, then each of them
 
 
 def test_an_entry_leads_to_its_comparison(visit):
@@ -243,9 +247,37 @@ def test_cross_play_is_drawn_and_told(visit):
     page.wait_for_selector("#heatmap .hm")
     page.locator("#who").select_option(label=page.locator("#who option").last.inner_text())
     assert page.locator("#row tbody tr").count() == ENTRIES
-    assert page.locator("#value").inner_text() == "18.0 %"
+    assert page.locator("#value").inner_text() == "−1.50"
     assert page.locator("#nash-ally tbody tr").count() == 2
     assert page.locator("#nash-ally tbody td").first.inner_text() == "75.0 %"
+
+
+def drawn(page):
+    """The matrix shown, row by row, and the caption of its colours."""
+    return page.evaluate(
+        """() => { const [trace] = document.getElementById("heatmap").data;
+        return [trace.z.map(row => [...row]), trace.colorbar.title.text]; }"""
+    )
+
+
+@pytest.mark.parametrize(
+    ("matrix", "caption", "of_ally"),
+    [("ally", "ally's return", -1), ("opponent", "opponent's return", 1), ("jammed", "jammed", 1)],
+)
+def test_each_matrix_of_cross_play_is_shown_with_the_strongest_first(visit, matrix, caption, of_ally):
+    page = visit("crossplay.html")
+    page.wait_for_selector("#heatmap .hm")
+    page.locator("#who").select_option(label=page.locator("#who option").nth(3).inner_text())
+    kept = page.locator("#who").evaluate("box => box.selectedOptions[0].text")
+    page.locator("#matrix").select_option(matrix)
+    values, told = drawn(page)
+    assert told == caption
+    allies = [of_ally * sum(row) for row in values]
+    opponents = [-of_ally * sum(column) for column in zip(*values, strict=True)]
+    assert (allies, opponents) == (sorted(allies), sorted(opponents))
+    assert page.locator("#who").evaluate("box => box.selectedOptions[0].text") == kept
+    page.reload()
+    assert page.locator("#matrix").input_value() == matrix
 
 
 def test_statistics_are_drawn_and_told_per_track(visit):

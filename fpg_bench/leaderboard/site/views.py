@@ -151,7 +151,8 @@ def worst_view(track: Row, row: Row, names: Names) -> Row:
     against, where = str(worst.get("against") or ""), str(worst.get("where") or "")
     if where == _CROSSPLAY:
         against = names.get(other, {}).get(against, against)
-    roles = {field["name"]: field["label"].lower() for field in fields_of(track)}
+    fields = [field for field in fields_of(track) if field["role"] != "public"]  # of the known one's name
+    roles = {field["name"]: field["label"].lower() for field in fields}
     return {
         **shown(value_of(worst)),
         "interval": wording.interval_text(worst),
