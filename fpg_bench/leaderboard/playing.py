@@ -16,12 +16,14 @@ from fpg_bench.evaluation.runner import play_entry
 from fpg_bench.evaluation.summary import check_references
 from fpg_bench.evaluation.zoo_scores import sum_up
 from fpg_bench.leaderboard.planner_track import TRACK, planner_line
+from fpg_bench.leaderboard.sandbox import missing_here
 from fpg_bench.leaderboard.submission import Policy, Submission
 from fpg_bench.leaderboard.transcripts import FOLDER
 from fpg_bench.rows import Row, RowFile
 
 LINES = "lines.jsonl"
 FAILED = "failed"  # the key of a row that says why a part could not be played on
+OPEN = "open"  # the key of a row that says what the policy could not be kept from
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,8 @@ def fill(part: Part, panel: Panel, entries: Sequence[str], folder: Path) -> None
             file.append([line])
     except PolicyFailed as error:
         file.append([{"entry": FAILED, "reason": f"{part.name}: {error}"}])
+    if isinstance(part.plays, Policy) and missing_here():
+        file.append([{"entry": OPEN, "to": missing_here()}])
 
 
 def lines_in(folder: Path) -> dict[str, Row]:
