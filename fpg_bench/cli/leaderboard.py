@@ -26,9 +26,11 @@ def build(
     from rich.progress import Progress
 
     from fpg_bench.leaderboard.board import make_board
+    from fpg_bench.leaderboard.secrets import forget_keys
     from fpg_bench.leaderboard.site.build import build_site, check_folder
     from fpg_bench.leaderboard.site.replays import make_replays
 
+    forget_keys()
     check_folder(out)
     with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("ranks", total=None)

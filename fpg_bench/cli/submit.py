@@ -17,6 +17,14 @@ UpdateOption = Annotated[
 FolderOption = Annotated[Path, typer.Option(help="the leaderboard's folder")]
 
 
+@app.callback()
+def _forget() -> None:
+    """Check and verify submissions to the leaderboard."""
+    from fpg_bench.leaderboard.secrets import forget_keys
+
+    forget_keys()
+
+
 @app.command()
 def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")]) -> None:
     """Say what is wrong with a submission, line by line, and try its policies in a few rounds.

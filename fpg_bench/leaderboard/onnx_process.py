@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import json
-import sys
 
+from fpg_bench.leaderboard.inside import Inside
 from fpg_bench.leaderboard.onnx_contract import SIZE
 from fpg_bench.leaderboard.onnx_rules import violations
-from fpg_bench.leaderboard.sandbox import Reader, inside, lock_down
+from fpg_bench.leaderboard.sandbox import Reader
 
 
-def main() -> None:
+def main(inside: Inside) -> None:
     """Read policies until whoever started the process is gone."""
-    connection = inside(sys.argv[1:])
-    lock_down()
-    reader = Reader(connection)
+    inside.lock_down()
+    connection, reader = inside.connection, Reader(inside.connection)
     with contextlib.suppress(EOFError, ConnectionError):
         while True:
             (size,) = SIZE.unpack(reader.read(SIZE.size))
@@ -25,7 +24,3 @@ def main() -> None:
                 found = ["takes more memory to read than a policy may"]
             answer = json.dumps([line[:400] for line in found[:50]]).encode()
             connection.sendall(SIZE.pack(len(answer)) + answer)
-
-
-if __name__ == "__main__":
-    main()

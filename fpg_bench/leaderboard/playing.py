@@ -15,12 +15,14 @@ from fpg_bench.evaluation.field import Counterpart, Field
 from fpg_bench.evaluation.line import Line, read_line
 from fpg_bench.evaluation.play import play
 from fpg_bench.leaderboard.planner_track import TRACK, replaying
+from fpg_bench.leaderboard.sandbox import missing_here
 from fpg_bench.leaderboard.submission import Policy, Submission
 from fpg_bench.leaderboard.transcripts import local
 from fpg_bench.rows import RowFile
 
 LINES = "lines.jsonl"
 FAILED = "failed"  # the key of a row that says why a part could not be played on
+OPEN = "open"  # the key of a row that says what the policy could not be kept from
 Meeting = tuple[Field, Counterpart]
 Key = tuple[str, str]  # of a meeting: the first digits of the field's hash, and the counterpart's name
 
@@ -121,11 +123,13 @@ def fill(part: Part, meetings: Sequence[Meeting], folder: Path) -> None:
             file.append([line.row()])
     except PolicyFailed as error:
         file.append([{FAILED: f"{part.name}: {error}"}])
+    if isinstance(part.plays, Policy) and (lacking := missing_here()):
+        file.append([{OPEN: lacking}])
 
 
 def lines_in(folder: Path) -> dict[Key, Line]:
     """The lines of a part's folder, by their meetings."""
-    rows = [row for row in RowFile(folder / LINES).read() if FAILED not in row]
+    rows = [row for row in RowFile(folder / LINES).read() if not {FAILED, OPEN} & row.keys()]
     lines = (read_line(row, f"lines {folder / LINES}") for row in rows)
     return {(line.field_hash, line.counterpart): line for line in lines}
 
@@ -134,3 +138,9 @@ def failure_in(folder: Path) -> str | None:
     """Why the part of a folder could not be played on; None where it could."""
     rows = RowFile(folder / LINES).read()
     return next((str(row[FAILED]) for row in rows if FAILED in row), None)
+
+
+def open_in(folder: Path) -> list[str]:
+    """What the policy of a part's folder could not be kept from."""
+    rows = RowFile(folder / LINES).read()
+    return next((list(row[OPEN]) for row in rows if OPEN in row), [])

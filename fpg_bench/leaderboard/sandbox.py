@@ -1,16 +1,17 @@
-"""A process of its own for somebody's bytes: limits of memory, time and files, raw bytes in and out.
+"""A process of its own for somebody's bytes: limits and walls around it, raw bytes in and out.
 
 What comes from the process is never unpickled. It is started from an environment without keys, in an empty
-folder, and ends when whoever started it does.
+folder, and ends when whoever started it does. Before it reads a byte of somebody's it greets, with the walls
+that stand around it.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
-import resource
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -19,13 +20,23 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from fpg_bench.errors import UserError
+from fpg_bench.leaderboard.walls import Wall, missing
 
 # What the process may know of the environment: nothing that could be a secret.
 _KEPT = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "LANG")
 _ONES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX")
 LARGEST_ANSWER = 1 << 26
+HELLO = struct.Struct("<II")  # the process as it is known outside, and the walls that stand
 _AT_ONCE = 1 << 16
 _LATER_S = 0.5  # by how much a time limit may be overdrawn
+
+
+_MISSING: dict[str, None] = {}  # what processes that were started here could not be kept from
+
+
+def missing_here() -> list[str]:
+    """What this machine could not keep the processes from that it started; none where all is well."""
+    return list(_MISSING)
 
 
 class PolicyFailed(UserError):
@@ -53,7 +64,7 @@ class Sandbox:
     """A running process of a module of ours, and the socket to it.
 
     Args:
-        module: run as ``python -m module SOCKET MEMORY CPU``; it calls :func:`inside`.
+        module: its ``main`` is told an :class:`fpg_bench.leaderboard.inside.Inside`, and locks it down.
         limits: what it may use.
     """
 
@@ -63,8 +74,10 @@ class Sandbox:
         self._folder = tempfile.TemporaryDirectory(prefix="fpg-bench-")
         self._socket, theirs = socket.socketpair()
         self._reader, self._timeout = Reader(self._socket), 0.0
+        self._hello: tuple[int, Wall] | None = None
         cpu_s = int(limits.start_s + limits.total_s) + 1
-        words = [sys.executable, "-P", "-m", module, *map(str, (theirs.fileno(), limits.memory_bytes, cpu_s))]
+        numbers = map(str, (theirs.fileno(), limits.memory_bytes, cpu_s))
+        words = [sys.executable, "-P", "-m", "fpg_bench.leaderboard.inside", module, *numbers]
         with theirs:
             self._process = subprocess.Popen(
                 words,
@@ -78,8 +91,8 @@ class Sandbox:
 
     @property
     def pid(self) -> int:
-        """The process."""
-        return self._process.pid
+        """The process that reads the bytes; before it has greeted, the one that was started."""
+        return self._process.pid if self._hello is None else self._hello[0]
 
     @contextlib.contextmanager
     def within(self, seconds: float) -> Iterator[None]:
@@ -111,11 +124,20 @@ class Sandbox:
         """Exactly so many bytes, inside :meth:`within`."""
         if count > LARGEST_ANSWER:
             raise PolicyFailed(f"answers with {count:,} bytes")
+        if self._hello is None:
+            outside, standing = HELLO.unpack(self._reader.read(HELLO.size, self._wait))
+            self._hello = outside, Wall(standing)
+            _MISSING.update(dict.fromkeys(missing(Wall(standing))))
         return self._reader.read(count, self._wait)
 
     def close(self) -> None:
         """End the process."""
         self._socket.close()
+        if self._hello is not None:  # who was started stands for it, and ends with it
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.kill(self._hello[0], signal.SIGKILL)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(_LATER_S)
         self._process.kill()
         self._process.wait()
         self._folder.cleanup()
@@ -136,26 +158,6 @@ class Sandbox:
         if status is None or status >= 0:
             return f"its process ended by itself (status {status})"
         return f"its process died ({signal.Signals(-status).name})"
-
-
-def inside(words: list[str]) -> socket.socket:
-    """In the process itself: take the memory and processor limits, and give the socket to the other one."""
-    number, memory_bytes, cpu_s = map(int, words)
-    for kind, value in (
-        (resource.RLIMIT_AS, memory_bytes),
-        (resource.RLIMIT_CPU, cpu_s),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        with contextlib.suppress(ValueError, OSError):  # macOS knows no limit of the address space
-            resource.setrlimit(kind, (value, value))
-    return socket.socket(fileno=number)
-
-
-def lock_down() -> None:
-    """In the process itself, once all is loaded: write no file and start no process any more."""
-    for kind in (resource.RLIMIT_FSIZE, resource.RLIMIT_NPROC):
-        with contextlib.suppress(ValueError, OSError):
-            resource.setrlimit(kind, (0, 0))
 
 
 class Reader:

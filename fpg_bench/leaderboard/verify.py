@@ -19,7 +19,7 @@ from fpg_bench.jobs.run import run_jobs
 from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
 from fpg_bench.leaderboard.cases import Case, again, make_case, sampled, submission_folders
 from fpg_bench.leaderboard.folder import brief
-from fpg_bench.leaderboard.playing import Meeting, Part, failure_in, fill, key_of, lines_in
+from fpg_bench.leaderboard.playing import Meeting, Part, failure_in, fill, key_of, lines_in, open_in
 from fpg_bench.leaderboard.result import Result, failed_result, verified_result, write_result
 from fpg_bench.leaderboard.submission import TRACKS
 from fpg_bench.leaderboard.tracks import ranked_by
@@ -143,9 +143,10 @@ class _Desk:
         if errors:
             self._give(case.name, False, errors[0])
             return
-        judged = outcome_of(partial(_judge, case))
+        judged, walls = outcome_of(partial(_judge, case)), outcome_of(partial(_open, case))
         shutil.rmtree(case.work, ignore_errors=True)
-        self._give(case.name, *(judged.result if judged.error is None else (False, judged.error)))
+        good, line = judged.result if judged.error is None else (False, judged.error)
+        self._give(case.name, good, line + (walls.result or ""))
 
     def _keep(self, job: Job, case: Case, result: Any) -> None:
         job.keep(result)
@@ -188,6 +189,12 @@ def _judge(case: Case) -> tuple[bool, str]:
         return False, f"the result does not hold: {found[0]}{more}"
     same = same_to_the_bit(lines, case.known.lines)
     return True, f"holds: {same} of {len(lines)} lines played again are the same to the bit"
+
+
+def _open(case: Case) -> str:
+    """What the processes of a case's policies could not be kept from, in words; nothing where all is well."""
+    found = dict.fromkeys(name for part, _ in case.wanted for name in open_in(case.work / part.name))
+    return f"; this machine cannot keep a policy from {', '.join(found)}" if found else ""
 
 
 def _first(case: Case, lines: list[Line], why: str | None) -> tuple[bool, str]:
