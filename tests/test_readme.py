@@ -23,6 +23,7 @@ BUDGETS = (
     (r"tune-write .*", r"\g<0> --best 1 --seeds 1"),
     (r"plan compare .*", r"\g<0> --matches 1"),
     (r"plan run .*", r"\g<0> --rounds 3"),
+    (r"evaluate .*", r"\g<0> --matches 5"),
     (r"reproduce fig\d", "reproduce tables"),
 )
 WAYPOINTS = [{"x": 200 + 50 * i, "y": 700, "z": 300} for i in range(16)]

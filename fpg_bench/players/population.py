@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError, nearest
-from fpg_bench.players.agent import OnnxPlayer, baselines_folder, load_agent
+from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.member import FieldMember
+from fpg_bench.players.member import load_member as as_member
 from fpg_bench.players.player import SIDES
 
 PREFIX = "field:"
@@ -27,7 +29,7 @@ def with_members(specs: Iterable[Any], side: str) -> list[Any]:
     return [member for spec in specs for member in (_members(spec, side) if _is_field(spec) else [spec])]
 
 
-def load_member(spec: str, side: str) -> OnnxPlayer:
+def load_member(spec: str, side: str) -> FieldMember:
     """The player that ``field:NAME/MEMBER`` names.
 
     Raises:
@@ -46,7 +48,7 @@ def load_member(spec: str, side: str) -> OnnxPlayer:
         )
     folder = _folder(field)
     assert folder is not None
-    return load_agent(folder / side / member, side)
+    return as_member(folder / side / member, side)
 
 
 def _is_field(spec: Any) -> bool:
