@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import itertools
 
 import pytest
 
@@ -44,7 +45,7 @@ def test_tables_fit_the_terminal(summaries, field, width, monkeypatch, capsys):
 
 def test_wider_terminals_see_more_and_nobody_loses_a_column(summaries, field):
     heads = [lines_of_table(summaries, field, width)[0] for width in (40, 80, 120, 160, None)]
-    for narrow, wide in zip(heads, heads[1:], strict=False):
+    for narrow, wide in itertools.pairwise(heads):
         assert set(narrow) < set(wide)
         assert [name for name in wide if name in narrow] == narrow
     assert heads[0][0] == "player"
