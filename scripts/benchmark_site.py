@@ -10,6 +10,7 @@ are installed, the front page is opened from the disk and timed.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import shutil
 import tempfile
 import time
@@ -19,7 +20,6 @@ from typing import Any
 import yaml
 
 from fpg_bench.leaderboard.board import make_board
-from fpg_bench.leaderboard.planner_track import panel_of
 from fpg_bench.leaderboard.result import fingerprint, read_result, verified_result, write_result
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.submission import load_submission
@@ -37,9 +37,9 @@ def grow(source: Path, folder: Path, entries: int) -> None:
         about["name"] = f"{about['name'][:40]} {number}"
         (target / "submission.yaml").write_text(yaml.safe_dump(about))
         submission = load_submission(target)
-        panel = panel_of(submission)
-        found = read_result(result, panel)
-        copied = verified_result(slug, track, fingerprint(submission, panel), found.lines, panel)
+        fields = submission.fields
+        lines = [dataclasses.replace(line, entry=slug) for line in read_result(result, fields).lines]
+        copied = verified_result(slug, track, fingerprint(submission, fields), lines, fields)
         write_result(folder / "results" / track / f"{slug}.jsonl", copied)
 
 
