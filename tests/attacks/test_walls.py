@@ -64,7 +64,11 @@ print(json.dumps([int(standing), attempted(int(os.environ["PARENT"]))]))
 @pytest.mark.parametrize(
     ("kept", "wall", "open_still"),
     [
-        ("_landlocked", Wall.LANDLOCK, {"fork", "listen", "send", "new users", "another name", "connect"}),
+        (
+            "_landlocked",
+            Wall.LANDLOCK,
+            {"fork", "listen", "send", "new users", "another name", "leave the root", "connect"},
+        ),
         ("_calls_refused", Wall.CALLS, set()),
     ],
 )
