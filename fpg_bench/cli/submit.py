@@ -14,6 +14,10 @@ app = typer.Typer(help="Check and verify submissions to the leaderboard.", no_ar
 UpdateOption = Annotated[
     bool, typer.Option("--update", help="play anew, and replace, results that do not fit or were edited")
 ]
+SinceOption = Annotated[
+    str | None,
+    typer.Option(help="a git revision that is trusted: what is new since is played whole, and replaced"),
+]
 FolderOption = Annotated[Path, typer.Option(help="the leaderboard's folder")]
 
 
@@ -77,6 +81,7 @@ def verify(
         int | None, typer.Option(help="of the draw; default: a new one, which is said")
     ] = None,
     update: UpdateOption = False,
+    since: SinceOption = None,
     jobs: JobsOption = 1,
     backend: BackendOption = "loky",
     address: AddressOption = None,
@@ -90,6 +95,7 @@ def verify(
         sample=None if sample is None else _share(sample),
         sample_seed=sample_seed,
         update=update,
+        since=since,
         jobs=jobs,
         backend=backend,
         address=address,
@@ -107,6 +113,7 @@ def crossplay(
         str | None, typer.Option(help="play so many of the pairs again, as 5%, instead of those that lack")
     ] = None,
     sample_seed: Annotated[int, typer.Option(help="of the draw")] = 0,
+    since: SinceOption = None,
     jobs: JobsOption = 1,
     backend: BackendOption = "loky",
     address: AddressOption = None,
@@ -114,6 +121,13 @@ def crossplay(
     """Play every verified ally against every opponent, where that was not done yet."""
     from fpg_bench.leaderboard.crossplay import check_pairs, play_missing
 
+    if since is not None:
+        from fpg_bench.leaderboard.crossplay import forget_untrusted
+        from fpg_bench.leaderboard.since import pairs_at
+
+        say(
+            f"crossplay: {forget_untrusted(folder, pairs_at(folder, since))} figures are new and played again"
+        )
     if check is None:
         failed = play_missing(folder, jobs=jobs, backend=backend, address=address, say=say)
     else:

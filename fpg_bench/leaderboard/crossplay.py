@@ -203,6 +203,16 @@ def play_missing(
     return failed
 
 
+def forget_untrusted(board: str | Path, trusted: Iterable[Row]) -> int:
+    """Drop the figures of pairs that are not among those that are trusted; how many those were."""
+    board, known = Path(board), list(trusted)
+    rows = RowFile(crossplay_file(board)).read()
+    kept = [row for row in rows if row in known]
+    if len(kept) < len(rows):
+        _write(board, kept)
+    return len(rows) - len(kept)
+
+
 def check_pairs(board: str | Path, share: float, seed: int, rounds: int = ROUNDS) -> list[str]:
     """Play some pairs again, drawn at random; what differs, one line each.
 

@@ -21,6 +21,7 @@ from fpg_bench.leaderboard.cases import Case, again, make_case, sampled, submiss
 from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.playing import Meeting, Part, failure_in, fill, key_of, lines_in, open_in
 from fpg_bench.leaderboard.result import Result, failed_result, verified_result, write_result
+from fpg_bench.leaderboard.since import changed_since
 from fpg_bench.leaderboard.submission import TRACKS
 from fpg_bench.leaderboard.tracks import ranked_by
 
@@ -41,6 +42,7 @@ def verify(
     sample: float | None = None,
     sample_seed: int | None = None,
     update: bool = False,
+    since: str | None = None,
     jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
@@ -57,6 +59,8 @@ def verify(
         sample: play only this share of the lines again, drawn at random, at least one of each submission.
         sample_seed: of the draw; None: a new one, which is said.
         update: play anew, and replace, results that do not fit what is submitted or were edited.
+        since: a revision of git that is trusted. Entries whose submission or result is not as it was there
+            are played whole, whatever the sample, and the lines of this playing become their result.
         jobs: how many policies are played at once.
         backend: ``loky`` or ``ray``; see :func:`fpg_bench.jobs.run.run_jobs`.
         address: of a Ray cluster.
@@ -70,9 +74,12 @@ def verify(
     """
     board = Path(board)
     desk = _Desk(say)
-    cases = [
-        case for folder in submission_folders(board, names) if (case := desk.case(board, folder, update))
-    ]
+    new = set() if since is None else changed_since(board, since)
+    cases = []
+    for folder in submission_folders(board, names):
+        changed = f"{folder.parent.name}/{folder.name}" in new
+        if (case := desk.case(board, folder, update or changed)) is not None:
+            cases.append(replace(case, known=None) if changed else case)
     if sample is not None:
         seed = random.SystemRandom().randrange(2**32) if sample_seed is None else sample_seed
         say(f"sample: {100 * sample:g} % of all lines, --sample-seed {seed}")
