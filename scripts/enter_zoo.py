@@ -3,14 +3,12 @@
     python scripts/enter_zoo.py [--folder leaderboard]
 
 Run it again whenever agents were shipped: it writes what is new or has changed, and takes nothing away. An
-algorithm is entered once all its training seeds are there. What agents score against best responses to them
-(scripts/exploit_zoo.py) is put on the board, too.
+algorithm is entered once all its training seeds are there.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -21,11 +19,10 @@ from fpg_bench.evaluation.exploits import exploit_lines
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.zoo import Member, ZooView, load_zoo
 from fpg_bench.files import write_whole
-from fpg_bench.leaderboard.board import EXPLOIT
 from fpg_bench.players.scripted import SCRIPTED
 
 AUTHORS = ["fpg-bench maintainers"]
-# By the panel of a view: track and path. Agents of other scenarios are not entered.
+# By the public field of a view: track and path. Agents of other scenarios are not entered.
 TRACKS = {
     "ally-v1": ("ally", None),
     "ally-planner-v1": ("ally", None),
@@ -134,15 +131,15 @@ def agents() -> dict[str, str]:
     for view in zoo.views:
         for algorithm in view.steps:
             members = zoo.members(f"{view.name}/{algorithm}")
-            if view.panel in TRACKS and all(member.shipped for member in members):
-                track = TRACKS[view.panel][0]
+            if view.fields[0] in TRACKS and all(member.shipped for member in members):
+                track = TRACKS[view.fields[0]][0]
                 found[f"{track}/{view.name}-{algorithm}"] = agent(view, algorithm, members)
     return found
 
 
 def agent(view: ZooView, algorithm: str, members: list[Member]) -> str:
     """The submission of a zoo's algorithm on one view."""
-    track, path = TRACKS[view.panel]
+    track, path = TRACKS[view.fields[0]]
     role, saw = VIEWS[view.name]
     title, reference, unable = ALGORITHMS[algorithm]
     seconds = [member.about()["seconds"] for member in members]
@@ -166,25 +163,15 @@ def agent(view: ZooView, algorithm: str, members: list[Member]) -> str:
     )
 
 
-def best_responses() -> str:
-    """A line for each algorithm that best responses were trained to, as the board reads them."""
-    zoo, found = load_zoo(), []
-    for view in zoo.views:
-        for line in exploit_lines(zoo, view) if view.panel in TRACKS else ():
-            head = {"track": TRACKS[view.panel][0], "slug": f"{view.name}-{line['algorithm']}"}
-            found.append(json.dumps(head | {"scores": line["responses"]}) + "\n")
-    return "".join(found)
-
-
 def main() -> int:
     """Write what is new or has changed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--folder", type=Path, default=Path("leaderboard"), help="the leaderboard's folder")
     folder = parser.parse_args().folder
     entries = {f"submissions/{name}/submission.yaml": text for name, text in (scripts() | agents()).items()}
-    for name, text in (entries | {f"results/{EXPLOIT}": best_responses()}).items():
+    for name, text in entries.items():
         path = folder / name
-        if text and (not path.exists() or path.read_text(encoding="utf-8") != text):
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
             print(f"{'changed' if path.exists() else 'new'}: {name}")
             write_whole(path, text)
     return 0

@@ -21,6 +21,7 @@ from fpg_bench.players.agent import fields_folder
 from fpg_bench.players.scripted import SCRIPTED
 
 DIGITS = 2
+BORROWING = ("-shifted-v1", "-responses-v1")  # have the scale of their track's public field
 
 
 def rewards(who: str, field: Field) -> list[float]:
@@ -50,7 +51,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("fields", nargs="*", help="names or files; default: all public ones")
     named = parser.parse_args().fields
-    names = named or sorted(path.stem for path in fields_folder().glob("*-v1.yml"))
+    public = (path.stem for path in fields_folder().glob("*-v1.yml"))
+    names = named or sorted(name for name in public if not name.endswith(BORROWING))
     same = True
     for name in names:
         field = load_field(name)

@@ -40,7 +40,8 @@ FIELDS = {
 def make_fields(folder: Path) -> Path:
     """A folder in place of the package's ``baselines``, whose public fields are small."""
     folder.mkdir(parents=True)
-    (folder / "agents").symlink_to(baselines_folder() / "agents")
+    for name in ("agents", "hyperparams"):
+        (folder / name).symlink_to(baselines_folder() / name)
     for name, content in FIELDS.items():
         write_field(folder, name, content)
     return folder
