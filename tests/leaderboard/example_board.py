@@ -103,6 +103,7 @@ def _row(rng, key: str, index: int, fields: list[dict], hostile: bool) -> dict:
         "counterparts": met if verified else {},
         "seeds": {} if kind == "script" or not verified else {str(k): score + k - 2 for k in range(5)},
         "seeds_gap": {"value": 7.25, "flagged": True} if index == 2 else {"value": -1.0, "flagged": False},
+        "had_access": index == 1,
         "measures": _measures(rng) if verified else {},
         "planner": None,
         "lost": 1234 if index == 4 else 0,

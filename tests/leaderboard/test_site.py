@@ -124,6 +124,13 @@ def test_who_does_better_on_seeds_that_everybody_knew_is_told_in_words(site):
     assert "that everybody knew than" not in (site / "entries/ally/player-3.html").read_text()
 
 
+def test_who_was_entered_after_the_season_was_closed_is_marked(site):
+    told = "had access to the season's field</small>"
+    assert (site / "index.html").read_text().count(told) == 2  # one in each table
+    assert "It had access" in (site / "entries/ally/player-1.html").read_text()
+    assert "It had access" not in (site / "entries/ally/player-3.html").read_text()
+
+
 def test_an_entry_without_a_score_that_ranks_is_shown_last_and_without_a_rank(tmp_path):
     board = example_board(4)
     row = board["tracks"][0]["rows"][2]

@@ -182,6 +182,7 @@ def entry_head(track: Row, row: Row) -> Row:
         "verified": is_verified(row),
         "reason": row.get("reason") or "",
         "few_seeds": bool(row.get("few_seeds")),
+        "had_access": bool(row.get("had_access")),
         "rank": wording.rank_text(row.get("rank")) if is_verified(row) else wording.NONE,
         "lost": wording.lost_text(row.get("lost"), row.get("rounds")),
     }
