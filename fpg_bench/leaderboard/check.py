@@ -118,7 +118,7 @@ def _named(folder: Path, fields: dict[str, Any]) -> Iterator[str]:
     if script is not None and script not in _scripts(track):
         yield f"script: unknown {shown(script)}{nearest(script, _scripts(track))}"
     for what, name in (("name", fields.get("name", "")), ("the folder's name", folder.name)):
-        if plain(name) in _scripts(track) and plain(name) != script:
+        if plain(name) in map(plain, _scripts(track)) and name.strip().casefold() != script:
             yield f"{what}: {shown(name)} is what a script of the package is called; choose another"
     zoo = fields.get("zoo")
     if zoo is not None and zoo not in _zoo():

@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 
 from fpg_bench.errors import UserError, meant, nearest
 from fpg_bench.leaderboard.folder import shown
+from fpg_bench.leaderboard.lookalikes import skeleton, unseen
 
 TRACKS = ("ally", "opponent", "planner")
 PATHS = ("pursuit", "learned")
@@ -52,8 +53,11 @@ def read_fields(content: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
 
 
 def plain(name: str) -> str:
-    """A name without what the eye does not tell apart: case, spaces, full-width letters."""
-    return "".join(unicodedata.normalize("NFKC", name).casefold().split())
+    """A name without what the eye does not tell apart, see :mod:`fpg_bench.leaderboard.lookalikes`.
+
+    What has no letter or digit keeps its signs: two names of signs are alike where they are the same.
+    """
+    return skeleton(name) or "".join(unicodedata.normalize("NFKC", name).casefold().split())
 
 
 def _together(content: dict[str, Any], values: dict[str, Any]) -> list[str]:
@@ -91,7 +95,17 @@ def _text(value: Any, most: int, lines: bool = False, least: int = 1) -> str:
     for letter in value:
         if unicodedata.category(letter)[0] == "C" and not (lines and letter == "\n"):
             raise UserError(f"holds the control character U+{ord(letter):04X}; leave it out")
+        if unseen(letter):
+            raise UserError(f"holds U+{ord(letter):04X}, which cannot be seen; leave it out")
     return value
+
+
+def _name(value: Any, most: int) -> str:
+    """Text with a letter or a digit in it."""
+    text = _text(value, most)
+    if not any(unicodedata.category(letter)[0] in "LN" for letter in text):
+        raise UserError(f"expected a letter or a digit at least, got {shown(text)}")
+    return text
 
 
 def _word(value: Any, choices: tuple[str, ...]) -> str:
@@ -104,7 +118,7 @@ def _word(value: Any, choices: tuple[str, ...]) -> str:
 def _authors(value: Any) -> tuple[str, ...]:
     if not isinstance(value, list) or not 1 <= len(value) <= 20:
         raise UserError(f"expected a list of 1 to 20 names, got {shown(value)}")
-    return tuple(_text(name, 80) for name in value)
+    return tuple(_name(name, 80) for name in value)
 
 
 def _link(value: Any) -> str | None:
@@ -157,7 +171,7 @@ def _optional(check: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 _LONG = partial(_text, most=_LONGEST_TEXT, lines=True)
 _CHECKS: dict[str, Callable[[Any], Any]] = {
-    "name": partial(_text, most=LONGEST_NAME),
+    "name": partial(_name, most=LONGEST_NAME),
     "authors": _authors,
     "algorithm": partial(_text, most=60),
     "reference": _link,
