@@ -38,8 +38,8 @@ def representative(returns: np.ndarray, size: int) -> list[int]:
 def diverse(returns: np.ndarray, size: int) -> list[int]:
     """The candidates of a population to train on: entries fare differently against each of them.
 
-    Each next one is that whose profile of returns is farthest from all chosen before (greedy max-min distance).
-    Takes, gives and raises as :func:`representative` does.
+    Each next one is that whose profile of returns is farthest from all that are chosen (greedy max-min
+    distance). Takes, gives and raises as :func:`representative` does.
     """
     chosen = _begun(returns, size)
     apart = np.linalg.norm(returns[:, :, None] - returns[:, None, :], axis=0)
