@@ -11,7 +11,8 @@ is played once. The board's ``worst`` is the lowest over these and the field tog
 
 Spearman's rank correlation is over the trained entries (the mean over an entry's training seeds). A script
 is no entry here: it would raise the correlation, since scripts are far apart. ``random`` is the median of
-400 random parts of both closings, and its lowest tenth; ``chosen`` is what the season's rule chooses.
+400 random parts of both closings, and its lowest tenth; ``representative`` is how a season chooses,
+``diverse`` how a population to train on does.
 """
 
 from __future__ import annotations
@@ -23,13 +24,15 @@ from pathlib import Path
 
 import numpy as np
 
+from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.rows import RowFile
 from fpg_bench.seasons import agreement
-from fpg_bench.seasons.choosing import choose
+from fpg_bench.seasons.choosing import diverse, representative
 from fpg_bench.seasons.close import OTHER, PROFILE
 from fpg_bench.seasons.entries import apart, of_side, read_entries
 from fpg_bench.seasons.profiles import played
 
+Choose = Callable[[np.ndarray, int], list[int]]
 SIZES = (2, 4, 6, 8, 10, 12, 16, 20, 24, 32, 40)
 SCORES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "mean": agreement.mean,
@@ -43,6 +46,7 @@ class Closed:
     """What entries earned against all candidates of a side in a closing.
 
     Attributes:
+        candidates: their names.
         returns: ``(players, candidates)`` a step.
         entries: ``(trained entries, candidates)``, the mean over training seeds.
     """
@@ -51,6 +55,7 @@ class Closed:
         files = sorted((work / side).glob(f"*/{PROFILE}"))
         rows = [RowFile(file).read() for file in files]
         whole = max(map(len, rows))
+        self.candidates = [f.parent.name for f, found in zip(files, rows, strict=True) if len(found) == whole]
         rows = [found for found in rows if len(found) == whole]
         self.returns = np.array([[row[OTHER[side]] for row in found] for found in rows]).T
         names = [row["entry"] if "/" in row["player"] else None for row in rows[0]]
@@ -60,7 +65,7 @@ class Closed:
         )
         self.agents = self.returns[[n is not None for n in names]]
 
-    def field(self, size: int) -> np.ndarray:
+    def field(self, size: int, choose: Choose = representative) -> np.ndarray:
         """``(trained entries, size)``: against the field that is chosen."""
         return self.entries[:, choose(self.returns, size)]
 
@@ -79,13 +84,16 @@ def play_known(side: str, folder: Path, rounds: int = 30) -> None:
                     file.append([{"entry": entry.name, "player": player, **found}])
 
 
-def tell(a: Closed, b: Closed, side: str, known: np.ndarray | None = None) -> None:
+def tell(
+    a: Closed, b: Closed, side: str, known: np.ndarray | None = None, scripts: np.ndarray | None = None
+) -> None:
     """Print the agreement of two closings by size.
 
     Args:
         a, b: the closings.
         side: of their candidates.
         known: ``(trained entries, n)``, returns against what everybody knew, for the board's ``worst``.
+        scripts: ``(n,)`` bool, which of them are scripts.
     """
     counts = a.entries.shape[1], b.entries.shape[1]
     sizes = [size for size in SIZES if size <= min(counts)]
@@ -97,15 +105,18 @@ def tell(a: Closed, b: Closed, side: str, known: np.ndarray | None = None) -> No
         drawn = agreement.curve(a.entries, b.entries, score, sizes)
         cells = [f"{np.median(found):.2f} ({np.quantile(found, 0.1):.2f})" for found in drawn]
         print(f"| {name}, random | {' | '.join(cells)} | {every} |")
-        chosen = [agreement.agreement(a.field(size), b.field(size), score) for size in sizes]
-        print(f"| {name}, chosen | {' | '.join(f'{found:.2f}' for found in chosen)} | {every} |")
-    if known is not None:
+        for choose in (representative, diverse):
+            parts = [(a.field(size, choose), b.field(size, choose)) for size in sizes]
+            chosen = [f"{agreement.agreement(x, y, score):.2f}" for x, y in parts]
+            print(f"| {name}, {choose.__name__} | {' | '.join(chosen)} | {every} |")
+    if known is not None and scripts is not None:
         parts = [[np.hstack((known, c.field(size))) for c in (a, b)] for size in sizes]
         chosen = [agreement.agreement(x, y, agreement.worst) for x, y in parts]
-        print(f"| worst, chosen and known | {' | '.join(f'{found:.2f}' for found in chosen)} | |")
-        for name, score in SCORES.items():
-            found = [agreement.agreement(known, c.entries, score) for c in (a, b)]
-            print(f"{name}, known against each closing: {found[0]:.2f}, {found[1]:.2f}")
+        print(f"| worst, representative and known | {' | '.join(f'{found:.2f}' for found in chosen)} | |")
+        for what, part in (("scripts", known[:, scripts]), ("scripts and trained entries", known)):
+            for name in ("mean", "worst"):
+                found = [agreement.agreement(part, c.entries, SCORES[name]) for c in (a, b)]
+                print(f"{name}, {what} against each closing: {found[0]:.2f}, {found[1]:.2f}")
     for name in ("mean", "worst"):
         each = agreement.agreement(a.agents, b.agents, SCORES[name])
         print(f"{name}, all candidates, over {len(a.agents)} agents: {each:.2f}")
@@ -122,7 +133,12 @@ def main() -> None:
         a, b = (Closed(folder, side) for folder in words.closings)
         if words.known:
             play_known(side, words.known)
-        tell(a, b, side, Closed(words.known, side).entries if words.known else None)
+        if words.known is None:
+            tell(a, b, side)
+        else:
+            known = Closed(words.known, side)
+            scripts = [name in SCRIPTED[side] for name in known.candidates]
+            tell(a, b, side, known.entries, np.array(scripts))
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from fpg_bench.jobs.run import run_jobs
 from fpg_bench.players.player import SIDES
 from fpg_bench.rows import Row, RowFile
 from fpg_bench.seasons.candidates import is_trained, leave_agent, train_candidate
-from fpg_bench.seasons.choosing import choose
+from fpg_bench.seasons.choosing import diverse, representative
 from fpg_bench.seasons.entries import SeasonEntry, apart, of_side, read_entries, season_seed
 from fpg_bench.seasons.fields import write_fields
 from fpg_bench.seasons.profiles import ROUNDS, played
@@ -179,6 +179,7 @@ def _chosen(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
     """The members of a side, in the order in which they were chosen."""
     recipes = closing.recipes(side)
     returns = np.array([profile(closing.folder(recipe), side) for recipe in recipes]).T
+    choose = diverse if closing.number is None else representative
     found = []
     for index in choose(returns, min(closing.size, len(recipes))):
         about = read_json(closing.folder(recipes[index]) / "agent" / "agent.json", "agent")
