@@ -197,7 +197,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="the first of them")
     parser.add_argument("--steps", type=int, help="budget of each training; default: the setting's")
     parser.add_argument("--seconds", type=float, help="of CPU time, at which a training ends; default: none")
-    parser.add_argument("--every", type=float, default=1.0, help="CPU seconds from one score to the next")
+    parser.add_argument("--every", type=float, default=0.5, help="CPU seconds from one score to the next")
     parser.add_argument("--picture", type=Path, help="a PNG file to draw")
     parser.add_argument("--out", type=Path, default=Path("results/time-to-score"))
     options = parser.parse_args()

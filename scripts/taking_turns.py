@@ -15,6 +15,7 @@ from fpg_bench.rows import Row
 from fpg_bench.training.actor import ActorPlayer
 
 TURN_S = 1.0  # of CPU time
+LATER = 0.1  # of the seconds spent: how long it is at least from one look to the next
 
 
 class Turns:
@@ -55,7 +56,7 @@ class Looking(BaseCallback):
 
     Args:
         look: what a policy is worth.
-        every_s: CPU seconds from one look to the next.
+        every_s: CPU seconds from one look to the next, and at least a tenth of those spent.
         most_s: CPU seconds after which training stops; None: at the end of its budget of steps.
         hand_on: called when a turn is over.
     """
@@ -82,7 +83,8 @@ class Looking(BaseCallback):
         self._spent += now() - self._begin
         cpu_s = self._spent[0]
         self._over = cpu_s >= self._most_s
-        if self._over or cpu_s // self._every_s > self.found[-1]["cpu_s"] // self._every_s:
+        last_s = self.found[-1]["cpu_s"]
+        if self._over or cpu_s - last_s >= max(self._every_s, LATER * last_s):
             self._look()
         if cpu_s - self._turn > TURN_S:
             self._turn = cpu_s
@@ -119,7 +121,7 @@ def train_together(
     Args:
         makers: of each the new model, and its budget of steps.
         look: what a policy is worth, called every so many seconds, which do not count.
-        every_s: CPU seconds from one look to the next.
+        every_s: CPU seconds from one look to the next, and at least a tenth of those spent.
         most_s: CPU seconds after which a training ends before its budget does; None: never.
     """
     turns = Turns(len(makers))

@@ -191,6 +191,7 @@ def test_shipped_files_hold_nothing_to_evaluate():
             "MlpLstmPolicy",
             "normal",
             "auto_0.1",
+            "lin_0.005",
         }, path
 
 
