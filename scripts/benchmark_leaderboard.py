@@ -1,4 +1,4 @@
-"""How fast a verdict is: a submission of five training seeds on the whole panel of allies, 100 rounds each.
+"""How fast a verdict is: a submission of five training seeds on all fields of the allies' track.
 
     python scripts/benchmark_leaderboard.py [--quick] [--json FILE]
 
@@ -15,10 +15,11 @@ from pathlib import Path
 
 import gymnasium
 import numpy as np
-from benchmark_speed import VIEW, Figure, report
-from fpg_bench.evaluation.panel import load_panel
+from benchmark_speed import Figure, report
 from stable_baselines3 import PPO
 
+from fpg_bench.evaluation.field import Counterpart
+from fpg_bench.ids import policy_view
 from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.verify import verify
 
@@ -36,9 +37,11 @@ def verdict_s(folder: Path, jobs: int) -> float:
     return time.perf_counter() - begin
 
 
-def round_s(opponent: str, path: str, rounds: int) -> float:
-    """Seconds that a round takes in a single view with SB3's predict."""
-    env = gymnasium.make(VIEW, opponent=opponent, path=path)
+def round_s(counterpart: Counterpart, rounds: int) -> float:
+    """Seconds that a round against a counterpart takes in a single view with SB3's predict."""
+    scenario = counterpart.scenario
+    players, view = list(counterpart.players), policy_view("ally").id
+    env = gymnasium.make(view, opponent=players, path=scenario.opponent_path, scenario=scenario)
     model = PPO("MlpPolicy", env, policy_kwargs=NETWORK, device="cpu")
     begin = time.perf_counter()
     for seed in range(rounds):
@@ -54,17 +57,21 @@ def round_s(opponent: str, path: str, rounds: int) -> float:
 def measure_all(quick: bool) -> list[Figure]:
     """All figures of this script."""
     repeats, rounds = (1, 1) if quick else (3, 5)
-    panel = load_panel("ally-v1")
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         shutil.copytree(ENTERED, folder / "submissions" / "ally" / ENTERED.name)
         case = make_case(folder, folder / "submissions" / "ally" / ENTERED.name)
-        played = len(case.wanted) * len(panel.entries) * panel.rounds
-        round_s("tone", "pursuit", 1)  # compiles
+        played = sum(field.rounds for _, meetings in case.wanted for field, _ in meetings)
+        met = [
+            (counterpart, field.rounds)
+            for field in case.fields.values()
+            for counterpart in field.counterparts
+        ]
+        round_s(met[0][0], 1)  # compiles
         singles, ones, twos = [], [], []
         for _ in range(repeats):  # in turns, so that a slow moment meets all
-            each = [round_s(entry.other, entry.path, rounds) for entry in panel.entries]
-            singles.append(played * float(np.mean(each)))
+            each = [count * round_s(counterpart, rounds) for counterpart, count in met]
+            singles.append(len(case.wanted) * sum(each))
             ones.append(verdict_s(folder, 1))
             twos.append(verdict_s(folder, 2))
     ratios = np.array(singles) / ones
