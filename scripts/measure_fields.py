@@ -33,6 +33,7 @@ from fpg_bench.seasons.entries import apart, of_side, read_entries
 from fpg_bench.seasons.profiles import played
 
 Choose = Callable[[np.ndarray, int], list[int]]
+PLURAL = {"ally": "allies", "opponent": "opponents"}
 SIZES = (2, 4, 6, 8, 10, 12, 16, 20, 24, 32, 40)
 SCORES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "mean": agreement.mean,
@@ -97,8 +98,8 @@ def tell(
     """
     counts = a.entries.shape[1], b.entries.shape[1]
     sizes = [size for size in SIZES if size <= min(counts)]
-    print(f"{side}s: {counts[0]} and {counts[1]} candidates, {len(a.names)} trained entries")
-    print(f"| {side}s | {' | '.join(map(str, sizes))} | all |")
+    print(f"{PLURAL[side]}: {counts[0]} and {counts[1]} candidates, {len(a.names)} trained entries")
+    print(f"| {PLURAL[side]} | {' | '.join(map(str, sizes))} | all |")
     print("| --- " * (len(sizes) + 2) + "|")
     for name, score in SCORES.items():
         every = f"{agreement.agreement(a.entries, b.entries, score):.2f}"

@@ -46,6 +46,7 @@ class Closing:
         work: where candidates are trained; kept, so that what was stopped goes on.
         candidates, size: of each side, trained and chosen.
         rounds: that each entry plays against each candidate.
+        scale: multiplies all budgets; 1 but for tests.
     """
 
     name: str

@@ -47,8 +47,12 @@ class SeasonEntry:
         return dataclasses.replace(found, flight=None) if found.scripted else found
 
 
-def read_entries(board: str | Path = "leaderboard") -> list[SeasonEntry]:
+def read_entries(board: str | Path = "leaderboard", contract: bool = True) -> list[SeasonEntry]:
     """The accepted entries of a board, by track and name.
+
+    Args:
+        board: the leaderboard's folder.
+        contract: whether to check what their policies hold; needless where nobody plays them.
 
     Raises:
         UserError: no board there, or a submission that is not sound.
@@ -59,7 +63,7 @@ def read_entries(board: str | Path = "leaderboard") -> list[SeasonEntry]:
     )
     if not folders:
         raise UserError(f"season: {root} holds no submissions; name the leaderboard's folder")
-    return [_entry(folder) for folder in folders]
+    return [_entry(folder, contract) for folder in folders]
 
 
 def season_seed(protocol: str, number: int | str, entries: Sequence[SeasonEntry]) -> str:
@@ -75,8 +79,8 @@ def of_side(entries: Sequence[SeasonEntry], side: str) -> list[SeasonEntry]:
     return [entry for entry in entries if entry.side == side]
 
 
-def _entry(folder: Path) -> SeasonEntry:
-    submission, found = examine(folder, contract=False)
+def _entry(folder: Path, contract: bool) -> SeasonEntry:
+    submission, found = examine(folder, contract)
     name = f"{folder.parent.name}/{folder.name}"
     if submission is None or found:
         raise UserError(f"season: entry {name}: {found[0]}")

@@ -44,7 +44,7 @@ def _members(season: Season, side: str) -> Iterator[str]:
 
 def _later(season: Season, board: str | Path) -> str:
     try:
-        later = later_entries(season, read_entries(board))
+        later = later_entries(season, read_entries(board, contract=False))
     except UserError:
         return f"No board at {board}: nothing can be said of later entries."
     if not later:
