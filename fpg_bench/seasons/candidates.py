@@ -44,9 +44,7 @@ def hyperparameters(recipe: Recipe) -> dict[str, Any]:
     if recipe.algorithm == "td3":
         networks["optimizer_kwargs"] = {"fused": True}
         return _TD3 | own
-    import torch
-
-    networks |= {"activation_fn": torch.nn.ReLU, "log_std_init": recipe.log_std}
+    networks |= {"activation_fn": "ReLU", "log_std_init": recipe.log_std}
     return _PPO | own
 
 
