@@ -30,8 +30,10 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for verb in (verbs.envs, verbs.play, verbs.train, verbs.evaluate, verbs.table, zoo.zoo):
+for verb in (verbs.envs, verbs.play, verbs.train, verbs.evaluate, verbs.table):
     app.command()(verb)
+for listing in (zoo.zoo, zoo.players, zoo.fields):
+    app.command()(listing)
 for learning in (
     selfplay.selfplay,
     selfplay.exploit,

@@ -1,12 +1,15 @@
-"""``fpg-bench zoo``: the agents that are shipped."""
+"""What there is to name: ``fpg-bench zoo``, the agents that are shipped, ``players`` and ``fields``."""
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import typer
 
 if TYPE_CHECKING:
+    from fpg_bench.evaluation.field import Field
     from fpg_bench.evaluation.zoo import Member, Zoo, ZooView
 
 
@@ -44,3 +47,81 @@ def _line(member: Member, score: float | None) -> str:
     whole = "whole" if member.is_whole() else "CHANGED: not the file that agent.json describes"
     told = "-" if score is None else f"{score:.1f}"
     return f"{member.name:36} {member.about()['training_steps']:12,} {told:>7}  {whole}"
+
+
+def players() -> None:
+    """List who can be named as a player or planner, and the paths that an opponent flies."""
+    from fpg_bench.evaluation.zoo import load_zoo
+    from fpg_bench.game.names import PATHS
+    from fpg_bench.players.player import SIDES
+    from fpg_bench.players.scripted import SCRIPTED
+
+    members = [member for member in load_zoo().members() if member.shipped]
+    for side in SIDES:
+        _list(f"scripts, {side}", SCRIPTED[side])
+        _list(f"agents, {side}", _agents(member for member in members if member.view.side == side))
+        _list(f"populations, {side}", _populations(side))
+    _list("either side", ["oracle: sees the full state, so it stands in no field"])
+    for tier, names in _planners().items():
+        _list(f"planners, tier {tier}", names)
+    _list("paths", PATHS)
+    typer.echo("Your own: an agent's folder, or package.module:object. All agents' scores: fpg-bench zoo")
+
+
+def fields() -> None:
+    """List the fields: who is measured against whom."""
+    from fpg_bench.evaluation.field import load_field
+    from fpg_bench.players.agent import fields_folder
+
+    for path in sorted(fields_folder().glob("*.yml")):
+        field = load_field(path.stem)
+        typer.echo(f"{field.name}: {_described(field)}")
+        _list("", [counterpart.name for counterpart in field.counterparts])
+    typer.echo("Your own: a YAML file of the same form, see docs/measures.md")
+
+
+def _described(field: Field) -> str:
+    rounds = f" of {field.rounds_per_match} rounds" if field.rounds_per_match > 1 else ""
+    return f"measures the {field.side}, {field.matches} matches{rounds} per counterpart\n    {field.scale.told}"
+
+
+def _agents(members: Iterable[Member]) -> list[str]:
+    """The agents' names, training seeds together."""
+    seeds: dict[str, list[str]] = {}
+    for member in members:
+        seeds.setdefault(f"{member.view.name}/{member.algorithm}", []).append(str(member.seed))
+    return [
+        f"{name}/seed_{{{','.join(of)}}}" if len(of) > 1 else f"{name}/seed_{of[0]}"
+        for name, of in seeds.items()
+    ]
+
+
+def _populations(side: str) -> list[str]:
+    """The fields whose agents ``field:NAME`` draws from."""
+    from fpg_bench.players.agent import fields_folder
+
+    folders = {path.parents[2].name for path in fields_folder().glob(f"*/{side}/*/agent.json")}
+    return [f"field:{name}" for name in sorted(folders)]
+
+
+def _planners() -> dict[str, list[str]]:
+    """The planners by what they know."""
+    from fpg_bench.game.scenario import STANDARD
+    from fpg_bench.planning import LLM_CONTROLS, PLANNERS, TIERS, as_planner
+    from fpg_bench.planning.llm.llm_planner import LLMPlanner
+
+    found: dict[str, list[str]] = {tier: [] for tier in TIERS}
+    for name in PLANNERS:
+        tier = LLMPlanner.tier if name in LLM_CONTROLS else as_planner(name, STANDARD).tier
+        found[tier].append(name)
+    return found
+
+
+def _list(head: str, names: Iterable[str]) -> None:
+    """Print a heading and names, as wide as a narrow terminal."""
+    text = ", ".join(names)
+    if text:
+        typer.echo(f"{head}:" if head else "", nl=bool(head))
+        typer.echo(
+            textwrap.fill(text, 78, initial_indent="    ", subsequent_indent="    ", break_on_hyphens=False)
+        )

@@ -1,0 +1,6 @@
+"""``python -m fpg_bench``: the command line."""
+
+from fpg_bench.cli import main
+
+if __name__ == "__main__":
+    main()
