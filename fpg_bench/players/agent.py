@@ -12,8 +12,6 @@ import numpy as np
 
 from fpg_bench.errors import UserError
 from fpg_bench.files import read_json
-from fpg_bench.game import draws
-from fpg_bench.game.compiling import compiled
 from fpg_bench.ids import DUEL, VIEWS, sides_of
 from fpg_bench.players.keyed import Keyed
 from fpg_bench.players.onnx_file import plain_bytes
@@ -93,8 +91,10 @@ class OnnxPlayer(Keyed):
         return found[0], (found[1] if self.state_size else None, steps + 1)
 
     def _noise(self, steps: np.ndarray) -> np.ndarray:
+        from fpg_bench.players.noise import fill_noise  # its compiler is slow to load, and few draw
+
         noise = np.empty((len(steps), self.noise_size), np.float32)
-        _fill_noise(noise, self.keys(len(steps)), steps)
+        fill_noise(noise, self.keys(len(steps)), steps)
         return noise
 
     def __reduce__(self) -> tuple[type[OnnxPlayer], tuple[bytes, dict[str, Any]]]:
@@ -102,13 +102,6 @@ class OnnxPlayer(Keyed):
 
     def __repr__(self) -> str:
         return f"OnnxPlayer({self.about.get('id')}, {self.about.get('algorithm')})"
-
-
-@compiled
-def _fill_noise(noise, keys, steps):
-    for i in range(noise.shape[0]):
-        for j in range(noise.shape[1]):
-            noise[i, j], _ = draws.gaussians(keys[i], steps[i], draws.PLAYER_DRAW + j)
 
 
 def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPlayer:

@@ -1,0 +1,136 @@
+"""Who plays like whom: policies are compared by what they do on rounds that nobody could prepare for."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import fpg_bench
+from fpg_bench.leaderboard import host
+from fpg_bench.leaderboard.policies import Policy
+from fpg_bench.players.agent import baselines_folder, load_agent
+from fpg_bench.players.player import Player
+
+# The mean difference of actions, in [-1, 1], below which two policies play alike. Training seeds of one
+# algorithm lie 0.06 to 0.95 apart; a policy and its copy with 5 % of noise on each weight, 0.00 to 0.03.
+ALIKE = 0.04
+_GAMES, _STEPS = 6, 150
+_VIEWS = {"ally": "FPG/AllyVsScripted-v0", "opponent": "FPG/OpponentVsScripted-v0"}
+_AGAINST: dict[str, dict[str, Any]] = {
+    "ally": {"opponent": ["adaptive", "tone", "comb"]},
+    "opponent": {"ally": ["expert", "reactive", "expert-spread"]},
+}
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What a policy saw in some rounds, and what it did: ``(steps, games, 15)`` and ``(steps, games, 9)``."""
+
+    seen: np.ndarray
+    done: np.ndarray
+
+
+def fresh_seed() -> int:
+    """A seed that nobody knew before."""
+    return random.SystemRandom().randrange(2**31)
+
+
+def trace(player: Player, side: str, path: str | None, seed: int) -> Trace:
+    """Let a policy play rounds against scripts.
+
+    Args:
+        player: the policy.
+        side: which it plays.
+        path: how the opponent flies; None: in pursuit.
+        seed: of the rounds.
+    """
+    games = gymnasium.make_vec(_VIEWS[side], num_envs=_GAMES, path=path or "pursuit", **_AGAINST[side])
+    seen, _ = games.reset(seed=seed)
+    _begin(player)
+    state, starts, before, done = None, np.ones(_GAMES, bool), [], []
+    for _ in range(_STEPS):
+        action, state = player.predict(seen, state, starts)
+        before.append(np.array(seen))
+        done.append(_clipped(action))
+        seen, _, terminated, truncated, _ = games.step(done[-1])
+        starts = terminated | truncated
+    games.close()
+    return Trace(np.array(before), np.array(done))
+
+
+def apart(player: Player, other: Trace) -> float:
+    """How far a policy's actions lie from another one's, where it sees what that one saw: a mean over all."""
+    _begin(player)
+    state, starts, differences = None, np.ones(_GAMES, bool), []
+    for seen, done in zip(other.seen, other.done, strict=True):
+        action, state = player.predict(seen, state, starts)
+        differences.append(np.abs(_clipped(action) - done).mean())
+        starts = np.zeros(_GAMES, bool)
+    return float(np.mean(differences))
+
+
+def alike(
+    policies: Sequence[Policy], side: str, path: str | None, others: Mapping[str, Trace] | None = None
+) -> list[str]:
+    """Who of a submission plays like whom, one line each; none where each plays for itself.
+
+    Args:
+        policies: the submission's.
+        side: which they play.
+        path: how the opponent flies.
+        others: traces of others' policies, by name; None: those of all that the package ships for this side.
+
+    Raises:
+        PolicyFailed: one of them cannot be played.
+    """
+    seed = fresh_seed()
+    known = dict(shipped_traces(side, path, seed) if others is None else others)
+    found = []
+    for policy in policies:
+        with host.PolicyHost(policy) as player:
+            for name, other in known.items():
+                if (distance := apart(player, other)) < ALIKE:
+                    found.append(f"seed_{policy.seed} plays as {name} does ({distance:.3f} apart)")
+            known[f"seed_{policy.seed}"] = trace(player, side, path, seed)
+    return found
+
+
+def traces(policies: Sequence[Policy], name: str, side: str, path: str | None, seed: int) -> dict[str, Trace]:
+    """The traces of a submission's policies, by the names that lines call them."""
+    found = {}
+    for policy in policies:
+        with host.PolicyHost(policy) as player:
+            found[f"{name}/seed_{policy.seed}"] = trace(player, side, path, seed)
+    return found
+
+
+@functools.lru_cache(maxsize=4)
+def shipped_traces(side: str, path: str | None, seed: int) -> dict[str, Trace]:
+    """The traces of all agents of a side that the package ships, by their names."""
+    return {name: trace(load_agent(name), side, path, seed) for name in _shipped(side)}
+
+
+def _shipped(side: str) -> Iterator[str]:
+    home = baselines_folder() / "agents"
+    for folder in sorted(home.glob("*/*/seed_*"), key=Path.as_posix):
+        with contextlib.suppress(fpg_bench.UserError):  # of the other side
+            name = folder.relative_to(home).as_posix()
+            load_agent(name, side)
+            yield name
+
+
+def _begin(player: Any) -> None:
+    if hasattr(player, "reset"):
+        player.reset(np.ones(_GAMES, bool), np.arange(_GAMES, dtype=np.uint64))
+
+
+def _clipped(action: np.ndarray) -> np.ndarray:
+    return np.clip(np.nan_to_num(action), -1, 1).astype(np.float32)
