@@ -149,6 +149,8 @@ class Field:
 
 def identity(player: str) -> str:
     """What decides how a named player plays: the hash of an agent's policy, or its name."""
+    if player.startswith("field:"):
+        raise UserError(f"counterpart {player!r}: name a field's members by their folders, NAME/SIDE/MEMBER")
     if ":" in player or "/" not in player:
         return player
     return str(read_json(agent_folder(player) / "agent.json", "agent").get("policy_sha256"))
@@ -302,6 +304,7 @@ def _scale(content: Any) -> Scale:
 def _check(field: Field, counterpart: Counterpart) -> None:
     """Raise UserError where a counterpart names a player or planner that can't be had."""
     for player in counterpart.players:
+        identity(player)
         as_player(player, field.other_side, counterpart.scenario)
     if field.side == PLANNER:
         as_player(field.opponent, "opponent", counterpart.scenario)
