@@ -9,6 +9,10 @@ import time
 import pytest
 
 from fpg_bench import __version__
+from fpg_bench.game.names import PATHS
+from fpg_bench.planning import PLANNERS
+from fpg_bench.players.agent import fields_folder
+from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.rows import RowFile
 
 TINY = """\
@@ -33,7 +37,7 @@ def test_help_names_every_verb_and_loads_nothing_heavy():
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert found.returncode == 0, found.stderr
-    for verb in ("envs", "play", "train", "evaluate", "table"):
+    for verb in ("envs", "play", "train", "evaluate", "table", "players", "fields"):
         assert verb in found.stdout
 
 
@@ -48,6 +52,28 @@ def test_envs_lists_every_id():
         "OpponentVsPolicy",
     ):
         assert f"FPG/{view_id}-v0" in found.stdout
+
+
+def test_players_lists_all_that_can_be_named():
+    found = fpg("players")
+    assert found.returncode == 0, found.stderr
+    words = found.stdout.replace(",", " ").replace(":", " ").split()
+    assert {*SCRIPTED["ally"], *SCRIPTED["opponent"], *PLANNERS, *PATHS} <= set(words)
+    assert "tier history" in found.stdout
+    assert max(map(len, found.stdout.splitlines())) <= 90
+
+
+def test_fields_lists_each_with_its_counterparts():
+    found = fpg("fields")
+    assert found.returncode == 0, found.stderr
+    for path in fields_folder().glob("*.yml"):
+        assert f"{path.stem}: measures the " in found.stdout
+    assert "adaptive/interceptor" in found.stdout
+
+
+def test_the_package_is_a_program(tmp_path):
+    found = subprocess.run([sys.executable, "-m", "fpg_bench", "--version"], capture_output=True, text=True)
+    assert found.stdout.strip() == __version__
 
 
 def test_play_prints_a_round_and_writes_a_page(tmp_path):
