@@ -58,7 +58,7 @@ def close_season(baselines: Path, number: int = 1, seed: str = "5eed", **fields:
     """Close a season; ``ally={"matches": 2}`` says how a track's unseen field differs from the public one."""
     folder = baselines / "fields" / f"season-{number}"
     folder.mkdir()
-    (folder / "season.yml").write_text(yaml.safe_dump({"number": number, "seed": seed}))
+    (folder / "season.yml").write_text(yaml.safe_dump({"number": number, "seed": seed, "entries": {}}))
     for public, content in FIELDS.items():
         track = public.removesuffix("-v1")
         write_field(baselines, f"{track}-season-{number}", content | fields.get(track.replace("-", "_"), {}))
