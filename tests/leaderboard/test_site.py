@@ -1,5 +1,6 @@
 """The built site as files: what may stand in them, and that they refer to nothing but each other."""
 
+import ast
 import json
 import re
 import subprocess
@@ -141,6 +142,9 @@ def test_an_entry_without_a_score_that_ranks_is_shown_last_and_without_a_rank(tm
     data = json.loads((tmp_path / "data/compare.js").read_text().removeprefix("window.fpgData = ")[:-2])
     (compared,) = [one for one in data["tracks"][0]["rows"] if one["slug"] == "player-2"]
     assert (compared["rank"], compared["gap"], compared["scores"]["unseen"]) == ("–", None, [None] * 3)
+    page = (tmp_path / "entries/ally/player-2.html").read_text()
+    assert "over the known field" in page
+    assert "It has not played the unseen field, so it has no rank." in page
     order = re.findall(r'href="entries/ally/(player-\d)', (tmp_path / "index.html").read_text())
     assert order[2:4] == ["player-2", "player-0"]
 
@@ -241,6 +245,15 @@ def test_the_page_on_submitting_shows_the_docs_own_commands_and_leads_there(page
     assert all((docs / link.removeprefix(f"{DOCS}/").partition("#")[0]).is_file() for link in links)
     urls = tomllib.loads((docs.parent / "pyproject.toml").read_text())["project"]["urls"]
     assert urls["Documentation"].replace("/tree/", "/blob/") == DOCS
+
+
+def test_the_docs_example_of_ranks_comes_out_and_its_table_says_the_same(capsys):
+    text = (Path(__file__).parents[2] / "docs/leaderboard.md").read_text()
+    code, told = re.search(r"```python\n(.*?)# (.*?)\n```", text, re.DOTALL).groups()
+    exec(code)
+    assert capsys.readouterr().out.strip() == told
+    table = re.findall(r"^\| [abc] \|.*\| (\S+) \|$", text, re.MULTILINE)
+    assert [rank_text(rank) for rank in ast.literal_eval(told)] == table
 
 
 def test_the_board_can_be_taken_away_whole(site):
