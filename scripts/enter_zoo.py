@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from fpg_bench.evaluation.exploits import exploit_lines
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.zoo import Member, ZooView, load_zoo

@@ -36,6 +36,7 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
     A note is no fault.
     """
     from fpg_bench.leaderboard.check import notes, problems
+    from fpg_bench.leaderboard.likeness import told_apart
     from fpg_bench.leaderboard.submission import load_submission
     from fpg_bench.leaderboard.tracks import KNOWN
     from fpg_bench.leaderboard.trial import trial
@@ -45,7 +46,7 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
         submission = load_submission(folder)
         for policy in submission.policies:
             found += [f"seed_{policy.seed}: {line}" for line in trial(policy, submission.fields[KNOWN])]
-        for line in notes(submission):
+        for line in [*notes(submission), *([] if found else told_apart(submission))]:
             say(f"{folder}: note: {line}")
     for line in found:
         say(f"{folder}: {line}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,10 +12,12 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-import fpg_bench
+import fpg_bench  # noqa: F401  its ids are registered by it
+from fpg_bench.errors import UserError
 from fpg_bench.leaderboard import host
 from fpg_bench.leaderboard.policies import Policy
-from fpg_bench.players.agent import baselines_folder, load_agent
+from fpg_bench.leaderboard.submission import Submission, load_submission
+from fpg_bench.players import agent
 from fpg_bench.players.player import Player
 
 # The mean difference of actions, in [-1, 1], below which two policies play alike. Training seeds of one
@@ -78,22 +79,21 @@ def apart(player: Player, other: Trace) -> float:
 
 
 def alike(
-    policies: Sequence[Policy], side: str, path: str | None, others: Mapping[str, Trace] | None = None
+    policies: Sequence[Policy], side: str, path: str | None, others: Mapping[str, Trace], seed: int
 ) -> list[str]:
-    """Who of a submission plays like whom, one line each; none where each plays for itself.
+    """Who of some policies plays like whom, one line each; none where each plays for itself.
 
     Args:
-        policies: the submission's.
+        policies: a submission's.
         side: which they play.
         path: how the opponent flies.
-        others: traces of others' policies, by name; None: those of all that the package ships for this side.
+        others: traces of others' policies, by name.
+        seed: of the rounds.
 
     Raises:
         PolicyFailed: one of them cannot be played.
     """
-    seed = fresh_seed()
-    known = dict(shipped_traces(side, path, seed) if others is None else others)
-    found = []
+    known, found = dict(others), []
     for policy in policies:
         with host.PolicyHost(policy) as player:
             for name, other in known.items():
@@ -103,27 +103,48 @@ def alike(
     return found
 
 
-def traces(policies: Sequence[Policy], name: str, side: str, path: str | None, seed: int) -> dict[str, Trace]:
-    """The traces of a submission's policies, by the names that lines call them."""
+def told_apart(submission: Submission, board: Path | None = None) -> list[str]:
+    """Who of a submission plays like whom of its own, of what the package ships, and of a board; a line each.
+
+    Args:
+        submission: a player's; of a script, a planner or the zoo there is nothing to tell.
+        board: a leaderboard's folder; None: nobody else's submissions are compared.
+    """
+    if submission.track not in _VIEWS or submission.zoo is not None or not submission.policies:
+        return []
+    seed, side, path = fresh_seed(), submission.track, submission.path
+    others = shipped_traces(side, path, seed)
+    if board is not None:
+        others |= _of_board(board, submission, seed)
+    return alike(submission.policies, side, path, others, seed)
+
+
+def _of_board(board: Path, submission: Submission, seed: int) -> dict[str, Trace]:
+    """The traces of the other policies of a submission's table; those that cannot be played are left out."""
     found = {}
-    for policy in policies:
-        with host.PolicyHost(policy) as player:
-            found[f"{name}/seed_{policy.seed}"] = trace(player, side, path, seed)
+    for folder in sorted((board / "submissions" / submission.track).glob("[!.]*/")):
+        with contextlib.suppress(UserError):
+            other = load_submission(folder)
+            if other.slug == submission.slug or other.path != submission.path or other.zoo is not None:
+                continue
+            for policy in other.policies:
+                with host.PolicyHost(policy) as player:
+                    name = f"{other.slug}/seed_{policy.seed}"
+                    found[name] = trace(player, other.track, other.path, seed)
     return found
 
 
-@functools.lru_cache(maxsize=4)
 def shipped_traces(side: str, path: str | None, seed: int) -> dict[str, Trace]:
     """The traces of all agents of a side that the package ships, by their names."""
-    return {name: trace(load_agent(name), side, path, seed) for name in _shipped(side)}
+    return {name: trace(agent.load_agent(name), side, path, seed) for name in _shipped(side)}
 
 
 def _shipped(side: str) -> Iterator[str]:
-    home = baselines_folder() / "agents"
+    home = agent.baselines_folder() / "agents"
     for folder in sorted(home.glob("*/*/seed_*"), key=Path.as_posix):
-        with contextlib.suppress(fpg_bench.UserError):  # of the other side
+        with contextlib.suppress(UserError):  # of the other side
             name = folder.relative_to(home).as_posix()
-            load_agent(name, side)
+            agent.load_agent(name, side)
             yield name
 
 

@@ -19,6 +19,7 @@ from fpg_bench.jobs.run import run_jobs
 from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
 from fpg_bench.leaderboard.cases import Case, again, make_case, sampled, submission_folders
 from fpg_bench.leaderboard.folder import brief
+from fpg_bench.leaderboard.likeness import told_apart
 from fpg_bench.leaderboard.playing import Meeting, Part, failure_in, fill, key_of, lines_in, open_in
 from fpg_bench.leaderboard.result import Result, failed_result, verified_result, write_result
 from fpg_bench.leaderboard.since import changed_since
@@ -153,7 +154,7 @@ class _Desk:
         judged, walls = outcome_of(partial(_judge, case)), outcome_of(partial(_open, case))
         shutil.rmtree(case.work, ignore_errors=True)
         good, line = judged.result if judged.error is None else (False, judged.error)
-        self._give(case.name, good, line + (walls.result or ""))
+        self._give(case.name, good, line + (walls.result or "") + (_copied(case) if good else ""))
 
     def _keep(self, job: Job, case: Case, result: Any) -> None:
         job.keep(result)
@@ -202,6 +203,15 @@ def _open(case: Case) -> str:
     """What the processes of a case's policies could not be kept from, in words; nothing where all is well."""
     found = dict.fromkeys(name for part, _ in case.wanted for name in open_in(case.work / part.name))
     return f"; this machine cannot keep a policy from {', '.join(found)}" if found else ""
+
+
+def _copied(case: Case) -> str:
+    """Who of a new entry plays like whom, in words; of one that has a result it was said before."""
+    if case.known is not None:
+        return ""
+    told = outcome_of(partial(told_apart, case.submission, case.submission.folder.parents[2]))
+    lines = [told.error] if told.error is not None else told.result
+    return "".join(f"; {line}" for line in lines)
 
 
 def _first(case: Case, lines: list[Line], why: str | None) -> tuple[bool, str]:

@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 
+from fpg_bench.leaderboard import likeness
 from fpg_bench.leaderboard.likeness import alike, apart, trace
+from fpg_bench.leaderboard.submission import load_submission
+from fpg_bench.leaderboard.verify import verify
 from fpg_bench.players.agent import OnnxPlayer, agent_folder
 from tests.attacks.copies import copies
 from tests.evaluation.zoo_making import policy
-from tests.leaderboard.making import as_policy
+from tests.leaderboard.entering import enter
+from tests.leaderboard.making import as_policy, write_seed, write_submission
 
 SHIPPED = "ally-scripted/recurrent-ppo/seed_{}"
 
@@ -20,14 +24,14 @@ def shipped(seed):
 @pytest.mark.parametrize(("what", "data"), list(copies(shipped(0))))
 def test_a_copy_of_somebody_elses_policy_is_named(what, data):
     other = trace(OnnxPlayer(shipped(0), {}), "ally", None, 5)
-    (line,) = alike([as_policy(data, 0)], "ally", None, {"theirs": other})
+    (line,) = alike([as_policy(data, 0)], "ally", None, {"theirs": other}, 5)
     assert line.startswith("seed_0 plays as theirs does (0.0")
 
 
 @pytest.mark.usefixtures("in_process")
 def test_one_policy_that_poses_as_several_seeds_is_named():
     padded = [data for _, data in copies(policy(0))][:3]
-    found = alike([as_policy(data, seed) for seed, data in enumerate(padded)], "ally", None, {})
+    found = alike([as_policy(data, seed) for seed, data in enumerate(padded)], "ally", None, {}, 5)
     assert [line.partition(" does")[0] for line in found] == [
         "seed_1 plays as seed_0",
         "seed_2 plays as seed_0",
@@ -39,7 +43,28 @@ def test_one_policy_that_poses_as_several_seeds_is_named():
 @pytest.mark.parametrize("side", ["ally", "opponent"])
 def test_trainings_of_their_own_are_not(side):
     policies = [as_policy(shipped(seed) if side == "ally" else policy(seed), seed) for seed in (0, 1, 2)]
-    assert alike(policies, side, None, {}) == []
+    assert alike(policies, side, None, {}, 5) == []
+
+
+def test_a_new_entry_is_compared_with_the_whole_board(board, in_process):
+    enter(board, "ally", "first", seeds=(0, 1))
+    enter(board, "ally", "second", seeds=(1, 7))
+    lines = {verdict.name: verdict.line for verdict in verify(board, say=lambda line: None)}
+    assert "; seed_1 plays as second/seed_1 does (0.000 apart)" in lines["ally/first"]
+    assert "; seed_1 plays as first/seed_1 does (0.000 apart)" in lines["ally/second"]
+    again = {verdict.name: verdict.line for verdict in verify(board, say=lambda line: None)}
+    assert "plays as" not in again["ally/first"]
+
+
+def test_a_copy_of_what_the_package_ships_is_named(tmp_path, in_process, monkeypatch):
+    monkeypatch.setattr(likeness, "_shipped", lambda side: [SHIPPED.format(0), SHIPPED.format(1)])
+    folder = write_submission(tmp_path / "mine", seeds=())
+    for seed in (0, 1):
+        write_seed(folder / f"seed_{seed}", seed, dict(copies(shipped(seed)))["weights 0.01 off"])
+    found = likeness.told_apart(load_submission(folder))
+    assert [line.partition(" does")[0] for line in found] == [
+        f"seed_{seed} plays as {SHIPPED.format(seed)}" for seed in (0, 1)
+    ]
 
 
 def test_the_rounds_are_others_each_time():
