@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import glob
 import json
 import os
+import socket
 import tempfile
 from collections import Counter
 from itertools import chain
@@ -79,7 +81,8 @@ def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file under a temporary name and rename it, so that it is there whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     data = content.encode() if isinstance(content, str) else content
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    _sweep(path)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f"{_begun(path)}{os.getpid()}-")
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
@@ -88,6 +91,29 @@ def write_whole(path: Path, content: str | bytes) -> None:
     except BaseException:
         os.unlink(temporary)
         raise
+
+
+def _begun(path: Path) -> str:
+    """How the names begin of what processes of this machine have begun to write in place of a file."""
+    return f".{path.name}.{socket.gethostname()}-"
+
+
+def _sweep(path: Path) -> None:
+    """Take away what processes have left that were killed while they wrote this file."""
+    for left in path.parent.glob(f"{glob.escape(_begun(path))}*"):
+        pid = left.name.removeprefix(_begun(path)).partition("-")[0]
+        if pid.isdecimal() and not _alive(int(pid)):
+            left.unlink(missing_ok=True)
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
 
 
 def write_json(path: Path, content: Any) -> None:

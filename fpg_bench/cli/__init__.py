@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import pickle
+import signal
 import sys
 from typing import Annotated
 
@@ -51,6 +52,7 @@ app.add_typer(leaderboard.app, name="leaderboard")
 app.add_typer(season.app, name="season")
 _DEBUG = False
 _STOPPED = 130
+_ENDED: int | None = None  # the status where SIGTERM was the end
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -75,6 +77,7 @@ def _options(
 
 def main() -> None:
     """Run the command line; end with one line and a non-zero status on every error."""
+    signal.signal(signal.SIGTERM, _terminated)
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
         if status == _STOPPED:  # what typer makes of Ctrl-C
@@ -84,7 +87,7 @@ def main() -> None:
         message = getattr(error, "format_message", error.__str__)()
         _fail(f"{message} (fpg-bench --help)", 2)
     except (typer.Abort, KeyboardInterrupt):
-        _fail("stopped; what was finished is kept", _STOPPED)
+        _fail("stopped; what was finished is kept", _ENDED or _STOPPED)
     except UserError as error:
         _fail(str(error), 2)
     except (pickle.UnpicklingError, EOFError):
@@ -100,6 +103,13 @@ def main() -> None:
         _fail(f"{where}{error.strerror or error}{full}", 1)
     except Exception as error:
         _fail(f"a bug: {type(error).__name__}: {error} (the traceback: fpg-bench --debug ...)", 1)
+
+
+def _terminated(number: int, frame: object) -> None:
+    """Stop as Ctrl-C does: what can save itself does so, and what is kept is said."""
+    global _ENDED
+    _ENDED = 128 + number
+    raise KeyboardInterrupt
 
 
 def _fail(message: str, status: int) -> None:

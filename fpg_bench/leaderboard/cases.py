@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import hashlib
 import math
 import random
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.playing import Key, Meeting, Part, key_of, meetings_of, parts_of
 from fpg_bench.leaderboard.result import Result, differing, fingerprint, read_result
 from fpg_bench.leaderboard.submission import TRACKS, Submission, load_submission
-from fpg_bench.rows import Row
+from fpg_bench.rows import Row, RowFile
 
 _SUBMITTED = {"submission", "policies", "planner"}  # what of a fingerprint comes from the submission's folder
 
@@ -145,6 +146,21 @@ def work_folder(board: Path) -> Path:
     """A folder for what is under way, outside the repository, that nobody's submission can bring along."""
     checkout = hashlib.sha256(str(board.resolve()).encode()).hexdigest()[:12]
     return platformdirs.user_cache_path("fpg_bench") / "leaderboard" / checkout
+
+
+@contextlib.contextmanager
+def at_work(board: Path) -> Iterator[None]:
+    """Hold what is under way on a board for this process alone.
+
+    Raises:
+        UserError: another process is at work on the board.
+    """
+    with contextlib.ExitStack() as held:
+        try:
+            held.enter_context(RowFile(work_folder(board) / "at-work").locked())
+        except UserError as error:
+            raise UserError(f"leaderboard {board}: another process plays it; wait for its end") from error
+        yield
 
 
 def _work(board: Path, submission: Submission, fields: dict[str, Field]) -> Path:

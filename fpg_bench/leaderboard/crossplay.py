@@ -29,7 +29,7 @@ from fpg_bench.game.scenario import Scenario
 from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.job import attempt, outcome_of
 from fpg_bench.jobs.run import run_jobs
-from fpg_bench.leaderboard.cases import Case, make_case, submission_folders, work_folder
+from fpg_bench.leaderboard.cases import Case, at_work, make_case, submission_folders, work_folder
 from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, seated
 from fpg_bench.leaderboard.result import rounded
 from fpg_bench.leaderboard.team import Team
@@ -196,7 +196,8 @@ def play_missing(
     known = read_pairs(board, allies, opponents, rounds)
     missing = [(a, o) for a in allies for o in opponents if pair_key(a, o, rounds) not in known]
     say(f"crossplay: {len(missing)} of {len(allies) * len(opponents)} pairs to play")
-    played, failed = _play(board, missing, rounds, jobs, backend, address)
+    with at_work(board):
+        played, failed = _play(board, missing, rounds, jobs, backend, address)
     known |= {row["key"]: row for row in played}
     if missing or len(known) != len(RowFile(crossplay_file(board)).read()):
         _write(board, [known[k] for a in allies for o in opponents if (k := pair_key(a, o, rounds)) in known])
@@ -227,7 +228,8 @@ def check_pairs(board: str | Path, share: float, seed: int, rounds: int = ROUNDS
     known = read_pairs(board, allies, opponents, rounds)
     pairs = [(a, o) for a in allies for o in opponents if pair_key(a, o, rounds) in known]
     drawn = random.Random(seed).sample(pairs, math.ceil(share * len(pairs)))
-    played, failed = _play(board, drawn, rounds)
+    with at_work(board):
+        played, failed = _play(board, drawn, rounds)
     for row in played:
         then, spans = known[row["key"]], {"ally": allies[0].scale, "opponent": opponents[0].scale}
         for what, now, before, most in _compared(row, then, spans):

@@ -17,7 +17,7 @@ from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.job import Job, attempt, outcome_of
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
-from fpg_bench.leaderboard.cases import Case, again, make_case, sampled, submission_folders
+from fpg_bench.leaderboard.cases import Case, again, at_work, make_case, sampled, submission_folders
 from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.likeness import told_apart
 from fpg_bench.leaderboard.playing import Meeting, Part, failure_in, fill, key_of, lines_in, open_in
@@ -87,9 +87,10 @@ def verify(
         cases = sampled(cases, sample, seed)
     if not names:
         desk.check_strays(board)
-    _play([job for case in cases for job in desk.jobs(case)], jobs, backend, address, desk)
-    for case in cases:
-        desk.settle(case)
+    with at_work(board):
+        _play([job for case in cases for job in desk.jobs(case)], jobs, backend, address, desk)
+        for case in cases:
+            desk.settle(case)
     return sorted(desk.verdicts.values(), key=lambda verdict: verdict.name)
 
 

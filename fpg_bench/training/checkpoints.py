@@ -76,6 +76,8 @@ def load_checkpoint(
     """
     try:
         progress = read_json(checkpoint / PROGRESS, "checkpoint")
+        if not isinstance(progress.get("seconds"), int | float):
+            raise UserError(f"{PROGRESS} lacks seconds, a number")
         model = _load(checkpoint, algorithm, games, parameters, seed)
     except Exception as error:  # torch, zipfile and pickle raise many kinds
         said = " ".join(str(error).split()) or type(error).__name__

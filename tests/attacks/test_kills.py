@@ -1,0 +1,100 @@
+"""What is stopped or killed says what it kept, leaves nothing behind, and goes on or ends in one line."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.files import write_whole
+from fpg_bench.leaderboard.cases import at_work
+from fpg_bench.leaderboard.verify import verify
+from fpg_bench.training.checkpoints import load_checkpoint
+from tests.leaderboard.entering import enter
+
+WAITS = """
+import os, signal, sys, time
+from fpg_bench import cli
+def app(words, standalone_mode):
+    os.kill(os.getpid(), signal.{name})
+    time.sleep(30)
+cli.app = app
+cli.main()
+"""
+WRITES = """
+import os, signal, sys
+from pathlib import Path
+from fpg_bench import files
+files.os.replace = lambda *names: os.kill(os.getpid(), signal.SIGKILL)
+files.write_whole(Path(sys.argv[1]), "half")
+"""
+HOLDS = """
+import sys
+from pathlib import Path
+import platformdirs
+platformdirs.user_cache_path = lambda name: Path(sys.argv[2])
+from fpg_bench.leaderboard.cases import at_work
+with at_work(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def python(code, *words, **how):
+    env = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.Popen([sys.executable, "-c", code, *map(str, words)], env=env, text=True, **how)
+
+
+@pytest.mark.parametrize(("name", "status"), [("SIGTERM", 143), ("SIGINT", 130)])
+def test_who_is_stopped_says_what_is_kept(name, status):
+    stopped = python(WAITS.format(name=name), stderr=subprocess.PIPE)
+    _, said = stopped.communicate(timeout=60)
+    assert said == "fpg-bench: stopped; what was finished is kept\n"
+    assert stopped.returncode == status
+
+
+def test_what_is_killed_while_it_writes_leaves_nothing_for_long(tmp_path):
+    file = tmp_path / "agent" / "agent.json"
+    write_whole(file, "whole")
+    killed = python(WRITES, file)
+    assert killed.wait(timeout=60) == -signal.SIGKILL
+    assert file.read_text() == "whole"
+    assert len(os.listdir(file.parent)) == 2
+    write_whole(file, "next")
+    assert os.listdir(file.parent) == ["agent.json"]
+    assert file.read_text() == "next"
+
+
+def test_what_another_process_is_writing_stays(tmp_path):
+    file = tmp_path / "file"
+    write_whole(file, "whole")
+    (begun,) = [f".file.{os.uname().nodename}-{os.getpid()}-abc"]
+    (tmp_path / begun).write_text("half")
+    write_whole(file, "next")
+    assert sorted(os.listdir(tmp_path)) == sorted([begun, "file"])
+
+
+def test_two_at_work_on_one_board_are_told(board, in_process, tmp_path):
+    enter(board, "ally", "wise", script="expert")
+    other = python(HOLDS, board, tmp_path / "cache", stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert other.stdout.readline() == "held\n"
+    with pytest.raises(UserError, match="another process plays it; wait for its end"):
+        verify(board, say=lambda line: None)
+    other.communicate("", timeout=60)
+    assert verify(board, say=lambda line: None)[0].good
+
+
+def test_one_process_may_work_on_a_board_twice(board):
+    with at_work(board), at_work(board):
+        pass
+
+
+@pytest.mark.parametrize("text", ["{}", '{"seconds": null}', "[]", "", '{"seconds": "1"}'])
+def test_a_checkpoint_that_says_nothing_is_one_line(tmp_path, text):
+    (tmp_path / "progress.json").write_text(text)
+    with pytest.raises(UserError, match="cannot be read") as error:
+        load_checkpoint(Path(tmp_path), None, None, None, 0)
+    assert "\n" not in str(error.value)
