@@ -99,6 +99,20 @@ def test_the_table_shows_the_four_numbers_once_a_season_is_closed_and_only_what_
     assert "no season closed yet" in (tmp_path / "compare.html").read_text()
 
 
+def test_entries_stand_by_score_and_the_best_is_named_with_how_many_may_be_first(tmp_path):
+    board = example_board(5)
+    for row, (score, rank) in zip(
+        board["tracks"][0]["rows"][1:], [(40, [1, 4]), (60, [2, 3]), (70, [1, 2]), (30, [3, 4])], strict=True
+    ):
+        row |= {"rank": rank, "score": {"value": score}}
+    build_site(board, tmp_path)
+    page = (tmp_path / "index.html").read_text()
+    order = re.findall(r'class="who" data-v="player (\d)', page.split('id="opponent-pursuit"')[0])
+    assert order == ["3", "2", "1", "4", "0"]
+    told = " ".join("".join(Page(tmp_path / "index.html").text).split())
+    assert "Player 3 has the highest score; 1 other may be first as well. Ranked by" in told
+
+
 def test_the_gap_is_known_minus_unseen(tmp_path):
     board = example_board(2)
     board["tracks"][0]["rows"][1]["scores"] |= {"known": {"value": 60.25}, "unseen": {"value": 20.0}}
