@@ -120,6 +120,8 @@ def test_a_line_that_fits_its_hash_but_is_none_is_told(good, fields, tmp_path, c
         lambda lines: lines.append(lines[0]),
         lambda lines: lines[1].update(counterpart=lines[0]["counterpart"]),
         lambda lines: lines[0].update(training_seed=0),
+        lambda lines: lines[0].update(entry="somebody-else"),
+        lambda lines: lines[0].update(field="another-name"),
         lambda lines: lines[0].update(field_hash=lines[-1]["field_hash"]),
     ],
 )
