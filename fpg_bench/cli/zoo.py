@@ -82,9 +82,8 @@ def fields() -> None:
 
 def _described(field: Field) -> str:
     rounds = f" of {field.rounds_per_match} rounds" if field.rounds_per_match > 1 else ""
-    return (
-        f"measures the {field.side}, {field.matches} matches{rounds} per counterpart\n    {field.scale.told}"
-    )
+    met = f"{field.matches} matches{rounds} per counterpart"
+    return f"measures the {field.side}, {met}\n    {field.scale.told}"
 
 
 def _agents(members: Iterable[Member]) -> list[str]:

@@ -202,12 +202,15 @@ def check_lines(result: Result, fields: Fields, path: Path) -> None:
     policies = result.fingerprint.get("policies")
     seeds = sorted(policies) if isinstance(policies, dict) and policies else ["None"]
     expected = sorted(
-        (seed, field.hash[:16], counterpart.name)
+        (result.slug, seed, field.name, field.hash[:16], counterpart.name)
         for seed in seeds
         for field in fields.values()
         for counterpart in field.counterparts
     )
-    there = sorted((str(line.training_seed), line.field_hash, line.counterpart) for line in result.lines)
+    there = sorted(
+        (line.entry, str(line.training_seed), line.field, line.field_hash, line.counterpart)
+        for line in result.lines
+    )
     if there != expected:
         raise UserError(f"result {path}: its lines are not one per training seed and counterpart")
     if not _alike(summary(result.lines, fields), result.head["summary"]):

@@ -105,16 +105,12 @@ def _agent(folder: Path, side: str, seed: int) -> None:
 
 
 class InProcess:
-    """A PolicyHost that starts no process; ``loses`` games' rounds, fails at once where ``fails``, and where
-    ``mixes`` its answers depend on how many games there are.
-    """
+    """A PolicyHost that starts no process; ``loses`` games' rounds, and fails at once where ``fails``."""
 
     loses: tuple[int, ...] = ()
-    fails = mixes = False
-    started = 0
+    fails = False
 
     def __init__(self, policy: Any, limits: Any = None) -> None:
-        type(self).started += 1
         self._player = OnnxPlayer(policy.model, policy.about)
         self.invalid = np.zeros(0, bool)
 
@@ -133,5 +129,4 @@ class InProcess:
             raise PolicyFailed("took longer than it may")
         actions, memory = self._player.predict(*seen)
         actions = np.where(self.invalid[:, None], np.float32(0), actions)
-        actions = actions / np.float32(len(actions)) if self.mixes else actions
         return actions, memory

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.cli.leaderboard import build
+from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.crossplay import play_missing
@@ -158,11 +159,12 @@ def test_who_is_left_out_or_not_verified_is_said_with_the_reason(entered, in_pro
 def test_a_result_of_an_older_protocol_is_named_and_never_mixed(entered):
     play_missing(entered, say=quiet)
     path = entered / "results/ally/wise.jsonl"
-    path.write_text(path.read_text().replace('"protocol":"2"', '"protocol":"1"', 1))
+    path.write_text(path.read_text().replace(f'"protocol":"{PROTOCOL}"', '"protocol":"0"', 1))
     said = []
     board = make_board(entered, said.append)
     assert said == [
-        f"ally/wise: not verified: result {path}: of protocol '1', this version's is '2'; play it again"
+        f"ally/wise: not verified: result {path}: of another protocol than this version's, {PROTOCOL!r}; "
+        "play it again"
     ]
     (ally,) = (track for track in board["tracks"] if track["key"] == "ally")
     last = ally["rows"][-1]
@@ -255,7 +257,7 @@ def season(board, small_fields, in_process):
 
 def test_a_closed_season_ranks_by_whom_nobody_had_met(season):
     board = make_board(season)
-    assert (board["season"], board["protocol"]) == (1, "2")
+    assert (board["season"], board["protocol"]) == (1, PROTOCOL)
     ally = table(season, "ally")
     assert ally["ranked_by"] == "unseen"
     roles = ["known", "public", "unseen", "shifted"]

@@ -8,6 +8,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.play import LOST_SCORE, play
+from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.leaderboard.crossplay import (
     Entrant,
@@ -223,7 +224,7 @@ def test_a_new_season_wants_new_pairs(entered, small_fields):
 
 def test_who_is_not_verified_does_not_play(entered):
     path = entered / "results/ally/expert.jsonl"
-    path.write_text(path.read_text().replace('"protocol":"2"', '"protocol":"1"'))
+    path.write_text(path.read_text().replace(f'"protocol":"{PROTOCOL}"', '"protocol":"0"'))
     assert [a.slug for a in entrants(entered)[0]] == ["idle"]
 
 

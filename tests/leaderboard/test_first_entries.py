@@ -31,7 +31,7 @@ def test_everybody_on_the_board_is_verified():
         case = make_case(BOARD, folder)
         assert case.known is not None, f"{case.name}: no result; run fpg-bench submit verify"
         assert case.known.verified, case.name
-        assert case.path.stat().st_size < 150_000
+        assert case.path.stat().st_size < 500_000
 
 
 def test_all_scripts_and_shipped_algorithms_are_entered(shown):
@@ -59,11 +59,22 @@ def test_the_script_enters_what_stands_there_and_no_half_of_an_algorithm(tmp_pat
     assert (again.returncode, again.stdout) == (0, "")
 
 
-def test_the_reference_stands_at_100_and_random_at_0(shown):
-    for key in ("ally", "opponent-pursuit", "opponent-learned"):
-        values = {row["slug"].removesuffix("-learned"): row["score"]["value"] for row in shown[key]["rows"]}
-        assert values[shown[key]["reference"]] == pytest.approx(100)
-        assert values["random"] == pytest.approx(0, abs=1e-9)
+def test_random_play_stands_at_0_and_nobody_above_100(shown):
+    """0 was measured on the seeds of the public fields; a season's are others, so it is met but nearly."""
+    for key in ("ally", "opponent-pursuit", "opponent-learned", "planner"):
+        known = {
+            row["slug"].removesuffix("-learned"): row["scores"]["known"]["value"]
+            for row in shown[key]["rows"]
+        }
+        assert known["random"] == pytest.approx(0, abs=2), key
+        assert max(known.values()) < 105, key
+
+
+def test_worst_is_no_higher_than_any_score(shown):
+    for track in shown.values():
+        for row in track["rows"]:
+            met = [row["scores"][role]["value"] for role in ("known", "unseen") if role in row["scores"]]
+            assert not met or row["worst"]["value"] <= min(met), (track["key"], row["slug"])
 
 
 def test_crossplay_has_all_pairs(board):
@@ -82,10 +93,10 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
     shutil.copytree(BOARD / "submissions/opponent/tone", tmp_path / "submissions/opponent/tone")
     run = submit("run", str(folder))
     assert (run.returncode, run.stderr) == (0, "")
-    assert run.stdout.startswith("ally/expert: verified: score 100.0 [")
+    assert run.stdout.startswith("ally/expert: verified: ")
     written = tmp_path / "results/ally/expert.jsonl"
     assert written.read_bytes() == (BOARD / "results/ally/expert.jsonl").read_bytes()
-    written.write_text(written.read_text().replace('"value":100.0', '"value":101.0', 1))
+    written.write_text(written.read_text().replace('"known":{"value":', '"known":{"value":9', 1))
     verified = submit("verify", "--folder", str(tmp_path), "--sample", "5%", "--sample-seed", "3")
     assert verified.returncode == 1
     assert "edited by hand" in verified.stdout

@@ -91,7 +91,7 @@ def test_a_result_says_what_an_evaluation_says_to_the_digit(good, fields, tmp_pa
         lambda lines: lines[0].update(counterpart={}),
         lambda lines: lines[0].update(field_hash=3),
         lambda lines: lines[0].update(returns=[]),
-        lambda lines: lines[0]["returns"].__setitem__(0, 10**400),
+        lambda lines: lines[0]["returns"].__setitem__(0, 10**20),
         lambda lines: lines[0]["returns"].__setitem__(0, True),
         lambda lines: lines[0]["returns"].__setitem__(0, "1"),
         lambda lines: lines[0]["tally"].pop("snr_db"),
@@ -120,6 +120,8 @@ def test_a_line_that_fits_its_hash_but_is_none_is_told(good, fields, tmp_path, c
         lambda lines: lines.append(lines[0]),
         lambda lines: lines[1].update(counterpart=lines[0]["counterpart"]),
         lambda lines: lines[0].update(training_seed=0),
+        lambda lines: lines[0].update(entry="somebody-else"),
+        lambda lines: lines[0].update(field="another-name"),
         lambda lines: lines[0].update(field_hash=lines[-1]["field_hash"]),
     ],
 )
@@ -188,11 +190,13 @@ def test_a_last_digit_that_another_machine_rounds_otherwise_is_no_edit(good, fie
     check_lines(other, fields, tmp_path)
 
 
-def test_a_result_of_an_older_protocol_is_named(good, fields, tmp_path):
-    head = good.head | {"fingerprint": good.fingerprint | {"protocol": "1"}}
+@pytest.mark.parametrize("older", [{"protocol": "0"}, {"panel": "ally-v1"}], ids=["older", "before fields"])
+def test_a_result_of_an_older_protocol_is_named(good, fields, tmp_path, older):
+    """Before its lines are read, which may be of another form."""
+    printed = {key: of for key, of in good.fingerprint.items() if key != "fields"} | older
     path_of(tmp_path).parent.mkdir()
-    path_of(tmp_path).write_text(json.dumps(head) + "\n" + '{"entry": "tone/pursuit", "returns": [1]}\n')
-    with pytest.raises(UserError, match=rf"of protocol '1', this version's is '{PROTOCOL}'; play it again$"):
+    path_of(tmp_path).write_text(json.dumps(good.head | {"fingerprint": printed}) + '\n{"entry": "tone"}\n')
+    with pytest.raises(UserError, match=rf"of another protocol than this version's, '{PROTOCOL}'; play it"):
         read_result(path_of(tmp_path), fields)
 
 
@@ -205,8 +209,8 @@ def test_a_result_on_other_fields_is_read_for_what_it_says_of_itself(good, field
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("", "not lines of JSON objects"),
-        ("[1]\n", "not lines of JSON objects"),
+        ("", "not lines of JSON"),
+        ("[1]\n", "not lines of JSON"),
         ("{\n", "not lines of JSON"),
         ("[" * 100_000 + "\n", "not lines of JSON"),
         ("\udcff", "not lines of JSON"),

@@ -1,5 +1,6 @@
 """The built site as files: what may stand in them, and that they refer to nothing but each other."""
 
+import ast
 import json
 import re
 import subprocess
@@ -98,6 +99,20 @@ def test_the_table_shows_the_four_numbers_once_a_season_is_closed_and_only_what_
     assert "no season closed yet" in (tmp_path / "compare.html").read_text()
 
 
+def test_entries_stand_by_score_and_the_best_is_named_with_how_many_may_be_first(tmp_path):
+    board = example_board(5)
+    for row, (score, rank) in zip(
+        board["tracks"][0]["rows"][1:], [(40, [1, 4]), (60, [2, 3]), (70, [1, 2]), (30, [3, 4])], strict=True
+    ):
+        row |= {"rank": rank, "score": {"value": score}}
+    build_site(board, tmp_path)
+    page = (tmp_path / "index.html").read_text()
+    order = re.findall(r'class="who" data-v="player (\d)', page.split('id="opponent-pursuit"')[0])
+    assert order == ["3", "2", "1", "4", "0"]
+    told = " ".join("".join(Page(tmp_path / "index.html").text).split())
+    assert "Player 3 has the highest score; 1 other may be first as well. Ranked by" in told
+
+
 def test_the_gap_is_known_minus_unseen(tmp_path):
     board = example_board(2)
     board["tracks"][0]["rows"][1]["scores"] |= {"known": {"value": 60.25}, "unseen": {"value": 20.0}}
@@ -141,6 +156,9 @@ def test_an_entry_without_a_score_that_ranks_is_shown_last_and_without_a_rank(tm
     data = json.loads((tmp_path / "data/compare.js").read_text().removeprefix("window.fpgData = ")[:-2])
     (compared,) = [one for one in data["tracks"][0]["rows"] if one["slug"] == "player-2"]
     assert (compared["rank"], compared["gap"], compared["scores"]["unseen"]) == ("–", None, [None] * 3)
+    page = (tmp_path / "entries/ally/player-2.html").read_text()
+    assert "over the known field" in page
+    assert "It has not played the unseen field, so it has no rank." in page
     order = re.findall(r'href="entries/ally/(player-\d)', (tmp_path / "index.html").read_text())
     assert order[2:4] == ["player-2", "player-0"]
 
@@ -241,6 +259,15 @@ def test_the_page_on_submitting_shows_the_docs_own_commands_and_leads_there(page
     assert all((docs / link.removeprefix(f"{DOCS}/").partition("#")[0]).is_file() for link in links)
     urls = tomllib.loads((docs.parent / "pyproject.toml").read_text())["project"]["urls"]
     assert urls["Documentation"].replace("/tree/", "/blob/") == DOCS
+
+
+def test_the_docs_example_of_ranks_comes_out_and_its_table_says_the_same(capsys):
+    text = (Path(__file__).parents[2] / "docs/leaderboard.md").read_text()
+    code, told = re.search(r"```python\n(.*?)# (.*?)\n```", text, re.DOTALL).groups()
+    exec(code)
+    assert capsys.readouterr().out.strip() == told
+    table = re.findall(r"^\| [abc] \|.*\| (\S+) \|$", text, re.MULTILINE)
+    assert [rank_text(rank) for rank in ast.literal_eval(told)] == table
 
 
 def test_the_board_can_be_taken_away_whole(site):

@@ -224,7 +224,7 @@ def test_a_key_that_is_not_its_request_s(entry, check):
     [
         (lambda data: data[:-1], "is cut off in its last line"),
         (lambda data: data + b"no row\n", "is no row"),
-        (lambda data: data + b"[1]\n", "is no row but list"),
+        (lambda data: data + b"[1]\n", "is no row"),
         (lambda data: data + b'{"kind": NaN}\n', "NaN is no number"),
         (lambda data: data + b'{"a":' + b"[" * 100_000 + b"\n", "is no row"),
         (lambda data: data + b'{"a":"' + b"x" * 1_000_001 + b'"}\n', "is longer than 1,000,000 bytes"),

@@ -11,6 +11,7 @@ import pytest
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.play import LOST_SCORE, play
+from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.leaderboard.cases import make_case, sampled, work_folder
 from fpg_bench.leaderboard.playing import part_lines, parts_of
 from fpg_bench.leaderboard.submission import load_submission
@@ -119,22 +120,6 @@ def test_who_loses_all_rounds_is_not_verified(board, in_process):
     assert told(board)["ally/linear"] == (True, f"not verified, as before: {why}")
 
 
-def test_answers_that_depend_on_the_batch_are_not_verified(board, in_process):
-    in_process.mixes = True
-    enter(board, "ally", "linear", seeds=(0, 1))
-    why = "seed_0: its answer to one game depends on the other games of the batch"
-    assert told(board)["ally/linear"] == (False, f"not verified: {why}")
-    assert told(board)["ally/linear"] == (True, f"not verified, as before: {why}")
-
-
-def test_a_policy_is_tried_before_its_first_result_alone(board, in_process):
-    enter(board, "ally", "linear", seeds=(0, 1))
-    told(board)
-    assert in_process.started == 4
-    told(board)
-    assert in_process.started == 6
-
-
 def test_a_policy_that_fails_is_not_verified_and_stops_nobody(board, in_process):
     enter(board, "ally", "linear", seeds=(0, 1))
     enter(board, "ally", "wise", script="expert")
@@ -179,7 +164,7 @@ EDITS = {
         '"fields":{"known":["ally-v1","0',
         "of other fields; make",
     ),
-    "the protocol": ('"protocol":"2"', '"protocol":"1"', "of protocol '1', this version's is '2'"),
+    "the protocol": (f'"protocol":"{PROTOCOL}"', '"protocol":"0"', "of another protocol than this version's"),
     "the status": ('"status":"verified"', '"status":"not verified"', "not verified, but with lines or"),
     "a seed": ('"training_seed":null', '"training_seed":"x"', "is no line of a counterpart"),
     "the name": ('"slug":"wise"', '"slug":"wiser"', "is the result of ally/wiser"),

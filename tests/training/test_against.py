@@ -108,8 +108,8 @@ def test_a_run_that_starts_from_another_begins_as_good_as_that_ended(ally, tmp_p
     train_tiny("ppo", tmp_path / "next", REWARDS, steps=400, evaluations=1, start=ally, seed=1)
     rows = RowFile(tmp_path / "next" / "evaluations.jsonl").read()
     before = RowFile(ally / "evaluations.jsonl").read()[-1]
-    assert (rows[0]["steps"], rows[0]["entries"]) == (0, before["entries"])
-    assert rows[-1]["entries"] != before["entries"]
+    assert (rows[0]["steps"], rows[0]["counterparts"]) == (0, before["counterparts"])
+    assert rows[-1]["counterparts"] != before["counterparts"]
     about = json.loads((tmp_path / "next" / "run.json").read_text())
     assert (about["steps_done"], about["options"]) == (400, {"start": str(ally)})
 

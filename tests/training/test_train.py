@@ -78,9 +78,9 @@ def test_it_says_how_good_its_policy_was_on_the_way(run):
     rows = RowFile(run / "evaluations.jsonl").read()
     assert [row["steps"] for row in rows] == [0, 1200, 2400]
     for row in rows:
-        assert row.keys() == {"side", "steps", "seconds", "score", "return", "entries", "measures"}
+        assert row.keys() == {"side", "steps", "seconds", "score", "return", "counterparts", "measures"}
         assert row["side"] == "ally"
-        assert len(row["entries"]) == 10
+        assert len(row["counterparts"]) == 10
     seconds = [row["seconds"] for row in rows]
     assert seconds == sorted(seconds)
     assert rows[0]["score"] != rows[-1]["score"]

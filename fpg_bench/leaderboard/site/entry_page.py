@@ -32,13 +32,16 @@ def entry_view(track: Row, row: Row, names: Names) -> Row:
         names: see :func:`fpg_bench.leaderboard.site.views.names_of`.
     """
     fields, score = fields_of(track), row.get("score") or {}
+    ranked_by = track.get("ranked_by") or "known"
+    role = ranked_by if score_of(row, ranked_by) else "known"  # that its score is over
     domain = drawing.domain_of(_intervals(row))
     return {
         **entry_head(track, row),
         "track": track["title"],
         "key": track["key"],
         "entrants": sum(is_verified(other) and bool(other.get("rank")) for other in track["rows"]),
-        "ranked_by": wording.role_of(track.get("ranked_by") or "known").label.lower(),
+        "ranked_by": wording.role_of(ranked_by).label.lower(),
+        "role": wording.role_of(role).label.lower(),
         "scale": wording.scale_text(track.get("scale"), track.get("side")),
         "score": written(score.get("value")),
         "interval": wording.interval_text(score),

@@ -42,12 +42,11 @@ def is_verified(row: Row) -> bool:
 
 
 def ordered(rows: list[Row]) -> list[Row]:
-    """Entries by rank, then score; those that are not verified last."""
+    """Entries by score; those without a rank after them, those that are not verified last."""
 
-    def place(row: Row) -> tuple[bool, float, float, str]:
-        rank, score = row.get("rank"), value_of(row.get("score"))
-        low = finite(rank[0]) if isinstance(rank, list | tuple) and rank else None
-        return not is_verified(row), low or 1e9, -(score or -1e9), row["slug"]
+    def place(row: Row) -> tuple[bool, bool, float, str]:
+        score = value_of(row.get("score"))
+        return not is_verified(row), not row.get("rank"), -(score if score is not None else -1e9), row["slug"]
 
     return sorted(rows, key=place)
 
@@ -234,6 +233,6 @@ def _cell(interval: Any, domain: drawing.Domain) -> Row:
 
 
 def _leaders(rows: list[Row]) -> list[str]:
-    """Who can't be told apart from the best."""
+    """Who may be first: the best by score, and all that can't be told apart from it."""
     first = [row for row in rows if is_verified(row) and (row.get("rank") or [0])[0] == 1]
     return [row["name"] for row in first]

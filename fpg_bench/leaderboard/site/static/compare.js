@@ -148,7 +148,8 @@
   function verdict(a, b) {
     const found = track().improvement;
     const i = found ? found.names.indexOf(a.slug) : -1, j = found ? found.names.indexOf(b.slug) : -1;
-    const role = track().ranked_by;
+    const both = (role) => a.scores[role][0] !== null && b.scores[role][0] !== null;
+    const role = both(track().ranked_by) ? track().ranked_by : "known";
     const pairs = a.met[role].map(([one], k) => [one, b.met[role][k][0]]).filter(([one, two]) => one !== null && two !== null);
     const wins = pairs.filter(([one, two]) => one > two).length;
     let text = `Over the ${role} field ${a.name} scores ${number(a.scores[role][0])}, ${b.name} ${number(b.scores[role][0])}; the first is ahead against ${wins} of ${pairs.length} counterparts.`;
