@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 import json
 import os
+import re
 import socket
 import tempfile
 from collections import Counter
@@ -18,6 +19,8 @@ from fpg_bench.errors import UserError
 from fpg_bench.plain_json import read_plain
 
 _MOST_NODES = 100_000
+_DEEPEST = 50
+_BRACKET = re.compile(r"[\[\]{}]")
 
 
 class _CarefulLoader(yaml.SafeLoader):
@@ -57,14 +60,27 @@ def read_yaml(path: Path, what: str) -> dict[str, Any]:
     Raises:
         UserError: the file cannot be read, is not YAML, or holds no mapping; ``what`` begins the message.
     """
+    text = _read(path, what)
+    if _too_deep(text):  # the parser's time grows with the square of the depth
+        raise UserError(f"{what} {path}: not valid YAML: more than {_DEEPEST} brackets within brackets")
     try:
-        content = _CarefulLoader(_read(path, what)).get_single_data()
+        content = _CarefulLoader(text).get_single_data()
     except UserError:
         raise
     except Exception as error:  # PyYAML lets errors of many kinds out, tagged values above all
         said = " ".join(str(error).split()) or type(error).__name__
         raise UserError(f"{what} {path}: not valid YAML: {said}") from error
     return _mapping(content, path, what)
+
+
+def _too_deep(text: str) -> bool:
+    """Whether brackets are opened within brackets too often, quoted ones too."""
+    depth = 0
+    for bracket in _BRACKET.finditer(text):
+        depth = depth + 1 if bracket[0] in "[{" else max(depth - 1, 0)
+        if depth > _DEEPEST:
+            return True
+    return False
 
 
 def read_json(path: Path, what: str) -> dict[str, Any]:

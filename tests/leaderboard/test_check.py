@@ -128,7 +128,7 @@ def test_everything_that_is_wrong_is_said_at_once(tmp_path):
         ("a: !!python/object/apply:os.system [id]", "could not determine a constructor"),
         ("a: !!timestamp x", "not valid YAML"),
         ("a: !!int ''", "not valid YAML"),
-        ("a: " + "[" * 20_000, "recursion"),
+        ("a: " + "[" * 20_000, "brackets within brackets"),
         (f"a: {'9' * 5000}", "not valid YAML"),
         ("name: a\nname: b", "the key 'name' stands there twice"),
         ("[1, 2]", "expected a mapping"),
