@@ -179,7 +179,7 @@ def test_actions_may_begin_with_a_noise_each():
     parameters = load_hyperparameters("ppo", "FPG/OpponentVsScripted-v0", file)
     games = make_sb3("FPG/OpponentVsScripted-v0", n_envs=2, path="learned")
     model = make_model("ppo", games, parameters, seed=0)
-    assert model.policy.log_std.tolist() == pytest.approx([-1.0] * 6 + [0.3] * 3)
+    assert model.policy.log_std.tolist() == pytest.approx([-0.3] * 4 + [-1.8, -0.7] + [-2.0] * 3)
 
 
 def test_shipped_files_hold_nothing_to_evaluate():
@@ -192,6 +192,7 @@ def test_shipped_files_hold_nothing_to_evaluate():
             "normal",
             "auto_0.1",
             "lin_0.005",
+            "lin_0.0007",
         }, path
 
 
