@@ -69,7 +69,6 @@ class Judge:
     def __init__(self, view_id: str) -> None:
         self._yardstick = Yardstick(panel_of(view_id, {}))
         scenario, side = self._yardstick.panel.scenario, find_view(view_id).side
-        self._steps = scenario.steps_per_round
         scripts = {name: self.look(as_player(name, side, scenario)) for name in SCRIPTED[side]}
         self.script = max(scripts, key=lambda name: scripts[name]["return"])
         self.bounds = scripts[self.script]
@@ -77,7 +76,7 @@ class Judge:
     def look(self, player: Any) -> Row:
         """The score, and the return a step."""
         found = self._yardstick.score(player)
-        return {"score": found["score"], "return": round(found["return"] / self._steps, 4)}
+        return {measure: found[measure] for measure in MEASURES}
 
 
 def measured(settings: dict[str, Setting], judge: Judge, options: argparse.Namespace) -> Trainings:
