@@ -77,7 +77,7 @@ class Judge:
     def look(self, player: Any) -> Row:
         """The score, and the return a step."""
         found = self._yardstick.score(player)
-        return {"score": found["score"], "return": round(found["return"] / self._steps, 4)}
+        return {measure: found[measure] for measure in MEASURES}
 
 
 def measured(settings: dict[str, Setting], judge: Judge, options: argparse.Namespace) -> Trainings:
