@@ -17,7 +17,9 @@ import yaml
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.zoo import Member, ZooView, load_zoo
-from fpg_bench.files import write_whole
+from fpg_bench.files import read_json, write_whole
+from fpg_bench.leaderboard.policies import seed_folders
+from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.scripted import SCRIPTED
 
 AUTHORS = ["fpg-bench maintainers"]
@@ -37,6 +39,14 @@ VIEWS = {
         "ally against planned paths",
         "the adaptive opponent, flown as the planner interceptor says",
     ),
+    "ally-population": (
+        "ally, of a population",
+        "the seven scripted opponents and those of the public population training-1, drawn anew every round",
+    ),
+    "opponent-population": (
+        "opponent, of a population",
+        "five scripted allies and those of the public population training-1, drawn anew every round",
+    ),
     "opponent-pursuit": (
         "opponent",
         "four scripted allies (reactive, expert, expert-spread, always-hop), drawn anew every round",
@@ -48,6 +58,8 @@ VIEWS = {
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),
 }
+# Champions by their folder: track and path.
+CHAMPIONS = {"ally-champion": ("ally", None), "opponent-champion": ("opponent", "learned")}
 ALGORITHMS = {
     "ppo": (
         "PPO",
@@ -162,12 +174,50 @@ def agent(view: ZooView, algorithm: str, members: list[Member]) -> str:
     )
 
 
+def champions() -> dict[str, str]:
+    """Every shipped champion's submission, with the training seeds that are there, by track and name."""
+    folders = [
+        folder
+        for champion in CHAMPIONS
+        for folder in sorted((baselines_folder() / "agents" / champion).glob("*"))
+    ]
+    return {f"{CHAMPIONS[of.parent.name][0]}/{of.parent.name}": champion(of) for of in folders}
+
+
+def champion(folder: Path) -> str:
+    """The submission of a champion's agents; the hours are those of all stages, at the pace of the last."""
+    name, algorithm = folder.parent.name, folder.name
+    track, path = CHAMPIONS[name]
+    title, reference, unable = ALGORITHMS[algorithm]
+    every = [read_json(seed / "agent.json", "agent") for seed in seed_folders(folder).values()]
+    hours = [of["seconds"] / of["steps_done"] * of["training_steps"] / 3600 for of in every]
+    return entry(
+        name=f"Champion ({track}, {title})",
+        authors=AUTHORS,
+        algorithm=title,
+        reference=reference,
+        licence="MIT",
+        track=track,
+        **({} if path is None else {"path": path}),
+        training={
+            "steps": every[0]["training_steps"],
+            "hours": round(sum(hours) / len(hours), 3),
+            "seeds": [of["training_seed"] for of in every],
+        },
+        saw="Scripts, agents of the zoo, and those who had learned to beat it.",
+        unable=unable,
+        description=f"Made to be hard to beat; trained by python scripts/train_champions.py --only {name}.",
+        zoo=f"{name}/{algorithm}",
+    )
+
+
 def main() -> int:
     """Write what is new or has changed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--folder", type=Path, default=Path("leaderboard"), help="the leaderboard's folder")
     folder = parser.parse_args().folder
-    entries = {f"submissions/{name}/submission.yaml": text for name, text in (scripts() | agents()).items()}
+    every = scripts() | agents() | champions()
+    entries = {f"submissions/{name}/submission.yaml": text for name, text in every.items()}
     for name, text in entries.items():
         path = folder / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:

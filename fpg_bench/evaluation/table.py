@@ -122,7 +122,7 @@ def picture(summaries: Sequence[Summary], field: Field, path: Path) -> None:
         _draw_score(axes, s, len(summaries) - 1 - index, _style(s, index))
     axes.set_yticks(range(len(summaries)), [s.entry for s in reversed(summaries)])
     axes.set_ylim(-0.6, len(summaries) - 0.4)
-    axes.set_xlabel(f"{field.scale.told}; with 95 % interval, | per counterpart")
+    axes.set_xlabel(f"{'score' if planned else field.scale.told}; with 95 % interval, | per counterpart")
     axes.set_title(f"{field.name}, {field.matches} matches per counterpart", fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
     image = io.BytesIO()

@@ -348,7 +348,7 @@ def _crossplay(every: tuple[list[Entrant], list[Entrant]], known: dict[str, Row]
             side: [entrant.slug for entrant in entrants if entrant not in shown]
             for side, entrants, shown in zip(SIDES, every, (allies, opponents), strict=True)
         },
-        "twins": _twins(opponents),
+        "twins": _twins(opponents, returns["ally"]),
         "returns": returns,
         "jamming_success_rate": [[row["jamming_success_rate"] for row in line] for line in pairs],
         "rounds": ROUNDS,
@@ -360,11 +360,17 @@ def _crossplay(every: tuple[list[Entrant], list[Entrant]], known: dict[str, Row]
     }
 
 
-def _twins(entrants: Sequence[Entrant]) -> list[list[str]]:
-    """Entries that are one player in two tables, each group once."""
+def _twins(entrants: Sequence[Entrant], returns: Sequence[Sequence[float | None]]) -> list[list[str]]:
+    """Entries that are one player in two tables and fare alike, each group once.
+
+    Args:
+        entrants: who stands in the columns.
+        returns: ``(allies, entrants)``, the allies' return a step, another where a player flies otherwise.
+    """
     groups: dict[tuple[str, ...], list[str]] = {}
-    for entrant in entrants:
-        groups.setdefault(tuple(entrant.identity), []).append(entrant.slug)
+    for entrant, column in zip(entrants, zip(*returns, strict=True), strict=True):
+        alike = (*entrant.identity, *(f"{value:.2f}" for value in column))
+        groups.setdefault(alike, []).append(entrant.slug)
     return [slugs for slugs in groups.values() if len(slugs) > 1]
 
 

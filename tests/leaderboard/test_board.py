@@ -212,14 +212,15 @@ def test_who_hops_in_every_step_is_not_crowned_where_hopping_costs(board):
 
 
 def test_twins_are_named(board):
-    """One script stands in both tables of opponents."""
+    """One script stands in both tables of opponents; ``random`` flies otherwise where it flies itself."""
     enter(board, "ally", "wise", script="expert")
-    for slug, script, path in (("near", "tone", "pursuit"), ("far", "tone", "learned")):
-        enter(board, "opponent", slug, script=script, path=path)
+    for script in ("tone", "random"):
+        enter(board, "opponent", f"near-{script}", script=script)
+        enter(board, "opponent", f"far-{script}", script=script, path="learned")
     enter(board, "opponent", "other", script="comb")
     verify(board, say=quiet)
     play_missing(board, say=quiet)
-    assert make_board(board)["crossplay"]["twins"] == [["far", "near"]]
+    assert make_board(board)["crossplay"]["twins"] == [["far-tone", "near-tone"]]
 
 
 def test_an_ally_s_worst_may_be_an_opponent_of_the_board(entered):
