@@ -8,7 +8,7 @@ import json
 import os
 import threading
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
@@ -35,8 +35,11 @@ class RowFile:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def read(self) -> list[Row]:
+    def read(self, left_out: Callable[[str], None] | None = None) -> list[Row]:
         """All whole rows.
+
+        Args:
+            left_out: told a line per line that is no row, which is left out then; None: it is an error.
 
         Raises:
             UserError: the file cannot be read, is huge, or a line that is not the last is not a row.
@@ -51,7 +54,15 @@ class RowFile:
         lines = data.splitlines(keepends=True)
         if lines and not lines[-1].endswith(b"\n"):
             lines.pop()  # torn: the run that wrote it was stopped
-        return [self._row(number, line) for number, line in enumerate(lines, 1)]
+        if left_out is None:
+            return [self._row(number, line) for number, line in enumerate(lines, 1)]
+        found = []
+        for number, line in enumerate(lines, 1):
+            try:
+                found.append(self._row(number, line))
+            except UserError as error:
+                left_out(f"{error}; it is left out")
+        return found
 
     def _row(self, number: int, line: bytes) -> Row:
         try:

@@ -167,13 +167,15 @@ def main() -> None:
     bad = 0
     for name in CLASSES if words.kind == "all" else [words.kind]:
         tracemalloc.start()
-        found = collections.Counter()
+        found: collections.Counter[str] = collections.Counter()
         slowest, start = (0.0, ""), time.perf_counter()
         for kind, what, seconds in CLASSES[name](words.count, words.seed):
             found[what] += 1
             slowest = max(slowest, (seconds, kind))
             if what != OUT:
                 print(f"{name}: {kind}: {what}", flush=True)
+            if found.total() % 500 == 0:
+                print(f"{name}: {found.total()} of {words.count}, {dict(found)}", file=sys.stderr, flush=True)
         peak = tracemalloc.get_traced_memory()[1] / 1e6
         tracemalloc.stop()
         inside = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3

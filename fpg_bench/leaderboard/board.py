@@ -78,7 +78,7 @@ def make_board(folder: str | Path = "leaderboard", say: Callable[[str], None] = 
     shown, season = _shown(folder, say), current_season()
     cases = [case for _, case, _ in shown if case is not None]
     every = entrants_of(cases)
-    known = read_pairs(folder, *every, ROUNDS)
+    known = read_pairs(folder, *every, ROUNDS, say)
     return {
         "version": __version__,
         "protocol": PROTOCOL,

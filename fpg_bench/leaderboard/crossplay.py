@@ -20,7 +20,6 @@ import numpy as np
 from fpg_bench.envs.duel import Duel
 from fpg_bench.envs.rounds import play_round
 from fpg_bench.envs.rounds import seated as table_of
-from fpg_bench.errors import UserError
 from fpg_bench.evaluation.field import Scale
 from fpg_bench.evaluation.play import LOST_SCORE
 from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
@@ -113,21 +112,34 @@ def crossplay_file(board: Path) -> Path:
     return board / "results" / "crossplay.jsonl"
 
 
-def read_pairs(board: Path, allies: list[Entrant], opponents: list[Entrant], rounds: int) -> dict[str, Row]:
-    """The figures that are there of pairs of these players, by their keys.
+def read_pairs(
+    board: Path,
+    allies: list[Entrant],
+    opponents: list[Entrant],
+    rounds: int,
+    say: Callable[[str], None] = lambda line: None,
+) -> dict[str, Row]:
+    """The figures that are there of pairs of these players, by their keys; what is none is left out.
+
+    Args:
+        board: the leaderboard's folder.
+        allies, opponents: the players.
+        rounds: of each pair.
+        say: told how many lines are left out, and of which file.
 
     Raises:
-        UserError: a line that is none.
+        UserError: the file cannot be read.
     """
-    wanted = {pair_key(a, o, rounds): (a.slug, o.slug) for a in allies for o in opponents}
+    wanted = {pair_key(a, o, rounds): (a, o) for a in allies for o in opponents}
+    bad: list[str] = []
+    rows = RowFile(crossplay_file(board)).read(bad.append)
+    sound = [row for row in rows if _is_pair(row)]
+    if count := len(bad) + len(rows) - len(sound):
+        say(f"{crossplay_file(board)}: {count} lines are no pair's, or an older protocol's, and left out")
     found = {}
-    for number, row in enumerate(RowFile(crossplay_file(board)).read(), 1):
-        if not _is_pair(row):
-            raise UserError(
-                f"{crossplay_file(board)}: line {number} is not that of a pair, or of an older protocol; "
-                "delete the file and run fpg-bench submit crossplay"
-            )
-        if wanted.get(row["key"]) == (row["ally"], row["opponent"]):
+    for row in sound:
+        ally, opponent = wanted.get(row["key"], (None, None))
+        if ally is not None and opponent is not None and _is_of(row, ally, opponent):
             found[row["key"]] = row
     return found
 
@@ -156,7 +168,18 @@ def fully_played(
 def _is_pair(row: Row) -> bool:
     rate, words = row.get("jamming_success_rate"), [row.get(name) for name in ("ally", "opponent", "key")]
     good = isinstance(rate, int | float) and 0 <= rate <= 1 and all(isinstance(word, str) for word in words)
+    lost = row.get("lost")
+    good &= isinstance(lost, list) and len(lost) == len(SIDES) and all(type(one) is int for one in lost)
     return good and row.keys() == _ROW and all(_are_rewards(row[f"{side}_rewards"]) for side in SIDES)
+
+
+def _is_of(row: Row, ally: Entrant, opponent: Entrant) -> bool:
+    """Whether a row tells of these two, and of as many training seeds as they have."""
+    named = (row["ally"], row["opponent"]) == (ally.slug, opponent.slug)
+    return named and all(
+        len(row[f"{side}_rewards"]) == len(who.parts)
+        for side, who in zip(SIDES, (ally, opponent), strict=True)
+    )
 
 
 def _are_rewards(values: Any) -> bool:
@@ -193,13 +216,15 @@ def play_missing(
     """
     board = Path(board)
     allies, opponents = entrants(board)
-    known = read_pairs(board, allies, opponents, rounds)
+    known = read_pairs(board, allies, opponents, rounds, say)
     missing = [(a, o) for a in allies for o in opponents if pair_key(a, o, rounds) not in known]
     say(f"crossplay: {len(missing)} of {len(allies) * len(opponents)} pairs to play")
     with at_work(board):
         played, failed = _play(board, missing, rounds, jobs, backend, address)
     known |= {row["key"]: row for row in played}
-    if missing or len(known) != len(RowFile(crossplay_file(board)).read()):
+    bad: list[str] = []
+    rows = RowFile(crossplay_file(board)).read(bad.append)
+    if missing or bad or len(known) != len(rows):
         _write(board, [known[k] for a in allies for o in opponents if (k := pair_key(a, o, rounds)) in known])
     return failed
 
@@ -207,11 +232,12 @@ def play_missing(
 def forget_untrusted(board: str | Path, trusted: Iterable[Row]) -> int:
     """Drop the figures of pairs that are not among those that are trusted; how many those were."""
     board, known = Path(board), list(trusted)
-    rows = RowFile(crossplay_file(board)).read()
+    bad: list[str] = []
+    rows = RowFile(crossplay_file(board)).read(bad.append)
     kept = [row for row in rows if row in known]
-    if len(kept) < len(rows):
+    if dropped := len(bad) + len(rows) - len(kept):
         _write(board, kept)
-    return len(rows) - len(kept)
+    return dropped
 
 
 def check_pairs(board: str | Path, share: float, seed: int, rounds: int = ROUNDS) -> list[str]:

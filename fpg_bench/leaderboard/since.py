@@ -42,7 +42,7 @@ def pairs_at(board: Path, revision: str) -> list[Row]:
         text = _git(board, "show", f"{revision}:./{file.as_posix()}")
     except UserError:
         return []
-    return [read_object(line) for line in text.splitlines()]
+    return [read_object(line) for line in text.split("\n") if line]
 
 
 def _checked(revision: str) -> str:

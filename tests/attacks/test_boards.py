@@ -10,9 +10,10 @@ from fpg_bench.cli import app
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import result_file
 from fpg_bench.leaderboard.check import problems
-from fpg_bench.leaderboard.crossplay import play_missing
+from fpg_bench.leaderboard.crossplay import crossplay_file, play_missing
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.verify import verify
+from tests.attacks.json_texts import hostile_texts
 from tests.attacks.pull_requests import spoil
 from tests.leaderboard.entering import enter
 
@@ -80,6 +81,23 @@ def test_check_says_what_is_wrong_with_each(stormed):
 def test_the_command_line_says_it_in_lines(stormed, seed):
     found = CliRunner().invoke(app, ["submit", "check", f"{stormed}/submissions/ally/hostile-{seed}"])
     assert found.exit_code == 1 or "nothing is wrong" in found.stdout
+
+
+def test_a_hostile_line_of_cross_play_is_left_out_alone(entered, tmp_path):
+    play_missing(entered, rounds=100, say=quiet)
+    file = crossplay_file(entered)
+    (sound,) = (json.loads(line) for line in file.read_text().splitlines() if '"wise"' in line)
+    forged = [sound | {"ally_rewards": [99.0, 99.0]}, sound | {"lost": "x"}, sound | {"ally": "linear"}]
+    texts = [text.replace(b"\n", b" ") for _, text in hostile_texts(40, base=sound)]
+    texts += [json.dumps(row).encode() for row in forged]
+    file.write_bytes(file.read_bytes() + b"\n".join(texts) + b"\n")
+    said = []
+    board = make_board(entered, said.append)
+    assert any("crossplay.jsonl" in line and "left out" in line for line in said)
+    assert json.dumps(board["crossplay"]).count("99.0") == 0
+    build_site(board, tmp_path / "site", {})
+    assert play_missing(entered, rounds=100, say=quiet) == []
+    assert len(file.read_bytes().splitlines()) == 2
 
 
 def test_even_a_bug_of_ours_stops_nobody_else(entered, monkeypatch):

@@ -21,28 +21,32 @@ AGAIN = " again"  # ends the name of the study in which the best are trained aga
 
 
 class SeededSampler(optuna.samplers.BaseSampler):
-    """TPE, seeded by the trial's number: a study that was closed goes on as one that was not.
+    """TPE, seeded by how many trials count before: a study that was stopped goes on as one that was not.
+
+    A trial whose worker died and that is tried again takes no place of its own, so that those after it draw
+    what they would have drawn.
 
     Args:
         first: the parameters of the first trial, as far as they are given.
     """
 
     def __init__(self, first: dict[str, Any]) -> None:
-        self._first = first
+        self._first, self._place = first, 0
         self._tpe = optuna.samplers.TPESampler(seed=0)
 
     def before_trial(self, study: optuna.Study, trial: FrozenTrial) -> None:
         """Begin a trial with a sampler of its own."""
+        self._place = _place(study, trial)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # experimental arguments
-            self._tpe = optuna.samplers.TPESampler(seed=trial.number)
+            self._tpe = optuna.samplers.TPESampler(seed=self._place)
         self._tpe.before_trial(study, trial)
 
     def infer_relative_search_space(
         self, study: optuna.Study, trial: FrozenTrial
     ) -> dict[str, BaseDistribution]:
         """As TPE does; nothing in the first trial."""
-        return {} if trial.number == 0 else self._tpe.infer_relative_search_space(study, trial)
+        return {} if self._place == 0 else self._tpe.infer_relative_search_space(study, trial)
 
     def sample_relative(
         self, study: optuna.Study, trial: FrozenTrial, search_space: dict[str, BaseDistribution]
@@ -54,7 +58,7 @@ class SeededSampler(optuna.samplers.BaseSampler):
         self, study: optuna.Study, trial: FrozenTrial, param_name: str, param_distribution: BaseDistribution
     ) -> Any:
         """As TPE does; in the first trial what was given."""
-        if trial.number == 0 and param_name in self._first:
+        if self._place == 0 and param_name in self._first:
             return self._first[param_name]
         return self._tpe.sample_independent(study, trial, param_name, param_distribution)
 
@@ -63,6 +67,12 @@ class SeededSampler(optuna.samplers.BaseSampler):
     ) -> None:
         """As TPE does."""
         self._tpe.after_trial(study, trial, state, values)
+
+
+def _place(study: optuna.Study, trial: FrozenTrial) -> int:
+    """How many trials before this one were not tried again."""
+    before = [other for other in study.get_trials(deepcopy=False) if other.number < trial.number]
+    return sum(other.state != TrialState.FAIL or claim.is_finished(other) for other in before)
 
 
 def open_study(storage: Storage, name: str, task: Task, pruner: optuna.pruners.BasePruner) -> optuna.Study:
