@@ -95,7 +95,7 @@ def _entries(zoo: Zoo, view: ZooView) -> list[Entry]:
 
 
 def _prints(zoo: Zoo, view: ZooView) -> Prints:
-    """The fingerprints of a view's scripts and shipped agents, as ``agent.json`` says, without loading any."""
+    """The fingerprints of a view's scripts and of its shipped agents, as ``agent.json`` says them."""
     prints: Prints = {(name, None): name[:16] for name in SCRIPTED[view.side]}
     shipped = [member for member in zoo.members(view.name) if member.shipped]
     return prints | {(m.algorithm, m.seed): str(m.about().get("policy_sha256"))[:16] for m in shipped}
