@@ -14,6 +14,8 @@ from fpg_bench.players.agent import load_agent
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.rows import RowFile
 
+Prints = dict[tuple[str, int | None], str]  # by name and training seed
+
 
 def score_file(zoo: Zoo, view: ZooView) -> RowFile:
     """The file of a view's lines, only ever appended to."""
@@ -27,7 +29,7 @@ def member_entry(member: Member) -> Entry:
 
 def read_zoo_lines(zoo: Zoo, view: ZooView, field: Field) -> list[Line]:
     """The lines of a view that speak of this field and of the agents as they are shipped."""
-    return _current(lines_of(score_file(zoo, view)), _entries(zoo, view), field)
+    return _current(lines_of(score_file(zoo, view)), _prints(zoo, view), field)
 
 
 def add_missing_lines(
@@ -44,9 +46,10 @@ def add_missing_lines(
         All lines of the view.
     """
     file, entries, found = score_file(zoo, view), _entries(zoo, view), []
+    prints = _prints(zoo, view)
     with file.locked():
         for field in map(load_field, view.fields):
-            known = _current(lines_of(file), entries, field)
+            known = _current(lines_of(file), prints, field)
             there = {(line.entry, line.training_seed, line.counterpart) for line in known}
             for entry in entries:
                 missing = [
@@ -91,9 +94,15 @@ def _entries(zoo: Zoo, view: ZooView) -> list[Entry]:
     return scripts + [member_entry(member) for member in zoo.members(view.name) if member.shipped]
 
 
-def _current(lines: Iterable[Line], entries: Iterable[Entry], field: Field) -> list[Line]:
-    """Those lines of a field that are of just these entries, the newest of each."""
-    prints = {(entry.name, entry.training_seed): entry.fingerprint[:16] for entry in entries}
+def _prints(zoo: Zoo, view: ZooView) -> Prints:
+    """The fingerprints of a view's scripts and of its shipped agents, as ``agent.json`` says them."""
+    prints: Prints = {(name, None): name[:16] for name in SCRIPTED[view.side]}
+    shipped = [member for member in zoo.members(view.name) if member.shipped]
+    return prints | {(m.algorithm, m.seed): str(m.about().get("policy_sha256"))[:16] for m in shipped}
+
+
+def _current(lines: Iterable[Line], prints: Prints, field: Field) -> list[Line]:
+    """Those lines of a field that are of just these players, the newest of each."""
     found = {}
     for line in lines:
         who = (line.entry, line.training_seed)
