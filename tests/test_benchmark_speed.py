@@ -60,7 +60,7 @@ def test_memory_keeps_its_bounds(report):
     assert values["allocated in a step a game"]["reached"]
 
 
-@pytest.mark.parametrize(("name", "count"), [("planning", 6), ("training", 6)])
+@pytest.mark.parametrize(("name", "count"), [("planning", 6), ("training", 7)])
 def test_the_other_reports_show_every_figure(name, count, tmp_path):
     script = SCRIPT.with_name(f"benchmark_{name}.py")
     done = subprocess.run(
