@@ -24,7 +24,7 @@ LINES = "lines.jsonl"
 FAILED = "failed"  # the key of a row that says why a part could not be played on
 OPEN = "open"  # the key of a row that says what the policy could not be kept from
 Meeting = tuple[Field, Counterpart]
-Key = tuple[str, str]  # of a meeting: the first digits of the field's hash, and the counterpart's name
+Key = tuple[str, str, str]  # of a meeting: the field's name, its hash's first digits, the counterpart's name
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def parts_of(submission: Submission) -> list[Part]:
 
 def key_of(field: Field, counterpart: Counterpart) -> Key:
     """What tells a meeting from all others."""
-    return field.hash[:16], counterpart.name
+    return field.name, field.hash[:16], counterpart.name
 
 
 def meetings_of(fields: Iterable[Field]) -> list[Meeting]:
@@ -131,7 +131,7 @@ def lines_in(folder: Path) -> dict[Key, Line]:
     """The lines of a part's folder, by their meetings."""
     rows = [row for row in RowFile(folder / LINES).read() if not {FAILED, OPEN} & row.keys()]
     lines = (read_line(row, f"lines {folder / LINES}") for row in rows)
-    return {(line.field_hash, line.counterpart): line for line in lines}
+    return {(line.field, line.field_hash, line.counterpart): line for line in lines}
 
 
 def failure_in(folder: Path) -> str | None:

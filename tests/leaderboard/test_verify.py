@@ -1,3 +1,4 @@
+import hashlib
 import json
 import shutil
 import signal
@@ -197,8 +198,10 @@ def test_a_forged_result_is_found_by_playing_again(board):
     head, *_ = result(board, "ally/still").read_text().splitlines(keepends=True)
     forged = json.loads(result(board, "ally/wise").read_text().splitlines()[0])
     forged |= {key: json.loads(head)[key] for key in ("slug", "fingerprint")}
-    lines = result(board, "ally/wise").read_text().splitlines(keepends=True)[1:]
-    text = json.dumps(forged, separators=(",", ":")) + "\n" + "".join(lines)
+    lines = "".join(result(board, "ally/wise").read_text().splitlines(keepends=True)[1:])
+    lines = lines.replace('"entry":"wise"', '"entry":"still"')
+    forged["lines_sha256"] = hashlib.sha256(lines.encode()).hexdigest()
+    text = json.dumps(forged, separators=(",", ":")) + "\n" + lines
     result(board, "ally/still").write_text(text)
     good, line = told(board, sample=0.5)["ally/still"]
     assert not good
