@@ -69,7 +69,6 @@ class Judge:
     def __init__(self, view_id: str) -> None:
         self._yardstick = Yardstick(field_of(view_id, {}))
         scenario, side = self._yardstick.field.scenario, find_view(view_id).side
-        self._steps = scenario.steps_per_round
         scripts = {name: self.look(as_player(name, side, scenario)) for name in SCRIPTED[side]}
         self.script = max(scripts, key=lambda name: scripts[name]["return"])
         self.bounds = scripts[self.script]
