@@ -65,7 +65,7 @@ def test_a_run_imitates_once_says_so_and_goes_on_without_the_teacher(tmp_path):
     ("algorithm", "lesson", "words"),
     [
         ("ppo", "adaptive", "expected a mapping with a teacher"),
-        ("ppo", {"teacher": "adaptve"}, "'adaptve' is no script of the opponent; did you mean 'adaptive'"),
+        ("ppo", {"teacher": "adaptve"}, "unknown opponent 'adaptve'; did you mean 'adaptive'"),
         ("ppo", {"teacher": "adaptive", "step": 3}, "unknown key 'step'; did you mean 'steps'"),
         ("ppo", {"teacher": "adaptive", "steps": 0}, "steps: expected a whole number of 1 or more, got 0"),
         ("ppo", {"teacher": "adaptive", "learning_rate": "1e-3"}, "learning_rate: expected a number"),
