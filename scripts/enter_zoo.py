@@ -16,13 +16,14 @@ from typing import Any
 import yaml
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.zoo import Member, ZooView, load_zoo
+from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.files import read_json, write_whole
 from fpg_bench.leaderboard.policies import seed_folders
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.scripted import SCRIPTED
 
 AUTHORS = ["fpg-bench maintainers"]
+MADE = "trained by python scripts/"
 # By the public field of a view: track and path. Agents of other scenarios are not entered.
 TRACKS = {
     "ally-v1": ("ally", None),
@@ -33,7 +34,7 @@ TRACKS = {
 VIEWS = {
     "ally-scripted": (
         "ally",
-        "the seven scripted opponents, in pursuit and on the three patrols, drawn anew every round",
+        "seven scripted opponents, in pursuit and on the three patrols, drawn anew every round",
     ),
     "ally-planner": (
         "ally against planned paths",
@@ -41,7 +42,7 @@ VIEWS = {
     ),
     "ally-population": (
         "ally, of a population",
-        "the seven scripted opponents and those of the public population training-1, drawn anew every round",
+        "seven scripted opponents and those of the public population training-1, drawn anew every round",
     ),
     "opponent-population": (
         "opponent, of a population",
@@ -53,7 +54,7 @@ VIEWS = {
     ),
     "opponent-learned": (
         "opponent that flies itself",
-        "four scripted allies (reactive, expert, expert-spread, always-hop), drawn anew every round",
+        "five scripted allies (idle, reactive, expert, expert-spread, always-hop), drawn anew every round",
     ),
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),
@@ -103,7 +104,8 @@ SCRIPTS = {
     "broadband": "always jams a broad band",
     "comb": "always jams a comb of tones",
     "sweep": "jams a narrow band that sweeps over all frequency points",
-    "adaptive": "jams broadband from near, a comb from farther off, narrowband from afar, else a tone",
+    "adaptive": "jams a tone just after a check, then broadband from near, a comb from farther off, else a narrow band",
+    "watchful": "jams a tone while the ally stays where it was found, else as adaptive does",
     "random": "draws every action at random",
 }
 
@@ -143,56 +145,31 @@ def agents() -> dict[str, str]:
         for algorithm in view.steps:
             members = zoo.members(f"{view.name}/{algorithm}")
             if view.fields[0] in TRACKS and all(member.shipped for member in members):
-                track = TRACKS[view.fields[0]][0]
-                found[f"{track}/{view.name}-{algorithm}"] = agent(view, algorithm, members)
+                place, made = TRACKS[view.fields[0]], f"train_zoo.py --only {view.name}/{algorithm}"
+                text = trained(members[0].folder.parent, place, *VIEWS[view.name], f"From the zoo; {MADE}{made}.")
+                found[f"{place[0]}/{view.name}-{algorithm}"] = text
     return found
-
-
-def agent(view: ZooView, algorithm: str, members: list[Member]) -> str:
-    """The submission of a zoo's algorithm on one view."""
-    track, path = TRACKS[view.fields[0]]
-    role, saw = VIEWS[view.name]
-    title, reference, unable = ALGORITHMS[algorithm]
-    seconds = [member.about()["seconds"] for member in members]
-    return entry(
-        name=f"{title} ({role})",
-        authors=AUTHORS,
-        algorithm=title,
-        reference=reference,
-        licence="MIT",
-        track=track,
-        **({} if path is None else {"path": path}),
-        training={
-            "steps": view.steps[algorithm],
-            "hours": round(sum(seconds) / len(seconds) / 3600, 3),
-            "seeds": [member.seed for member in members],
-        },
-        saw=f"{saw[0].upper()}{saw[1:]}.",
-        unable=unable,
-        description=f"From the zoo; trained by python scripts/train_zoo.py --only {view.name}/{algorithm}.",
-        zoo=f"{view.name}/{algorithm}",
-    )
 
 
 def champions() -> dict[str, str]:
     """Every shipped champion's submission, with the training seeds that are there, by track and name."""
-    folders = [
-        folder
-        for champion in CHAMPIONS
-        for folder in sorted((baselines_folder() / "agents" / champion).glob("*"))
-    ]
-    return {f"{CHAMPIONS[of.parent.name][0]}/{of.parent.name}": champion(of) for of in folders}
+    found = {}
+    for name, place in CHAMPIONS.items():
+        for folder in sorted((baselines_folder() / "agents" / name).glob("*")):
+            made = f"Made to be hard to beat; {MADE}train_champions.py --only {name}."
+            saw = "scripts, agents of the zoo, and those who had learned to beat it"
+            found[f"{place[0]}/{name}"] = trained(folder, place, f"{place[0]} champion", saw, made)
+    return found
 
 
-def champion(folder: Path) -> str:
-    """The submission of a champion's agents; the hours are those of all stages, at the pace of the last."""
-    name, algorithm = folder.parent.name, folder.name
-    track, path = CHAMPIONS[name]
-    title, reference, unable = ALGORITHMS[algorithm]
+def trained(folder: Path, place: tuple[str, str | None], role: str, saw: str, made: str) -> str:
+    """The submission of shipped agents; hours are of one seed, of all its stages at the pace of the last."""
+    title, reference, unable = ALGORITHMS[folder.name]
     every = [read_json(seed / "agent.json", "agent") for seed in seed_folders(folder).values()]
     hours = [of["seconds"] / of["steps_done"] * of["training_steps"] / 3600 for of in every]
+    track, path = place
     return entry(
-        name=f"Champion ({track}, {title})",
+        name=f"{title} ({role})",
         authors=AUTHORS,
         algorithm=title,
         reference=reference,
@@ -204,10 +181,10 @@ def champion(folder: Path) -> str:
             "hours": round(sum(hours) / len(hours), 3),
             "seeds": [of["training_seed"] for of in every],
         },
-        saw="Scripts, agents of the zoo, and those who had learned to beat it.",
+        saw=f"{saw[0].upper()}{saw[1:]}.",
         unable=unable,
-        description=f"Made to be hard to beat; trained by python scripts/train_champions.py --only {name}.",
-        zoo=f"{name}/{algorithm}",
+        description=made,
+        zoo=f"{folder.parent.name}/{folder.name}",
     )
 
 

@@ -6,13 +6,22 @@ import math
 
 from fpg_bench.game import draws
 from fpg_bench.game.compiling import compiled
-from fpg_bench.game.sensing import KNOWN_AGE, RELATIVE_POSITION, SENSED_COVERS, SNR, SPREADING_TIME
+from fpg_bench.game.sensing import (
+    JAM_CENTRE,
+    JAM_TYPE,
+    KNOWN_AGE,
+    KNOWN_FREQUENCY,
+    RELATIVE_POSITION,
+    SENSED_COVERS,
+    SNR,
+    SPREADING_TIME,
+)
 from fpg_bench.game.state import ACTION_SIZE, TYPES
 
 ALLIES = ("idle", "random", "reactive", "expert", "expert-spread", "always-hop")
-OPPONENTS = ("tone", "narrowband", "broadband", "comb", "random", "sweep", "adaptive")
+OPPONENTS = ("tone", "narrowband", "broadband", "comb", "random", "sweep", "adaptive", "watchful")
 IDLE, RANDOM_ALLY, REACTIVE, EXPERT, EXPERT_SPREAD, ALWAYS_HOP = range(len(ALLIES))
-TONE, NARROWBAND, BROADBAND, COMB, RANDOM_OPPONENT, SWEEP, ADAPTIVE = range(len(OPPONENTS))
+TONE, NARROWBAND, BROADBAND, COMB, RANDOM_OPPONENT, SWEEP, ADAPTIVE, WATCHFUL = range(len(OPPONENTS))
 
 # What the experts call a threatened link, and how long expert-spread spreads after a hop.
 THREATENED_DB = 30.0
@@ -75,9 +84,12 @@ def play_opponent(kind, observations, actions, steps, keys, scales):
             points = int(scales[_POINTS])
             jamming_type, in_band = NARROWBAND, True
             tuning = 2.0 * (steps[i] % points) / (points - 1) - 1.0
-        elif kind == ADAPTIVE:
-            if seen[KNOWN_AGE] <= 0.0:
+        elif kind in (ADAPTIVE, WATCHFUL):
+            checked = seen[KNOWN_AGE] <= 0.0
+            if (_stayed(seen, checked) if kind == WATCHFUL else checked):
                 jamming_type = TONE
+            elif checked:
+                jamming_type = NARROWBAND
             elif distance < BROADBAND_M:
                 jamming_type = BROADBAND
             else:
@@ -91,6 +103,14 @@ def play_opponent(kind, observations, actions, steps, keys, scales):
         if kind == RANDOM_OPPONENT:
             _fill_random(action, keys, i, steps[i])
         steps[i] += 1
+
+
+@compiled
+def _stayed(seen, checked):
+    """Whether the last check found the ally where it was jammed before; between checks a tone remembers it."""
+    if checked:
+        return seen[JAM_CENTRE] == seen[KNOWN_FREQUENCY] or not seen[JAM_TYPE : JAM_TYPE + TYPES].any()
+    return seen[JAM_TYPE + TONE] > 0.0
 
 
 @compiled

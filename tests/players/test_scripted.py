@@ -92,6 +92,24 @@ def test_adaptive_jams_by_the_age_of_what_it_knows_and_the_distance(away_m, age_
     assert JAMMING_TYPES[action[:4].argmax()] == kind
 
 
+@pytest.mark.parametrize(
+    ("age_s", "jammed", "known", "kind"),
+    [
+        (0, None, 0.2, "tone"),
+        (0, ("narrowband", 0.2), 0.2, "tone"),
+        (0, ("tone", 0.2), -0.4, "narrowband"),
+        (1, ("tone", 0.2), 0.2, "tone"),
+        (1, ("narrowband", 0.2), 0.2, "broadband"),
+    ],
+)
+def test_watchful_keeps_a_tone_on_an_ally_that_stays(age_s, jammed, known, kind):
+    seen = opponent_sees((20, 0, 0), age_s)
+    seen[0, 6] = known
+    if jammed is not None:
+        seen[0, 9], seen[0, 10 + JAMMING_TYPES.index(jammed[0])] = jammed[1], 1
+    assert JAMMING_TYPES[acts("opponent", "watchful", seen)[:4].argmax()] == kind
+
+
 def test_sweep_goes_up_the_band_one_point_a_step_and_round_again():
     player, state, places = Scripted("opponent", "sweep", STANDARD), None, []
     for _ in range(17):

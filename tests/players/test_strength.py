@@ -56,3 +56,9 @@ def test_the_oracle_ally_beats_every_script(opponent):
 def test_the_oracle_opponent_beats_every_script_against_allies_that_hop_when_jammed(ally):
     best = max(mean("opponent_return", ally, opponent) for opponent in OPPONENTS)
     assert mean("opponent_return", ally, "oracle") > best + 1
+
+
+def test_watchful_earns_more_than_the_other_opponents_over_the_allies_that_learners_of_flight_meet():
+    allies = [ally for ally in ALLIES if ally != "random"]
+    earned = {one: sum(mean("opponent_return", ally, one) for ally in allies) for one in OPPONENTS}
+    assert earned.pop("watchful") > max(earned.values()) + len(allies) / 2
