@@ -104,7 +104,7 @@ SCRIPTS = {
     "broadband": "always jams a broad band",
     "comb": "always jams a comb of tones",
     "sweep": "jams a narrow band that sweeps over all frequency points",
-    "adaptive": "jams a tone just after a check, then broadband from near, a comb from farther off, else a narrow band",
+    "adaptive": "jams a tone after a check, later broadband from near, a comb from farther, else narrowband",
     "watchful": "jams a tone while the ally stays where it was found, else as adaptive does",
     "random": "draws every action at random",
 }
@@ -146,7 +146,9 @@ def agents() -> dict[str, str]:
             members = zoo.members(f"{view.name}/{algorithm}")
             if view.fields[0] in TRACKS and all(member.shipped for member in members):
                 place, made = TRACKS[view.fields[0]], f"train_zoo.py --only {view.name}/{algorithm}"
-                text = trained(members[0].folder.parent, place, *VIEWS[view.name], f"From the zoo; {MADE}{made}.")
+                text = trained(
+                    members[0].folder.parent, place, *VIEWS[view.name], f"From the zoo; {MADE}{made}."
+                )
                 found[f"{place[0]}/{view.name}-{algorithm}"] = text
     return found
 

@@ -15,7 +15,7 @@ import pytest
 
 from fpg_bench import make_sb3
 from fpg_bench.envs.both_sides import make_sb3_duel
-from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.evaluation.zoo_scores import add_missing_lines, member_entry, read_zoo_lines

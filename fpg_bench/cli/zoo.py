@@ -34,7 +34,7 @@ def zoo() -> None:
 
 def _scores(shipped: Zoo, view: ZooView) -> dict[tuple[str, int | None], float]:
     """The score of each agent of a view over its public field, by algorithm and seed."""
-    from fpg_bench.evaluation.field import load_field
+    from fpg_bench.evaluation.field_file import load_field
     from fpg_bench.evaluation.summary import summarise
     from fpg_bench.evaluation.zoo_scores import read_zoo_lines
 
@@ -70,7 +70,7 @@ def players() -> None:
 
 def fields() -> None:
     """List the fields: who is measured against whom."""
-    from fpg_bench.evaluation.field import load_field
+    from fpg_bench.evaluation.field_file import load_field
     from fpg_bench.players.agent import fields_folder
 
     for path in sorted(fields_folder().glob("*.yml")):

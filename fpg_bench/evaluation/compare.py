@@ -9,7 +9,8 @@ from typing import Any
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import Entry, planner_entry
 from fpg_bench.evaluation.evaluate import Progress, play_into, with_matches
-from fpg_bench.evaluation.field import PLANNER, load_field
+from fpg_bench.evaluation.field import PLANNER
+from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.planner_llm import asked, replayed
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS

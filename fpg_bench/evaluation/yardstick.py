@@ -10,7 +10,8 @@ import numpy as np
 
 from fpg_bench.envs.rounds import Table, play_round
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import PLANNER, Field, Scale, load_field
+from fpg_bench.evaluation.field import PLANNER, Field, Scale
+from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.line import Pooled
 from fpg_bench.evaluation.play import table_of
 from fpg_bench.evaluation.seeds import tuning_seeds

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError, nearest
-from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.files import read_json, read_yaml, write_whole
 from fpg_bench.ids import sides_of
 from fpg_bench.players.agent import baselines_folder

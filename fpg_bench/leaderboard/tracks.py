@@ -7,7 +7,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from fpg_bench.evaluation.field import Field, load_field
+from fpg_bench.evaluation.field import Field
+from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.season import SeasonKey, current_season
 from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.players.agent import fields_folder

@@ -86,7 +86,7 @@ def play_opponent(kind, observations, actions, steps, keys, scales):
             tuning = 2.0 * (steps[i] % points) / (points - 1) - 1.0
         elif kind in (ADAPTIVE, WATCHFUL):
             checked = seen[KNOWN_AGE] <= 0.0
-            if (_stayed(seen, checked) if kind == WATCHFUL else checked):
+            if _stayed(seen, checked) if kind == WATCHFUL else checked:
                 jamming_type = TONE
             elif checked:
                 jamming_type = NARROWBAND
@@ -107,7 +107,7 @@ def play_opponent(kind, observations, actions, steps, keys, scales):
 
 @compiled
 def _stayed(seen, checked):
-    """Whether the last check found the ally where it was jammed before; between checks a tone remembers it."""
+    """Whether the last check found the ally where it was jammed; until the next a tone remembers it."""
     if checked:
         return seen[JAM_CENTRE] == seen[KNOWN_FREQUENCY] or not seen[JAM_TYPE : JAM_TYPE + TYPES].any()
     return seen[JAM_TYPE + TONE] > 0.0

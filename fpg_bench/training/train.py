@@ -17,7 +17,7 @@ from stable_baselines3.common.logger import configure
 from fpg_bench.envs.one_sided import OneSided
 from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import field_of
+from fpg_bench.evaluation.field_file import field_of
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.files import read_json

@@ -1,7 +1,7 @@
 import pytest
 
 from fpg_bench.evaluation.curves import keep_curve
-from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.zoo_scores import add_missing_lines, read_zoo_lines
 from fpg_bench.evaluation.zoo_table import page, write_page

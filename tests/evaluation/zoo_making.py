@@ -6,10 +6,8 @@ import hashlib
 import json
 from pathlib import Path
 
-import numpy as np
-from onnx import TensorProto, helper, numpy_helper
-
 from fpg_bench.evaluation.zoo import Member, Zoo, load_zoo
+from tests.leaderboard.making import policy
 
 FIELD = """\
 side: ally
@@ -37,23 +35,6 @@ def make_zoo(folder: Path, more: str = "") -> Zoo:
     field.write_text(FIELD)
     (folder / "zoo.yml").write_text(ZOO.replace("[FIELD]", f"[{field}{more}]"))
     return load_zoo(folder)
-
-
-def policy(seed: int) -> bytes:
-    """A random linear policy, for which nothing has to be trained."""
-    weights = np.random.default_rng(seed).normal(size=(15, 9)).astype(np.float32)
-    graph = helper.make_graph(
-        [
-            helper.make_node("MatMul", ["observation", "w"], ["raw"]),
-            helper.make_node("Tanh", ["raw"], ["action"]),
-        ],
-        "policy",
-        [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["n", 15])],
-        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["n", 9])],
-        [numpy_helper.from_array(weights, "w")],
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
-    return model.SerializeToString()
 
 
 def make_agent(member: Member, folder: Path | None = None, seed: int | None = None, **other: object) -> Path:

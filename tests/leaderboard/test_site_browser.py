@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.replays import Replay, simulated
 from fpg_bench.leaderboard.site.serve import make_server

@@ -160,7 +160,7 @@ def _about(row: Row) -> Row:
         if not isinstance(training, dict)
         else {
             "steps": written(training.get("steps"), "whole"),
-            "hours": written(training.get("hours")),
+            "hours": written(training.get("hours"), "step"),
             "seeds": ", ".join(map(str, training.get("seeds") or [])) or wording.NONE,
         },
         "fingerprint": _flat(row.get("fingerprint") or {}),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import field_of, load_field
+from fpg_bench.evaluation.field_file import field_of, load_field
 from fpg_bench.ids import find_view
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import load_hyperparameters
