@@ -101,10 +101,11 @@ class OnnxPlayer(Keyed):
         return found
 
     def _one_by_one(self, feeds: dict[str, np.ndarray]) -> list[np.ndarray]:
-        """Each row asked in a batch of its own: it has no others to read."""
+        """Each row asked in a batch of its own: it has no others to read. What gives more is misshapen."""
         count = len(feeds["observation"])
         rows = [self._run({name: of[k : k + 1] for name, of in feeds.items()}) for k in range(count)]
-        return [np.stack(output).squeeze(1) for output in zip(*rows, strict=True)]
+        stacked = [np.stack(output) for output in zip(*rows, strict=True)]
+        return [of[:, 0] if of.shape[1:2] == (1,) else of for of in stacked]
 
     def _noise(self, steps: np.ndarray) -> np.ndarray:
         from fpg_bench.players.noise import fill_noise  # its compiler is slow to load, and few draw

@@ -215,7 +215,7 @@ def _gemm(read: _Read) -> bool:
 
 
 def _recurrent(read: _Read) -> bool:
-    """The rows are the batch (axis 1), not the steps; weights are the same for all, memories each row's own."""
+    """The rows are the batch (axis 1), not the steps; weights are all rows', memories each row's own."""
     begun = [name for name in read.node.input[5:7] if name]
     return (
         bool(read.rows[0])
