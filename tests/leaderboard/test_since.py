@@ -166,9 +166,10 @@ def test_a_board_that_is_a_link_or_a_submodule_is_refused(trusted, tmp_path):
     git(whole, "-c", "protocol.file.allow=always", "submodule", "--quiet", "add", str(trusted), "inner")
     with pytest.raises(UserError, match="lies in a submodule"):
         changes_since(whole / "inner", "HEAD")
-    (trusted / "other").symlink_to(".")
+    (whole / "real").mkdir()
+    (whole / "other").symlink_to("real")
     with pytest.raises(UserError, match="is a link"):
-        changes_since(trusted / "other" / "other", "HEAD")
+        changes_since(whole / "other", "HEAD")
 
 
 def test_an_entry_that_is_a_link_has_changed(trusted, tmp_path):
