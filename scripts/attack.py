@@ -30,6 +30,7 @@ from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.leaderboard.trial import trial
 from fpg_bench.plain_json import read_object
 from fpg_bench.planning.llm.replies import ERRORS, MOST_TOKENS, Received, read_reply
+from fpg_bench.players.agent import OnnxPlayer
 from tests.attacks.json_texts import hostile_texts
 from tests.attacks.names import lookalikes
 from tests.attacks.onnx_files import hostile_files
@@ -62,7 +63,8 @@ def _checked(items: list, field) -> Found:
     for (kind, data, must), lines in zip(items, found, strict=True):
         start = time.perf_counter()
         if not lines and must:
-            lines = trial(as_policy(data), field)
+            alone = kind == "reader" and not OnnxPlayer(data, {}).row_wise  # it has no others to read
+            lines = ["is asked one game at a time"] if alone else trial(as_policy(data), field)
         what = OUT if lines or not must else IN
         yield (
             kind,
