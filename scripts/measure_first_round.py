@@ -114,10 +114,8 @@ def main() -> None:
     field, seeds = load_field(words.field), tuning_seeds(PATHS + words.matches)
     for planner in (Blind(field.scenario, paths_of(field, seeds[:PATHS])), *PATTERNS):
         found = first_round(planner, field, seeds[PATHS:])
-        print(
-            f"{planner if isinstance(planner, str) else planner.name}: {found.value:.2f} [{found.low:.2f}, {found.high:.2f}] a step",
-            flush=True,
-        )
+        name = planner if isinstance(planner, str) else planner.name
+        print(f"{name}: {found.value:.2f} [{found.low:.2f}, {found.high:.2f}] a step", flush=True)
 
 
 if __name__ == "__main__":
