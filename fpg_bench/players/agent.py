@@ -157,6 +157,10 @@ def check_about(about: dict[str, Any], where: str, side: str | None = None) -> N
         raise UserError(f"{where}: agent.json lacks {', '.join(missing)}")
     if about["format"] != AGENT_FORMAT:
         raise UserError(f"{where}: format {about['format']!r}, this version reads {AGENT_FORMAT}")
+    if not isinstance(about["training_seed"], int | None):
+        raise UserError(
+            f"{where}: training_seed: expected a whole number or null, got {about['training_seed']!r:.40}"
+        )
     if about["id"] not in (DUEL, *VIEWS):
         raise UserError(f"{where}: made for the id {about['id']!r}, which this version does not have")
     plays = about.get("side") if about["id"] == DUEL else sides_of(about["id"])[0]
