@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.envs.duel import Duel
-from fpg_bench.evaluation.field import Field, load_field
+from fpg_bench.evaluation.field import Field
+from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.play import rounds, table_of
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.statistics import MATCHES, Interval, mean_interval

@@ -8,7 +8,7 @@ import pytest
 from fpg_bench.envs.duel import Duel
 from fpg_bench.evaluation.columns import learning_curve
 from fpg_bench.evaluation.entry import planner_entry
-from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.leaderboard import planner_marks
