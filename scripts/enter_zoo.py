@@ -50,7 +50,7 @@ VIEWS = {
     ),
     "opponent-learned": (
         "opponent that flies itself",
-        "scripted allies (reactive, expert, expert-spread, always-hop; PPO idle, too), drawn anew every round",
+        "four scripted allies (reactive, expert, expert-spread, always-hop), and idle where PPO learned",
     ),
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),
