@@ -8,8 +8,9 @@ import json
 import os
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import IO, Any
 
 from fpg_bench.errors import UserError
@@ -30,10 +31,12 @@ class RowFile:
 
     Args:
         path: the file; it need not exist.
+        needs: the keys that each row must have, with their types.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, needs: Mapping[str, Any] = MappingProxyType({})) -> None:
         self.path = path
+        self._needs = needs
 
     def read(self, left_out: Callable[[str], None] | None = None) -> list[Row]:
         """All whole rows.
@@ -66,9 +69,13 @@ class RowFile:
 
     def _row(self, number: int, line: bytes) -> Row:
         try:
-            return read_object(line, nan=True)
+            row = read_object(line, nan=True)
         except ValueError as error:
             raise UserError(f"rows {self.path}: line {number} is no row: {error}") from error
+        for key, kind in self._needs.items():
+            if not isinstance(row.get(key), kind):
+                raise UserError(f"rows {self.path}: line {number}: {key} is missing or changed")
+        return row
 
     def append(self, rows: Iterable[Row]) -> None:
         """Add rows in one write and flush them; a torn last line is cut off first."""

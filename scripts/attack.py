@@ -30,11 +30,15 @@ from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.leaderboard.trial import trial
 from fpg_bench.plain_json import read_object
 from fpg_bench.planning.llm.replies import ERRORS, MOST_TOKENS, Received, read_reply
+from fpg_bench.players.agent import OnnxPlayer
 from tests.attacks.json_texts import hostile_texts
+from tests.attacks.kills import VERBS, Killed
 from tests.attacks.names import lookalikes
 from tests.attacks.onnx_files import hostile_files
 from tests.attacks.pull_requests import spoil
+from tests.attacks.replaying import Recorded
 from tests.attacks.servers import hostile_answers
+from tests.attacks.transcripts import spoil_transcripts
 from tests.leaderboard.making import FIELDS, as_policy
 
 BOARD = Path(__file__).parents[1] / "leaderboard"
@@ -62,7 +66,8 @@ def _checked(items: list, field) -> Found:
     for (kind, data, must), lines in zip(items, found, strict=True):
         start = time.perf_counter()
         if not lines and must:
-            lines = trial(as_policy(data), field)
+            alone = kind == "reader" and not OnnxPlayer(data, {}).row_wise  # it has no others to read
+            lines = ["is asked one game at a time"] if alone else trial(as_policy(data), field)
         what = OUT if lines or not must else IN
         yield (
             kind,
@@ -144,6 +149,37 @@ def _named(name: str, other: str) -> str:
     return OUT if refused or plain(other) == plain(name) else IN
 
 
+def transcripts(count: int, seed: int) -> Found:
+    """Transcripts of a language model, each spoilt in one way."""
+    with tempfile.TemporaryDirectory() as scratch:
+        recorded = Recorded(Path(scratch))
+        for number in range(count):
+            folder = shutil.copytree(recorded.entry, Path(scratch) / "spoilt")
+            kind = spoil_transcripts(folder / "transcripts", seed + number)
+            yield kind, *_timed(partial(_replayed, recorded, folder))
+            shutil.rmtree(folder)
+
+
+def _replayed(recorded: Recorded, folder: Path) -> str:
+    return OUT if recorded.flown(folder) in (None, recorded.honest) else IN
+
+
+def kills(count: int, seed: int) -> Found:
+    """Verbs that are killed at random moments, and go on; what is let in is another result."""
+    with tempfile.TemporaryDirectory() as scratch:
+        verbs = {verb: Killed(verb, Path(scratch)) for verb in VERBS}
+        for number in range(count):
+            verb = list(VERBS)[number % len(VERBS)]
+            folder = Path(scratch) / str(number)
+            yield verb, *_timed(partial(_went_on, verbs[verb], folder, seed + number))
+        killed = sum(verb.kills for verb in verbs.values())
+        print(f"kills: {killed} times killed", file=sys.stderr, flush=True)
+
+
+def _went_on(verb: Killed, folder: Path, seed: int) -> str:
+    return OUT if verb.same(folder, seed) else IN
+
+
 def _timed(call: Callable[[], str]) -> tuple[str, float]:
     start = time.perf_counter()
     try:
@@ -154,7 +190,15 @@ def _timed(call: Callable[[], str]) -> tuple[str, float]:
     return what, time.perf_counter() - start
 
 
-CLASSES = {"onnx": onnx, "pulls": pulls, "json": texts, "servers": servers, "names": names}
+CLASSES = {
+    "onnx": onnx,
+    "pulls": pulls,
+    "json": texts,
+    "servers": servers,
+    "names": names,
+    "transcripts": transcripts,
+    "kills": kills,
+}
 
 
 def main() -> None:

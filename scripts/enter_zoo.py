@@ -44,17 +44,13 @@ VIEWS = {
         "ally, of a population",
         "seven scripted opponents and those of the public population training-1, drawn anew every round",
     ),
-    "opponent-population": (
-        "opponent, of a population",
-        "five scripted allies and those of the public population training-1, drawn anew every round",
-    ),
     "opponent-pursuit": (
         "opponent",
         "four scripted allies (reactive, expert, expert-spread, always-hop), drawn anew every round",
     ),
     "opponent-learned": (
         "opponent that flies itself",
-        "five scripted allies (idle, reactive, expert, expert-spread, always-hop), drawn anew every round",
+        "four scripted allies (reactive, expert, expert-spread, always-hop), and idle where PPO learned",
     ),
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),

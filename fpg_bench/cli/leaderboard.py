@@ -26,6 +26,7 @@ def build(
     from rich.progress import Progress
 
     from fpg_bench.leaderboard.board import make_board
+    from fpg_bench.leaderboard.planner_marks import marked
     from fpg_bench.leaderboard.secrets import forget_keys
     from fpg_bench.leaderboard.site.build import build_site, check_folder
     from fpg_bench.leaderboard.site.replays import make_replays
@@ -35,7 +36,7 @@ def build(
     with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("ranks", total=None)
         left: list[str] = []
-        board = make_board(folder, left.append)
+        board = marked(make_board(folder, left.append), folder)
 
         def show(name: str) -> None:
             bar.update(task, description=name)

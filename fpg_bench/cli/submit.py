@@ -18,6 +18,9 @@ SinceOption = Annotated[
     str | None,
     typer.Option(help="a git revision that is trusted: what is new since is played whole, and replaced"),
 ]
+ChangesKnownOption = Annotated[
+    bool, typer.Option("--changes-known", help="with --since: you have read the other files that changed")
+]
 FolderOption = Annotated[Path, typer.Option(help="the leaderboard's folder")]
 
 
@@ -83,6 +86,7 @@ def verify(
     ] = None,
     update: UpdateOption = False,
     since: SinceOption = None,
+    changes_known: ChangesKnownOption = False,
     jobs: JobsOption = 1,
     backend: BackendOption = "loky",
     address: AddressOption = None,
@@ -97,6 +101,7 @@ def verify(
         sample_seed=sample_seed,
         update=update,
         since=since,
+        changes_known=changes_known,
         jobs=jobs,
         backend=backend,
         address=address,
@@ -121,16 +126,11 @@ def crossplay(
 ) -> None:
     """Play every verified ally against every opponent, where that was not done yet."""
     from fpg_bench.leaderboard.crossplay import check_pairs, play_missing
+    from fpg_bench.leaderboard.since import pairs_at
 
-    if since is not None:
-        from fpg_bench.leaderboard.crossplay import forget_untrusted
-        from fpg_bench.leaderboard.since import pairs_at
-
-        say(
-            f"crossplay: {forget_untrusted(folder, pairs_at(folder, since))} figures are new and played again"
-        )
+    trusted = None if since is None else pairs_at(folder, since)
     if check is None:
-        failed = play_missing(folder, jobs=jobs, backend=backend, address=address, say=say)
+        failed = play_missing(folder, trusted=trusted, jobs=jobs, backend=backend, address=address, say=say)
     else:
         failed = check_pairs(folder, _share(check), sample_seed)
     for line in failed:

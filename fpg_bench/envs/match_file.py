@@ -124,6 +124,8 @@ class MatchFile:
         difference = _difference(known, _as_written(played), but=_UNTIMED)
         if not isinstance(known.get(_UNTIMED), int | float):
             difference = difference or f"{_UNTIMED} is {known.get(_UNTIMED)!r}"
+        if lacking := played.keys() - known.keys():
+            difference = difference or f"{min(lacking)} is missing"
         if difference:
             raise UserError(
                 f"match {self.path}: round {played['round']} differs: {difference}{self._versions}"

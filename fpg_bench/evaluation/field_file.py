@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from fpg_bench.players.player import SIDES
 _KEYS = {"side", "scenario", "matches", "counterparts"}
 _OPTIONAL = {"rounds_per_match", "last_rounds", "opponent", "scale", "season"}
 _SAME_FOR_ALL = ("steps_per_round", "rounds_per_match", "frequency_points")  # or sums could not be pooled
+_SHIPPED = re.compile(r"[\w-][\w.-]*(/[\w-][\w.-]*)*", re.ASCII)
 _COUNTERPART = {"name", "ally", "opponent", "path", "planner", "changes"}
 
 
@@ -63,12 +65,13 @@ def field_file(name: str) -> Path:
     return path
 
 
-def load_field(name: str, side: str | None = None) -> Field:
+def load_field(name: str, side: str | None = None, shipped: bool = False) -> Field:
     """A field by its name (``ally-v1``) or from a YAML file of the same form.
 
     Args:
         name: the field's name or file.
         side: the side that it must measure; None: any.
+        shipped: whether it may name nothing but scripts and agents of the package, which its hash covers.
 
     Raises:
         UserError: no such field or file, one of another side, or a value that cannot be played.
@@ -85,6 +88,8 @@ def load_field(name: str, side: str | None = None) -> Field:
     try:
         field = _field(path.stem, content)
         for counterpart in field.counterparts:
+            if shipped:
+                _check_shipped(field, counterpart)
             _check(field, counterpart)
     except UserError as error:
         raise UserError(f"field {path}: {error}") from error
@@ -165,6 +170,13 @@ def _scale(content: Any) -> Scale:
     if not content["top"] > content["zero"]:
         raise UserError(f"scale: top must lie above zero, got {content!r}")
     return Scale(float(content["zero"]), float(content["top"]))
+
+
+def _check_shipped(field: Field, counterpart: Counterpart) -> None:
+    """Raise UserError where a counterpart is named by code of its own (``a:b``), or by a path leading out."""
+    for name in (*counterpart.players, counterpart.planner or "none", field.opponent):
+        if not _SHIPPED.fullmatch(name):
+            raise UserError(f"{name!r}: a board plays scripts and agents of the package alone; name one")
 
 
 def _check(field: Field, counterpart: Counterpart) -> None:

@@ -192,8 +192,18 @@ _CHECKS = (
 
 
 def read_lines(rows: Iterable[Row], where: str) -> list[Line]:
-    """The lines of all rows; raises as :func:`read_line` does, with the number of the row."""
-    return [read_line(row, f"{where}: line {number}") for number, row in enumerate(rows, 1)]
+    """The lines of all rows, each there once.
+
+    Raises:
+        UserError: as :func:`read_line`, with the number of the row; or two lines are of the same meeting.
+    """
+    lines = [read_line(row, f"{where}: line {number}") for number, row in enumerate(rows, 1)]
+    known: dict[tuple[Any, ...], int] = {}
+    for number, line in enumerate(lines, 1):
+        meeting = line.field_hash, line.entry, line.training_seed, line.fingerprint, line.counterpart
+        if (first := known.setdefault(meeting, number)) != number:
+            raise UserError(f"{where}: line {number} tells again of what line {first} does; take one away")
+    return lines
 
 
 def _timeless(line: Line) -> Line:

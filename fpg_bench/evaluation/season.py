@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from fpg_bench.errors import UserError
@@ -17,7 +18,8 @@ class SeasonKey:
     Attributes:
         number: the season's.
         seed: that nobody knew before it was closed.
-        entries: over whom it was closed: the hashes of each entry's policies, by ``track/name``.
+        entries: over whom it was closed: the hashes of each entry's policies, by ``track/name``; the seed
+            follows from them, so who adds one has another seed.
     """
 
     number: int
@@ -33,11 +35,20 @@ class SeasonKey:
         return f"{public.removesuffix('-v1')}-season-{self.number}"
 
 
+def seed_from(protocol: str, number: int | str, hashes: Iterable[str]) -> str:
+    """The season's seed: SHA-256 of the protocol, its number (or name) and the entries' sorted hashes.
+
+    Nobody knows it, or can choose it, before the last entry is in.
+    """
+    words = ("fpg-bench", protocol, "season", number, *sorted(hashes))
+    return hashlib.sha256("/".join(map(str, words)).encode()).hexdigest()
+
+
 def current_season() -> SeasonKey | None:
     """The newest season that is closed; None before the first.
 
     Raises:
-        UserError: its file cannot be read.
+        UserError: its file cannot be read, or its seed does not follow from its entries.
     """
     found = [_key(file.parent.name) for file in fields_folder().glob("season-*/season.yml")]
     return max(found, key=lambda key: key.number, default=None)
@@ -48,4 +59,12 @@ def _key(name: str) -> SeasonKey:
     sound = type(content.get("number")) is int and isinstance(content.get("entries"), dict)
     if not sound or not isinstance(content.get("seed"), str):
         raise UserError(f"season {name}: season.yml lacks its number, seed or entries")
-    return SeasonKey(content["number"], content["seed"], content["entries"])
+    number, seed, entries = (content[key] for key in ("number", "seed", "entries"))
+    try:
+        hashes = [of for listed in entries.values() for of in listed]
+        follows = seed_from(content.get("protocol", ""), number, hashes) == seed
+    except TypeError:  # no lists
+        follows = False
+    if not follows:
+        raise UserError(f"season {name}: its seed does not follow from the entries that season.yml lists")
+    return SeasonKey(number, seed, entries)

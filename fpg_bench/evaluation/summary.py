@@ -129,6 +129,8 @@ def _summary(lines: Sequence[Line], field: Field) -> Summary | None:
     for line in lines:
         _check(line, field)
         seeds.setdefault(line.training_seed, {})[line.counterpart] = line
+    if None in seeds and len(seeds) > 1:
+        raise UserError(f"field {field.name}: {lines[0].entry} has lines with and without a training seed")
     names = [counterpart.name for counterpart in field.counterparts]
     whole = {seed: of for seed, of in sorted(seeds.items(), key=_by_seed) if set(names) <= of.keys()}
     if not whole:

@@ -20,7 +20,7 @@ _SAME_WITHIN = 1e-6  # of sums over the same rounds, which are rounded once more
 _LEVELS = ("snr_db", "capacity_mbit_s")
 _RETURNS = ("ally_return", "opponent_return")
 _BY_STEP = tuple(name for name in TALLIES if name not in (*_LEVELS, *_RETURNS, "steps", GREATEST))
-Key = tuple[int | None, str, str]
+Key = tuple[int | None, str, str, str]
 
 
 def disagreements(played: Iterable[Line], kept: Iterable[Line], fields: Mapping[str, Field]) -> list[str]:
@@ -51,7 +51,7 @@ def same_to_the_bit(played: Iterable[Line], kept: Iterable[Line]) -> int:
 
 
 def _key(line: Line) -> Key:
-    return line.training_seed, line.field_hash, line.counterpart
+    return line.training_seed, line.field, line.field_hash, line.counterpart
 
 
 def _span(field: Field) -> float:
@@ -72,10 +72,10 @@ def _of_rounds(pairs: list[tuple[Line, Line]], spans: Mapping[str, float]) -> li
 
 def _of_means(pairs: list[tuple[Line, Line]], spans: Mapping[str, float]) -> list[str]:
     found = []
-    for which in dict.fromkeys((now.field_hash, now.counterpart) for now, _ in pairs):
-        mine = [pair for pair in pairs if (pair[0].field_hash, pair[0].counterpart) == which]
+    for which in dict.fromkeys(_key(now)[1:] for now, _ in pairs):
+        mine = [pair for pair in pairs if _key(pair[0])[1:] == which]
         means = [np.mean([line.returns for line in side]) for side in zip(*mine, strict=True)]
-        if abs(means[0] - means[1]) > MEAN_WITHIN * spans[which[0]]:
+        if abs(means[0] - means[1]) > MEAN_WITHIN * spans[which[1]]:
             found.append(f"{_where(mine[0][0])}: mean return {means[0]:.1f}, the result says {means[1]:.1f}")
     return found
 

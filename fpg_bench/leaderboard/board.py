@@ -20,7 +20,7 @@ from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, rank_ranges
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.jobs.job import outcome_of
-from fpg_bench.leaderboard.cases import Case, case_of, result_file, submission_folders
+from fpg_bench.leaderboard.cases import Case, case_of, entered, result_file, submission_folders
 from fpg_bench.leaderboard.crossplay import (
     ROUNDS,
     Entrant,
@@ -35,7 +35,7 @@ from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.nash import nash
 from fpg_bench.leaderboard.ranking import improvements, profiles
 from fpg_bench.leaderboard.result import Result, rounded
-from fpg_bench.leaderboard.submission import Submission, load_submission
+from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, TRACKS, Track, ranked_by
 from fpg_bench.leaderboard.worst import Worst, worst
 from fpg_bench.players.player import SIDES
@@ -100,7 +100,7 @@ def _shown(board: Path, say: Callable[[str], None]) -> list[tuple[Submission, Ca
         if not result_file(board, folder.parent.name, folder.name).exists():
             say(f"{name}: left out: has no result; make it: fpg-bench submit run {brief(folder)}")
             continue
-        read = outcome_of(partial(load_submission, folder, contract=False))
+        read = outcome_of(partial(entered, board, folder, contract=False))
         if read.error is not None:
             say(f"{name}: left out: {read.error}")  # nothing of it can be trusted, not even its name
             continue

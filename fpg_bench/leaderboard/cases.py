@@ -7,7 +7,8 @@ import dataclasses
 import hashlib
 import math
 import random
-from collections.abc import Iterable, Iterator, Sequence
+import shutil
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import platformdirs
 
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.evaluation.field import Field
+from fpg_bench.leaderboard.check import taken
 from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.playing import Key, Meeting, Part, key_of, meetings_of, parts_of
 from fpg_bench.leaderboard.result import Result, differing, fingerprint, read_result
@@ -35,6 +37,7 @@ class Case:
         known: its result, None where there is none that counts.
         work: the folder of what is under way.
         wanted: whom each of its parts meets.
+        claimed: where the result lies that came along with it and is not believed; None: it is believed.
     """
 
     submission: Submission
@@ -43,6 +46,7 @@ class Case:
     known: Result | None
     work: Path
     wanted: tuple[tuple[Part, tuple[Meeting, ...]], ...]
+    claimed: Path | None = None
 
     @property
     def name(self) -> str:
@@ -92,9 +96,53 @@ def result_file(board: Path, track: str, slug: str) -> Path:
     return board / "results" / track / f"{slug}.jsonl"
 
 
-def make_case(board: Path, folder: Path, update: bool = False) -> Case:
-    """The case of a submission's folder, checked wholly; see :func:`case_of`."""
-    return case_of(board, load_submission(folder), update)
+def make_case(board: Path, folder: Path, update: bool = False, new: Collection[str] = ()) -> Case:
+    """The case of a submission's folder, checked wholly; see :func:`entered` and :func:`case_of`."""
+    return case_of(board, entered(board, folder, new=new), update)
+
+
+def entered(board: Path, folder: Path, contract: bool = True, new: Collection[str] = ()) -> Submission:
+    """The submission of a board's folder, whose name no earlier one has.
+
+    Earlier is what is not new, then what has a result, then what comes first by its folder's name.
+
+    Args:
+        board: the leaderboard's folder.
+        folder: the submission's.
+        contract: whether to check what its policies hold, too.
+        new: the submissions, ``track/name``, that came or changed.
+
+    Raises:
+        UserError: the first thing that is wrong with it.
+    """
+    submission = load_submission(folder, contract)
+    track = submission.track
+
+    def place(name: str) -> tuple[bool, bool, str]:
+        return f"{track}/{name}" in new, not result_file(board, track, name).exists(), name
+
+    for name, line in taken(submission):
+        if place(name) < place(submission.slug):
+            raise UserError(f"submission {folder}: {line}")
+    return submission
+
+
+def set_aside(board: Path, track: str, slug: str) -> Path:
+    """Take a result that is not believed off the board, whatever it is; where it lies then, if it was."""
+    path = result_file(board, track, slug)
+    aside = result_file(work_folder(board) / "claimed", track, slug)
+    if path.is_symlink() or path.exists():
+        forget(aside)
+        aside.parent.mkdir(parents=True, exist_ok=True)
+        shutil.move(path, aside)
+    return aside
+
+
+def forget(path: Path) -> None:
+    """Remove what :func:`set_aside` has put there."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    path.unlink(missing_ok=True)
 
 
 def case_of(board: Path, submission: Submission, update: bool = False) -> Case:
@@ -111,7 +159,7 @@ def case_of(board: Path, submission: Submission, update: bool = False) -> Case:
     fields = submission.fields
     path = result_file(board, submission.track, submission.slug)
     try:
-        known = _known(path, submission, fields)
+        known = result_at(path, submission, fields)
     except UserError:
         if not update:
             raise
@@ -121,8 +169,12 @@ def case_of(board: Path, submission: Submission, update: bool = False) -> Case:
     return Case(submission, fields, path, known, _work(board, submission, fields), wanted)
 
 
-def _known(path: Path, submission: Submission, fields: dict[str, Field]) -> Result | None:
-    """The result of just this submission on just these fields, None where there is no file."""
+def result_at(path: Path, submission: Submission, fields: dict[str, Field]) -> Result | None:
+    """The result of just this submission on just these fields, None where there is no file.
+
+    Raises:
+        UserError: a result that is edited, or of something else.
+    """
     if not path.exists() and not path.is_symlink():
         return None
     found = read_result(path, fields)

@@ -32,7 +32,7 @@ def problems(folder: str | Path) -> list[str]:
     """
     folder = Path(os.path.abspath(folder))
     submission, found = examine(folder)
-    return found if submission is None else found + list(_taken(submission))
+    return found if submission is None else found + [line for _, line in taken(submission)]
 
 
 def notes(submission: Submission, board: str | Path = "leaderboard") -> list[str]:
@@ -197,8 +197,8 @@ def _transcript_names(folder: Path) -> list[str]:
     return [] if folder_problem(folder / TRANSCRIPTS) else names(folder / TRANSCRIPTS)
 
 
-def _taken(submission: Submission) -> Iterator[str]:
-    """Names that another submission of the board's track and table has."""
+def taken(submission: Submission) -> Iterator[tuple[str, str]]:
+    """The other submissions of its track and table that have its name, and a line that says so, each."""
     if submission.folder.parent.name != submission.track:
         return
     mine = (submission.path, plain(submission.name))
@@ -207,9 +207,12 @@ def _taken(submission: Submission) -> Iterator[str]:
         if name == submission.slug or folder_problem(other):
             continue
         if name.casefold() == submission.slug.casefold():
-            yield f"the folder's name: {shown(name)} differs by case only"
+            yield name, f"the folder's name: {shown(name)} differs by case only"
         if _shown_as(other) == mine:
-            yield f"{ABOUT}: name: {shown(submission.name)} is that of {shown(name)}, too; choose another"
+            yield (
+                name,
+                f"{ABOUT}: name: {shown(submission.name)} is that of {shown(name)}, too; choose another",
+            )
 
 
 def _shown_as(folder: Path) -> tuple[str | None, str] | None:

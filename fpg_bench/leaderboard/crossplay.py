@@ -9,7 +9,7 @@ import math
 import os
 import random
 import shutil
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -197,6 +197,7 @@ def play_missing(
     board: str | Path,
     *,
     rounds: int = ROUNDS,
+    trusted: Collection[Row] | None = None,
     jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
@@ -207,37 +208,33 @@ def play_missing(
     Args:
         board: the leaderboard's folder.
         rounds: of each pair, dealt out evenly to the training seeds of both.
+        trusted: the rows that are believed; all others are played again and replaced. None: all are.
         jobs: how many allies play at once.
         backend, address: see :func:`fpg_bench.jobs.run.run_jobs`.
         say: told how it goes.
 
     Returns:
-        What could not be played, one line each.
+        What could not be played, and which untrusted rows did not hold, one line each.
     """
     board = Path(board)
     allies, opponents = entrants(board)
-    known = read_pairs(board, allies, opponents, rounds, say)
+    claimed = read_pairs(board, allies, opponents, rounds, say)
+    known = {key: row for key, row in claimed.items() if trusted is None or row in trusted}
     missing = [(a, o) for a in allies for o in opponents if pair_key(a, o, rounds) not in known]
     say(f"crossplay: {len(missing)} of {len(allies) * len(opponents)} pairs to play")
     with at_work(board):
         played, failed = _play(board, missing, rounds, jobs, backend, address)
     known |= {row["key"]: row for row in played}
+    for row in (row for row in played if row["key"] in claimed):
+        scales = {"ally": allies[0].scale, "opponent": opponents[0].scale}
+        failed += [
+            f"{line}; replaced, commit this one" for line in _differing(row, claimed[row["key"]], scales)
+        ]
     bad: list[str] = []
     rows = RowFile(crossplay_file(board)).read(bad.append)
     if missing or bad or len(known) != len(rows):
         _write(board, [known[k] for a in allies for o in opponents if (k := pair_key(a, o, rounds)) in known])
     return failed
-
-
-def forget_untrusted(board: str | Path, trusted: Iterable[Row]) -> int:
-    """Drop the figures of pairs that are not among those that are trusted; how many those were."""
-    board, known = Path(board), list(trusted)
-    bad: list[str] = []
-    rows = RowFile(crossplay_file(board)).read(bad.append)
-    kept = [row for row in rows if row in known]
-    if dropped := len(bad) + len(rows) - len(kept):
-        _write(board, kept)
-    return dropped
 
 
 def check_pairs(board: str | Path, share: float, seed: int, rounds: int = ROUNDS) -> list[str]:
@@ -257,12 +254,18 @@ def check_pairs(board: str | Path, share: float, seed: int, rounds: int = ROUNDS
     with at_work(board):
         played, failed = _play(board, drawn, rounds)
     for row in played:
-        then, spans = known[row["key"]], {"ally": allies[0].scale, "opponent": opponents[0].scale}
-        for what, now, before, most in _compared(row, then, spans):
-            if abs(now - before) > most:
-                pair = f"{row['ally']} - {row['opponent']}"
-                failed.append(f"{pair}: {what} {now:.4f}, the figure says {before:.4f}")
+        scales = {"ally": allies[0].scale, "opponent": opponents[0].scale}
+        failed += _differing(row, known[row["key"]], scales)
     return failed
+
+
+def _differing(now: Row, then: Row, scales: dict[str, Scale]) -> list[str]:
+    """What differs of a pair that was played again, one line each."""
+    return [
+        f"{now['ally']} - {now['opponent']}: {what} {value:.4f}, the figure says {before:.4f}"
+        for what, value, before, most in _compared(now, then, scales)
+        if abs(value - before) > most
+    ]
 
 
 def _compared(now: Row, then: Row, scales: dict[str, Scale]) -> Iterator[tuple[str, float, float, float]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 import struct
 from types import TracebackType
 from typing import Any
@@ -21,9 +20,7 @@ __all__ = ["Limits", "PolicyFailed", "PolicyHost"]
 # FAILED (bytes of a reason).
 HEAD = struct.Struct("<cII")
 LOAD, RESET, PLAY, READY, ACTIONS, FAILED = b"L", b"R", b"P", b"H", b"A", b"E"
-FRESH, STARTS, AGAIN = 1, 2, 4
-SEED_BITS = 8  # flags lie below, the seed of asking again above
-ASKED_AGAIN = 1 / 16  # of all calls, drawn by what nobody knows before
+FRESH, STARTS = 1, 2
 _ROUNDING = 1e-6
 _LONGEST_REASON = 300
 
@@ -37,8 +34,6 @@ class PolicyHost:
     Args:
         policy: what is played; ``onnx_contract`` has found nothing wrong with it.
         limits: of memory and time.
-        again: which share of its calls is asked again in another order and company of games (see
-            :mod:`fpg_bench.leaderboard.audit`), None: a sixteenth; who answers otherwise then has failed.
 
     Attributes:
         invalid: ``(n,)`` bool, the games whose present round is lost.
@@ -48,12 +43,11 @@ class PolicyHost:
         PolicyFailed: entering, or a later ``predict``: it died or outran its limits.
     """
 
-    def __init__(self, policy: Policy, limits: Limits | None = None, again: float | None = None) -> None:
+    def __init__(self, policy: Policy, limits: Limits | None = None) -> None:
         self.policy, self.about = policy, policy.about
         self.limits = limits or Limits()
         self.invalid = np.zeros(0, bool)
-        self._calls, self._draw = 0, random.SystemRandom()
-        self._again = ASKED_AGAIN if again is None else again
+        self._calls = 0
         self._sandbox: Sandbox | None = None
 
     def __enter__(self) -> PolicyHost:
@@ -119,8 +113,6 @@ class PolicyHost:
         if episode_start is not None:
             flags |= STARTS
             parts.append(np.ascontiguousarray(episode_start, bool).data)
-        if self._draw.random() < self._again:
-            flags |= AGAIN | self._draw.getrandbits(32 - SEED_BITS) << SEED_BITS
         sandbox = self._running()
         with sandbox.within(self.limits.call_s):
             sandbox.send(HEAD.pack(PLAY, count, flags), *parts)

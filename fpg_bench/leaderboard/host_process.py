@@ -8,17 +8,14 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.leaderboard.audit import DEPENDS, Audit
 from fpg_bench.leaderboard.host import (
     ACTIONS,
-    AGAIN,
     FAILED,
     FRESH,
     HEAD,
     LOAD,
     READY,
     RESET,
-    SEED_BITS,
     STARTS,
 )
 from fpg_bench.leaderboard.inside import Inside
@@ -53,7 +50,6 @@ def serve(inside: Inside) -> None:
     player.predict(np.zeros((1, OBSERVATION_SIZE), np.float32))
     connection.sendall(HEAD.pack(READY, int(player.noise_size > 0), 0))
     memory: Any = None
-    audit = Audit(player)
     while True:
         kind, count, flags = HEAD.unpack(reader.read(HEAD.size))
         if kind == RESET:
@@ -66,8 +62,6 @@ def serve(inside: Inside) -> None:
         actions, memory = player.predict(seen, before, starts)
         if _misshapen(memory, count, player.state_size):
             actions, memory = np.empty(0), None
-        elif flags & AGAIN and actions.shape == (count, ACTION_SIZE):
-            audit.ask(flags >> SEED_BITS, seen, before, starts, actions, memory)
         _send(connection, actions, count)
 
 
@@ -111,6 +105,4 @@ def _reason(error: Exception) -> str:
     text = " ".join(str(error).split())
     if isinstance(error, MemoryError) or any(word in text.lower() for word in _MEMORY):
         return "asks for more memory than it may use"
-    if text == DEPENDS:
-        return text
     return f"failed: {text or type(error).__name__}"

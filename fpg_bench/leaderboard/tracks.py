@@ -39,7 +39,7 @@ class Track:
     @property
     def field(self) -> Field:
         """The field that everybody knows."""
-        return load_field(self.public)
+        return load_field(self.public, shipped=True)
 
     def fields(self, transcripts: bool = False, season: SeasonKey | None = None) -> dict[str, Field]:
         """What an entry plays, by what it says of it.
@@ -67,7 +67,7 @@ class Track:
         others |= {SHIFTED: f"{stem}-shifted-v1", RESPONSES: f"{stem}-responses-v1"}
         for role, name in others.items():
             if (fields_folder() / f"{name}.yml").is_file():
-                found[role] = dataclasses.replace(load_field(name), season=seeds)
+                found[role] = dataclasses.replace(load_field(name, shipped=True), season=seeds)
         return found
 
 

@@ -20,8 +20,7 @@ _GAMES, _STEPS, _ROUNDS = 16, 25, 6
 def trial(policy: Policy, field: Field | None = None, limits: Limits | None = None) -> list[str]:
     """What goes wrong when a policy plays random observations and some rounds, one line each.
 
-    Its answers must be finite, within [-1, 1] and of the right shape, and those to one game must not depend
-    on which other games are in the batch: all of them are asked again in another order and company.
+    Its answers must be finite, within [-1, 1] and of the right shape.
 
     Args:
         policy: what is tried.
@@ -29,7 +28,7 @@ def trial(policy: Policy, field: Field | None = None, limits: Limits | None = No
         limits: of memory and time.
     """
     try:
-        with host.PolicyHost(policy, limits, again=1.0) as player:
+        with host.PolicyHost(policy, limits) as player:
             lost = _random(player)
             for few, counterpart in _some(field):
                 play(player_entry(player), few, counterpart)

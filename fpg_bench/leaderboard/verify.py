@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import random
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,12 +17,22 @@ from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.job import Job, attempt, outcome_of
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
-from fpg_bench.leaderboard.cases import Case, again, at_work, make_case, sampled, submission_folders
+from fpg_bench.leaderboard.cases import (
+    Case,
+    again,
+    at_work,
+    forget,
+    make_case,
+    result_at,
+    sampled,
+    set_aside,
+    submission_folders,
+)
 from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.likeness import told_apart
 from fpg_bench.leaderboard.playing import Meeting, Part, failure_in, fill, key_of, lines_in, open_in
 from fpg_bench.leaderboard.result import Result, failed_result, verified_result, write_result
-from fpg_bench.leaderboard.since import changed_since
+from fpg_bench.leaderboard.since import changes_since
 from fpg_bench.leaderboard.submission import TRACKS
 from fpg_bench.leaderboard.tracks import ranked_by
 
@@ -44,6 +54,7 @@ def verify(
     sample_seed: int | None = None,
     update: bool = False,
     since: str | None = None,
+    changes_known: bool = False,
     jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
@@ -61,7 +72,9 @@ def verify(
         sample_seed: of the draw; None: a new one, which is said.
         update: play anew, and replace, results that do not fit what is submitted or were edited.
         since: a revision of git that is trusted. Entries whose submission or result is not as it was there
-            are played whole, whatever the sample, and the lines of this playing become their result.
+            are played whole, whatever the sample, and the lines of this playing become their result; what
+            came along as a result is compared with them.
+        changes_known: that other files changed since, too, is known.
         jobs: how many policies are played at once.
         backend: ``loky`` or ``ray``; see :func:`fpg_bench.jobs.run.run_jobs`.
         address: of a Ray cluster.
@@ -71,27 +84,48 @@ def verify(
         The verdicts, by track and name.
 
     Raises:
-        UserError: no such board or submission, a share out of range, or no cluster.
+        UserError: no such board or submission, a share out of range, changes that are not known, or no
+            cluster.
     """
     board = Path(board)
-    desk = _Desk(say)
-    new = set() if since is None else changed_since(board, since)
-    cases = []
-    for folder in submission_folders(board, names):
-        changed = f"{folder.parent.name}/{folder.name}" in new
-        if (case := desk.case(board, folder, update or changed)) is not None:
-            cases.append(replace(case, known=None) if changed else case)
-    if sample is not None:
-        seed = random.SystemRandom().randrange(2**32) if sample_seed is None else sample_seed
-        say(f"sample: {100 * sample:g} % of all lines, --sample-seed {seed}")
-        cases = sampled(cases, sample, seed)
-    if not names:
-        desk.check_strays(board)
+    new = frozenset() if since is None else _new(board, since, changes_known)
     with at_work(board):
+        desk = _Desk(say, board, new)
+        cases = desk.cases(submission_folders(board, names), update)
+        cases = _drawn(cases, sample, sample_seed, say)
+        if not names:
+            desk.check_strays()
         _play([job for case in cases for job in desk.jobs(case)], jobs, backend, address, desk)
         for case in cases:
             desk.settle(case)
     return sorted(desk.verdicts.values(), key=lambda verdict: verdict.name)
+
+
+def _new(board: Path, since: str, known: bool) -> frozenset[str]:
+    """The entries that changed since a revision, if nothing else did that nobody knows of."""
+    found = changes_since(board, since)
+    if found.others and not known:
+        few = ", ".join(found.others[:5]) + (", ..." if len(found.others) > 5 else "")
+        raise UserError(
+            f"since: {len(found.others)} files of no entry are not as they were: {few}; read them, then say "
+            "--changes-known"
+        )
+    return found.entries
+
+
+def _drawn(
+    cases: list[Case], sample: float | None, sample_seed: int | None, say: Callable[[str], None]
+) -> list[Case]:
+    """The cases, or what is drawn of them.
+
+    Raises:
+        UserError: a share out of range.
+    """
+    if sample is None:
+        return cases
+    seed = random.SystemRandom().randrange(2**32) if sample_seed is None else sample_seed
+    say(f"sample: {100 * sample:g} % of all lines, --sample-seed {seed}")
+    return sampled(cases, sample, seed)
 
 
 def _play(jobs: list[Job], workers: int, backend: str, address: str | None, desk: _Desk) -> None:
@@ -111,24 +145,35 @@ def _play(jobs: list[Job], workers: int, backend: str, address: str | None, desk
 class _Desk:
     """Where lines come in; a submission is settled as soon as its last one is there."""
 
-    def __init__(self, say: Callable[[str], None]) -> None:
+    def __init__(self, say: Callable[[str], None], board: Path, new: Collection[str]) -> None:
         self.verdicts: dict[str, Verdict] = {}
         self.failed: dict[str, str] = {}
-        self._say = say
+        self._say, self._board, self._new = say, board, new
 
-    def case(self, board: Path, folder: Path, update: bool) -> Case | None:
-        """The case of a folder; None, and a verdict, where the folder or its result is wrong."""
-        found = outcome_of(partial(make_case, board, folder, update))
-        if found.error is not None:
-            self._give(f"{folder.parent.name}/{folder.name}", False, found.error)
-        case: Case | None = found.result
-        return case
+    def cases(self, folders: Sequence[Path], update: bool) -> list[Case]:
+        """The cases of folders; a verdict on each that is wrong, or whose result is, or that has gone."""
+        aside = {name: outcome_of(partial(set_aside, self._board, *name.split("/"))) for name in self._new}
+        for name in sorted(self._new):
+            if not (self._board / "submissions" / name).is_dir():
+                self._give(name, False, "its submission was there, or its result came, and is gone")
+        found = []
+        for folder in folders:
+            name = f"{folder.parent.name}/{folder.name}"
+            read = outcome_of(partial(make_case, self._board, folder, update, self._new))
+            error = read.error if name not in aside else read.error or aside[name].error
+            if error is not None:
+                self._give(name, False, error)
+            else:
+                found.append(
+                    replace(read.result, claimed=aside[name].result) if name in aside else read.result
+                )
+        return found
 
-    def check_strays(self, board: Path) -> None:
+    def check_strays(self) -> None:
         """Give a verdict on results whose submission is not there."""
         for track in TRACKS:
-            for path in sorted((board / "results" / track).glob("*.jsonl")):
-                if not (board / "submissions" / track / path.stem).is_dir():
+            for path in sorted((self._board / "results" / track).glob("*.jsonl")):
+                if not (self._board / "submissions" / track / path.stem).is_dir():
                     self._give(f"{track}/{path.stem}", False, f"result {path}: no such submission")
 
     def jobs(self, case: Case) -> list[Job]:
@@ -154,6 +199,8 @@ class _Desk:
             return
         judged, walls = outcome_of(partial(_judge, case)), outcome_of(partial(_open, case))
         shutil.rmtree(case.work, ignore_errors=True)
+        if case.claimed is not None:
+            forget(case.claimed)
         good, line = judged.result if judged.error is None else (False, judged.error)
         self._give(case.name, good, line + (walls.result or "") + (_copied(case) if good else ""))
 
@@ -222,7 +269,24 @@ def _first(case: Case, lines: list[Line], why: str | None) -> tuple[bool, str]:
         return False, f"not verified: {why}"
     result = verified_result(*whose, lines, case.fields)
     write_result(case.path, result)
+    wrong = None if case.claimed is None else _wrong(case, case.claimed, lines)
+    if wrong is not None:
+        return False, f"replaced: the result that came along {wrong}; commit this one: {told(result)}"
     return True, told(result)
+
+
+def _wrong(case: Case, claimed: Path, lines: list[Line]) -> str | None:
+    """What is wrong with a result that came along, None where it holds or there was none."""
+    read = outcome_of(partial(result_at, claimed, case.submission, case.fields))
+    if read.error is not None:
+        return "is none of this entry's, or was edited"
+    claim: Result | None = read.result
+    if claim is None:
+        return None
+    if not claim.verified:
+        return "says that it is not verified"
+    found = disagreements(lines, claim.lines, case.fields)
+    return f"does not hold: {found[0]}" if found else None
 
 
 def _still_failed(case: Case, why: str | None) -> tuple[bool, str]:

@@ -14,8 +14,9 @@ from fpg_bench.errors import UserError
 from fpg_bench.files import read_json
 from fpg_bench.ids import DUEL, VIEWS, sides_of
 from fpg_bench.players.keyed import Keyed
-from fpg_bench.players.onnx_file import plain_bytes
+from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
+from fpg_bench.players.row_wise import row_wise
 from fpg_bench.players.signature import check_signature
 
 AGENT_FORMAT = 1
@@ -24,6 +25,8 @@ _FIELDS = ("format", "algorithm", "id", "scenario", "training_seed", "training_s
 
 class OnnxPlayer(Keyed):
     """Plays a policy through onnxruntime, one thread, the same bits whatever the batch size.
+
+    One whose operators do not show that each game is answered for itself is asked one game at a time.
 
     Inputs ``observation`` (n, 15), optional ``state`` (n, S), optional ``noise`` (n, k), standard normal
     numbers of the round's own stream; outputs ``action`` (n, 9) and, with a state, ``next_state``
@@ -35,6 +38,7 @@ class OnnxPlayer(Keyed):
 
     Attributes:
         state_size, noise_size: 0 where the policy has none.
+        row_wise: whether it is asked all games at once; see :mod:`fpg_bench.players.row_wise`.
 
     Raises:
         UserError: it is no ONNX file, onnxruntime cannot read it, or its inputs and outputs are others.
@@ -45,9 +49,10 @@ class OnnxPlayer(Keyed):
 
         self.model, self.about = model, about
         try:
-            read = plain_bytes(model)
+            plain = plain_model(model)
         except UserError as error:
             raise UserError(f"policy.onnx: {error}") from error
+        read = plain.SerializeToString(deterministic=True)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4
@@ -62,6 +67,7 @@ class OnnxPlayer(Keyed):
         self.state_size = inputs["state"][1] if "state" in inputs else 0
         self.noise_size = inputs["noise"][1] if "noise" in inputs else 0
         self._outputs = ["action", "next_state"] if self.state_size else ["action"]
+        self.row_wise = row_wise(plain)
 
     def predict(
         self,
@@ -85,10 +91,21 @@ class OnnxPlayer(Keyed):
         if self.noise_size:
             steps = steps.copy() if episode_start is None else np.where(episode_start, 0, steps)
             feeds["noise"] = self._noise(steps)
-        found = self._session.run(self._outputs, feeds)
+        found = self._run(feeds) if self.row_wise else self._one_by_one(feeds)
         if not self.state_size and not self.noise_size:
             return found[0], None
         return found[0], (found[1] if self.state_size else None, steps + 1)
+
+    def _run(self, feeds: dict[str, np.ndarray]) -> list[np.ndarray]:
+        found: list[np.ndarray] = self._session.run(self._outputs, feeds)
+        return found
+
+    def _one_by_one(self, feeds: dict[str, np.ndarray]) -> list[np.ndarray]:
+        """Each row asked in a batch of its own: it has no others to read. What gives more is misshapen."""
+        count = len(feeds["observation"])
+        rows = [self._run({name: of[k : k + 1] for name, of in feeds.items()}) for k in range(count)]
+        stacked = [np.stack(output) for output in zip(*rows, strict=True)]
+        return [of[:, 0] if of.shape[1:2] == (1,) else of for of in stacked]
 
     def _noise(self, steps: np.ndarray) -> np.ndarray:
         from fpg_bench.players.noise import fill_noise  # its compiler is slow to load, and few draw
@@ -140,6 +157,10 @@ def check_about(about: dict[str, Any], where: str, side: str | None = None) -> N
         raise UserError(f"{where}: agent.json lacks {', '.join(missing)}")
     if about["format"] != AGENT_FORMAT:
         raise UserError(f"{where}: format {about['format']!r}, this version reads {AGENT_FORMAT}")
+    if not isinstance(about["training_seed"], int | None):
+        raise UserError(
+            f"{where}: training_seed: expected a whole number or null, got {about['training_seed']!r:.40}"
+        )
     if about["id"] not in (DUEL, *VIEWS):
         raise UserError(f"{where}: made for the id {about['id']!r}, which this version does not have")
     plays = about.get("side") if about["id"] == DUEL else sides_of(about["id"])[0]

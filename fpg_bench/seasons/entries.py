@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.season import seed_from
 from fpg_bench.leaderboard.check import examine
 from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.players.player import SIDES
-from fpg_bench.seasons.drawing import digest
 from fpg_bench.seasons.recipe import Target
 
 TRACK_FOLDERS = ("ally", "opponent", "planner")
@@ -67,11 +67,8 @@ def read_entries(board: str | Path = "leaderboard", contract: bool = True) -> li
 
 
 def season_seed(protocol: str, number: int | str, entries: Sequence[SeasonEntry]) -> str:
-    """The season's seed: SHA-256 of the protocol, its number (or name) and the entries' sorted hashes.
-
-    Nobody knows it, or can choose it, before the last entry is in.
-    """
-    return digest("fpg-bench", protocol, "season", number, *sorted(h for e in entries for h in e.hashes))
+    """The seed of a season that is closed over these entries."""
+    return seed_from(protocol, number, [of for entry in entries for of in entry.hashes])
 
 
 def of_side(entries: Sequence[SeasonEntry], side: str) -> list[SeasonEntry]:

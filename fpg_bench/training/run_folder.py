@@ -59,7 +59,7 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.agent, self.checkpoints = path / "agent", path / "checkpoints"
-        self.evaluations = RowFile(path / EVALUATIONS)
+        self.evaluations = RowFile(path / EVALUATIONS, {"side": str, "score": float | int})
 
     def agent_of(self, side: str, sides: Sequence[str]) -> Path:
         """The folder of a side's agent, where these sides learn."""

@@ -85,7 +85,7 @@ def selfplay(
     game = {"scenario": scenario, "path": path, "knowledge": knowledge, "jamming_types": jamming_types}
     options = {name: value for name, value in game.items() if value is not None}
     made = _Selfplay(algorithm, Path(out), steps, pool, seed, options)
-    about, file = made.described(hyperparams), RowFile(made.folder / ROWS)
+    about, file = made.described(hyperparams), RowFile(made.folder / ROWS, {"generation": int, "side": str})
     with file.locked():
         done = {(row["generation"], row["side"]) for row in file.read()}
         made.claim(about, begun=bool(done))

@@ -88,6 +88,64 @@ def _through_memory() -> bytes:
     return model(nodes, [W], inputs, outputs, opsets=[("", 17)])
 
 
+def _hidden_in_memory() -> bytes:
+    """What was read of others is kept below any rounding, and made large a step later."""
+    nodes = [
+        *FIRST,
+        node("ReduceMean", ["x"], ["m"], axes=[0], keepdims=1),
+        node("Mul", ["m", "small"], ["kept"]),
+        node("Mul", ["x", "none"], ["zero"]),
+        node("Add", ["zero", "kept"], ["next_state"]),
+        node("Div", ["state", "small"], ["large"]),
+        node("Add", ["x", "large"], ["y"]),
+        node("Tanh", ["y"], ["action"]),
+    ]
+    inputs, outputs = [value("observation"), value("state", 9)], [value("action", 9), value("next_state", 9)]
+    return model(nodes, [W, _scalar("small", 1e-6), _scalar("none", 0)], inputs, outputs, opsets=[("", 17)])
+
+
+def _product_of(nodes: list, *constants, opset: int = 18) -> bytes:
+    """From ``x``, its own answer, to ``y``, of the same shape."""
+    ends = [*FIRST, *nodes, node("Tanh", ["y"], ["action"])]
+    return model(ends, [W, *constants], opsets=[("", opset)])
+
+
+def _reordered() -> dict[str, bytes]:
+    """Rows that change places, or are taken for steps or classes."""
+    turned = [node("Slice", ["x", "last", "first", "zeros", "back"], ["y"])]
+    ends = [whole([-1], "last"), whole([-(10**6)], "first"), ZEROS, whole([-1], "back")]
+    woven = [node("Transpose", ["x"], ["t"], perm=[1, 0]), node("Reshape", ["t", "shape"], ["y"])]
+    padded = [node("Pad", ["x", "pads"], ["y"])]
+    return {
+        "turned round": _product_of(turned, *ends),
+        "woven": _product_of(woven, whole([-1, 9], "shape")),
+        "moved by one": _product_of(padded, whole([1, 0, -1, 0], "pads")),
+        "softmax of rows": _product_of([node("Softmax", ["x"], ["y"], axis=0)]),
+        "rows as steps": _product_of(_LSTM, *_lstm_weights()),
+    }
+
+
+_LSTM = [
+    node("Unsqueeze", ["x", "one1"], ["steps"]),
+    node("LSTM", ["steps", "lw", "lr"], ["all", "last", "cell"], hidden_size=9),
+    node("Reshape", ["all", "shape"], ["y"]),
+]
+
+
+def _lstm_weights() -> list:
+    drawn = np.random.default_rng(2).normal(size=(2, 1, 36, 9)).astype(np.float32)
+    named = [numpy_helper.from_array(of, name) for of, name in zip(drawn, ("lw", "lr"), strict=True)]
+    return [*named, whole([1], "one1"), whole([-1, 9], "shape")]
+
+
+def by_place() -> list[bytes]:
+    """Rows told apart by where they stand; each fits batches of eight alone."""
+    eight = [np.random.default_rng(1).normal(size=(8, k)).astype(np.float32) for k in (9, 8)]
+    tables = [numpy_helper.from_array(of, "table") for of in eight]
+    nodes = [node("Add", ["x", "table"], ["y"]), node("MatMul", ["table", "x"], ["y"])]
+    return [_product_of([of], table) for of, table in zip(nodes, tables, strict=True)]
+
+
 def batch_readers() -> dict[str, bytes]:
     """All of them by name; the contract lets each pass, as its file is sound."""
     reads = {
@@ -103,7 +161,7 @@ def batch_readers() -> dict[str, bytes]:
     for name, (nodes, constants) in reads.items():
         found[f"{name}, where a value is one"] = _end(nodes, *constants, ONE, gate=_exactly_one())
         found[f"{name}, where a value is low"] = _end(nodes, *constants, *PLACE, gate=_late())
-    return found | {"through memory": _through_memory()}
+    return found | _reordered() | {"through memory": _through_memory(), "hidden": _hidden_in_memory()}
 
 
 def honest() -> dict[str, bytes]:

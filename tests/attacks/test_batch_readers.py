@@ -1,17 +1,28 @@
-"""A policy's answer to one game depends on nothing but that game, wherever it is asked."""
+"""A policy's answer to one game depends on nothing but that game: it has no other games to read."""
 
+import numpy as np
 import pytest
 
+from fpg_bench.evaluation.play import play
 from fpg_bench.leaderboard.onnx_contract import check_policies
-from fpg_bench.leaderboard.playing import Part, failure_in, fill, lines_in, meetings_of
+from fpg_bench.leaderboard.playing import Part, part_lines
 from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.leaderboard.trial import trial
-from tests.attacks.batch_readers import batch_readers, honest
+from fpg_bench.players.agent import OnnxPlayer, baselines_folder
+from fpg_bench.players.onnx_file import plain_model
+from fpg_bench.players.row_wise import row_wise
+from tests.attacks.batch_readers import batch_readers, by_place, honest
 from tests.leaderboard.making import as_policy
 from tests.players.test_agent import model_bytes
 
 READERS = batch_readers()
-WHY = "its answer to one game depends on the other games of the batch"
+SHIPPED = (
+    "ally-scripted/ppo",
+    "ally-scripted/recurrent-ppo",
+    "ally-population/ppo-stack8",
+    "ally-planner/sac",
+)
+GAMES, STEPS = 8, 12
 
 
 @pytest.fixture
@@ -19,31 +30,62 @@ def field(small_fields):
     return TRACKS["ally"].field
 
 
+def games(player, some):
+    """The answers and memories of some of the same games, ``(steps, games, ...)``, played on their own."""
+    seen = np.random.default_rng(0).uniform(-1, 1, (STEPS, GAMES, 15)).astype(np.float32)
+    seen[:, ::3, 4] = 1.0
+    state, found = None, []
+    player.reset(np.ones(len(some), bool), np.arange(GAMES, dtype=np.uint64)[some])
+    for step in seen:
+        actions, state = player.predict(step[some], state)
+        found.append((actions, np.zeros(0) if state is None or state[0] is None else state[0]))
+    return [np.array(of) for of in zip(*found, strict=True)]
+
+
 def test_their_files_are_sound():
-    assert check_policies(list(READERS.values())) == [[]] * len(READERS)
+    found = check_policies(list(READERS.values()))
+    assert [name for name, lines in zip(READERS, found, strict=True) if lines] == []
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_a_policy_that_reads_other_games_is_told_when_it_is_checked(name, field):
-    assert trial(as_policy(READERS[name]), field) == [WHY]
+def test_who_reads_other_games_is_asked_one_game_at_a_time(name):
+    assert not OnnxPlayer(READERS[name], {}).row_wise
 
 
-@pytest.mark.parametrize("name", ["mean", "next row, where a value is low", "through memory"])
-def test_and_always_when_it_is_played(name, field, tmp_path):
-    fill(Part("reader", 0, as_policy(READERS[name])), meetings_of([field]), tmp_path)
-    assert failure_in(tmp_path) == f"seed_0: {WHY}"
+@pytest.mark.parametrize("data", by_place())
+def test_a_row_is_not_told_by_its_place(data):
+    assert not row_wise(plain_model(data))
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_and_answers_to_the_bit_the_same_alone_and_in_any_company(name):
+    player = OnnxPlayer(READERS[name], {})
+    together = games(player, np.arange(GAMES))
+    for some in ([5], [6, 0, 3]):
+        for alone, whole in zip(games(player, np.array(some)), together, strict=True):
+            assert (alone == (whole[:, some] if whole.ndim > 2 else whole)).all()
+
+
+def test_so_it_is_when_it_is_played(field):
+    """Behind the door as without it, and each round as it is in fewer rounds."""
+    part = Part("reader", 0, as_policy(READERS["hidden"]))
+    (line,) = part_lines(part, [(field, field.counterparts[0])])
+    player = OnnxPlayer(READERS["hidden"], {})
+    assert line == play(part.entry(player, field), field, field.counterparts[0])
+    assert trial(as_policy(READERS["hidden"]), field) == []
 
 
 @pytest.mark.parametrize("data", [*honest().values(), model_bytes(state=3, noise=2)])
-def test_who_answers_each_game_for_itself_is_told_nothing(data, field):
-    assert WHY not in trial(as_policy(data), field)
+def test_who_answers_each_game_for_itself_is_asked_all_at_once(data):
+    assert OnnxPlayer(data, {}).row_wise
 
 
-def test_to_be_asked_again_changes_no_result(field, tmp_path, monkeypatch):
-    found = []
-    for again in (0.0, 1.0):
-        monkeypatch.setattr("fpg_bench.leaderboard.host.ASKED_AGAIN", again)
-        folder = tmp_path / str(again)
-        fill(Part("memory", 0, as_policy(model_bytes(state=3, noise=2))), meetings_of([field])[:1], folder)
-        found.append(lines_in(folder))
-    assert found[0] == found[1]
+@pytest.mark.parametrize("name", SHIPPED)
+def test_so_are_the_kinds_that_the_package_ships(name):
+    data = (baselines_folder() / "agents" / name / "seed_0" / "policy.onnx").read_bytes()
+    player = OnnxPlayer(data, {})
+    assert player.row_wise
+    together = games(player, np.arange(GAMES))
+    player.row_wise = False
+    for alone, whole in zip(games(player, np.arange(GAMES)), together, strict=True):
+        assert np.allclose(alone, whole, atol=1e-6)

@@ -18,7 +18,7 @@ def found():
 def test_what_must_not_get_in_is_told(number, found):
     kind, data, must = FILES[number]
     lines = found[number]
-    assert lines or not must or kind == "reader"  # whose file is sound: it is found when it plays
+    assert lines or not must or (kind == "reader" and not OnnxPlayer(data, {}).row_wise)
     assert all(line.isprintable() and len(line) <= 400 for line in lines)
     if not lines:
         assert OnnxPlayer(data, {}).noise_size == 0  # what passes can be played

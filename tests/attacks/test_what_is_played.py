@@ -1,5 +1,7 @@
 """A file that one reader takes for this and another for that: what was checked is what is played."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import onnxruntime
 import pytest
@@ -49,7 +51,8 @@ def test_what_nobody_checks_does_not_reach_who_plays(data):
 
 def test_a_session_takes_no_other_format_whatever_the_bytes_say(monkeypatch, tmp_path):
     other = in_own_format(policy(1), tmp_path)
-    monkeypatch.setattr("fpg_bench.players.agent.plain_bytes", lambda data: other)
+    read = SimpleNamespace(SerializeToString=lambda deterministic: other)
+    monkeypatch.setattr("fpg_bench.players.agent.plain_model", lambda data: read)
     with pytest.raises(UserError, match="onnxruntime cannot read it"):
         OnnxPlayer(policy(0), {})
 

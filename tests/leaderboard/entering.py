@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import yaml
 
+from fpg_bench.evaluation.season import seed_from
+from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.leaderboard.host import PolicyFailed
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from tests.leaderboard.making import policy
@@ -54,14 +56,18 @@ def write_field(baselines: Path, name: str, content: dict[str, Any]) -> None:
     file.write_text(yaml.safe_dump(content, sort_keys=False))
 
 
-def close_season(baselines: Path, number: int = 1, seed: str = "5eed", **fields: dict[str, Any]) -> None:
-    """Close a season; ``ally={"matches": 2}`` says how a track's unseen field differs from the public one."""
+def close_season(baselines: Path, number: int = 1, **fields: dict[str, Any]) -> str:
+    """Close a season and give its seed; ``ally={"matches": 2}`` says how a track's unseen field differs from
+    the public one.
+    """
     folder = baselines / "fields" / f"season-{number}"
     folder.mkdir()
-    (folder / "season.yml").write_text(yaml.safe_dump({"number": number, "seed": seed, "entries": {}}))
+    told = {"number": number, "protocol": PROTOCOL, "seed": seed_from(PROTOCOL, number, ()), "entries": {}}
+    (folder / "season.yml").write_text(yaml.safe_dump(told))
     for public, content in FIELDS.items():
         track = public.removesuffix("-v1")
         write_field(baselines, f"{track}-season-{number}", content | fields.get(track.replace("-", "_"), {}))
+    return told["seed"]
 
 
 def enter(board: Path, track: str, slug: str, **other: Any) -> Path:

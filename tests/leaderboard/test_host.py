@@ -200,9 +200,3 @@ def test_a_trial_says_what_would_go_wrong():
     assert trial(as_policy(policy(0))) == []
     assert "loses rounds" in trial(as_policy(through("Sqrt")))[0]
     assert "more memory" in trial(as_policy(GIGABYTES))[0]
-    mean = [
-        node("MatMul", ["observation", "w"], ["x"]),
-        node("ReduceMean", ["x"], ["m"], axes=[0], keepdims=1),
-    ]
-    both = [*mean, node("Sub", ["x", "m"], ["y"]), node("Tanh", ["y"], ["action"])]
-    assert "other games of the batch" in trial(as_policy(model(both, [weights()], opsets=[("", 17)])))[0]

@@ -2,15 +2,17 @@
 
 import dataclasses
 import json
+import shutil
 import subprocess
 
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.leaderboard.cases import make_case
-from fpg_bench.leaderboard.crossplay import crossplay_file, forget_untrusted, play_missing
+from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.cases import make_case, result_file
+from fpg_bench.leaderboard.crossplay import crossplay_file, play_missing
 from fpg_bench.leaderboard.result import read_result, verified_result, write_result
-from fpg_bench.leaderboard.since import changed_since, pairs_at
+from fpg_bench.leaderboard.since import Changes, changes_since, pairs_at
 from fpg_bench.leaderboard.verify import verify
 from tests.leaderboard.entering import enter
 
@@ -21,8 +23,9 @@ def git(board, *words):
 
 
 @pytest.fixture
-def trusted(board, in_process):
+def trusted(board, in_process, monkeypatch):
     """A board with one honest entry of each side, its results and pairs, all committed."""
+    monkeypatch.setattr("fpg_bench.leaderboard.verify.told_apart", lambda submission, board: [])
     enter(board, "ally", "honest", seeds=(0, 1))
     enter(board, "opponent", "script", script="adaptive")
     assert all(verdict.good for verdict in verify(board, say=lambda line: None))
@@ -44,20 +47,22 @@ def forged(board, name):
 
 
 def test_nothing_has_changed_where_nothing_was_touched(trusted):
-    assert changed_since(trusted, "HEAD") == set()
+    assert changes_since(trusted, "HEAD") == Changes()
 
 
 def test_new_and_changed_entries_are_found(trusted):
     enter(trusted, "ally", "newcomer", seeds=(0,))
     forged(trusted, "ally/honest")
-    assert changed_since(trusted, "HEAD") == {"ally/honest", "ally/newcomer"}
+    assert changes_since(trusted, "HEAD") == Changes(frozenset({"ally/honest", "ally/newcomer"}))
 
 
 def test_the_lines_of_who_verifies_take_the_place_of_forged_ones(trusted):
     kept, case = forged(trusted, "ally/honest")
     assert read_result(case.path, case.fields).lines != kept.lines
     (verdict,) = verify(trusted, ["ally/honest"], sample=0.01, since="HEAD", say=lambda line: None)
-    assert verdict.good
+    assert not verdict.good
+    assert verdict.line.startswith("replaced: the result that came along does not hold: ")
+    assert "; commit this one: verified: known " in verdict.line
     assert read_result(case.path, case.fields).lines == kept.lines
 
 
@@ -65,30 +70,148 @@ def test_a_result_that_can_not_even_be_read_is_replaced(trusted):
     case = make_case(trusted, trusted / "submissions" / "ally/honest")
     whole = case.path.read_text()
     case.path.write_text("[" * 500)
-    verify(trusted, ["ally/honest"], since="HEAD", say=lambda line: None)
+    (verdict,) = verify(trusted, ["ally/honest"], since="HEAD", say=lambda line: None)
+    assert verdict.line.startswith("replaced: the result that came along is none of this entry's, or was")
     assert case.path.read_text() == whole
+
+
+def test_an_honest_result_that_came_along_is_good(trusted):
+    enter(trusted, "ally", "newcomer", seeds=(2,))
+    (first,) = verify(trusted, ["ally/newcomer"], say=lambda line: None)
+    before = result_file(trusted, "ally", "newcomer").read_bytes()
+    (verdict,) = verify(trusted, ["ally/newcomer"], since="HEAD", say=lambda line: None)
+    assert (verdict.good, verdict.line) == (True, first.line)
+    assert result_file(trusted, "ally", "newcomer").read_bytes() == before
+
+
+def test_what_was_claimed_is_not_forgotten_when_playing_is_broken_off(trusted, monkeypatch):
+    forged(trusted, "ally/honest")
+    with monkeypatch.context() as broken:
+        broken.setattr("fpg_bench.leaderboard.verify._play", lambda *how: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            verify(trusted, since="HEAD", say=lambda line: None)
+    verdicts = {v.name: v for v in verify(trusted, since="HEAD", say=lambda line: None)}
+    assert verdicts["ally/honest"].line.startswith("replaced: ")
+    assert verdicts["opponent/script"].good
+
+
+def test_the_result_of_an_entry_that_breaks_the_contract_goes(trusted):
+    result = result_file(trusted, "ally", "honest")
+    (trusted / "submissions/ally/honest/seed_0/policy.onnx").write_bytes(b"nothing")
+    found = {v.name: v.good for v in verify(trusted, since="HEAD", say=lambda line: None)}
+    assert found == {"ally/honest": False, "opponent/script": True}
+    assert not result.exists()
+    said = []
+    assert [row["slug"] for row in make_board(trusted, said.append)["tracks"][0]["rows"]] == []
+
+
+@pytest.mark.parametrize("with_result", [True, False])
+def test_a_rival_that_is_gone_is_told(trusted, with_result):
+    shutil.rmtree(trusted / "submissions/ally/honest")
+    if with_result:
+        result_file(trusted, "ally", "honest").unlink()
+    found = {v.name: v for v in verify(trusted, since="HEAD", say=lambda line: None)}
+    assert not found["ally/honest"].good
+    assert "gone" in found["ally/honest"].line
+    assert found["opponent/script"].good
+
+
+@pytest.mark.parametrize("slug", ["aaa", "zzz"])
+def test_who_comes_later_has_not_the_name_of_who_was_there(trusted, slug):
+    enter(trusted, "ally", slug, seeds=(2,), name="Ноnest")
+    verdicts = {v.name: v for v in verify(trusted, since="HEAD", say=lambda line: None)}
+    assert "is that of 'honest', too" in verdicts[f"ally/{slug}"].line
+    assert verdicts["ally/honest"].good
+    assert [row["slug"] for row in make_board(trusted)["tracks"][0]["rows"]] == ["honest"]
+    with pytest.raises(UserError, match="is that of 'honest', too"):
+        make_case(trusted, trusted / "submissions/ally" / slug)
+
+
+def test_a_forged_name_and_result_show_nobody_twice(trusted):
+    """Of two that both have a result the first stays; what came since a revision is never the first."""
+    folder = enter(trusted, "ally", "zzz", seeds=(2,))
+    assert verify(trusted, ["ally/zzz"], say=lambda line: None)[0].good
+    (folder / "submission.yaml").write_text((folder / "submission.yaml").read_text().replace("Zzz", "Honest"))
+    said = []
+    assert [row["slug"] for row in make_board(trusted, said.append)["tracks"][0]["rows"]] == ["honest"]
+    assert any("ally/zzz: left out: " in line for line in said)
+
+
+def test_bytes_count_and_not_what_git_is_told_of_them(trusted):
+    """Neither the index, nor attributes, nor a list of files to overlook hides a change."""
+    file = trusted / "submissions/ally/honest/submission.yaml"
+    git(trusted, "update-index", "--assume-unchanged", str(file))
+    file.write_text(file.read_text() + "description: other\n")
+    (trusted / ".gitattributes").write_text("*.yaml text eol=crlf\n* -diff\n")
+    (trusted / ".gitignore").write_text("*\n")
+    enter(trusted, "ally", "newcomer", script="expert")
+    found = changes_since(trusted, "HEAD")
+    assert found.entries == {"ally/honest", "ally/newcomer"}
+
+
+LINKS = ("submissions", "submissions/ally", "results", "results/ally")
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_a_link_on_the_way_to_entries_is_refused(trusted, name, tmp_path):
+    (trusted / name).rename(tmp_path / "elsewhere")
+    (trusted / name).symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(UserError, match="is a link; put the folder itself there"):
+        changes_since(trusted, "HEAD")
+
+
+def test_a_board_that_is_a_link_or_a_submodule_is_refused(trusted, tmp_path):
+    whole = tmp_path / "whole"
+    git(tmp_path, "init", "--quiet", str(whole))
+    git(whole, "-c", "protocol.file.allow=always", "submodule", "--quiet", "add", str(trusted), "inner")
+    with pytest.raises(UserError, match="lies in a submodule"):
+        changes_since(whole / "inner", "HEAD")
+    (whole / "real").mkdir()
+    (whole / "other").symlink_to("real")
+    with pytest.raises(UserError, match="is a link"):
+        changes_since(whole / "other", "HEAD")
+
+
+def test_an_entry_that_is_a_link_has_changed(trusted, tmp_path):
+    (trusted / "submissions/ally/honest").rename(tmp_path / "elsewhere")
+    (trusted / "submissions/ally/honest").symlink_to(tmp_path / "elsewhere")
+    assert changes_since(trusted, "HEAD").entries == {"ally/honest"}
+    verdicts = {v.name: v.good for v in verify(trusted, since="HEAD", say=lambda line: None)}
+    assert verdicts == {"ally/honest": False, "opponent/script": True}
+
+
+def test_changes_of_other_files_are_named_and_refused_until_they_are_known(trusted):
+    (trusted / "season.yml").write_text("entries: {}")
+    (trusted / "results/exploit.jsonl").write_text("")
+    said = "since: 2 files of no entry are not as they were: results/exploit.jsonl, season.yml; read them"
+    with pytest.raises(UserError, match=said):
+        verify(trusted, since="HEAD", say=lambda line: None)
+    assert all(v.good for v in verify(trusted, since="HEAD", changes_known=True, say=lambda line: None))
 
 
 def test_forged_pairs_are_dropped_and_played_again(trusted):
     file = crossplay_file(trusted)
     row = json.loads(file.read_text())
     file.write_text(json.dumps(row | {"jamming_success_rate": 0.0}) + "\n")
-    assert forget_untrusted(trusted, pairs_at(trusted, "HEAD")) == 1
-    play_missing(trusted, rounds=4, say=lambda line: None)
+    found = play_missing(trusted, rounds=4, trusted=pairs_at(trusted, "HEAD"), say=lambda line: None)
+    assert any("jammed" in line and line.endswith("; replaced, commit this one") for line in found)
     assert json.loads(file.read_text()) == row
 
 
-def test_trusted_pairs_stay(trusted):
-    assert forget_untrusted(trusted, pairs_at(trusted, "HEAD")) == 0
+def test_trusted_pairs_and_honest_ones_stay(trusted):
+    for trust in (pairs_at(trusted, "HEAD"), []):
+        before = crossplay_file(trusted).read_bytes()
+        assert play_missing(trusted, rounds=4, trusted=trust, say=lambda line: None) == []
+        assert crossplay_file(trusted).read_bytes() == before
 
 
 @pytest.mark.parametrize("revision", ["nothing", "--output=x", ""])
 def test_what_is_no_revision_is_refused_in_a_line(trusted, revision):
-    for read in (changed_since, pairs_at):
+    for read in (changes_since, pairs_at):
         with pytest.raises(UserError, match="since: "):
             read(trusted, revision)
 
 
 def test_a_board_outside_of_git_is_refused(board):
     with pytest.raises(UserError, match="since: "):
-        changed_since(board, "HEAD")
+        changes_since(board, "HEAD")

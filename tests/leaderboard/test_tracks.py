@@ -5,8 +5,8 @@ import dataclasses
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.season import SeasonKey, current_season
-from fpg_bench.evaluation.seeds import SEASON
+from fpg_bench.evaluation.season import SeasonKey, current_season, seed_from
+from fpg_bench.evaluation.seeds import PROTOCOL, SEASON
 from fpg_bench.leaderboard.tracks import PUBLIC_MATCHES, TRACKS, TRANSCRIPT_MATCHES, ranked_by
 from tests.leaderboard.entering import FIELD, close_season, write_field
 
@@ -25,20 +25,19 @@ def test_before_a_season_everybody_plays_the_public_field(small_fields):
 
 
 def test_a_closed_season_adds_its_field_and_plays_all_on_its_seeds(small_fields):
-    close_season(small_fields, ally={"counterparts": [{"opponent": "tone"}]})
-    assert current_season() == SeasonKey(1, "5eed")
+    seed = close_season(small_fields, ally={"counterparts": [{"opponent": "tone"}]})
+    assert current_season() == SeasonKey(1, seed)
     fields = TRACKS["ally"].fields()
     assert names(fields) == {"known": "ally-v1", "public": "ally-v1", "unseen": "ally-season-1"}
-    assert [field.season for field in fields.values()] == ["5eed", SEASON, "5eed"]
+    assert [field.season for field in fields.values()] == [seed, SEASON, seed]
     assert len({field.hash for field in fields.values()}) == 3
     assert ranked_by(fields) == "unseen"
     assert names(TRACKS["opponent-learned"].fields())["unseen"] == "opponent-learned-season-1"
 
 
 def test_the_newest_season_is_on(small_fields):
-    for number in (2, 10, 9):
-        close_season(small_fields, number, seed=f"seed {number}")
-    assert current_season() == SeasonKey(10, "seed 10")
+    seeds = {number: close_season(small_fields, number) for number in (2, 10, 9)}
+    assert current_season() == SeasonKey(10, seeds[10])
     older = TRACKS["ally"].fields(season=SeasonKey(2, "seed 2"))
     assert (older["unseen"].name, older["known"].season) == ("ally-season-2", "seed 2")
 
@@ -56,6 +55,36 @@ def test_a_season_s_file_that_says_nothing_is_told(small_fields, text):
         current_season()
 
 
+def test_nobody_is_written_into_a_season_afterwards(small_fields):
+    """The seed follows from the policies that it was closed over."""
+    close_season(small_fields)
+    file = small_fields / "fields/season-1/season.yml"
+    for entries in ("{ally/late: [" + "0" * 64 + "]}", "{ally/late: 1}", "[]"):
+        file.write_text(
+            f"entries: {entries}\nnumber: 1\nprotocol: '{PROTOCOL}'\nseed: {seed_from(PROTOCOL, 1, ())}\n"
+        )
+        with pytest.raises(UserError, match="season"):
+            current_season()
+
+
+@pytest.mark.parametrize(
+    "player", ["os:getcwd", "./agents/a", "/tmp/a", "a/../../b", "field:ally-v1/x", "~/a", "agents:x/y"]
+)
+@pytest.mark.parametrize("key", ["opponent", "planner"])
+def test_a_board_s_field_names_nothing_but_the_package_s_players(small_fields, player, key):
+    met = {"opponent": "adaptive", key: player}
+    write_field(small_fields, "ally-v1", FIELD | {"counterparts": [met]})
+    with pytest.raises(UserError, match="field"):
+        TRACKS["ally"].fields()
+
+
+def test_no_code_is_imported_for_a_board_s_field(small_fields, monkeypatch):
+    monkeypatch.setattr("fpg_bench.players.naming.import_object", lambda *how: 1 / 0)
+    write_field(small_fields, "ally-v1", FIELD | {"counterparts": [{"opponent": "evil:player"}]})
+    with pytest.raises(UserError, match="a board plays scripts and agents of the package alone"):
+        TRACKS["ally"].fields()
+
+
 def test_a_track_that_a_season_has_no_field_for_is_ranked_by_what_is_known(small_fields):
     close_season(small_fields)
     (small_fields / "fields/planner-season-1.yml").unlink()
@@ -70,8 +99,8 @@ def test_shifted_rules_and_responses_are_played_where_they_are_published(small_f
     assert list(TRACKS["ally"].fields()) == ["known", "shifted", "responses"]
     assert list(TRACKS["opponent-learned"].fields()) == ["known", "shifted"]
     assert list(TRACKS["opponent-pursuit"].fields()) == ["known"]
-    close_season(small_fields)
-    assert {field.season for role, field in TRACKS["ally"].fields().items() if role != "public"} == {"5eed"}
+    seed = close_season(small_fields)
+    assert {field.season for role, field in TRACKS["ally"].fields().items() if role != "public"} == {seed}
 
 
 def test_a_language_model_plays_the_first_matches_of_what_is_known_in_every_season():

@@ -13,6 +13,7 @@ from fpg_bench.leaderboard.site.views import (
     gap_of,
     is_verified,
     met,
+    planner_marks,
     score_of,
     seeds_gap_text,
     value_of,
@@ -67,7 +68,7 @@ def entry_view(track: Row, row: Row, names: Names) -> Row:
         "seeds": _seeds(row, domain),
         "measures": _measures(row.get("measures") or {}),
         "histograms": _histograms(row.get("histograms")),
-        "planner": _planner(row.get("planner"), domain),
+        "planner": _planner(row, domain),
         **_about(row),
     }
 
@@ -124,8 +125,9 @@ def _measures(found: Row) -> list[Row]:
     ]
 
 
-def _planner(found: Any, domain: drawing.Domain) -> Row | None:
+def _planner(row: Row, domain: drawing.Domain) -> Row | None:
     """What is told of planners alone: how the score grows over a match's rounds, and what they asked."""
+    found = row.get("planner")
     if not isinstance(found, dict):
         return None
     curve = [_scored(str(k), score, domain) for k, score in enumerate(found.get("curve") or [], 1)]
@@ -134,6 +136,7 @@ def _planner(found: Any, domain: drawing.Domain) -> Row | None:
         ("Score over all rounds", written(value_of(found.get("score_all")))),
         ("Plans of its own", written(found.get("valid"), "share")),
         ("Tokens a plan", written(found.get("tokens"), "whole")),
+        *((label, says) for label, says, _ in planner_marks(row)),
     ]
     return {"curve": curve, "facts": [fact for fact in facts if fact[1] != wording.NONE]}
 

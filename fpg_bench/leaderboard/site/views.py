@@ -184,7 +184,19 @@ def entry_head(track: Row, row: Row) -> Row:
         "had_access": bool(row.get("had_access")),
         "rank": wording.rank_text(row.get("rank")) if is_verified(row) else wording.NONE,
         "lost": wording.lost_text(row.get("lost"), row.get("rounds")),
+        "marks": [f"{label}: {says}" for label, says, flagged in planner_marks(row) if flagged],
     }
+
+
+def planner_marks(row: Row) -> list[tuple[str, str, bool]]:
+    """A planner's marks: what each is about, what it says, and whether it is flagged; none of players."""
+    marks = (row.get("planner") or {}).get("marks") or {}
+    labels = {"first_round": "First round", "shuffled_rewards": "Rewards shuffled"}
+    return [
+        (label, str(marks[name].get("says")), marks[name].get("flagged") is True)
+        for name, label in labels.items()
+        if isinstance(marks.get(name), dict)
+    ]
 
 
 def value_of(interval: Any) -> float | None:

@@ -82,7 +82,7 @@ class Prompt:
         """
         if control not in CONTROLS:
             raise UserError(f"unknown control {control!r}{nearest(control, CONTROLS)}")
-        history = self._history(_controlled(request, control), request.limits)
+        history = self._history(controlled(request, control), request.limits)
         words = {**_situation(request), "history": history}
         texts = {"system": self.system, "user": self.user}
         return [
@@ -196,7 +196,8 @@ def _rounds(content: Any, path: Path) -> dict[str, Any]:
 # What a request is in words
 
 
-def _controlled(request: Request, control: str) -> np.ndarray:
+def controlled(request: Request, control: str) -> np.ndarray:
+    """The history ``(rounds, n, 4)`` that a control shows; the request and its generator stay as they are."""
     if control == "no-history":
         return request.history[:0]
     history = request.history.copy()

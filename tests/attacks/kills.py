@@ -1,0 +1,92 @@
+"""Kills: a verb is ended by ``kill -9`` at random moments and run again, until it comes to its end."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import random
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from fpg_bench import cli
+
+VERBS = {
+    "evaluate": "evaluate expert idle --field ally-v1 --matches 2 --out",
+    "compare": "plan compare hold hill-climb --field planner-v1 --matches 2 --out",
+    "match": "plan run --planner hill-climb --ally expert --seed 1 --out",
+}
+_MOST_KILLS = 3
+_UNTIMED = "seconds"  # how long planning took
+
+
+class Killed:
+    """A verb that was run to its end once, to be killed as often as one likes.
+
+    Attributes:
+        kills: how often it was killed on its way.
+    """
+
+    def __init__(self, verb: str, scratch: Path) -> None:
+        self.kills = 0
+        self._words = VERBS[verb].split()
+        for whole in (
+            scratch / f"{verb}-first",
+            scratch / f"{verb}-whole",
+        ):  # the first compiles, the second is timed
+            start = time.perf_counter()
+            self._run(whole, None)
+            self._seconds = time.perf_counter() - start
+        self._whole = told(whole)
+
+    def same(self, folder: Path, seed: int) -> bool:
+        """Whether a run that is killed up to three times comes to what the uninterrupted one did.
+
+        Args:
+            folder: where it runs; new.
+            seed: of the moments.
+        """
+        rng = random.Random(seed)
+        for _ in range(rng.randrange(1, _MOST_KILLS + 1)):
+            self.kills += not self._run(folder, rng.uniform(0, self._seconds))
+        return self._run(folder, None) and told(folder) == self._whole
+
+    def _run(self, folder: Path, moment_s: float | None) -> bool:
+        """Run the verb, for so many seconds at most; whether it ended well by itself."""
+        process = multiprocessing.get_context("fork").Process(
+            target=_verb, args=([*self._words, str(folder)],)
+        )
+        process.start()
+        process.join(moment_s)
+        process.kill()
+        process.join()
+        return process.exitcode == 0
+
+
+def told(folder: Path) -> dict[str, Any]:
+    """The names of a folder's files, and what its JSON files say but for the seconds that planning took."""
+    return {
+        str(path.relative_to(folder)): _content(path) for path in sorted(folder.rglob("*")) if path.is_file()
+    }
+
+
+def _content(path: Path) -> Any:
+    if path.suffix == ".jsonl":
+        return [_untimed(json.loads(line)) for line in path.read_text().splitlines()]
+    return _untimed(json.loads(path.read_text())) if path.suffix == ".json" else None
+
+
+def _untimed(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: _untimed(value) for key, value in content.items() if key != _UNTIMED}
+    return content
+
+
+def _verb(words: list[str]) -> None:
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 1)
+    os.dup2(null, 2)
+    sys.argv = ["fpg-bench", *words]
+    cli.main()

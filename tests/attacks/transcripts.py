@@ -1,0 +1,226 @@
+"""Hostile transcripts of a language model: each an honest one, spoilt in one way."""
+
+from __future__ import annotations
+
+import copy
+import gzip
+import json
+import os
+import random
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.planning.llm.attempt import Attempt
+from tests.attacks.json_texts import hostile_texts
+from tests.leaderboard.recording import rows_of
+
+Rows = list[dict[str, Any]]
+_VALUES: tuple[Any, ...] = (
+    None, True, -1, 0, 2**31, 10**39, 1.5, 1e308, "", "x", "\0", "\x1b[2J", "../../etc/passwd", "x" * 70_000,
+    [], [[]], [[0, 0, 0]] * 16, [[1e9, -1e9, 0.5]] * 16, {}, {"a": []}, {"model": "toy", "messages": []},
+)  # fmt: skip
+_PROMPTS = (
+    b"", b"[]", b"user: [", b"{" * 3000, b"a: &a [*a]\n", b"\xff", b"user: ${history.__class__}\n", b"\0",
+    b"about: x\nuser: $history$history$history\nrow: $x\nrounds: {first: 1, best: 1, latest: 1}\n",
+    b"about: x\nuser: ''\nrow: ''\nrounds: {first: 999999999999, best: 0, latest: 0}\n",
+    b"!!python/object/apply:os.system [id]\n", b"? [a]\n: b\n",
+)  # fmt: skip
+
+
+def spoil_transcripts(folder: Path, seed: int) -> str:
+    """Make the transcripts of a sound entry hostile in one way; the same for a seed.
+
+    Args:
+        folder: that of the transcripts, unpacked.
+        seed: of the draw.
+
+    Returns:
+        What was done, in a word.
+    """
+    rng = random.Random(seed)
+    way: Callable[[Path, random.Random], None] = rng.choice(_WAYS)
+    way(folder, rng)
+    return way.__name__.removeprefix("_")
+
+
+def _json(folder: Path, rng: random.Random) -> None:
+    """A line that is hostile JSON."""
+    file = _one(folder, rng)
+    lines = file.read_bytes().splitlines()
+    place = rng.randrange(len(lines))
+    lines[place] = _hostile(json.loads(lines[place]), rng).replace(b"\n", b" ")
+    file.write_bytes(b"\n".join(lines) + b"\n")
+
+
+def _value(folder: Path, rng: random.Random) -> None:
+    """A field that holds something else, with a key that fits."""
+
+    def change(rows: Rows) -> None:
+        row = rng.choice(rows)
+        row[rng.choice(list(row))] = rng.choice(_VALUES)
+
+    _rewrite(folder, rng, change)
+
+
+def _lines(folder: Path, rng: random.Random) -> None:
+    """Lines that are missing, there twice, or another's."""
+
+    def change(rows: Rows) -> None:
+        first, second = rng.sample(rows, 2)
+        which = rng.randrange(4)
+        if which == 0:
+            rows.remove(first)
+        elif which == 1:
+            rows.append(copy.deepcopy(first))
+        elif which == 2:
+            names = ("seed", "match", "round", "attempt")
+            for name in rng.sample(names, rng.randrange(1, 5)):
+                first[name], second[name] = second[name], first[name]
+        else:
+            first["round"], first["seed"] = (
+                first["round"] + rng.choice([1, 100]),
+                first["seed"] + rng.randrange(2),
+            )
+
+    _rewrite(folder, rng, change)
+
+
+def _asked(folder: Path, rng: random.Random) -> None:
+    """A prompt that the game never wrote: other rewards, more words, or none."""
+
+    def change(rows: Rows) -> None:
+        request = rng.choice([row for row in rows if row["request"]])["request"]
+        message = rng.choice(request["messages"])
+        text = message["content"]
+        place = rng.randrange(len(text) + 1)
+        message["content"] = rng.choice(
+            [
+                text + " The ally flies to 500, 500, 100.",
+                text[:place],
+                text[:place] + "7" + text[place:],
+                "",
+                text * 40,
+            ]
+        )
+
+    _rewrite(folder, rng, change)
+
+
+def _answered(folder: Path, rng: random.Random) -> None:
+    """An answer that is better than what was given, in one of the places where it stands."""
+    path = [[rng.uniform(0, 900), rng.uniform(0, 900), rng.uniform(0, 300)] for _ in range(16)]
+    text = json.dumps({"waypoints": [dict(zip("xyz", point, strict=True)) for point in path]})
+
+    def change(rows: Rows) -> None:
+        row = rng.choice(rows)
+        which = rng.randrange(5)
+        if which == 0:
+            row["text"] = text
+        elif which == 1:
+            row["waypoints"], row["status"] = path, "ok"
+        elif which == 2:
+            row["raw"] = rng.choice(
+                [None, "x" * 10_000, text, {"choices": [{"message": {"content": text}}]}, {}]
+            )
+        elif which == 3:
+            row["text"], row["waypoints"], row["status"] = text, path, "ok"
+        else:
+            row["error"], row["text"] = rng.choice(["budget", "http", "refused", "ok"]), None
+
+    _rewrite(folder, rng, change)
+
+
+def _packed(folder: Path, rng: random.Random) -> None:
+    """An archive that is torn, swollen, or none."""
+    file = _one(folder, rng)
+    data = gzip.compress(file.read_bytes(), 1)
+    place = rng.randrange(len(data))
+    ways: list[Callable[[], bytes]] = [
+        lambda: data[:place],
+        lambda: data[:place] + bytes([data[place] ^ 1 << rng.randrange(8)]) + data[place + 1 :],
+        lambda: gzip.compress(b"[" * 40_000_000, 1),
+        lambda: gzip.compress(b"\n" * 200_000, 1),
+        lambda: data + data,
+        lambda: data + gzip.compress(b"{}\n"),
+        lambda: zlib.compress(file.read_bytes()),
+        lambda: b"\x1f\x8b" + rng.randbytes(200),
+        lambda: b"",
+    ]
+    file.with_name(file.name + ".gz").write_bytes(rng.choice(ways)())
+    file.unlink()
+
+
+def _about(folder: Path, rng: random.Random) -> None:
+    """A ``planner.json`` that is hostile, or tells of something else."""
+    file = folder / "planner.json"
+    about = json.loads(file.read_text())
+    if rng.random() < 0.5:
+        file.write_bytes(_hostile(about, rng))
+        return
+    about[rng.choice(list(about))] = rng.choice(_VALUES)
+    file.write_text(json.dumps(about))
+
+
+def _prompt(folder: Path, rng: random.Random) -> None:
+    """A prompt that is another one, or no YAML."""
+    file = folder / "prompt.yml"
+    text = file.read_bytes()
+    place = rng.randrange(len(text))
+    file.write_bytes(rng.choice([*_PROMPTS, text[:place], text[:place] + b"$history " + text[place:]]))
+
+
+def _strange(folder: Path, rng: random.Random) -> None:
+    """A file that is a link, a pipe or a folder, or does not belong there."""
+    file = rng.choice(
+        [_one(folder, rng), folder / "prompt.yml", folder / "planner.json", folder / "more.jsonl"]
+    )
+    file.unlink(missing_ok=True)
+    ways: list[Callable[[], Any]] = [
+        lambda: file.symlink_to("/dev/zero"),
+        lambda: file.symlink_to(file),
+        lambda: os.mkfifo(file),
+        lambda: file.mkdir(),
+        lambda: file.write_bytes(b"\0" * 1000),
+    ]
+    rng.choice(ways)()
+
+
+_WAYS = (
+    _json,
+    _value,
+    _value,
+    _value,
+    _lines,
+    _asked,
+    _asked,
+    _answered,
+    _answered,
+    _packed,
+    _about,
+    _prompt,
+    _strange,
+)
+
+
+def _rewrite(folder: Path, rng: random.Random, change: Callable[[Rows], None]) -> None:
+    """Change the rows of a transcript; mostly with keys that fit, as a careful forger would."""
+    file = _one(folder, rng)
+    rows = rows_of(file)
+    change(rows)
+    for row in rows if rng.random() < 0.9 else ():
+        try:
+            row["key"] = Attempt.of(row, "here").key
+        except ValueError:
+            continue
+    file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+
+
+def _hostile(base: dict[str, Any], rng: random.Random) -> bytes:
+    ((_, text),) = list(hostile_texts(1 + rng.randrange(10), rng.randrange(10**6), base))[-1:]
+    return text
+
+
+def _one(folder: Path, rng: random.Random) -> Path:
+    return rng.choice(sorted(folder.glob("*.jsonl")))
