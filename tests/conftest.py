@@ -2,8 +2,11 @@
 
 import re
 import signal
+from pathlib import Path
 
 from hypothesis import settings
+
+HERE = Path(__file__).parent
 
 # Derandomised: a test that fails for you fails for everybody. No deadlines: no test measures time.
 settings.register_profile("fpg_bench", deadline=None, derandomize=True, max_examples=60)
@@ -18,3 +21,8 @@ def pytest_make_parametrize_id(val):
     """Names of tests without addresses of objects, so that all workers collect the same ones."""
     name = str(val)
     return re.sub(r" at 0x[0-9a-f]+", "", name) if " at 0x" in name else None
+
+
+def pytest_collection_modifyitems(items):
+    """The files of this folder first, among them the longest: at the end two workers share short ones."""
+    items.sort(key=lambda item: item.path.parent != HERE)

@@ -13,6 +13,7 @@ from typing import Any
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
+from torch.distributions import Distribution
 
 from fpg_bench.envs.one_sided import OneSided
 from fpg_bench.envs.sb3 import SB3View
@@ -251,6 +252,7 @@ class _Run:
 
     def begin(self, start: str | Path | None) -> None:
         """Make the model, and see that an agent can be made of it: before anything is written."""
+        Distribution.set_default_validate_args(True)  # an export in this process turned torch's checks off
         self.model = make_model(self.algorithm, self.games, self.parameters, self.about["training_seed"])
         if start is not None:
             _check_start(Path(start), self.about)

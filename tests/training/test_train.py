@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 import yaml
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -179,7 +180,7 @@ def test_actions_may_begin_with_a_noise_each():
     parameters = load_hyperparameters("ppo", "FPG/OpponentVsScripted-v0", file)
     games = make_sb3("FPG/OpponentVsScripted-v0", n_envs=2, path="learned")
     model = make_model("ppo", games, parameters, seed=0)
-    assert model.policy.log_std.tolist() == pytest.approx([-0.3] * 4 + [-1.8, -0.7] + [-2.0] * 3)
+    assert model.policy.log_std.tolist() == pytest.approx([-1.2] * 4 + [-3.5, -0.7] + [-2.0] * 3)
 
 
 def test_shipped_files_hold_nothing_to_evaluate():
@@ -248,6 +249,7 @@ def test_training_that_diverges_is_one_line(changes, evaluations, tmp_path):
 
 @pytest.mark.parametrize("spread", [-200.0, float("nan")])
 def test_a_policy_that_cannot_act_is_refused_before_anything_is_written(spread, tmp_path):
+    torch.distributions.Distribution.set_default_validate_args(False)  # as torch.onnx.export leaves it
     changes = {"policy_kwargs": {"net_arch": [8], "log_std_init": spread}}
     with pytest.raises(UserError, match="hyper-parameters of ppo: the new policy draws no finite actions"):
         train_tiny("ppo", tmp_path / "run", changes)
