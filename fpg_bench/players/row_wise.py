@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from onnx import ModelProto, NodeProto
 
 _ROWS = 2**31 - 1  # a prime
+# In older sets of operators, inference and onnxruntime do not agree on axes below 0, and on what broadcasts.
+_OLDEST = 13
 _INPUTS, _OUTPUTS = ("observation", "state", "noise"), ("action", "next_state")
 _NUMBER_BY_NUMBER = """
 Abs Acos Acosh Add And Asin Asinh Atan Atanh Cast CastLike Ceil Celu Clip Cos Cosh Div Elu Equal Erf Exp
@@ -40,6 +42,8 @@ def row_wise(model: ModelProto) -> bool:
     Returns:
         False where the operators do not show it, which is no proof of the contrary.
     """
+    if any(opset.version < _OLDEST for opset in model.opset_import):
+        return False
     try:
         shapes = _shapes(model)
         weights = {tensor.name for tensor in model.graph.initializer}

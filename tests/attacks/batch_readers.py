@@ -146,7 +146,17 @@ def _misjudged() -> dict[str, bytes]:
         node("LogSoftmax", ["p"], ["s"], axis=1),
         node("Reshape", ["s", "shape"], ["y"]),
     ]
-    return {"lifted by a slope": _product_of(lifted, slope, whole([-1, 9], "shape"))}
+    dropped = [
+        node("Unsqueeze", ["x"], ["u"], axes=[1]),
+        node("Squeeze", ["u"], ["s"], axes=[-2]),  # (n, 9), and is said to be (n, 1, 9)
+        node("ReduceMean", ["s"], ["m"], axes=[-2], keepdims=1),
+        node("Sub", ["s", "m"], ["d"]),
+        node("Reshape", ["d", "shape"], ["y"]),
+    ]
+    return {
+        "lifted by a slope": _product_of(lifted, slope, whole([-1, 9], "shape")),
+        "an axis from the end": _product_of(dropped, whole([-1, 9], "shape"), opset=10),
+    }
 
 
 def rows_as_columns() -> bytes:
