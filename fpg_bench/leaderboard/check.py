@@ -202,7 +202,7 @@ def taken(submission: Submission) -> Iterator[tuple[str, str]]:
     if submission.folder.parent.name != submission.track:
         return
     mine = (submission.path, plain(submission.name))
-    for name in names(submission.folder.parent):
+    for name in sorted(os.listdir(submission.folder.parent)):  # all: no number of others hides one
         other = submission.folder.parent / name
         if name == submission.slug or folder_problem(other):
             continue

@@ -19,6 +19,8 @@ from fpg_bench.leaderboard.submission import TRACKS
 from fpg_bench.plain_json import read_object
 from fpg_bench.rows import Row
 
+_NO_FILE = "no plain file"
+
 
 @dataclass(frozen=True)
 class Changes:
@@ -102,13 +104,19 @@ def _there(board: Path) -> Iterator[Path]:
 
 
 def _blob(file: Path, commit: str) -> str | None:
-    """The hash that git gives to a file's bytes; None where there is no plain file, or a link on the way."""
+    """The hash that git gives to a file's bytes; None where nothing is.
+
+    A link, what lies behind one, another repository and whatever else is no plain file have no hash of a
+    commit's file, and so are never as they were, nor as nothing was.
+    """
     try:
-        if file.is_symlink() or not file.is_file() or file.parent.resolve() != file.parent:
+        if not os.path.lexists(file):
             return None
+        if file.is_symlink() or not file.is_file() or file.parent.resolve() != file.parent:
+            return _NO_FILE
         content = file.read_bytes()
     except OSError:
-        return None
+        return _NO_FILE
     kind = "sha1" if len(commit) == 40 else "sha256"
     return hashlib.new(kind, b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()
 

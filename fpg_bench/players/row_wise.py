@@ -7,13 +7,17 @@ every tensor, the axis of the rows; one in which it stands nowhere, or twice, ho
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from onnx import ModelProto, NodeProto
 
 _ROWS = 2**31 - 1  # a prime
+# In older sets of operators, inference and onnxruntime do not agree on axes below 0, and on what broadcasts.
+_OLDEST = 13
 _INPUTS, _OUTPUTS = ("observation", "state", "noise"), ("action", "next_state")
 _NUMBER_BY_NUMBER = """
 Abs Acos Acosh Add And Asin Asinh Atan Atanh Cast CastLike Ceil Celu Clip Cos Cosh Div Elu Equal Erf Exp
@@ -38,6 +42,8 @@ def row_wise(model: ModelProto) -> bool:
     Returns:
         False where the operators do not show it, which is no proof of the contrary.
     """
+    if any(opset.version < _OLDEST for opset in model.opset_import):
+        return False
     try:
         shapes = _shapes(model)
         weights = {tensor.name for tensor in model.graph.initializer}
@@ -159,8 +165,25 @@ def _same_for_all(others: list[Shape], place: int) -> bool:
 
 
 def _number_by_number(read: _Read) -> bool:
+    """Inference gives PRelu its first input's shape, though the second one may add axes to it."""
+    inputs = [*filter(None, read.rows), *read.others]
     places = {_from_end(shape) for shape in (*filter(None, read.rows), *read.outputs)}
-    return len(places) == 1 and _same_for_all(read.others, places.pop())
+    return (
+        len(places) == 1
+        and _same_for_all(read.others, places.pop())
+        and all(shape == _broadcast(inputs) for shape in read.outputs)
+    )
+
+
+def _broadcast(shapes: Iterable[Shape]) -> Shape:
+    """The shape that comes of several, aligned at their ends; where sizes differ, all but one are 1."""
+    found = []
+    for sizes in zip_longest(*(reversed(shape) for shape in shapes), fillvalue=1):
+        others = set(sizes) - {1}
+        if len(others) > 1:
+            raise _Unknown
+        found.append(others.pop() if others else 1)
+    return tuple(reversed(found))
 
 
 def _by_size(read: _Read) -> bool:
@@ -181,16 +204,22 @@ def _sliced(read: _Read) -> bool:
 def _in_order(read: _Read) -> bool:
     """A new shape of the same numbers in their order: as many must stand before the rows as did."""
     before = {math.prod(of[: _axis(of)]) for of in (*filter(None, read.rows), *read.outputs)}
-    fixed = read.node.op_type != "Squeeze" or len(read.rows) > 1 or "axes" in read.told
-    return read.first_alone and fixed and len(before) == 1
+    return read.first_alone and (read.node.op_type != "Squeeze" or _names_axes(read)) and len(before) == 1
+
+
+def _names_axes(read: _Read) -> bool:
+    """Whether axes are named; where none is, all of size 1 go: in a batch of one, the rows'."""
+    return bool(read.told.get("axes")) or any(read.whole[1:2])
 
 
 def _along_later_axes(read: _Read) -> bool:
     shape = read.rows[0]
     if shape is None or not read.first_alone:
         return False
-    return _axis(shape) < int(read.told.get("axis", 1)) % len(shape) and _same_for_all(
-        read.others, _from_end(shape)
+    return (
+        _axis(shape) < int(read.told.get("axis", 1)) % len(shape)
+        and _same_for_all(read.others, _from_end(shape))
+        and all(len(other) <= len(shape) for other in read.others)
     )
 
 
@@ -203,13 +232,14 @@ def _product(read: _Read) -> bool:
 
 
 def _gemm(read: _Read) -> bool:
+    """What is added has two axes where it holds rows: with one it would stand along the columns."""
     shapes = [shape for shape in read.rows if shape is not None]
     added = [] if any(read.rows[2:]) else read.others[1:]
     return (
         bool(read.rows[0])
         and read.rows[1] is None
         and not read.told.get("transA", 0)
-        and all(_axis(shape) == 0 for shape in shapes)
+        and all(_axis(shape) == 0 and len(shape) == 2 for shape in shapes)
         and _same_for_all(added, 2)
     )
 

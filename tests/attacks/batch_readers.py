@@ -138,6 +138,46 @@ def _lstm_weights() -> list:
     return [*named, whole([1], "one1"), whole([-1, 9], "shape")]
 
 
+def _misjudged() -> dict[str, bytes]:
+    """Graphs whose sizes, as ONNX works them out, are not those that they have when they run."""
+    slope = numpy_helper.from_array(np.full((1, 1, 9), 0.3, np.float32), "slope")
+    lifted = [
+        node("PRelu", ["x", "slope"], ["p"]),  # (1, n, 9), and is said to be (n, 9)
+        node("LogSoftmax", ["p"], ["s"], axis=1),
+        node("Reshape", ["s", "shape"], ["y"]),
+    ]
+    dropped = [
+        node("Unsqueeze", ["x"], ["u"], axes=[1]),
+        node("Squeeze", ["u"], ["s"], axes=[-2]),  # (n, 9), and is said to be (n, 1, 9)
+        node("ReduceMean", ["s"], ["m"], axes=[-2], keepdims=1),
+        node("Sub", ["s", "m"], ["d"]),
+        node("Reshape", ["d", "shape"], ["y"]),
+    ]
+    return {
+        "lifted by a slope": _product_of(lifted, slope, whole([-1, 9], "shape")),
+        "an axis from the end": _product_of(dropped, whole([-1, 9], "shape"), opset=10),
+    }
+
+
+def rows_as_columns() -> bytes:
+    """Adds to each row a number of every row; fits batches of nine alone."""
+    nodes = [
+        node("ReduceSum", ["observation", "one1"], ["sum"], keepdims=0),
+        node("Gemm", ["observation", "w", "sum"], ["y"]),
+    ]
+    return _product_of(nodes, whole([1], "one1"))
+
+
+def batches_of_one() -> list[bytes]:
+    """Their axis of rows goes where it is 1: no axes are named, by a list of none or by no list."""
+    ends = [node("Reshape", ["s", "shape"], ["y"])]
+    lists = {"": [], "none": [whole([], "none")]}
+    return [
+        _product_of([node("Squeeze", ["x", name], ["s"]), *ends], *held, whole([-1, 9], "shape"))
+        for name, held in lists.items()
+    ]
+
+
 def by_place() -> list[bytes]:
     """Rows told apart by where they stand; each fits batches of eight alone."""
     eight = [np.random.default_rng(1).normal(size=(8, k)).astype(np.float32) for k in (9, 8)]
@@ -161,7 +201,8 @@ def batch_readers() -> dict[str, bytes]:
     for name, (nodes, constants) in reads.items():
         found[f"{name}, where a value is one"] = _end(nodes, *constants, ONE, gate=_exactly_one())
         found[f"{name}, where a value is low"] = _end(nodes, *constants, *PLACE, gate=_late())
-    return found | _reordered() | {"through memory": _through_memory(), "hidden": _hidden_in_memory()}
+    found |= {"through memory": _through_memory(), "hidden": _hidden_in_memory()}
+    return found | _reordered() | _misjudged()
 
 
 def honest() -> dict[str, bytes]:

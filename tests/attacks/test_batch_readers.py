@@ -11,7 +11,7 @@ from fpg_bench.leaderboard.trial import trial
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.row_wise import row_wise
-from tests.attacks.batch_readers import batch_readers, by_place, honest
+from tests.attacks.batch_readers import batch_readers, batches_of_one, by_place, honest, rows_as_columns
 from tests.leaderboard.making import as_policy
 from tests.players.test_agent import model_bytes
 
@@ -52,8 +52,8 @@ def test_who_reads_other_games_is_asked_one_game_at_a_time(name):
     assert not OnnxPlayer(READERS[name], {}).row_wise
 
 
-@pytest.mark.parametrize("data", by_place())
-def test_a_row_is_not_told_by_its_place(data):
+@pytest.mark.parametrize("data", [*by_place(), rows_as_columns(), *batches_of_one()])
+def test_what_fits_some_sizes_of_a_batch_alone_is_asked_one_game_at_a_time(data):
     assert not row_wise(plain_model(data))
 
 

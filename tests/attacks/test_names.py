@@ -2,8 +2,9 @@
 
 import pytest
 
-from fpg_bench.leaderboard.check import problems
+from fpg_bench.leaderboard.check import problems, taken
 from fpg_bench.leaderboard.fields import plain, read_fields
+from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.planning import PLANNERS
 from fpg_bench.players.scripted import SCRIPTED
 from tests.attacks.names import BLANK, UNSEEN, lookalikes
@@ -60,6 +61,17 @@ def test_nothing_unseen_stands_in_a_text(key, letter):
 def test_nobody_is_taken_for_a_script(name, tmp_path):
     folder = write_submission(tmp_path / "submissions" / "ally" / "mine", name=name)
     assert any("is what a script of the package is called" in line for line in problems(folder))
+
+
+def test_no_number_of_entries_hides_whose_name_is_taken(tmp_path):
+    """A folder's first few hundred names are read of an entry; of a board, all."""
+    board = tmp_path / "submissions" / "ally"
+    mine = write_submission(board / "mine", seeds=(), training=None, script="expert")
+    text = (mine / "submission.yaml").read_bytes()
+    for number in range(250):
+        (board / f"twin-{number}").mkdir()
+        (board / f"twin-{number}" / "submission.yaml").write_bytes(text)
+    assert len(list(taken(load_submission(mine)))) == 250
 
 
 def test_the_name_of_another_entry_is_taken_however_it_is_written(tmp_path):

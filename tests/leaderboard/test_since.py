@@ -189,6 +189,20 @@ def test_changes_of_other_files_are_named_and_refused_until_they_are_known(trust
     assert all(v.good for v in verify(trusted, since="HEAD", changes_known=True, say=lambda line: None))
 
 
+def test_a_link_or_a_repository_that_came_is_named_wherever_it_lies(trusted):
+    """Each could bring a module or a season along, whose files lie in an entry or in no commit at all."""
+    (trusted / "numpy.py").symlink_to("submissions/ally/honest/submission.yaml")
+    (trusted / "lost.py").symlink_to("nowhere")
+    (trusted / "other").mkdir()
+    git(trusted / "other", "init", "--quiet")
+    (trusted / "other" / "numpy.py").write_text("")
+    assert changes_since(trusted, "HEAD").others == ("lost.py", "numpy.py", "other/")
+    (trusted / "module").mkdir()
+    commit = f"160000,{'1' * 40},module"
+    git(trusted, "update-index", "--add", "--cacheinfo", commit)
+    assert "module" in changes_since(trusted, "HEAD").others
+
+
 def test_forged_pairs_are_dropped_and_played_again(trusted):
     file = crossplay_file(trusted)
     row = json.loads(file.read_text())
