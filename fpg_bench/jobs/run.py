@@ -50,7 +50,7 @@ def run_jobs(
         say: told a line per job that begins or ends.
 
     Returns:
-        Why jobs failed, by name; empty where all is well.
+        Why jobs failed, by name, in the order of the jobs; empty where all is well.
 
     Raises:
         UserError: an unknown backend, or no cluster at the address, or none of its machines is left.
@@ -83,7 +83,7 @@ def run_jobs(
         raise
     finally:
         pool.close()
-    return failed
+    return {job.name: failed[job.name] for job in jobs if job.name in failed}
 
 
 def _check(workers: int, backend: str, address: str | None) -> None:
