@@ -17,9 +17,9 @@ from tests.planning.llm.fault_server import FaultServer, answer
 ROOT = Path(__file__).parents[1]
 PAGES = ("README.md", "docs/planners.md")
 BUDGETS = (
-    (r"(--steps |total_timesteps=|steps: )[\d_]+", r"\g<1>20000"),
+    (r"(--steps |total_timesteps=|steps: )[\d_]+", r"\g<1>5000"),
     (r"fpg-bench train ", "fpg-bench train --evaluations 0 "),
-    (r"tune ppo .*", r"\g<0> --trials 2 --steps 20000 --rounds 10"),
+    (r"tune ppo .*", r"\g<0> --trials 2 --steps 5000 --rounds 10"),
     (r"tune-write .*", r"\g<0> --best 1 --seeds 1"),
     (r"plan compare .*", r"\g<0> --matches 1"),
     (r"plan run .*", r"\g<0> --rounds 3"),
