@@ -22,10 +22,9 @@ from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.play import rounds, table_of
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.statistics import MATCHES, Interval, mean_interval
-from fpg_bench.game.compiling import compiled
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning import PATTERNS, BatchPlanner, Plan, Request, as_planner
-from fpg_bench.planning.sighted import Optimised, expected_return
+from fpg_bench.planning.sighted import Optimised
 
 PATHS = 256  # of other matches, that a path is judged by
 STEPS_M = (160.0, 80.0, 40.0, 20.0)
@@ -37,7 +36,7 @@ class Blind(BatchPlanner):
     name, tier = "blind", "none"
 
     def __init__(self, scenario: Scenario, paths: np.ndarray) -> None:
-        self._paths, self._rules = paths, Optimised(scenario)._rules
+        self._paths, self._optimised = paths, Optimised(scenario)
         self._known: dict[int, np.ndarray] = {}  # every ally is met on the same starts
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
@@ -50,43 +49,8 @@ class Blind(BatchPlanner):
     def _best(self, request: Request) -> np.ndarray:
         limits = request.limits
         waypoints = np.tile(np.array(limits.box_m) / 2, (limits.waypoints, 1))
-        improve(
-            waypoints,
-            self._paths,
-            request.current_position,
-            limits.speed_m_s,
-            np.array(limits.box_m, float),
-            self._rules,
-            np.array(STEPS_M),
-            np.empty(3),
-        )
+        self._optimised.improve(waypoints, self._paths, request, np.array(STEPS_M))
         return waypoints
-
-
-@compiled
-def mean_return(waypoints, paths, start, speed, rules, position):
-    """What flying the waypoints is worth in the mean over paths (n, T + 1, 3)."""
-    total = 0.0
-    for k in range(paths.shape[0]):
-        total += expected_return(waypoints, paths[k], start, speed, rules, position)
-    return total / paths.shape[0]
-
-
-@compiled
-def improve(waypoints, paths, start, speed, box, rules, steps, position):
-    """Move single waypoints along single axes by ever smaller steps, as long as it pays; in place."""
-    best = mean_return(waypoints, paths, start, speed, rules, position)
-    for step in steps:
-        for i in range(waypoints.shape[0] * 6):
-            w, axis = i // 6, i % 3
-            before = waypoints[w, axis]
-            moved = before + (step if i % 6 < 3 else -step)
-            waypoints[w, axis] = min(max(moved, 0.0), box[axis])
-            value = mean_return(waypoints, paths, start, speed, rules, position)
-            if value > best:
-                best = value
-            else:
-                waypoints[w, axis] = before
 
 
 def paths_of(field: Field, seeds: Sequence[int]) -> np.ndarray:

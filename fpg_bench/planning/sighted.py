@@ -53,17 +53,21 @@ class Optimised(BatchPlanner):
 
     def _improved(self, request: Request) -> np.ndarray:
         waypoints = _chased(request, lead=True)
-        improve(
-            waypoints,
-            request.ally_path,
-            request.current_position,
-            request.limits.speed_m_s,
-            np.array(request.limits.box_m, float),
-            self._rules,
-            np.array(_STEPS_M),
-            np.empty(3),
-        )
+        self.improve(waypoints, np.array([request.ally_path]), request, np.repeat(_STEPS_M, _SWEEPS))
         return waypoints
+
+    def improve(self, waypoints: np.ndarray, paths: np.ndarray, request: Request, steps: np.ndarray) -> None:
+        """Improve waypoints, in place, against the mean over paths that the ally may fly.
+
+        Args:
+            waypoints: ``(n, 3)`` in m.
+            paths: the ally's, ``(k, T + 1, 3)`` in m.
+            request: says where the opponent starts, and its limits.
+            steps: in m, how far single waypoints are moved, in this order.
+        """
+        limits = request.limits
+        box, start = np.array(limits.box_m, float), request.current_position
+        _improve(waypoints, paths, start, limits.speed_m_s, box, self._rules, steps, np.empty(3))
 
 
 def _chased(request: Request, lead: bool) -> np.ndarray:
@@ -87,17 +91,24 @@ def expected_return(waypoints, path, start, speed, rules, position):
 
 
 @compiled
-def improve(waypoints, path, start, speed, box, rules, steps, position):
+def _mean_return(waypoints, paths, start, speed, rules, position):
+    total = 0.0
+    for k in range(paths.shape[0]):
+        total += expected_return(waypoints, paths[k], start, speed, rules, position)
+    return total / paths.shape[0]
+
+
+@compiled
+def _improve(waypoints, paths, start, speed, box, rules, steps, position):
     """Move single waypoints along single axes by ever smaller steps, as long as it pays; in place."""
-    best = expected_return(waypoints, path, start, speed, rules, position)
-    for attempt in range(steps.shape[0] * _SWEEPS):
-        step = steps[attempt // _SWEEPS]
+    best = _mean_return(waypoints, paths, start, speed, rules, position)
+    for step in steps:
         for i in range(waypoints.shape[0] * 6):
             w, axis = i // 6, i % 3
             before = waypoints[w, axis]
             moved = before + (step if i % 6 < 3 else -step)
             waypoints[w, axis] = min(max(moved, 0.0), box[axis])
-            value = expected_return(waypoints, path, start, speed, rules, position)
+            value = _mean_return(waypoints, paths, start, speed, rules, position)
             if value > best:
                 best = value
             else:
