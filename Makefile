@@ -20,4 +20,4 @@ test: .venv/.ready
 	touch $@
 
 clean:
-	rm -rf .venv results
+	rm -rf .venv results/benchmark*

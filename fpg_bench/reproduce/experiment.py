@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,8 @@ from fpg_bench.ids import DUEL
 from fpg_bench.players.player import SIDES
 from fpg_bench.reproduce.conditions import Condition
 from fpg_bench.reproduce.recorded import Recorded
-from fpg_bench.reproduce.windows import FINAL, window_row, windows_of, write_windows
+from fpg_bench.reproduce.runs import Run
+from fpg_bench.reproduce.windows import FINAL, window_row, windows_of
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.language_model import training_planner
 from fpg_bench.training.maddpg_seeds import learn_together
@@ -77,10 +78,11 @@ def run_experiment(
     condition: Condition,
     preset: str,
     budget: Budget,
-    paths: Mapping[int, Path],
+    seeds: Iterable[int],
+    place: Path,
     llm: Mapping[str, Any] | None = None,
-) -> None:
-    """Train both sides under a condition, play the last policies without noise, and write what happened.
+) -> list[Run]:
+    """Train both sides under a condition, and play the last policies without noise.
 
     All seeds are trained at once, which takes little longer than one; each by its own games and chance, so
     that the others make no difference to it beyond the rounding of sums.
@@ -89,32 +91,35 @@ def run_experiment(
         condition: under which.
         preset: the scenario, ``paper`` or ``standard``.
         budget: how long.
-        paths: the CSV file of each training seed (see :mod:`fpg_bench.reproduce.windows`). The same seed
-            begins with the same networks and matches under every condition.
+        seeds: of training. The same seed begins with the same networks and matches under every condition.
+        place: a folder for the transcripts of a language model.
         llm: options of a language model's planner, and ``transcript`` to replay one.
+
+    Returns:
+        What happened under each seed.
     """
     torch.set_num_threads(1)
     began = time.monotonic()
-    runs = {seed: _Run(condition, preset, budget, seed, path, llm) for seed, path in paths.items()}
+    runs = {seed: _Training(condition, preset, budget, seed, place / f"seed_{seed}", llm) for seed in seeds}
     steps = condition.budgets * budget.steps
     learn_together({seed: run.model for seed, run in runs.items()}, steps)
     finals = {seed: played_without_noise(run.model, run.games(None)) for seed, run in runs.items()}
     seconds = round((time.monotonic() - began) / len(runs))
+    told = []
     for seed, run in runs.items():
         about = {
-            "condition": condition.name,
             "scenario": f"{preset}, {run.scenario.hash}",
             "budget": f"{budget.name}, {steps} steps, {run.model._n_updates} updates",
-            "seed": seed,
             "trained at once": ", ".join(map(str, runs)),
             "versions": _VERSIONS,
             "seconds": seconds,
         }
-        rows = windows_of(run.core.rounds, steps)
-        write_windows(paths[seed], about, [*rows, window_row(FINAL, steps, *finals[seed])])
+        rows = [*windows_of(run.core.rounds, steps), window_row(FINAL, steps, *finals[seed])]
+        told.append(Run(condition.name, seed, about, rows))
+    return told
 
 
-class _Run:
+class _Training:
     """One training seed under a condition: its games, which keep what was played, and its model."""
 
     def __init__(
@@ -123,13 +128,13 @@ class _Run:
         preset: str,
         budget: Budget,
         seed: int,
-        path: Path,
+        place: Path,
         llm: Mapping[str, Any] | None,
     ) -> None:
         self.scenario, options = condition.scenario(preset), dict(condition.options)
         words = dict(llm or {}) if options.get("planner") == "llm" else {}
         options["planner"] = training_planner(
-            options.get("planner"), path.with_suffix(""), words.pop("transcript", None), words
+            options.get("planner"), place, words.pop("transcript", None), words
         )
         self._make = partial(Recorded, budget.games, scenario=self.scenario, **options)
         games = self.games(training_seed(seed))

@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError, nearest
-from fpg_bench.files import write_whole
 from fpg_bench.jobs.job import Job, check_all_done
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.reproduce.conditions import LLM, LONG, SHORT_SEEDS, Condition, conditions_of
 from fpg_bench.reproduce.experiment import BUDGETS, Budget, run_experiment
 from fpg_bench.reproduce.figures import draw
 from fpg_bench.reproduce.report import write_report
-from fpg_bench.reproduce.results import read_results, run_file
-from fpg_bench.reproduce.windows import read_windows
+from fpg_bench.reproduce.results import read_results
+from fpg_bench.reproduce.runs import RunFile
 
 
 def reproduce(
@@ -36,7 +35,7 @@ def reproduce(
 
     Args:
         target: ``fig3`` to ``fig7``, ``tables`` or ``all``.
-        out: the folder of rows, figures and reports; runs that are there already are not repeated.
+        out: the folder of runs, figures and reports; runs that are there already are not repeated.
         scenario: ``paper`` or ``standard``.
         seeds: runs of each condition that a claim rests on (others: five at most); None: the budget's own.
         budget: ``quick``, ``full``, or one of one's own.
@@ -56,13 +55,12 @@ def reproduce(
     if count < 1:
         raise UserError(f"seeds: expected a whole number above 0, got {count}")
     out = Path(out)
-    wanted = {c.name: (c, _seeds(c, count)) for c in _conditions(target, scenario, budget, llm)}
-    listed = [
-        _job(condition, scenario, budget, seeds_of, out, llm) for condition, seeds_of in wanted.values()
-    ]
+    file = RunFile(out, scenario, budget.name)
+    wanted = [(c, _seeds(c, count)) for c in _conditions(target, scenario, budget, llm)]
+    listed = [_job(condition, scenario, budget, of, out, file, llm) for condition, of in wanted]
     failed = run_jobs(listed, jobs, backend, address, say)
     every = {c.name: range(count) for c in _conditions("all", scenario, BUDGETS["full"], {})}
-    results = read_results(out, scenario, budget.name, every)
+    results = read_results(file, every)
     figures = draw(results, scenario, out / "figures")
     words = f"fpg-bench reproduce {target} --scenario {scenario} --budget {budget.name} --seeds {count}"
     reports = write_report(results, scenario, budget, figures, out, words)
@@ -98,34 +96,13 @@ def _job(
     budget: Budget,
     seeds: Iterable[int],
     out: Path,
+    file: RunFile,
     llm: Mapping[str, Any] | None,
 ) -> Job:
     """All seeds of a condition that are missing, which learn together."""
-    paths = {seed: run_file(out, scenario, budget.name, condition.name, seed) for seed in seeds}
-    missing = {seed: path.absolute() for seed, path in paths.items() if not _is_whole(path)}
-    run = partial(_run, condition, scenario, budget, missing, llm)
-    seeds_told = ", ".join(map(str, missing))
-    return Job(f"{scenario} {condition.name} seeds {seeds_told}", run, _keep, lambda: not missing)
-
-
-def _run(
-    condition: Condition,
-    scenario: str,
-    budget: Budget,
-    paths: Mapping[int, Path],
-    llm: Mapping[str, Any] | None,
-) -> dict[Path, str]:
-    """Run it in a worker; gives the files' texts, which the driver writes if it is elsewhere."""
-    run_experiment(condition, scenario, budget, paths, llm)
-    return {path: path.read_text() for path in paths.values()}
-
-
-def _keep(texts: Mapping[Path, str]) -> None:
-    for path, text in texts.items():
-        if not path.is_file():
-            write_whole(path, text)
-
-
-def _is_whole(path: Path) -> bool:
-    """Whether a run's file is there; one that is no table of a run is an error, not run over."""
-    return path.is_file() and bool(read_windows(path))
+    there = file.read()
+    missing = [seed for seed in seeds if (condition.name, seed) not in there]
+    place = (out / "transcripts" / f"{scenario}-{budget.name}" / condition.name).absolute()
+    run = partial(run_experiment, condition, scenario, budget, missing, place, llm)
+    name = f"{scenario} {condition.name} seeds {', '.join(map(str, missing))}"
+    return Job(name, run, file.add, lambda: not missing)

@@ -1,5 +1,6 @@
 """The paper's experiments with a tiny budget: what is run, kept, drawn, written, and gone on with."""
 
+import gzip
 import re
 import subprocess
 import sys
@@ -13,8 +14,9 @@ from fpg_bench.reproduce.conditions import ALL, BASE, LONG, TARGETS, conditions_
 from fpg_bench.reproduce.experiment import BUDGETS, Budget, run_experiment
 from fpg_bench.reproduce.recorded import Recorded
 from fpg_bench.reproduce.reproduce import reproduce
+from fpg_bench.reproduce.runs import RunFile
 from fpg_bench.reproduce.tables import tables
-from fpg_bench.reproduce.windows import FINAL, STAGES, WINDOWS, read_windows, windows_of
+from fpg_bench.reproduce.windows import FINAL, STAGES, WINDOWS, windows_of
 
 # Enough for a round in each of the forty windows, and for some updates.
 TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
@@ -52,10 +54,10 @@ def test_runs_become_rows_figures_and_a_report(made):
 
 def test_a_run_says_how_it_was_made_and_what_happened(made):
     out, *_ = made
-    about, rows = read_windows(out / "rows/paper-tiny" / BASE / "seed_0.csv")
-    assert about["condition"] == BASE
-    assert about["scenario"].startswith("paper, ")
-    assert about["budget"].startswith("tiny, 8000 steps, ")
+    run = RunFile(out, "paper", "tiny").read()[BASE, 0]
+    assert run.about["scenario"].startswith("paper, ")
+    assert run.about["budget"].startswith("tiny, 8000 steps, ")
+    rows = run.rows
     assert [row["window"] for row in rows] == [*range(WINDOWS), FINAL]
     assert rows[-1]["rounds"] == 8 * 10
     for row in rows:
@@ -82,22 +84,34 @@ def test_what_was_run_is_not_run_again(made):
 def test_the_same_seed_gives_the_same_rows(made, tmp_path):
     out, *_ = made
     (base,) = conditions_of("fig4", "paper", full=False)
-    run_experiment(base, "paper", TINY, {0: tmp_path / "again.csv"})
-    first, again = (
-        read_windows(path)[1]
-        for path in (out / "rows/paper-tiny" / BASE / "seed_0.csv", tmp_path / "again.csv")
-    )
-    assert first == again
+    again = RunFile(tmp_path, "paper", "tiny")
+    again.add(run_experiment(base, "paper", TINY, [0], tmp_path))
+    assert again.read()[BASE, 0].rows == RunFile(out, "paper", "tiny").read()[BASE, 0].rows
+
+
+def test_runs_are_added_beside_those_that_are_there(made, tmp_path):
+    out, *_ = made
+    there, file = RunFile(out, "paper", "tiny").read(), RunFile(tmp_path, "paper", "tiny")
+    for run in reversed(there.values()):
+        file.add([run])
+    assert file.path.read_bytes() == RunFile(out, "paper", "tiny").path.read_bytes()
 
 
 def test_a_file_that_was_cut_off_is_named(made, tmp_path):
     out, *_ = made
-    whole = (out / "rows/paper-tiny" / BASE / "seed_0.csv").read_text()
-    broken = tmp_path / "seed_0.csv"
-    for text in (whole[: len(whole) // 2], "", "window,steps\n1,2\n"):
-        broken.write_text(text)
-        with pytest.raises(UserError, match=r"seed_0\.csv"):
-            read_windows(broken)
+    whole = RunFile(out, "paper", "tiny").path.read_bytes()
+    lines = gzip.decompress(whole).splitlines()
+    other = lines[0].replace(b'"rounds":[', b'"rounds":["many",', 1)
+    short = lines[0].replace(b'"window":[0,', b'"window":[', 1)
+    broken = RunFile(tmp_path, "paper", "tiny")
+    for data in (
+        whole[: len(whole) // 2],
+        b"no gzip",
+        *map(gzip.compress, (b"{}", b"no JSON", other, short)),
+    ):
+        broken.path.write_bytes(data)
+        with pytest.raises(UserError, match=r"paper-tiny\.jsonl\.gz"):
+            broken.read()
 
 
 def test_the_ally_asks_the_knowledge_base_where_it_is():
