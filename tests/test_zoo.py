@@ -17,13 +17,13 @@ from fpg_bench import make_sb3
 from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.zoo import load_zoo
-from fpg_bench.evaluation.zoo_scores import add_missing_lines, member_entry, read_zoo_lines
-from fpg_bench.evaluation.zoo_table import page
 from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.champions import load_recipes
-from tests.evaluation.zoo_making import make_agent, make_zoo
+from fpg_bench.zoo.scores import add_missing_lines, member_entry, read_zoo_lines
+from fpg_bench.zoo.table import page
+from fpg_bench.zoo.zoo import load_zoo
+from tests.zoo.making import make_agent, make_zoo
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = load_zoo()

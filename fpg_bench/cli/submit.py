@@ -38,9 +38,8 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
 
     A note is no fault.
     """
-    from fpg_bench.leaderboard.check import notes, problems
+    from fpg_bench.leaderboard.check import load_submission, notes, problems
     from fpg_bench.leaderboard.likeness import told_apart
-    from fpg_bench.leaderboard.submission import load_submission
     from fpg_bench.leaderboard.tracks import KNOWN
     from fpg_bench.leaderboard.trial import trial
 

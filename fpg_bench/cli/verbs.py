@@ -64,7 +64,7 @@ def play(
     overwrite: Annotated[bool, typer.Option(help="replace a file that is there already")] = False,
 ) -> None:
     """Watch one round of a pairing: as text, a film, or an interactive page."""
-    from fpg_bench.envs.watching import watch
+    from fpg_bench.matches.watching import watch
 
     watch(
         ally,

@@ -16,8 +16,8 @@ from fpg_bench.evaluation.field import Counterpart, Field
 from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.line import Line, read_lines
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.results import Results
 from fpg_bench.evaluation.summary import Summary, summarise
+from fpg_bench.evaluation.table import Results
 from fpg_bench.files import read_json, write_json
 from fpg_bench.jobs.job import Job, check_all_done
 from fpg_bench.jobs.run import run_jobs

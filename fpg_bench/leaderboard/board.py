@@ -11,12 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench import __version__
 from fpg_bench.errors import nearest
 from fpg_bench.evaluation.columns import learning_curve, over_rounds
 from fpg_bench.evaluation.field import Field
-from fpg_bench.evaluation.season import current_season
-from fpg_bench.evaluation.seeds import PROTOCOL
+from fpg_bench.evaluation.seeds import PROTOCOL, current_season
 from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, rank_ranges
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.jobs.job import outcome_of
@@ -40,6 +38,7 @@ from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, TRACKS, Track, ranked_by
 from fpg_bench.leaderboard.worst import Worst, worst
 from fpg_bench.players.player import SIDES
 from fpg_bench.rows import Row
+from fpg_bench.version import __version__
 
 _LONGEST_REASON = 300
 # By how many points a score on the seeds that everybody knew may lie above that on the season's, beyond what

@@ -18,8 +18,6 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.envs.duel import Duel
-from fpg_bench.envs.rounds import play_round
-from fpg_bench.envs.rounds import seated as table_of
 from fpg_bench.evaluation.field import Scale
 from fpg_bench.evaluation.play import LOST_SCORE
 from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
@@ -33,6 +31,8 @@ from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, seated
 from fpg_bench.leaderboard.result import rounded
 from fpg_bench.leaderboard.team import Team
 from fpg_bench.leaderboard.tracks import KNOWN
+from fpg_bench.matches.rounds import play_round
+from fpg_bench.matches.rounds import seated as table_of
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import SIDES

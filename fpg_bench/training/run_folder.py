@@ -15,7 +15,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import fpg_bench
 from fpg_bench.errors import UserError
 from fpg_bench.files import read_json, write_json
 from fpg_bench.game.scenario import STANDARD, Scenario
@@ -202,7 +201,7 @@ def _changed(scenario: Scenario) -> dict[str, Any]:
 
 def _revision() -> str | None:
     """The git revision that this code is at, with a + where it has changed; None outside a checkout."""
-    root = Path(fpg_bench.__file__).parents[1]
+    root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None
     try:

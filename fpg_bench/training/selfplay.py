@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.encounters import met, told
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.files import read_json, write_json, write_whole
 from fpg_bench.game.names import JAMMING_TYPES
@@ -25,6 +24,7 @@ from fpg_bench.ids import policy_view
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.rows import Row, RowFile
+from fpg_bench.training.encounters import met, told
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder, command_line
 from fpg_bench.training.train import train
