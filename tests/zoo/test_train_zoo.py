@@ -10,7 +10,7 @@ import time
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.training import zoo as training
+from fpg_bench.zoo import training
 from fpg_bench.zoo.curves import curve_file
 from fpg_bench.zoo.scores import score_file
 from fpg_bench.zoo.training import command, run_folder, ship, state, train_zoo
