@@ -21,6 +21,7 @@ DOCS = PACKAGE.parent / "docs"
 FLOORS = {
     "version": 0,
     "errors": 0,
+    "checks": 0,
     "files": 0,
     "ids": 0,
     "imports": 0,

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.jobs.job import Job, Outcome, Pool, attempt
 
@@ -87,8 +88,7 @@ def run_jobs(
 
 
 def _check(workers: int, backend: str, address: str | None) -> None:
-    if workers < 1:
-        raise UserError(f"jobs: expected a whole number above 0, got {workers}")
+    whole(workers, "jobs")
     if backend not in BACKENDS:
         raise UserError(f"backend: unknown {backend!r}{nearest(backend, BACKENDS)}")
     if address is not None and backend != "ray":

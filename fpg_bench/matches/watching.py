@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.checks import whole
 from fpg_bench.envs.duel import make_duel
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.names import JAMMING_TYPES
@@ -79,8 +80,7 @@ def watch(
         OSError: the file cannot be written.
     """
     for name, value in (("rounds", rounds), ("every", every)):
-        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-            raise UserError(f"{name}: expected a whole number of at least 1, got {value!r}")
+        whole(value, name)
     target = None if out is None else _checked_target(Path(out), overwrite)
     duel = make_duel(
         scenario=scenario, path=path, planner=planner, knowledge=knowledge, jamming_types=jamming_types

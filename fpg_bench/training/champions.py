@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.checks import check_keys
 from fpg_bench.envs.one_sided import OneSided
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.errors import UserError
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.files import read_json, read_yaml, write_json, write_whole
 from fpg_bench.ids import find_view, policy_view
@@ -79,13 +80,7 @@ def load_recipes(file: Path) -> dict[str, Recipe]:
 def _recipe(name: str, content: Any, where: str) -> Recipe:
     fields = {f.name: f for f in dataclasses.fields(Recipe) if f.name != "name"}
     needed = {key for key, f in fields.items() if f.default_factory is f.default is dataclasses.MISSING}
-    if not isinstance(content, Mapping):
-        raise UserError(f"{where}: expected a mapping, got {content!r}")
-    for key in [*content, *needed]:
-        if key not in fields:
-            raise UserError(f"{where}: unknown key {key!r}{nearest(str(key), fields)}")
-        if key not in content:
-            raise UserError(f"{where}: lacks {key!r}")
+    check_keys(content, fields, where, sorted(needed))
     recipe = Recipe(name, **content)
     for key in ("against", "stages", "responders"):
         if not isinstance(getattr(recipe, key), list) or not (getattr(recipe, key) or key == "responders"):

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.files import read_json, write_json, write_whole
@@ -80,8 +81,7 @@ def selfplay(
         KeyboardInterrupt: stopped by the user.
     """
     for name, value in (("generations", generations), ("pool", pool)):
-        if value < 1:
-            raise UserError(f"{name}: expected a whole number above 0, got {value}")
+        whole(value, name)
     game = {"scenario": scenario, "path": path, "knowledge": knowledge, "jamming_types": jamming_types}
     options = {name: value for name, value in game.items() if value is not None}
     made = _Selfplay(algorithm, Path(out), steps, pool, seed, options)

@@ -15,6 +15,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 from torch.distributions import Distribution
 
+from fpg_bench.checks import whole
 from fpg_bench.envs.one_sided import OneSided
 from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.errors import UserError
@@ -220,9 +221,7 @@ def _check_start(run: Path, about: dict[str, Any]) -> None:
 
 
 def _budget(algorithm: Algorithm, parameters: Hyperparameters, steps: int | None) -> int:
-    if steps is not None and steps < 1:
-        raise UserError(f"steps: expected a whole number above 0, got {steps}")
-    budget = parameters.n_timesteps if steps is None else steps
+    budget = parameters.n_timesteps if steps is None else whole(steps, "steps")
     if not budget:
         raise UserError(f"steps: {algorithm.name} has no hyper-parameter file that says how many; say it")
     return budget

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
 from fpg_bench.files import read_json, write_whole
 from fpg_bench.ids import DUEL, sides_of
@@ -65,8 +66,7 @@ def train_zoo(
         UserError: nothing is called as ``only`` says, or another process trains into ``runs``.
         KeyboardInterrupt: stopped by the user; the trainings have saved where they were.
     """
-    if jobs < 1:
-        raise UserError(f"jobs: expected a whole number above 0, got {jobs}")
+    whole(jobs, "jobs")
     waiting = [member for member in zoo.members(only) if not member.shipped]
     failed: list[str] = []
     with RowFile(runs / _LOCK).locked(), _stopped_together() as running:

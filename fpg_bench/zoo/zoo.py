@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fpg_bench.checks import check_keys, is_whole, mapping
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.files import read_json, read_yaml, write_whole
@@ -132,9 +133,9 @@ def load_zoo(folder: Path | None = None) -> Zoo:
     folder = folder or baselines_folder()
     path = folder / "zoo.yml"
     content = read_yaml(path, "zoo")
-    _check_keys(content, _KEYS, f"zoo {path}")
+    check_keys(content, _KEYS, f"zoo {path}", sorted(_KEYS))
     seeds, views = content["seeds"], content["views"]
-    if not isinstance(seeds, list) or not seeds or not all(_is_whole(seed, 0) for seed in seeds):
+    if not isinstance(seeds, list) or not seeds or not all(is_whole(seed, 0) for seed in seeds):
         raise UserError(f"zoo {path}: seeds: expected a list of whole numbers, got {seeds!r}")
     if not isinstance(views, dict) or not views:
         raise UserError(f"zoo {path}: views: expected a mapping, got {views!r}")
@@ -144,27 +145,13 @@ def load_zoo(folder: Path | None = None) -> Zoo:
 def _view(name: str, content: Any, path: Path) -> ZooView:
     where = f"zoo {path}: {name}"
     content = {"options": {}, **content} if isinstance(content, dict) else content
-    _check_keys(content, _VIEW_KEYS, where)
+    check_keys(content, _VIEW_KEYS, where, sorted(_VIEW_KEYS))
     steps, options = content["steps"], content["options"]
-    if not isinstance(options, dict):
-        raise UserError(f"{where}: options: expected a mapping, got {options!r}")
-    if not isinstance(steps, dict) or not all(_is_whole(budget, 1) for budget in steps.values()):
+    mapping(options, f"{where}: options")
+    if not isinstance(steps, dict) or not all(is_whole(budget) for budget in steps.values()):
         raise UserError(f"{where}: steps: expected algorithm: steps, got {steps!r}")
     fields = content["fields"]
     if not isinstance(fields, list) or not fields:
         raise UserError(f"{where}: fields: expected a list of fields' names, got {fields!r}")
     sides_of(content["id"])
     return ZooView(str(name), content["id"], options, tuple(map(str, fields)), steps)
-
-
-def _check_keys(content: Any, keys: set[str], where: str) -> None:
-    if not isinstance(content, dict):
-        raise UserError(f"{where}: expected a mapping, got {content!r}")
-    for key in [*content, *keys]:
-        if (key in content) != (key in keys):
-            problem = f"unknown key {key!r}{nearest(str(key), keys)}" if key in content else f"lacks {key!r}"
-            raise UserError(f"{where}: {problem}")
-
-
-def _is_whole(value: Any, least: int) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value >= least

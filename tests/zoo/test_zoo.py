@@ -48,7 +48,7 @@ def test_an_agent_is_shipped_once_it_lies_there_and_whole_while_its_policy_is_th
         ("seeds:", "seed:", "unknown key 'seed'; did you mean 'seeds'"),
         ("views:", "views: 3\nview:", "unknown key 'view'"),
         ("AllyVsScripted", "AlyVsScripted", "did you mean 'FPG/AllyVsScripted-v0'"),
-        ("    fields: [FIELD]\n", "", "small: lacks 'fields'"),
+        ("    fields: [FIELD]\n", "", "small: lacks fields"),
         ("fields: [FIELD]", "fields: FIELD", "fields: expected a list of fields' names"),
         ("steps: {ppo: 2000", "step: {ppo: 2000", "did you mean 'steps'"),
         ("ppo: 2000", "ppo: 2M", "expected algorithm: steps"),
