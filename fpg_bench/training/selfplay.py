@@ -28,7 +28,8 @@ from fpg_bench.rows import Row, RowFile
 from fpg_bench.training.encounters import met, told
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder, command_line
-from fpg_bench.training.train import train
+from fpg_bench.training.spec import RunSpec
+from fpg_bench.training.train import train_run
 
 GENERATIONS, STEPS, POOL = 10, 500_000, 5
 ROWS, ABOUT = "selfplay.jsonl", "selfplay.json"
@@ -160,20 +161,18 @@ class _Selfplay:
 
     def learn(self, side: str, generation: int, hyperparams: Any, evaluations: int, progress: bool) -> None:
         """Train a generation of a side, or go on with it."""
-        train(
+        run = RunSpec(
             self.algorithm,
             policy_view(side).id,
-            self.run(side, generation).path,
-            seed=SEED_STRIDE * self.seed + generation,
-            steps=self.steps,
-            hyperparams=hyperparams,
-            evaluations=evaluations,
-            progress=progress,
-            resume=True,
+            SEED_STRIDE * self.seed + generation,
+            self.steps,
+            hyperparams,
             against=list(self.others(side, generation).values()),
             start=self.run(side, generation - 1).path if generation else None,
-            **self.options,
+            options=self.options,
         )
+        where = self.run(side, generation).path
+        train_run(run, where, evaluations=evaluations, progress=progress, resume=True)
 
     def row(self, side: str, generation: int) -> Row:
         """What a generation of a side scored: on its field, and against those it was trained against."""

@@ -88,7 +88,7 @@ class Endpoint:
     server: Server = field(default_factory=lambda: load_server("generic"))
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "base_url", _checked_url("base_url", self.base_url))
+        object.__setattr__(self, "base_url", _checked_url(self.base_url, "base_url"))
         if self.key and not (self.key.isascii() and self.key.isprintable() and " " not in self.key):
             raise UserError(f"{KEY}: holds a space, a line break or a letter that no key holds; copy it anew")
 
@@ -131,7 +131,7 @@ def endpoint_from_environment(server: str | None = None) -> Endpoint:
         missing.append(f"{BASE_URL} (e.g. http://127.0.0.1:8080/v1, or {SERVER}=spark)")
     if model is None:
         missing.append(MODEL)
-    known = Endpoint(_checked_url(BASE_URL, base_url), model or "", server=profile) if base_url else None
+    known = Endpoint(_checked_url(base_url, BASE_URL), model or "", server=profile) if base_url else None
     if not _value(KEY) and not (known and known.on_this_machine):
         missing.append(KEY if known else f"{KEY} (none is needed on this machine)")
     if known is None or missing:
