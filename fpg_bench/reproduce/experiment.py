@@ -104,7 +104,7 @@ def run_experiment(
         about = {
             "condition": condition.name,
             "scenario": f"{preset}, {run.scenario.hash}",
-            "budget": f"{budget.name}, {steps} steps, {run.model._n_updates} updates",
+            "budget": f"{budget.name}, {steps} steps, {run.model.updates} updates",
             "seed": seed,
             "trained at once": ", ".join(map(str, runs)),
             "versions": _VERSIONS,
