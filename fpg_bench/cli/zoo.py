@@ -10,7 +10,7 @@ import typer
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.field import Field
-    from fpg_bench.zoo.zoo import Member, Zoo, ZooView
+    from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView
 
 
 def zoo() -> None:
@@ -43,7 +43,7 @@ def _scores(shipped: Zoo, view: ZooView) -> dict[tuple[str, int | None], float]:
     return {(s.entry, seed): score for s in summaries for seed, score in s.seed_scores().items()}
 
 
-def _line(member: Member, score: float | None) -> str:
+def _line(member: ZooAgent, score: float | None) -> str:
     whole = "whole" if member.is_whole() else "CHANGED: not the file that agent.json describes"
     told = "-" if score is None else f"{score:.1f}"
     return f"{member.name:36} {member.about()['training_steps']:12,} {told:>7}  {whole}"
@@ -86,7 +86,7 @@ def _described(field: Field) -> str:
     return f"measures the {field.side}, {met}\n    {field.scale.told}"
 
 
-def _agents(members: Iterable[Member]) -> list[str]:
+def _agents(members: Iterable[ZooAgent]) -> list[str]:
     """The agents' names, training seeds together."""
     seeds: dict[str, list[str]] = {}
     for member in members:
