@@ -7,8 +7,6 @@ nothing is shipped.
 import dataclasses
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -24,6 +22,7 @@ from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.champions import load_recipes
 from tests.evaluation.zoo_making import make_agent, make_zoo
+from tests.programs import fpg, python
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = load_zoo()
@@ -56,8 +55,7 @@ counterparts:
 
 
 def script(*words, folder):
-    run = [sys.executable, str(ROOT / "scripts" / "train_zoo.py"), *map(str, words)]
-    return subprocess.run(run, cwd=folder, capture_output=True, text=True)
+    return python(ROOT / "scripts" / "train_zoo.py", *words, folder=folder)
 
 
 def shipped_agents():
@@ -121,7 +119,7 @@ def test_the_page_is_what_the_lines_give():
 
 
 def test_the_verb_lists_what_is_shipped():
-    found = subprocess.run([sys.executable, "-m", "fpg_bench.cli", "zoo"], capture_output=True, text=True)
+    found = fpg("zoo")
     assert found.returncode == 0, found.stderr
     names = [line.split()[0] for line in found.stdout.splitlines() if line.endswith("whole")]
     assert names == shipped_agents()
