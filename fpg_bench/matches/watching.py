@@ -42,17 +42,13 @@ def watch(
     ally: Any = "expert",
     opponent: Any = "adaptive",
     *,
-    scenario: Scenario | str | None = None,
-    path: Any = None,
-    planner: Any = None,
-    knowledge: str | None = None,
-    jamming_types: Any = None,
     seed: int = 0,
     rounds: int = 1,
     out: str | Path | None = None,
     every: int = 1,
     overwrite: bool = False,
     echo: Echo = print,
+    **game: Any,
 ) -> list[dict[str, float | None]]:
     """Play one pairing and show it.
 
@@ -63,13 +59,14 @@ def watch(
 
     Args:
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.naming.as_player`.
-        scenario, path, planner, knowledge, jamming_types: those of :func:`fpg_bench.envs.duel.make_duel`.
         seed: of the match; a whole number in [0, 2^63).
         rounds: how many are played, one after the other; after a match's last one its seed's next match.
         out: the file to write, or None for text.
         every: of the lines or a film's frames, show each n-th and the last; a replay keeps all steps.
         overwrite: whether a file of that name may be replaced.
         echo: called with each line of text.
+        **game: ``scenario``, ``path``, ``planner``, ``knowledge``, ``jamming_types``: those of
+            :func:`fpg_bench.envs.duel.make_duel`.
 
     Returns:
         The measures of each round, by the names of :func:`fpg_bench.game.measures.measures`.
@@ -82,9 +79,7 @@ def watch(
     for name, value in (("rounds", rounds), ("every", every)):
         whole(value, name)
     target = None if out is None else _checked_target(Path(out), overwrite)
-    duel = make_duel(
-        scenario=scenario, path=path, planner=planner, knowledge=knowledge, jamming_types=jamming_types
-    )
+    duel = make_duel(**game)
     names = {"ally": player_name(ally), "opponent": player_name(opponent)}
     table = seated(duel, ally, opponent)
     recordings, found = [], []
