@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fpg_bench.errors import UserError, nearest
+from fpg_bench.extras import need
 from fpg_bench.jobs.job import Job, Outcome, Pool, attempt
 
 BACKENDS = ("loky", "ray")
@@ -100,6 +101,7 @@ def _pool(backend: str, address: str | None, workers: int) -> Pool:
         from fpg_bench.jobs.cluster import RayPool
 
         return RayPool(address, workers)
+    need("evaluate", "joblib")
     from fpg_bench.jobs.local import LocalPool
 
     return LocalPool()
