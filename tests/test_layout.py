@@ -22,6 +22,7 @@ FLOORS = {
     "version": 0,
     "errors": 0,
     "checks": 0,
+    "extras": 0,
     "files": 0,
     "ids": 0,
     "imports": 0,

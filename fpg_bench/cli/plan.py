@@ -20,6 +20,7 @@ from fpg_bench.cli.options import (
     llm_options,
 )
 from fpg_bench.errors import UserError, printable
+from fpg_bench.extras import need
 
 if TYPE_CHECKING:
     from fpg_bench.matches.match import Round
@@ -47,6 +48,7 @@ def run(
     deadline: DeadlineOption = None,
 ) -> None:
     """Play one match of a planner, draw its paths, and keep it in a file; a stopped one goes on."""
+    need("video", "matplotlib")
     from fpg_bench.matches.match import run_match
     from fpg_bench.matches.match_picture import draw_match
 
@@ -93,6 +95,7 @@ def probe(
     deadline: Annotated[float, typer.Option(min=0.1, help="seconds that each question may take")] = 30,
 ) -> None:
     """Try the language model that the environment names: what its server honours."""
+    need("llm", "openai")
     from rich.console import Console
 
     from fpg_bench.planning.llm import probe as probing

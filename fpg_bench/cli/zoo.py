@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from fpg_bench.extras import need
+
 if TYPE_CHECKING:
     from fpg_bench.evaluation.field import Field
     from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
 
 def zoo() -> None:
     """List the shipped agents: algorithm, seed and steps, their score, and whether their files are whole."""
+    need("evaluate", "scipy")
     from fpg_bench.zoo.zoo import load_zoo
 
     shipped = load_zoo()

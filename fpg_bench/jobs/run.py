@@ -13,6 +13,7 @@ from typing import Any
 
 from fpg_bench.checks import whole
 from fpg_bench.errors import UserError, nearest
+from fpg_bench.extras import need
 from fpg_bench.jobs.job import Job, Outcome, Pool, attempt
 
 BACKENDS = ("loky", "ray")
@@ -129,6 +130,7 @@ def _pool(backend: str, address: str | None, workers: int) -> Pool:
         from fpg_bench.jobs.cluster import RayPool
 
         return RayPool(address, workers)
+    need("evaluate", "joblib")
     from fpg_bench.jobs.local import LocalPool
 
     return LocalPool()

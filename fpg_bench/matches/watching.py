@@ -11,6 +11,7 @@ import numpy as np
 from fpg_bench.checks import whole
 from fpg_bench.envs.duel import make_duel
 from fpg_bench.errors import UserError, nearest
+from fpg_bench.extras import need
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.matches.rounds import Table, begin, play_round, seated
@@ -54,7 +55,7 @@ def watch(
 
     Without ``out`` every step is a line of text, under a heading and over a closing line of measures.
     With it the rounds are played first and then written: ``.html`` is an interactive replay in one file,
-    ``.gif`` a film for any viewer, ``.mp4`` a film that needs the extra ``video``; the closing lines and
+    ``.gif`` and ``.mp4`` are films, which need the extra ``video``; the closing lines and
     the file's name are echoed.
 
     Args:
@@ -102,6 +103,8 @@ def _checked_target(path: Path, overwrite: bool) -> Path:
         raise UserError(f"out: {path} is a folder")
     if path.exists() and not overwrite:
         raise UserError(f"out: {path} is there already; choose another name, or allow overwriting")
+    if suffix != ".html":
+        need("video", "matplotlib", "PIL")
     if suffix == ".mp4":
         from fpg_bench.pictures.film import check_mp4
 

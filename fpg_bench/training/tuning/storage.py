@@ -19,6 +19,7 @@ from optuna.storages import JournalStorage, RDBStorage, fail_stale_trials
 from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 
 from fpg_bench.errors import UserError
+from fpg_bench.extras import need
 
 JOURNAL = "journal.log"
 HEARTBEAT_S = 60
@@ -169,7 +170,7 @@ def open_storage(
         there: whether the journal must be there already.
 
     Raises:
-        UserError: it cannot be opened.
+        UserError: it cannot be opened, or the extra ``postgres`` is not installed.
     """
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     if url is None:
@@ -177,6 +178,8 @@ def open_storage(
             raise UserError(f"{out}: holds no study")
         return _journal(out.resolve() / JOURNAL, say, patience_s)
     where = f"storage {_without_password(url)}"
+    if url.startswith("postgresql+psycopg:"):
+        need("postgres", "psycopg")
     return Storage(where, _database(url, where, stale, heartbeat_s), Patience(where, patience_s, say))
 
 
