@@ -1,8 +1,8 @@
 """A Python that has imported everything once, and becomes a program as often as it is asked to.
 
-A request is a line of JSON. A fork of this process then does what ``python WORDS`` would, in a folder, with an
-environment and with files of its own; the answer is its status. Nothing here may start a thread, as a fork
-takes none along.
+A request is a line of JSON. A fork of this process then does what ``python WORDS`` would, in a folder, with
+an environment and with files of its own; the answer is its status. Nothing here may start a thread, as a
+fork takes none along.
 """
 
 from __future__ import annotations

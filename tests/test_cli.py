@@ -1,6 +1,7 @@
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import typer
 
 from fpg_bench import __version__
 from fpg_bench.cli.options import whole_number
+from fpg_bench.game.compiling import cache_folder
 from fpg_bench.game.names import PATHS
 from fpg_bench.planning import PLANNERS
 from fpg_bench.players.agent import fields_folder
@@ -179,12 +181,15 @@ def test_a_player_that_fails_is_named(tmp_path):
 
 
 def test_damaged_compiled_code_says_what_to_delete(tmp_path):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    words = [sys.executable, "-m", "fpg_bench.cli", "play", "--every", "300"]
-    assert subprocess.run(words, env=environment, capture_output=True).returncode == 0
+    words = ("play", "--every", "300")
+    assert fpg(*words).returncode == 0  # all that it needs is compiled now
+    folder = cache_folder()
+    shutil.copytree(folder, tmp_path / folder.parent.name / folder.name)
     for path in tmp_path.rglob("*.nbc"):
         path.write_bytes(path.read_bytes()[:100])
-    found = subprocess.run(words, env=environment, capture_output=True, text=True)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-m", "fpg_bench.cli", *words]
+    found = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert found.returncode == 1
     assert f"delete {tmp_path}" in found.stderr.splitlines()[-1]
 

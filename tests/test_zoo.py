@@ -157,7 +157,7 @@ def tiny(tmp_path_factory):
     (folder / "other-v1.yml").write_text(OTHER)
     zoo = TINY.replace("FIELD", str(folder / "small-v1.yml")).replace("OTHER", str(folder / "other-v1.yml"))
     (folder / "zoo.yml").write_text(zoo)
-    found = script("--zoo", folder, "--runs", folder / "runs", "--jobs", 2, folder=folder)
+    found = script("--zoo", folder, "--runs", folder / "runs", "--jobs", 1, folder=folder)
     assert found.returncode == 0, found.stdout + found.stderr
     return folder
 
