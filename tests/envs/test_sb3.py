@@ -205,6 +205,7 @@ def test_evaluation_during_training_keeps_the_best_model(tmp_path):
     assert (tmp_path / "best_model.zip").is_file()
 
 
+@pytest.mark.process
 def test_single_views_in_processes_play_the_same_game():
     theirs = make_vec_env(
         ALLY,

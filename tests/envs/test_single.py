@@ -1,4 +1,4 @@
-"""The Gymnasium view of one game: its keywords and bad input; ``test_contract.py`` has what all views share."""
+"""The Gymnasium view of one game: its keywords and bad input. What all views share ``test_contract.py``."""
 
 from __future__ import annotations
 

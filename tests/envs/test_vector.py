@@ -159,6 +159,7 @@ def test_gymnasiums_vector_wrappers_take_it():
     assert infos["episode"]["r"] == pytest.approx(infos["measures"]["ally_return"], rel=1e-5)
 
 
+@pytest.mark.process
 def test_games_in_processes_of_their_own_play_the_same():
     makers = [lambda: gymnasium.make(ALLY, scenario=SHORT)] * 2
     theirs, ours = AsyncVectorEnv(makers), make(games=2)
