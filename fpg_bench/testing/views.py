@@ -26,7 +26,7 @@ def check_view(make: Make) -> None:
 
     Args:
         make: makes the view anew: of Gymnasium (one game or a batch), Stable-Baselines3, PettingZoo
-            (parallel), or a duel.
+            (parallel), or a duel; one derived from ours, too. Wrappers are taken off.
 
     Raises:
         AssertionError: the first thing that is wrong.
