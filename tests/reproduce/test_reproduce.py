@@ -28,6 +28,7 @@ def made(tmp_path_factory):
     return out, written, said
 
 
+@pytest.mark.slow
 def test_runs_become_rows_figures_and_a_report(made):
     out, written, _ = made
     names = [path.name for path in written]
@@ -49,6 +50,7 @@ def test_runs_become_rows_figures_and_a_report(made):
     assert "<table>" in (out / "report-paper.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_run_says_how_it_was_made_and_what_happened(made):
     out, *_ = made
     about, rows = read_windows(out / "rows/paper-tiny" / BASE / "seed_0.csv")
@@ -70,6 +72,7 @@ def test_a_run_says_how_it_was_made_and_what_happened(made):
         assert 0 < moved.max() <= 2 * PAPER.opponent_speed_m_s + 2  # whole metres
 
 
+@pytest.mark.slow
 def test_what_was_run_is_not_run_again(made):
     out, _, first = made
     assert sum("begins" in line for line in first) == 3
@@ -78,6 +81,7 @@ def test_what_was_run_is_not_run_again(made):
     assert said == []
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_rows(made, tmp_path):
     out, *_ = made
     (base,) = conditions_of("fig4", "paper", full=False)
@@ -89,6 +93,7 @@ def test_the_same_seed_gives_the_same_rows(made, tmp_path):
     assert first == again
 
 
+@pytest.mark.slow
 def test_a_file_that_was_cut_off_is_named(made, tmp_path):
     out, *_ = made
     whole = (out / "rows/paper-tiny" / BASE / "seed_0.csv").read_text()
