@@ -51,6 +51,7 @@ def run(tmp_path_factory):
     return folder / "run"
 
 
+@pytest.mark.slow
 def test_a_run_says_how_it_was_made(run):
     about = json.loads((run / "run.json").read_text())
     assert about["finished"]
@@ -67,6 +68,7 @@ def test_a_run_says_how_it_was_made(run):
     assert not (run / "checkpoints").exists()
 
 
+@pytest.mark.slow
 def test_its_git_revision_is_that_of_the_code(run):
     root = Path(fpg_bench.__file__).parents[1]
     if not (root / ".git").exists():
@@ -75,6 +77,7 @@ def test_its_git_revision_is_that_of_the_code(run):
     assert json.loads((run / "run.json").read_text())["revision"].rstrip("+") == head
 
 
+@pytest.mark.slow
 def test_it_says_how_good_its_policy_was_on_the_way(run):
     rows = RowFile(run / "evaluations.jsonl").read()
     assert [row["steps"] for row in rows] == [0, 1200, 2400]
@@ -87,11 +90,13 @@ def test_it_says_how_good_its_policy_was_on_the_way(run):
     assert rows[0]["score"] != rows[-1]["score"]
 
 
+@pytest.mark.slow
 def test_the_last_score_is_the_agents(run):
     found = Yardstick("ally-v1").score(load_agent(run / "agent"))
     assert found["score"] == pytest.approx(RowFile(run / "evaluations.jsonl").read()[-1]["score"], abs=2)
 
 
+@pytest.mark.slow
 def test_the_agent_plays_without_torch_or_sb3(run):
     player = load_agent(run / "agent", "ally")
     about = json.loads((run / "agent" / "agent.json").read_text())
@@ -99,6 +104,7 @@ def test_the_agent_plays_without_torch_or_sb3(run):
     assert (about["algorithm"], about["training_seed"], about["training_steps"]) == ("ppo", 3, 2400)
 
 
+@pytest.mark.slow
 def test_tensorboard_shows_the_game(run):
     events = EventAccumulator(str(run))
     events.Reload()
@@ -113,6 +119,7 @@ def test_tensorboard_shows_the_game(run):
     assert all(0 <= event.value <= 1 for event in events.Scalars("game/jamming_success_rate"))
 
 
+@pytest.mark.slow
 def test_a_finished_run_is_not_repeated_and_no_other_overwritten(run, tmp_path):
     before = (run / "run.json").read_text()
     arguments = ("ppo", "FPG/AllyVsScripted-v0", run)
@@ -135,6 +142,7 @@ def test_a_finished_run_is_not_repeated_and_no_other_overwritten(run, tmp_path):
         train("ppo", "FPG/AllyVsScripted-v0", run.parent, seed=3, **options)
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_before_it_said_anything_begins_again(tmp_path):
     (tmp_path / "tiny.yml").write_text(TINY)
     (tmp_path / "run").mkdir()
