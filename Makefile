@@ -3,8 +3,10 @@ PYTHON ?= python3
 STEPS ?= 2000000
 RESULTS ?= results/benchmark$(if $(filter 2000000,$(STEPS)),,-$(STEPS))
 BIN = .venv/bin
+LOWEST = tests/envs/test_single.py tests/envs/test_vector.py tests/envs/test_multi_agent.py tests/envs/test_sb3.py \
+	tests/players/test_agent.py tests/training/test_export.py
 
-.PHONY: benchmark test clean
+.PHONY: benchmark test test-lowest clean
 
 benchmark: .venv/.train
 	$(BIN)/fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo-fast --restart
@@ -20,5 +22,16 @@ test: .venv/.dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[$*]"
 	touch $@ .venv/.train
 
+# The lowest versions that pyproject.toml allows, and a small suite on them.
+test-lowest: .venv-lowest/.ready
+	.venv-lowest/bin/python -m pytest $(LOWEST)
+
+.venv-lowest/.ready: pyproject.toml scripts/lowest.py
+	$(PYTHON) -m venv .venv-lowest
+	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check packaging
+	.venv-lowest/bin/python scripts/lowest.py > .venv-lowest/lowest.txt
+	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check -c .venv-lowest/lowest.txt -e ".[train]" pytest hypothesis
+	touch $@
+
 clean:
-	rm -rf .venv results
+	rm -rf .venv .venv-lowest results
