@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from stable_baselines3 import PPO
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 import fpg_bench
@@ -17,6 +18,7 @@ from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.rows import RowFile
 from fpg_bench.training.algorithms import ALGORITHMS
 from fpg_bench.training.checkpoints import newest_checkpoint
+from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model
 from fpg_bench.training.train import train
@@ -262,6 +264,26 @@ def test_a_policy_that_cannot_act_is_refused_before_anything_is_written(spread, 
     with pytest.raises(UserError, match="hyper-parameters of ppo: the new policy draws no finite actions"):
         train_tiny("ppo", tmp_path / "run", changes)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_policy_that_the_exporter_refuses_is_refused_before_anything_is_written(tmp_path, monkeypatch):
+    def broken(*args, **kwargs):
+        raise RuntimeError("no such pass")
+
+    monkeypatch.setattr("fpg_bench.training.export._EXPORTED", set())
+    monkeypatch.setattr(torch.onnx, "export", broken)
+    with pytest.raises(UserError, match=r"by torch .*, onnx .*, onnxscript .*: RuntimeError: no such pass$"):
+        train_tiny("ppo", tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_trial_export_leaves_chance_and_checks_as_they_are():
+    model = PPO("MlpPolicy", make_sb3("FPG/AllyVsScripted-v0", n_envs=2, seed=0), n_steps=4, batch_size=8)
+    before = torch.get_rng_state()
+    export_onnx(model)
+    assert torch.equal(torch.get_rng_state(), before)
+    with pytest.raises(ValueError, match="Expected parameter"):
+        torch.distributions.Normal(0.0, -1.0)
 
 
 def test_an_opponent_that_answers_nan_is_not_called_divergence(tmp_path):
