@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import logging
 import tempfile
+import threading
 import warnings
 from importlib.metadata import version
 from pathlib import Path
@@ -37,6 +39,7 @@ def export_onnx(model: BaseAlgorithm) -> bytes:
     Raises:
         UserError: a policy of another kind, or one that the versions at hand can't write as ONNX.
     """
+    _keep_tqdm_in_this_process()
     actor = Actor(model)
     examples = [torch.zeros(2, OBSERVATION_SIZE)]
     names = ["observation", "action"]
@@ -70,6 +73,17 @@ def export_onnx(model: BaseAlgorithm) -> bytes:
         finally:
             Distribution.set_default_validate_args(True)  # the exporter turns torch's checks off
         return stripped(path.read_bytes())
+
+
+def _keep_tqdm_in_this_process() -> None:
+    """Give tqdm a lock of threads; its own is one of processes, which a worker that is stopped leaves behind.
+
+    The exporter makes a bar, hidden, where tqdm is installed.
+    """
+    with contextlib.suppress(ImportError):
+        from tqdm import tqdm
+
+        tqdm.set_lock(threading.RLock())
 
 
 def export_agent(model: BaseAlgorithm, folder: Path, about: dict[str, Any]) -> float:
