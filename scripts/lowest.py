@@ -12,7 +12,7 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
-EXTRAS = ("evaluate", "train")  # what the small suite needs beside the core
+EXTRAS = ("evaluate", "train", "video")  # what the small suite needs beside the core
 
 
 def requirements(extras: tuple[str, ...] = EXTRAS) -> Iterator[Requirement]:
