@@ -52,7 +52,7 @@ SecondsOption = Annotated[
     float | None, typer.Option(min=0, help="llm: most seconds in calls; default: a week")
 ]
 DeadlineOption = Annotated[
-    float | None, typer.Option(min=0, help="llm: seconds that a call may take; default: 30")
+    float | None, typer.Option(min=0, help="llm: seconds that a call may take; default: 30, or as measured")
 ]
 
 

@@ -90,7 +90,9 @@ def replay(
 @app.command()
 def probe(
     server: ServerOption = None,
-    deadline: Annotated[float, typer.Option(min=0.1, help="seconds that each question may take")] = 30,
+    deadline: Annotated[
+        float | None, typer.Option(min=0.1, help="seconds that each question may take; default: 30")
+    ] = None,
 ) -> None:
     """Try the language model that the environment names: what its server honours."""
     from rich.console import Console

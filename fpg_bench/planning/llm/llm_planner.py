@@ -26,8 +26,6 @@ from fpg_bench.planning.llm.transcript import Transcript, place_of
 from fpg_bench.planning.patterns import Patrol
 from fpg_bench.planning.planner import BatchPlanner, Limits, Plan, Request
 
-DEADLINE_S = 30.0
-
 _RAW_CHARS = 10_000
 
 
@@ -54,7 +52,7 @@ class LLMPlanner(BatchPlanner):
             made again, the others are added) or ``replay`` (from the transcript alone, without a server);
             None: ``record`` where there is a transcript.
         calls, tokens, seconds: caps on the whole run (see :class:`fpg_bench.planning.llm.budget.Budget`).
-        deadline_s: for each call.
+        deadline_s: for each call; None: as the endpoint says.
         concurrency: how many games are asked for at once. Caps may be overrun by the calls under way.
 
     Raises:
@@ -78,14 +76,14 @@ class LLMPlanner(BatchPlanner):
         calls: float = CALLS,
         tokens: float = TOKENS,
         seconds: float = SECONDS,
-        deadline_s: float = DEADLINE_S,
+        deadline_s: float | None = None,
         concurrency: int = 1,
     ) -> None:
         if control not in CONTROLS:
             raise UserError(f"unknown control {control!r}{nearest(control, CONTROLS)}")
         if concurrency < 1:
             raise UserError(f"concurrency is {concurrency}; expected 1 or more")
-        if not 0 < deadline_s < math.inf:
+        if deadline_s is not None and not 0 < deadline_s < math.inf:
             raise UserError(f"deadline: {deadline_s:g} s; expected a number above 0")
         self.scenario = scenario
         self.name = "llm" if control == "none" else f"llm-{control}"
