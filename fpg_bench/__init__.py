@@ -14,8 +14,7 @@ import pettingzoo
 
 from fpg_bench.errors import UserError
 from fpg_bench.ids import DUEL, VIEWS
-
-__version__ = "0.1.0.dev0"
+from fpg_bench.version import __version__
 
 if TYPE_CHECKING:
     from fpg_bench.envs.duel import make_duel

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.envs.duel import Duel
-from fpg_bench.envs.rounds import play_round, seated
 from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.matches.rounds import play_round, seated
 from fpg_bench.planning import Limits, Plan, Request, as_planner, plan_all
 from fpg_bench.planning.naming import find_planner
 from fpg_bench.planning.planner import check_described

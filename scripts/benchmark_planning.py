@@ -21,8 +21,8 @@ from stable_baselines3 import PPO
 
 import fpg_bench
 from fpg_bench.envs.duel import make_duel
-from fpg_bench.envs.rounds import play_round, seated
 from fpg_bench.game.scenario import as_scenario
+from fpg_bench.matches.rounds import play_round, seated
 from fpg_bench.planning.llm.background import Beside
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.servers import Endpoint, load_server

@@ -16,7 +16,7 @@ assert pathlib.Path(fpg_bench.__file__).is_relative_to(sys.prefix), fpg_bench.__
 from fpg_bench.players.agent import baselines_folder
 assert baselines_folder().is_relative_to(sys.prefix) and (baselines_folder() / "hyperparams/ppo.yml").exists()
 assert fpg_bench.preset("standard").knowledge_base.entries
-import fpg_bench.envs.replay
+import fpg_bench.pictures.replay
 from fpg_bench.training.hyperparameters import load_hyperparameters
 load_hyperparameters("ppo", "FPG/AllyVsScripted-v0")
 """

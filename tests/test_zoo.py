@@ -17,13 +17,13 @@ from fpg_bench import make_sb3
 from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.zoo import load_zoo
-from fpg_bench.evaluation.zoo_scores import add_missing_lines, member_entry, read_zoo_lines
-from fpg_bench.evaluation.zoo_table import page
 from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.champions import load_recipes
-from tests.evaluation.zoo_making import make_agent, make_zoo
+from fpg_bench.zoo.scores import add_missing_lines, member_entry, read_zoo_lines
+from fpg_bench.zoo.table import page
+from fpg_bench.zoo.zoo import load_zoo
+from tests.zoo.making import make_agent, make_zoo
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = load_zoo()
@@ -129,7 +129,7 @@ def test_the_verb_lists_what_is_shipped():
 
 def test_the_list_tells_scores_and_what_has_changed(tmp_path, monkeypatch, capsys):
     from fpg_bench.cli.zoo import zoo as verb
-    from fpg_bench.evaluation import zoo as zoos
+    from fpg_bench.zoo import zoo as zoos
 
     zoo = make_zoo(tmp_path)
     monkeypatch.setattr(zoos, "load_zoo", lambda: zoo)

@@ -22,7 +22,7 @@ from fpg_bench.cli.options import (
 from fpg_bench.errors import UserError, printable
 
 if TYPE_CHECKING:
-    from fpg_bench.envs.matches import Round
+    from fpg_bench.matches.match import Round
 
 app = typer.Typer(help="Plan the opponent's path between the rounds of a match.")
 
@@ -47,8 +47,8 @@ def run(
     deadline: DeadlineOption = None,
 ) -> None:
     """Play one match of a planner, draw its paths, and keep it in a file; a stopped one goes on."""
-    from fpg_bench.envs.match_picture import draw_match
-    from fpg_bench.envs.matches import run_match
+    from fpg_bench.matches.match import run_match
+    from fpg_bench.matches.match_picture import draw_match
 
     told = {"prompt": prompt, "control": control, "server": server}
     llm = llm_options(deadline, **told, calls=calls, tokens=tokens, seconds=seconds)
@@ -80,7 +80,7 @@ def replay(
     ] = None,
 ) -> None:
     """Repeat a match from its file, without network, and check that it is identical to the bit."""
-    from fpg_bench.envs.matches import replay_match
+    from fpg_bench.matches.match import replay_match
 
     match, played = replay_match(file, allow=allow or ())
     _print_table(played, f"{match.planner} against {match.ally}, seed {match.seed}")

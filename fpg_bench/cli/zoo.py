@@ -10,12 +10,12 @@ import typer
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.field import Field
-    from fpg_bench.evaluation.zoo import Member, Zoo, ZooView
+    from fpg_bench.zoo.zoo import Member, Zoo, ZooView
 
 
 def zoo() -> None:
     """List the shipped agents: algorithm, seed and steps, their score, and whether their files are whole."""
-    from fpg_bench.evaluation.zoo import load_zoo
+    from fpg_bench.zoo.zoo import load_zoo
 
     shipped = load_zoo()
     members = [member for member in shipped.members() if member.shipped]
@@ -36,7 +36,7 @@ def _scores(shipped: Zoo, view: ZooView) -> dict[tuple[str, int | None], float]:
     """The score of each agent of a view over its public field, by algorithm and seed."""
     from fpg_bench.evaluation.field_file import load_field
     from fpg_bench.evaluation.summary import summarise
-    from fpg_bench.evaluation.zoo_scores import read_zoo_lines
+    from fpg_bench.zoo.scores import read_zoo_lines
 
     field = load_field(view.fields[0])
     summaries = summarise(read_zoo_lines(shipped, view, field), field)
@@ -51,10 +51,10 @@ def _line(member: Member, score: float | None) -> str:
 
 def players() -> None:
     """List who can be named as a player or planner, and the paths that an opponent flies."""
-    from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.game.names import PATHS
     from fpg_bench.players.player import SIDES
     from fpg_bench.players.scripted import SCRIPTED
+    from fpg_bench.zoo.zoo import load_zoo
 
     members = [member for member in load_zoo().members() if member.shipped]
     for side in SIDES:

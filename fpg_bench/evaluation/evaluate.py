@@ -10,14 +10,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import Entry, check_kept, check_seeds, entries_of
 from fpg_bench.evaluation.field import Counterpart, Field
 from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.line import Line, read_lines
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.results import Results
 from fpg_bench.evaluation.summary import Summary, summarise
+from fpg_bench.evaluation.table import Results
 from fpg_bench.files import read_json, write_json
 from fpg_bench.jobs.job import Job, check_all_done
 from fpg_bench.jobs.run import run_jobs
@@ -133,9 +134,7 @@ def read_results(folder: str | Path) -> tuple[list[Summary], Field]:
 
 def with_matches(field: Field, matches: int | None) -> Field:
     """The same field over another number of matches; raises UserError where it is none."""
-    if matches is not None and matches < 1:
-        raise UserError(f"matches: expected a whole number above 0, got {matches}")
-    return field if matches is None else dataclasses.replace(field, matches=matches)
+    return field if matches is None else dataclasses.replace(field, matches=whole(matches, "matches"))
 
 
 def claim(out: Path, name: str, field: Field) -> None:

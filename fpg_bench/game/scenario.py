@@ -11,6 +11,7 @@ from typing import Any
 
 import yaml
 
+from fpg_bench.checks import check_keys
 from fpg_bench.errors import nearest
 from fpg_bench.files import read_yaml, write_whole
 from fpg_bench.game.knowledge import KnowledgeBase, load_knowledge
@@ -185,10 +186,7 @@ class Scenario:
         """
         path = Path(path)
         changes = read_yaml(path, "scenario")
-        known = [spec.name for spec in fields(cls)]
-        for key in changes:
-            if key not in (*known, "preset"):
-                raise ScenarioError(f"scenario {path}: unknown key {key!r}{nearest(str(key), known)}")
+        check_keys(changes, [*(spec.name for spec in fields(cls)), "preset"], f"scenario {path}")
         knowledge = changes.get("knowledge")
         if (
             isinstance(knowledge, str)

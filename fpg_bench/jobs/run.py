@@ -7,10 +7,11 @@ import functools
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.jobs.job import Job, Outcome, Pool, attempt
 
@@ -86,9 +87,25 @@ def run_jobs(
     return {job.name: failed[job.name] for job in jobs if job.name in failed}
 
 
+def run_quietly(
+    jobs: Sequence[Job], workers: int = 1, backend: str = "loky", address: str | None = None
+) -> dict[str, str]:
+    """As :func:`run_jobs`, saying nothing; in this process where a single local worker is asked for."""
+    if (workers, backend, address) != (1, "loky", None):
+        return run_jobs(jobs, workers, backend, address, say=lambda line: None)
+    failed: dict[str, str] = {}
+    for job in jobs:
+        if not job.done():
+            outcome = attempt(job.run, os.getcwd())
+            if outcome.error is None:
+                job.keep(outcome.result)
+            else:
+                failed[job.name] = outcome.error
+    return failed
+
+
 def _check(workers: int, backend: str, address: str | None) -> None:
-    if workers < 1:
-        raise UserError(f"jobs: expected a whole number above 0, got {workers}")
+    whole(workers, "jobs")
     if backend not in BACKENDS:
         raise UserError(f"backend: unknown {backend!r}{nearest(backend, BACKENDS)}")
     if address is not None and backend != "ray":

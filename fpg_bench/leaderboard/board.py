@@ -11,28 +11,26 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench import __version__
 from fpg_bench.errors import nearest
 from fpg_bench.evaluation.columns import learning_curve, over_rounds
 from fpg_bench.evaluation.field import Field
-from fpg_bench.evaluation.season import current_season
-from fpg_bench.evaluation.seeds import PROTOCOL
+from fpg_bench.evaluation.seeds import PROTOCOL, current_season
 from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, rank_ranges
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.jobs.job import outcome_of
 from fpg_bench.leaderboard.cases import Case, case_of, entered, result_file, submission_folders
-from fpg_bench.leaderboard.crossplay import (
-    ROUNDS,
-    Entrant,
-    entrants_of,
-    fully_played,
-    pair_key,
-    read_pairs,
-    reward_of,
-)
 from fpg_bench.leaderboard.fields import TRACKS as FOLDERS
 from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.nash import nash
+from fpg_bench.leaderboard.pairs import (
+    BoardEntry,
+    Pair,
+    Pairs,
+    fully_played,
+    pair_key,
+    players_of,
+    read_pairs,
+)
 from fpg_bench.leaderboard.ranking import improvements, profiles
 from fpg_bench.leaderboard.result import Result, rounded
 from fpg_bench.leaderboard.submission import Submission
@@ -40,6 +38,7 @@ from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, TRACKS, Track, ranked_by
 from fpg_bench.leaderboard.worst import Worst, worst
 from fpg_bench.players.player import SIDES
 from fpg_bench.rows import Row
+from fpg_bench.version import __version__
 
 _LONGEST_REASON = 300
 # By how many points a score on the seeds that everybody knew may lie above that on the season's, beyond what
@@ -77,15 +76,14 @@ def make_board(folder: str | Path = "leaderboard", say: Callable[[str], None] = 
     folder = Path(folder)
     shown, season = _shown(folder, say), current_season()
     cases = [case for _, case, _ in shown if case is not None]
-    every = entrants_of(cases)
-    known = read_pairs(folder, *every, ROUNDS, say)
+    pairs = read_pairs(folder, players_of(cases), say=say)
     return {
         "version": __version__,
         "protocol": PROTOCOL,
         "season": None if season is None else season.number,
         "built": datetime.datetime.now(datetime.UTC).date().isoformat(),
-        "tracks": [_table(shown, track, list(known.values())) for track in TRACKS.values()],
-        "crossplay": _crossplay(every, known),
+        "tracks": [_table(shown, track, list(pairs.known.values())) for track in TRACKS.values()],
+        "crossplay": _crossplay(pairs),
     }
 
 
@@ -123,7 +121,7 @@ def _case(board: Path, submission: Submission) -> tuple[Case | None, str | None]
     return None, "".join(c if c.isprintable() else " " for c in case.known.head["reason"][:_LONGEST_REASON])
 
 
-def _table(shown: Iterable[Any], track: Track, pairs: list[Row]) -> Row:
+def _table(shown: Iterable[Any], track: Track, pairs: list[Pair]) -> Row:
     """One table: its rows from best to worst, those that are not ranked or not verified last."""
     fields = track.fields()
     mine = [item for item in shown if (item[0].track, item[0].path) == (track.side, track.path)]
@@ -330,28 +328,31 @@ def _profiles(standings: Sequence[Summary]) -> Row:
     }
 
 
-def _crossplay(every: tuple[list[Entrant], list[Entrant]], known: dict[str, Row]) -> Row | None:
+def _crossplay(pairs: Pairs) -> Row | None:
     """The matrices of those who have all played each other, and the Nash mixtures of the ally's return.
 
     None where nobody has.
     """
-    allies, opponents = fully_played(*every, known)
+    allies, opponents = fully_played(pairs)
     if not allies or not opponents:
         return None
-    pairs = [[known[pair_key(a, o, ROUNDS)] for o in opponents] for a in allies]
-    returns = {side: [[_short(reward_of(row, side)) for row in line] for line in pairs] for side in SIDES}
+    played = [[pairs.known[pair_key(a, o, pairs.rounds)] for o in opponents] for a in allies]
+    returns = {side: [[_short(pair.reward(side)) for pair in line] for line in played] for side in SIDES}
     found = nash(-np.array(returns["ally"]))  # the ally, who chooses rows, minimises
     return {
         "allies": [a.slug for a in allies],
         "opponents": [o.slug for o in opponents],
         "missing": {
-            side: [entrant.slug for entrant in entrants if entrant not in shown]
-            for side, entrants, shown in zip(SIDES, every, (allies, opponents), strict=True)
+            side: [entry.slug for entry in every if entry not in shown]
+            for side, every, shown in (
+                ("ally", pairs.allies, allies),
+                ("opponent", pairs.opponents, opponents),
+            )
         },
         "twins": _twins(opponents, returns["ally"]),
         "returns": returns,
-        "jamming_success_rate": [[row["jamming_success_rate"] for row in line] for line in pairs],
-        "rounds": ROUNDS,
+        "jamming_success_rate": [[pair.jamming_success_rate for pair in line] for line in played],
+        "rounds": pairs.rounds,
         "nash": {
             "ally": {a.slug: _short(p) for a, p in zip(allies, found.rows, strict=True)},
             "opponent": {o.slug: _short(p) for o, p in zip(opponents, found.columns, strict=True)},
@@ -360,17 +361,17 @@ def _crossplay(every: tuple[list[Entrant], list[Entrant]], known: dict[str, Row]
     }
 
 
-def _twins(entrants: Sequence[Entrant], returns: Sequence[Sequence[float | None]]) -> list[list[str]]:
+def _twins(entries: Sequence[BoardEntry], returns: Sequence[Sequence[float | None]]) -> list[list[str]]:
     """Entries that are one player in two tables and fare alike, each group once.
 
     Args:
-        entrants: who stands in the columns.
-        returns: ``(allies, entrants)``, the allies' return a step, another where a player flies otherwise.
+        entries: who stands in the columns.
+        returns: ``(allies, entries)``, the allies' return a step, another where a player flies otherwise.
     """
     groups: dict[tuple[str, ...], list[str]] = {}
-    for entrant, column in zip(entrants, zip(*returns, strict=True), strict=True):
-        alike = (*entrant.identity, *(f"{value:.2f}" for value in column))
-        groups.setdefault(alike, []).append(entrant.slug)
+    for entry, column in zip(entries, zip(*returns, strict=True), strict=True):
+        alike = (*entry.identity, *(f"{value:.2f}" for value in column))
+        groups.setdefault(alike, []).append(entry.slug)
     return [slugs for slugs in groups.values() if len(slugs) > 1]
 
 

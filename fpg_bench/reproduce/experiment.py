@@ -16,7 +16,6 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 
-import fpg_bench
 from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
 from fpg_bench.ids import DUEL
@@ -29,9 +28,10 @@ from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparame
 from fpg_bench.training.language_model import training_planner
 from fpg_bench.training.maddpg_seeds import learn_together
 from fpg_bench.training.models import make_model
+from fpg_bench.version import __version__
 
 ALGORITHM = "maddpg"
-_VERSIONS = f"fpg-bench {fpg_bench.__version__}, torch {torch.__version__}, numpy {np.__version__}"
+_VERSIONS = f"fpg-bench {__version__}, torch {torch.__version__}, numpy {np.__version__}"
 _POSITIONS = 50  # of a round that is drawn
 
 

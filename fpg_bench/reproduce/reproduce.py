@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.jobs.job import Job, check_all_done
 from fpg_bench.jobs.run import run_jobs
@@ -51,9 +52,7 @@ def reproduce(
         UserError: something unknown, or runs that failed (the others are kept).
     """
     budget = _budget(budget)
-    count = budget.seeds if seeds is None else seeds
-    if count < 1:
-        raise UserError(f"seeds: expected a whole number above 0, got {count}")
+    count = whole(budget.seeds if seeds is None else seeds, "seeds")
     out = Path(out)
     file = RunFile(out, scenario, budget.name)
     wanted = [(c, _seeds(c, count)) for c in _conditions(target, scenario, budget, llm)]

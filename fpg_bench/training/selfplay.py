@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.encounters import met, told
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.files import read_json, write_json, write_whole
 from fpg_bench.game.names import JAMMING_TYPES
@@ -25,9 +25,11 @@ from fpg_bench.ids import policy_view
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.rows import Row, RowFile
+from fpg_bench.training.encounters import met, told
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder, command_line
-from fpg_bench.training.train import train
+from fpg_bench.training.spec import RunSpec
+from fpg_bench.training.train import train_run
 
 GENERATIONS, STEPS, POOL = 10, 500_000, 5
 ROWS, ABOUT = "selfplay.jsonl", "selfplay.json"
@@ -80,8 +82,7 @@ def selfplay(
         KeyboardInterrupt: stopped by the user.
     """
     for name, value in (("generations", generations), ("pool", pool)):
-        if value < 1:
-            raise UserError(f"{name}: expected a whole number above 0, got {value}")
+        whole(value, name)
     game = {"scenario": scenario, "path": path, "knowledge": knowledge, "jamming_types": jamming_types}
     options = {name: value for name, value in game.items() if value is not None}
     made = _Selfplay(algorithm, Path(out), steps, pool, seed, options)
@@ -160,20 +161,18 @@ class _Selfplay:
 
     def learn(self, side: str, generation: int, hyperparams: Any, evaluations: int, progress: bool) -> None:
         """Train a generation of a side, or go on with it."""
-        train(
+        run = RunSpec(
             self.algorithm,
             policy_view(side).id,
-            self.run(side, generation).path,
-            seed=SEED_STRIDE * self.seed + generation,
-            steps=self.steps,
-            hyperparams=hyperparams,
-            evaluations=evaluations,
-            progress=progress,
-            resume=True,
+            SEED_STRIDE * self.seed + generation,
+            self.steps,
+            hyperparams,
             against=list(self.others(side, generation).values()),
             start=self.run(side, generation - 1).path if generation else None,
-            **self.options,
+            options=self.options,
         )
+        where = self.run(side, generation).path
+        train_run(run, where, evaluations=evaluations, progress=progress, resume=True)
 
     def row(self, side: str, generation: int) -> Row:
         """What a generation of a side scored: on its field, and against those it was trained against."""

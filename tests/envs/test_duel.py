@@ -285,7 +285,7 @@ def test_a_copy_plays_on_alone():
         ({"path": "waypoints"}, "path 'waypoints' needs a planner"),
         ({"path": "circle", "planner": "circle"}, "nothing to plan where the path is 'circle'"),
         ({"planner": "sqare"}, "unknown planner 'sqare'"),
-        ({"games": 0}, "at least 1, got 0"),
+        ({"games": 0}, "above 0, got 0"),
         ({"scenario": "papr"}, "did you mean 'paper'"),
         ({"jamming_types": "combs"}, "did you mean 'comb'"),
     ],

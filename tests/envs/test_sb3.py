@@ -319,7 +319,7 @@ def test_an_unknown_id_suggests_the_nearest():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"n_envs": 0}, "at least 1, got 0"),
+        ({"n_envs": 0}, "above 0, got 0"),
         ({"seed": -1}, "seed: expected"),
         ({"seed": "3"}, "seed: expected"),
         ({"planner": "none"}, "unknown planner 'none'"),

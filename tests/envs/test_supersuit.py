@@ -95,7 +95,7 @@ def test_time_limits_are_bootstrapped_through():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"games": 0}, "n_envs: expected a whole number of at least 1, got 0"),
+        ({"games": 0}, "n_envs: expected a whole number above 0, got 0"),
         ({"games": 1.5}, "n_envs: expected a whole number"),
         ({"seed": -1}, "seed: expected"),
         ({"path": "waypoints"}, "needs a planner"),

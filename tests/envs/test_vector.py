@@ -226,8 +226,8 @@ def test_a_seed_that_cannot_be_is_refused(seed):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"num_envs": 0}, "expected a whole number of at least 1, got 0"),
-        ({"num_envs": 2.5}, "expected a whole number of at least 1"),
+        ({"num_envs": 0}, "expected a whole number above 0, got 0"),
+        ({"num_envs": 2.5}, "expected a whole number above 0"),
         ({"render_mode": "rgb_array"}, "a batch is not rendered"),
     ],
 )

@@ -19,7 +19,7 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.table import write_table
 from fpg_bench.players.scripted import Scripted
 from fpg_bench.rows import RowFile
-from tests.evaluation.zoo_making import FIELD, make_agent, make_zoo
+from tests.zoo.making import FIELD, make_agent, make_zoo
 
 
 @pytest.fixture

@@ -5,8 +5,7 @@ import sys
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.leaderboard.check import notes, problems
-from fpg_bench.leaderboard.submission import load_submission
+from fpg_bench.leaderboard.check import load_submission, notes, problems
 from fpg_bench.leaderboard.tracks import KNOWN
 from tests.leaderboard.making import FIELDS, policy, write_seed, write_submission
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import make_case, submission_folders
 from fpg_bench.players.scripted import SCRIPTED
+from fpg_bench.zoo.zoo import load_zoo
 
 ROOT = Path(__file__).parents[2]
 BOARD = ROOT / "leaderboard"

@@ -60,7 +60,7 @@ def test_an_agent_that_is_another_one_by_now_is_not_taken_for_the_same(ally, tmp
 
 def test_every_player_named_is_met(ally, tmp_path, monkeypatch):
     met = []
-    monkeypatch.setattr("fpg_bench.training.train.make_games", lambda *a, **k: met.append(k) or 1 / 0)
+    monkeypatch.setattr("fpg_bench.training.run.make_games", lambda *a, **k: met.append(k) or 1 / 0)
     for view_id, other in ((AGAINST_ALLIES, "ally"), (AGAINST_OPPONENTS, "opponent")):
         with pytest.raises(ZeroDivisionError):
             respond(tmp_path / "run", ["one", "another"], view_id)

@@ -53,7 +53,7 @@ def test_what_is_done_is_not_done_again_and_what_was_stopped_goes_on(tmp_path, m
     from fpg_bench.training import champions
 
     recipe = load_recipes(written(tmp_path))["brave"]
-    real, calls = champions.train, []
+    real, calls = champions.train_run, []
 
     def stopped(*words, **options):
         calls.append(words)
@@ -61,7 +61,7 @@ def test_what_is_done_is_not_done_again_and_what_was_stopped_goes_on(tmp_path, m
             raise KeyboardInterrupt
         return real(*words, **options)
 
-    monkeypatch.setattr(champions, "train", stopped)
+    monkeypatch.setattr(champions, "train_run", stopped)
     with pytest.raises(KeyboardInterrupt):
         train_champion(recipe, 0, tmp_path / "runs")
     made = {path: path.stat().st_mtime_ns for path in (tmp_path / "runs").rglob("policy.onnx")}

@@ -16,7 +16,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from fpg_bench.errors import UserError
 from fpg_bench.players.agent import load_agent
 from fpg_bench.rows import RowFile
-from fpg_bench.training import checkpoints, train
+from fpg_bench.training import checkpoints, run
 from fpg_bench.training.checkpoints import newest_checkpoint
 from tests.training.tiny import settings, train_tiny
 
@@ -63,13 +63,13 @@ def snapshot(model):
 def watched(monkeypatch, at=None):
     """What the next runs are seen by."""
     watch = Watched(at)
-    monkeypatch.setattr(train, "TrainingBar", lambda budget: watch)
+    monkeypatch.setattr(run, "TrainingBar", lambda budget: watch)
     return watch
 
 
 def stopped(algorithm, out, monkeypatch, at=600, **options):
     """A run that is stopped at a step, right after its checkpoint was written; it will export nothing."""
-    monkeypatch.setattr(train, "export_agent", lambda *a: 0.0)
+    monkeypatch.setattr(run, "export_agent", lambda *a: 0.0)
     monkeypatch.setattr("fpg_bench.training.keeping.SAVE_EVERY_S", -1.0)
     watch = watched(monkeypatch, at)
     with pytest.raises(KeyboardInterrupt):

@@ -14,7 +14,7 @@ from fpg_bench.rows import RowFile
 from fpg_bench.training import selfplay as playing
 from fpg_bench.training.callbacks import GameMeasures
 from fpg_bench.training.selfplay import draw_past, selfplay
-from fpg_bench.training.train import train
+from fpg_bench.training.train import train_run
 from tests.training.tiny import settings
 
 TINY = settings("ppo", normalize={"norm_obs": False})
@@ -96,7 +96,7 @@ def test_the_past_is_drawn_by_the_seed_and_from_all_of_it():
 
 def test_once_finished_it_does_nothing_and_more_generations_go_on(played, monkeypatch):
     trained = []
-    monkeypatch.setattr(playing, "train", lambda *a, **k: trained.append(a[2].name) or train(*a, **k))
+    monkeypatch.setattr(playing, "train_run", lambda *a, **k: trained.append(a[1].name) or train_run(*a, **k))
     before = read(played)
     play(played, evaluations=1, seed=3)
     assert (read(played), trained) == (before, [])

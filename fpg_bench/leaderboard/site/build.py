@@ -9,10 +9,10 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fpg_bench.envs.replay import replay_markup, replay_part
 from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
 from fpg_bench.leaderboard.site import entry_page, scripts_data, views
+from fpg_bench.pictures.replay import replay_markup, replay_part
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -12,23 +12,24 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench import __version__
-from fpg_bench.envs.recording import Recording
-from fpg_bench.envs.replay import FORMAT, replay_data, script_json
-from fpg_bench.envs.rounds import begin, play_round
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.field import Counterpart, Field
 from fpg_bench.evaluation.play import table_of
 from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.leaderboard.check import load_submission
 from fpg_bench.leaderboard.planner_track import TRACK as PLANNERS
 from fpg_bench.leaderboard.playing import Meeting, parts_of, seated
 from fpg_bench.leaderboard.sandbox import PolicyFailed
 from fpg_bench.leaderboard.site.views import met, value_of
 from fpg_bench.leaderboard.site.wording import role_of, written
-from fpg_bench.leaderboard.submission import Submission, load_submission
+from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import KNOWN, RESPONSES, UNSEEN
+from fpg_bench.matches.rounds import begin, play_round
+from fpg_bench.pictures.recording import Recording
+from fpg_bench.pictures.replay import FORMAT, replay_data, script_json
 from fpg_bench.plain_json import read_object
 from fpg_bench.players.player import SIDES
+from fpg_bench.version import __version__
 
 Row = dict[str, Any]
 STRONG = ("adaptive/pursuit", "expert/pursuit", "expert/learned", "expert")  # of any track's known field

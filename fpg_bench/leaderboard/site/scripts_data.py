@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from fpg_bench.envs.replay import script_json
 from fpg_bench.leaderboard.crossplay import WITHIN
 from fpg_bench.leaderboard.site.views import (
     entry_head,
@@ -17,6 +16,7 @@ from fpg_bench.leaderboard.site.views import (
     score_of,
 )
 from fpg_bench.leaderboard.site.wording import MEASURES, finite, measure_of
+from fpg_bench.pictures.replay import script_json
 from fpg_bench.players.player import SIDES
 
 Row = dict[str, Any]

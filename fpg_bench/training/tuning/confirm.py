@@ -12,6 +12,7 @@ import numpy as np
 import optuna
 from optuna.trial import FrozenTrial, TrialState
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.training.tuning import claim
@@ -74,8 +75,8 @@ def confirm(
         UserError: no study, one without complete trials, or a storage that is down.
     """
     for word, value in (("best", best), ("seeds", seeds), ("steps", steps)):
-        if value is not None and value < 1:
-            raise UserError(f"{word}: expected a whole number above 0, got {value}")
+        if value is not None:
+            whole(value, word)
     opened = open_storage(
         Path(out), storage, stale=claim.try_again, say=say, patience_s=patience_s, there=True
     )

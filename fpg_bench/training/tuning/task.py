@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.field_file import field_of, load_field
 from fpg_bench.ids import find_view
@@ -102,8 +103,8 @@ def make_task(
         UserError: something unknown or out of range.
     """
     for name, value in (("seeds", seeds), ("steps", steps), ("rounds", rounds)):
-        if value is not None and value < 1:
-            raise UserError(f"{name}: expected a whole number above 0, got {value}")
+        if value is not None:
+            whole(value, name)
     view = find_view(view_id)
     options = {name: value for name, value in (options or {}).items() if value is not None}
     found = find_algorithm(algorithm)

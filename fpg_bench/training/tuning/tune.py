@@ -8,7 +8,7 @@ from typing import Any
 
 import optuna
 
-from fpg_bench.errors import UserError
+from fpg_bench.checks import whole
 from fpg_bench.training.tuning import claim
 from fpg_bench.training.tuning.storage import HEARTBEAT_S, PATIENCE_S, open_storage
 from fpg_bench.training.tuning.study import finished, open_study
@@ -74,8 +74,7 @@ def tune(
             down at the start or does not come up again.
         KeyboardInterrupt: stopped by the user; the trial is tried again by the next worker.
     """
-    if trials < 1:
-        raise UserError(f"trials: expected a whole number above 0, got {trials}")
+    whole(trials, "trials")
     task = make_task(
         algorithm,
         view_id,
