@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
-from .real_server import LlamaServer
+from fpg_bench.planning.llm.local import models
+
+from .real_server import LlamaServer, write_model
 
 
 @pytest.fixture(scope="session")
@@ -17,9 +21,19 @@ def llama_server() -> Iterator[LlamaServer]:
         yield server
 
 
+@pytest.fixture(scope="session")
+def tiny_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The GGUF file of a tiny model."""
+    file = tmp_path_factory.mktemp("models") / "tiny.gguf"
+    write_model(file)
+    return file
+
+
 @pytest.fixture(autouse=True)
 def no_endpoint(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the tests' own environment configures is left out."""
+    """What the tests' own environment configures is left out, and a model that was fetched."""
+    nowhere = dataclasses.replace(models.SMOLLM2, name="nowhere/none")
+    monkeypatch.setattr(models, "SMOLLM2", nowhere)
     for name in os.environ:
         if name.startswith(("FPG_LLM_", "OPENAI_")):
             monkeypatch.delenv(name)

@@ -57,8 +57,8 @@ class LocalServer:
 
     Args:
         file: the model.
-        threads: how many; None: half of what this process may use, eight at most. They wait for each other, so
-            that more of them than are free make it slow.
+        threads: how many; None: half of its cores, eight at most. They wait for each other, so that
+            more of them than are free make it slow.
         context: the longest prompt with its answer, in tokens.
         port: 0: any that is free.
 
