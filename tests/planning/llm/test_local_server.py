@@ -1,7 +1,9 @@
 """The server of a model on this machine: it comes up, is found, comes back, and leaves nothing behind."""
 
 import contextlib
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -10,8 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from fpg_bench.cli import main
-from fpg_bench.errors import UserError
+from fpg_bench.cli import main, watching
+from fpg_bench.errors import UserError, printable
 from fpg_bench.planning.llm.client import Client
 from fpg_bench.planning.llm.local import server as local
 from fpg_bench.planning.llm.local.models import GGUF
@@ -146,13 +148,33 @@ def test_a_deadline_leaves_room_for_a_busy_machine():
     assert Speed(70, 9).deadline_s == 470
 
 
-def test_a_match_is_flown_by_it_from_the_command_line(shared, tmp_path, monkeypatch, capfd):
-    words = ["plan", "run", "--planner", "llm", "--rounds", "1", "--out", str(tmp_path / "match.jsonl")]
+def test_a_match_is_flown_by_it_shown_and_kept_as_a_page(shared, tmp_path, monkeypatch, capfd):
+    words = ["plan", "run", "--planner", "llm", "--rounds", "2", "--talk", "--out", str(tmp_path)]
     monkeypatch.setattr(sys, "argv", ["fpg-bench", *words])
+    monkeypatch.setattr(watching, "_TOLD_S", 0.01)
     with pytest.raises(SystemExit) as end:
         main()
     assert not end.value.code
-    assert '"model":"tiny"' in (tmp_path / "match.jsonl").read_text()
+    rows = [json.loads(line) for line in (tmp_path / "match.jsonl").read_text().splitlines()]
+    asked = [row for row in rows if row["kind"] == "attempt"]
+    assert {row["model"] for row in asked} == {"tiny"}
+    said = capfd.readouterr().out
+    assert re.search(r"planning round 1 of 2, \d+ s, \d+ tokens written", said)
+    shown = re.search(
+        r'<script type="application/json" id="data">(.*?)</script>', (tmp_path / "replay.html").read_text()
+    )
+    rounds = json.loads(shown[1])["rounds"]
+    assert [one["round"] for one in rounds] == [0, 1]
+    for one, played in zip(rounds, (row for row in rows if row["kind"] == "round"), strict=True):
+        talk = [row for row in asked if row["round"] == one["round"]]
+        assert one["status"] == played["status"]
+        told = [part["text"] for part in one["talk"]]
+        assert [row["text"] for row in talk] == [
+            text for text in told if text in {row["text"] for row in talk}
+        ]
+        assert talk[0]["request"]["messages"][-1]["content"] in told
+        assert printable(talk[0]["text"].splitlines()[0]) in said
+        assert "--- user" in said
 
 
 def test_serve_says_what_to_export_and_ends_with_ctrl_c(tiny_model):

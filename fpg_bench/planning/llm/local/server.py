@@ -196,6 +196,12 @@ def server_at(url: str) -> LocalServer | None:
     return _SERVERS.get(url)
 
 
+def tokens_under_way() -> int | None:
+    """How many tokens of present answers the servers of this process have written; None: none is asked."""
+    counts = [count for server in list(_SERVERS.values()) if (count := server.written()) is not None]
+    return sum(counts) if counts else None
+
+
 def brought_back(url: str) -> bool:
     """Whether a server of this process had ended and was started again, which is done once.
 
