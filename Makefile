@@ -6,18 +6,19 @@ BIN = .venv/bin
 
 .PHONY: benchmark test clean
 
-benchmark: .venv/.ready
+benchmark: .venv/.train
 	$(BIN)/fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo-fast --restart
 	$(BIN)/fpg-bench evaluate all-scripted $(RESULTS)/ppo-fast/agent --field ally-v1 --out $(RESULTS)/ally-v1
 
-test: .venv/.ready
+test: .venv/.dev
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=5
 
-.venv/.ready: pyproject.toml constraints.txt
+# One environment: what the benchmark needs (extra train), or all that the tests need (dev, which holds train).
+.venv/.train .venv/.dev: .venv/.%: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit("fpg-bench needs Python 3.11 or newer" if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
-	touch $@
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[$*]"
+	touch $@ .venv/.train
 
 clean:
 	rm -rf .venv results/benchmark*

@@ -60,8 +60,9 @@ def __getattr__(name: str) -> Any:
 
 
 def _register() -> None:
-    for kind in ("parallel", "aec"):
-        pettingzoo.register(kind, DUEL, f"fpg_bench.envs.multi_agent:{kind}_env")
+    if hasattr(pettingzoo, "register"):  # since PettingZoo 1.27
+        for kind in ("parallel", "aec"):
+            pettingzoo.register(kind, DUEL, f"fpg_bench.envs.multi_agent:{kind}_env")
     for view_id in VIEWS:
         gymnasium.register(
             id=view_id,

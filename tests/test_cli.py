@@ -16,17 +16,12 @@ from fpg_bench.planning import PLANNERS
 from fpg_bench.players.agent import fields_folder
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.rows import RowFile
+from tests.programs import fpg, python
 
 TINY = """\
 FPG/AllyVsScripted-v0:
   {policy: MlpPolicy, n_envs: 4, n_timesteps: 1200, n_steps: 300, batch_size: 300, n_epochs: 1}
 """
-
-
-def fpg(*words, folder=None):
-    return subprocess.run(
-        [sys.executable, "-m", "fpg_bench.cli", *map(str, words)], capture_output=True, text=True, cwd=folder
-    )
 
 
 def test_help_names_every_verb_and_loads_nothing_heavy():
@@ -74,7 +69,7 @@ def test_fields_lists_each_with_its_counterparts():
 
 
 def test_the_package_is_a_program(tmp_path):
-    found = subprocess.run([sys.executable, "-m", "fpg_bench", "--version"], capture_output=True, text=True)
+    found = python("-m", "fpg_bench", "--version")
     assert found.stdout.strip() == __version__
 
 

@@ -22,6 +22,7 @@ FLOORS = {
     "version": 0,
     "errors": 0,
     "checks": 0,
+    "extras": 0,
     "files": 0,
     "ids": 0,
     "imports": 0,
@@ -113,6 +114,35 @@ def test_no_rooms_import_each_other_in_a_circle():
 def test_a_circle_that_a_function_hides_is_found():
     hidden = imported("def f():\n    from fpg_bench.game import arena\n")
     assert circle(GRAPH | {"fpg_bench.game.state": hidden})
+
+
+@pytest.mark.parametrize(
+    ("door", "home"),
+    [
+        ("numba.core", "game/compiling.py"),
+        ("joblib.externals", "jobs/local.py"),
+        ("._trial_id", "training/tuning/storage.py"),
+        ("._setup_learn", "training/maddpg.py"),
+    ],
+)
+def test_a_private_door_of_another_package_is_opened_in_one_place(door, home):
+    """What has no public name may go with any release; then one file has to change."""
+    found = [str(path.relative_to(PACKAGE)) for path in FILES.values() if door in path.read_text("utf-8")]
+    assert found == [home]
+
+
+def test_the_private_doors_are_still_there():
+    """Tells which one an upgrade has closed."""
+    import optuna
+    from joblib.externals.loky import ProcessPoolExecutor
+    from numba.core import event
+    from stable_baselines3.common.base_class import BaseAlgorithm
+
+    assert callable(event.register)
+    assert callable(ProcessPoolExecutor.submit)
+    assert callable(BaseAlgorithm._setup_learn)
+    trial = optuna.create_study().ask()
+    assert isinstance(trial._trial_id, int)
 
 
 def test_the_rules_know_no_learning_library():

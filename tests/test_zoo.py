@@ -7,8 +7,6 @@ nothing is shipped.
 import dataclasses
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -23,6 +21,7 @@ from fpg_bench.training.champions import load_recipes
 from fpg_bench.zoo.scores import add_missing_lines, member_entry, read_zoo_lines
 from fpg_bench.zoo.table import page
 from fpg_bench.zoo.zoo import load_zoo
+from tests.programs import fpg, python
 from tests.zoo.making import make_agent, make_zoo
 
 ROOT = Path(__file__).parents[1]
@@ -56,8 +55,7 @@ counterparts:
 
 
 def script(*words, folder):
-    run = [sys.executable, str(ROOT / "scripts" / "train_zoo.py"), *map(str, words)]
-    return subprocess.run(run, cwd=folder, capture_output=True, text=True)
+    return python(ROOT / "scripts" / "train_zoo.py", *words, folder=folder)
 
 
 def shipped_agents():
@@ -121,7 +119,7 @@ def test_the_page_is_what_the_lines_give():
 
 
 def test_the_verb_lists_what_is_shipped():
-    found = subprocess.run([sys.executable, "-m", "fpg_bench.cli", "zoo"], capture_output=True, text=True)
+    found = fpg("zoo")
     assert found.returncode == 0, found.stderr
     names = [line.split()[0] for line in found.stdout.splitlines() if line.endswith("whole")]
     assert names == shipped_agents()

@@ -19,6 +19,7 @@ from fpg_bench.cli.options import (
 )
 from fpg_bench.cli.watching import watched
 from fpg_bench.errors import UserError, printable
+from fpg_bench.extras import need
 
 if TYPE_CHECKING:
     from fpg_bench.matches.match import Round
@@ -50,6 +51,7 @@ def run(
 
     Beside the file lie paths.png, drawn anew after each round, and replay.html, all rounds to be watched.
     """
+    need("video", "matplotlib")
     from fpg_bench.matches.match import run_match
     from fpg_bench.matches.match_page import write_match_replay
     from fpg_bench.matches.match_picture import draw_match
@@ -108,6 +110,7 @@ def probe(
     ] = None,
 ) -> None:
     """Try the language model that the environment names: what its server honours."""
+    need("llm", "openai")
     from rich.console import Console
 
     from fpg_bench.planning.llm import probe as probing

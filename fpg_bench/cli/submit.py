@@ -129,8 +129,8 @@ def crossplay(
 
     trusted = None if since is None else pairs_at(folder, since)
     if check is None:
-        where: dict[str, Any] = {"backend": backend, "address": address}
-        failed = play_missing(folder, trusted=trusted, jobs=jobs, say=say, **where)
+        where: dict[str, Any] = {"jobs": jobs, "backend": backend, "address": address}
+        failed = play_missing(folder, trusted=trusted, say=say, **where)
     else:
         failed = check_pairs(folder, _share(check), sample_seed)
     for line in failed:

@@ -8,13 +8,16 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from fpg_bench.extras import need
+
 if TYPE_CHECKING:
     from fpg_bench.evaluation.field import Field
-    from fpg_bench.zoo.zoo import Member, Zoo, ZooView
+    from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView
 
 
 def zoo() -> None:
     """List the shipped agents: algorithm, seed and steps, their score, and whether their files are whole."""
+    need("evaluate", "scipy")
     from fpg_bench.zoo.zoo import load_zoo
 
     shipped = load_zoo()
@@ -43,7 +46,7 @@ def _scores(shipped: Zoo, view: ZooView) -> dict[tuple[str, int | None], float]:
     return {(s.entry, seed): score for s in summaries for seed, score in s.seed_scores().items()}
 
 
-def _line(member: Member, score: float | None) -> str:
+def _line(member: ZooAgent, score: float | None) -> str:
     whole = "whole" if member.is_whole() else "CHANGED: not the file that agent.json describes"
     told = "-" if score is None else f"{score:.1f}"
     return f"{member.name:36} {member.about()['training_steps']:12,} {told:>7}  {whole}"
@@ -86,7 +89,7 @@ def _described(field: Field) -> str:
     return f"measures the {field.side}, {met}\n    {field.scale.told}"
 
 
-def _agents(members: Iterable[Member]) -> list[str]:
+def _agents(members: Iterable[ZooAgent]) -> list[str]:
     """The agents' names, training seeds together."""
     seeds: dict[str, list[str]] = {}
     for member in members:

@@ -1,6 +1,11 @@
 """The Stable-Baselines3 view: a native ``VecEnv`` of N games, same-step autoreset."""
+# ruff: noqa: E402
 
 from __future__ import annotations
+
+from fpg_bench.extras import need
+
+need("train", "stable_baselines3")
 
 import time
 from collections.abc import Iterable, Sequence

@@ -3,8 +3,13 @@
 For those who come from PettingZoo and want one policy to learn both sides. A single side at full speed
 is :func:`fpg_bench.make_sb3`.
 """
+# ruff: noqa: E402
 
 from __future__ import annotations
+
+from fpg_bench.extras import need
+
+need("supersuit", "supersuit", "stable_baselines3")
 
 from collections.abc import Sequence
 from typing import Any

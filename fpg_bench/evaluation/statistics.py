@@ -12,6 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fpg_bench.extras import need
+
+need("evaluate", "scipy", "matplotlib")  # here, so that nothing is played before
+
 FEW_SEEDS = 3  # fewer training seeds are marked: their spread is hardly known
 TRAINING_SEEDS, MATCHES, ROUNDS = "training seeds", "matches", "rounds"
 

@@ -16,9 +16,8 @@ from fpg_bench.errors import nearest
 from fpg_bench.files import read_yaml, write_whole
 from fpg_bench.game.knowledge import KnowledgeBase, load_knowledge
 from fpg_bench.game.names import DETECTIONS, JAMMING_TYPES, SNR_MODELS
+from fpg_bench.game.released import RELEASED, RULES_VERSION
 from fpg_bench.game.validation import ScenarioError, check_mix, checked
-
-RULES_VERSION = 1
 
 
 def _number(default: float, low: float, high: float, doc: str) -> Any:
@@ -159,13 +158,14 @@ class Scenario:
     def hash(self) -> str:
         """SHA-256 of what is played, as 64 hexadecimal digits; two equal hashes play the same game.
 
-        Only fields that differ from ``standard`` enter it, so a new field with a neutral default
-        keeps every hash.
+        Only fields that differ from the released rules (:mod:`fpg_bench.game.released`) enter it, so a new
+        field with a neutral default keeps every hash, and a changed default changes it.
         """
+        released = {spec.name: spec.default for spec in fields(self)} | RELEASED[RULES_VERSION]
         changed = {
-            spec.name: getattr(self, spec.name)
-            for spec in fields(self)
-            if spec.name != "knowledge" and getattr(self, spec.name) != spec.default
+            name: getattr(self, name)
+            for name in released
+            if name != "knowledge" and getattr(self, name) != released[name]
         }
         base = self.knowledge_base
         content = {

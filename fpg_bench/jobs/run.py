@@ -13,6 +13,7 @@ from typing import Any
 
 from fpg_bench.checks import whole
 from fpg_bench.errors import UserError, nearest
+from fpg_bench.extras import need
 from fpg_bench.jobs.job import Job, Outcome, Pool, attempt
 
 BACKENDS = ("loky", "ray")
@@ -87,12 +88,24 @@ def run_jobs(
     return {job.name: failed[job.name] for job in jobs if job.name in failed}
 
 
-def run_quietly(
-    jobs: Sequence[Job], workers: int = 1, backend: str = "loky", address: str | None = None
-) -> dict[str, str]:
+@dataclass(frozen=True)
+class Workers:
+    """How many jobs run at once, and where; see :func:`run_jobs`."""
+
+    jobs: int = 1
+    backend: str = "loky"
+    address: str | None = None
+
+    @property
+    def alone(self) -> bool:
+        """Whether a single local one is asked for: this process does as well."""
+        return self == Workers()
+
+
+def run_quietly(jobs: Sequence[Job], workers: Workers) -> dict[str, str]:
     """As :func:`run_jobs`, saying nothing; in this process where a single local worker is asked for."""
-    if (workers, backend, address) != (1, "loky", None):
-        return run_jobs(jobs, workers, backend, address, say=lambda line: None)
+    if not workers.alone:
+        return run_jobs(jobs, workers.jobs, workers.backend, workers.address, say=lambda line: None)
     failed: dict[str, str] = {}
     for job in jobs:
         if not job.done():
@@ -117,6 +130,7 @@ def _pool(backend: str, address: str | None, workers: int) -> Pool:
         from fpg_bench.jobs.cluster import RayPool
 
         return RayPool(address, workers)
+    need("evaluate", "joblib")
     from fpg_bench.jobs.local import LocalPool
 
     return LocalPool()

@@ -19,7 +19,7 @@ from fpg_bench.evaluation.play import LOST_SCORE
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.files import write_whole
 from fpg_bench.jobs.folders import folder_job
-from fpg_bench.jobs.run import run_quietly
+from fpg_bench.jobs.run import Workers, run_quietly
 from fpg_bench.leaderboard.cases import at_work, work_folder
 from fpg_bench.leaderboard.pairs import (
     ROUNDS,
@@ -42,6 +42,7 @@ from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.naming import as_player
 from fpg_bench.rows import Row, RowFile
 
+_ALONE = Workers()
 WITHIN = 0.005  # of a rate, and of the distance from 0 to 100, when it is played again
 
 
@@ -50,9 +51,8 @@ def play_missing(
     *,
     rounds: int = ROUNDS,
     trusted: Collection[Row] | None = None,
-    jobs: int = 1,
     say: Callable[[str], None] = print,
-    **where: Any,
+    **workers: Any,
 ) -> list[str]:
     """Play the pairs of a board that have no figure yet; those of players that are gone are dropped.
 
@@ -60,9 +60,8 @@ def play_missing(
         board: the leaderboard's folder.
         rounds: of each pair, dealt out evenly to the training seeds of both.
         trusted: the rows that are believed; all others are played again and replaced. None: all are.
-        jobs: how many allies play at once.
         say: told how it goes.
-        **where: ``backend`` and ``address``; see :func:`fpg_bench.jobs.run.run_jobs`.
+        **workers: how many allies play at once, and where; see :class:`fpg_bench.jobs.run.Workers`.
 
     Returns:
         What could not be played, and which untrusted rows did not hold, one line each.
@@ -74,7 +73,7 @@ def play_missing(
     missing = [(a, o) for key, a, o in pairs.every() if key not in known]
     say(f"crossplay: {len(missing)} of {len(pairs.allies) * len(pairs.opponents)} pairs to play")
     with at_work(board):
-        played, failed = _play(board, missing, rounds, jobs, **where)
+        played, failed = _play(board, missing, rounds, Workers(**workers))
     known |= {pair.key: pair for pair in played}
     differing = _differing(played, pairs)
     failed += [f"{line}; replaced, commit this one" for line in differing]
@@ -129,7 +128,7 @@ def _write(board: Path, pairs: Sequence[Pair]) -> None:
 
 
 def _play(
-    board: Path, pairs: Sequence[tuple[BoardEntry, BoardEntry]], rounds: int, workers: int = 1, **where: Any
+    board: Path, pairs: Sequence[tuple[BoardEntry, BoardEntry]], rounds: int, workers: Workers = _ALONE
 ) -> tuple[list[Pair], list[str]]:
     """Play pairs, an ally's after one another: their figures, and what failed."""
     work = work_folder(board) / "crossplay"
@@ -140,7 +139,7 @@ def _play(
         fill, done = partial(_fill, ally, others, rounds), partial(_is_done, folder, keys)
         jobs.append(folder_job(ally.slug, folder, fill, done))
         folders.append((folder, keys))
-    failed = run_quietly(jobs, workers, **where)
+    failed = run_quietly(jobs, workers)
     rows = [row for folder, keys in folders for row in _rows(folder) if row["key"] in keys]
     shutil.rmtree(work, ignore_errors=True)
     lost = [f"{row['ally']} - {row['opponent']}: {row[FAILED]}" for row in rows if FAILED in row]

@@ -9,9 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fpg_bench.evaluation.field import Field
+from fpg_bench.extras import need
 from fpg_bench.leaderboard.fields import TRACKS, Training
 from fpg_bench.leaderboard.policies import Policy
 from fpg_bench.leaderboard.tracks import track_of
+
+need("evaluate", "onnx", "scipy", "matplotlib", "joblib")
 
 __all__ = ["TRACKS", "Policy", "Submission", "Training"]
 

@@ -11,6 +11,7 @@ import numpy as np
 from fpg_bench.checks import whole
 from fpg_bench.envs.duel import make_duel
 from fpg_bench.errors import UserError, nearest
+from fpg_bench.extras import need
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.matches.rounds import Table, begin, play_round, seated
@@ -42,34 +43,31 @@ def watch(
     ally: Any = "expert",
     opponent: Any = "adaptive",
     *,
-    scenario: Scenario | str | None = None,
-    path: Any = None,
-    planner: Any = None,
-    knowledge: str | None = None,
-    jamming_types: Any = None,
     seed: int = 0,
     rounds: int = 1,
     out: str | Path | None = None,
     every: int = 1,
     overwrite: bool = False,
     echo: Echo = print,
+    **game: Any,
 ) -> list[dict[str, float | None]]:
     """Play one pairing and show it.
 
     Without ``out`` every step is a line of text, under a heading and over a closing line of measures.
     With it the rounds are played first and then written: ``.html`` is an interactive replay in one file,
-    ``.gif`` a film for any viewer, ``.mp4`` a film that needs the extra ``video``; the closing lines and
+    ``.gif`` and ``.mp4`` are films, which need the extra ``video``; the closing lines and
     the file's name are echoed.
 
     Args:
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.naming.as_player`.
-        scenario, path, planner, knowledge, jamming_types: those of :func:`fpg_bench.envs.duel.make_duel`.
         seed: of the match; a whole number in [0, 2^63).
         rounds: how many are played, one after the other; after a match's last one its seed's next match.
         out: the file to write, or None for text.
         every: of the lines or a film's frames, show each n-th and the last; a replay keeps all steps.
         overwrite: whether a file of that name may be replaced.
         echo: called with each line of text.
+        **game: ``scenario``, ``path``, ``planner``, ``knowledge``, ``jamming_types``: those of
+            :func:`fpg_bench.envs.duel.make_duel`.
 
     Returns:
         The measures of each round, by the names of :func:`fpg_bench.game.measures.measures`.
@@ -82,9 +80,7 @@ def watch(
     for name, value in (("rounds", rounds), ("every", every)):
         whole(value, name)
     target = None if out is None else _checked_target(Path(out), overwrite)
-    duel = make_duel(
-        scenario=scenario, path=path, planner=planner, knowledge=knowledge, jamming_types=jamming_types
-    )
+    duel = make_duel(**game)
     names = {"ally": player_name(ally), "opponent": player_name(opponent)}
     table = seated(duel, ally, opponent)
     recordings, found = [], []
@@ -107,6 +103,8 @@ def _checked_target(path: Path, overwrite: bool) -> Path:
         raise UserError(f"out: {path} is a folder")
     if path.exists() and not overwrite:
         raise UserError(f"out: {path} is there already; choose another name, or allow overwriting")
+    if suffix != ".html":
+        need("video", "matplotlib", "PIL")
     if suffix == ".mp4":
         from fpg_bench.pictures.film import check_mp4
 

@@ -8,9 +8,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
+from rich.console import Console
+from rich.progress import track
 
 from fpg_bench.errors import UserError
+from fpg_bench.extras import need
 from fpg_bench.files import write_whole
 from fpg_bench.pictures.picture import HEIGHT, WIDTH, Picture
 from fpg_bench.pictures.recording import Recording
@@ -23,12 +25,13 @@ def check_mp4() -> None:
     Raises:
         UserError: the encoder is not installed.
     """
-    try:
-        import imageio_ffmpeg
+    need("video", "imageio_ffmpeg")
+    import imageio_ffmpeg
 
+    try:
         imageio_ffmpeg.get_ffmpeg_exe()
-    except (ImportError, RuntimeError) as error:
-        raise UserError('mp4: the encoder is missing; pip install "fpg-bench[video]"') from error
+    except RuntimeError as error:
+        raise UserError(f"mp4: {error}") from error
 
 
 def write_gif(recordings: Sequence[Recording], path: Path, title: str = "", every: int = 1) -> None:
@@ -80,7 +83,10 @@ def _frames(recordings: Sequence[Recording], title: str, every: int) -> Iterator
         if shown(step, len(recording.frames) - 1, every)
     ]
     picture, drawn = None, None
-    for recording, step in tqdm(steps, "drawing", unit="frame", leave=False, disable=None):
+    console = Console(stderr=True)
+    for recording, step in track(
+        steps, "drawing", console=console, transient=True, disable=not console.is_terminal
+    ):
         if drawn is not recording:
             picture, drawn = Picture(recording, title), recording
         assert picture is not None

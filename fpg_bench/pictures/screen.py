@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.errors import UserError
+from fpg_bench.extras import need
 from fpg_bench.game.arena import Arena
 
 RENDER_MODES = ("rgb_array", "human")
@@ -20,12 +21,14 @@ class Screen:
         mode: None (nothing is recorded), ``rgb_array`` or ``human``.
 
     Raises:
-        UserError: another mode.
+        UserError: another mode, or the extra ``video`` is not installed.
     """
 
     def __init__(self, arena: Arena, mode: str | None) -> None:
         if mode is not None and mode not in RENDER_MODES:
             raise UserError(f"render_mode: expected None, 'rgb_array' or 'human', got {mode!r}")
+        if mode is not None:
+            need("video", "matplotlib")
         self._arena, self._mode = arena, mode
         self._renderer: Any = None
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.errors import UserError
+from fpg_bench.extras import need
 
 FRAMES_PER_SECOND = 10  # of windows and films
 
@@ -23,12 +24,9 @@ class Window:
     """
 
     def __init__(self, title: str, frames_per_second: int) -> None:
-        try:
-            import pygame
-        except ImportError as error:
-            raise UserError(
-                "render_mode 'human' needs pygame-ce: pip install \"fpg-bench[video]\""
-            ) from error
+        need("video", "pygame")
+        import pygame
+
         self._pygame = pygame
         self._title, self._frames_per_second = title, frames_per_second
         self._screen: Any = None

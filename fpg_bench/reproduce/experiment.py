@@ -109,7 +109,7 @@ def run_experiment(
     for seed, run in runs.items():
         about = {
             "scenario": f"{preset}, {run.scenario.hash}",
-            "budget": f"{budget.name}, {steps} steps, {run.model._n_updates} updates",
+            "budget": f"{budget.name}, {steps} steps, {run.model.updates} updates",
             "trained at once": ", ".join(map(str, runs)),
             "versions": _VERSIONS,
             "seconds": seconds,

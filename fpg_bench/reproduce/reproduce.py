@@ -26,11 +26,10 @@ def reproduce(
     scenario: str = "paper",
     seeds: int | None = None,
     budget: str | Budget = "quick",
-    jobs: int = 2,
-    backend: str = "loky",
-    address: str | None = None,
     llm: Mapping[str, Any] | None = None,
     say: Callable[[str], None] = print,
+    jobs: int = 2,
+    **where: Any,
 ) -> list[Path]:
     """Run what a figure of the paper needs, draw it, and write the report of all runs that are there.
 
@@ -40,10 +39,11 @@ def reproduce(
         scenario: ``paper`` or ``standard``.
         seeds: runs of each condition that a claim rests on (others: five at most); None: the budget's own.
         budget: ``quick``, ``full``, or one of one's own.
-        jobs, backend, address: how many runs at once, and where; see :func:`fpg_bench.jobs.run.run_jobs`.
         llm: run the language model that the environment names as one more planner, with these options of
             its planner; ``transcript``: replay that file. None: it is not run, and the report says so.
         say: told a line per run that begins or ends.
+        jobs: how many runs at once.
+        **where: ``backend`` and ``address``; see :func:`fpg_bench.jobs.run.run_jobs`.
 
     Returns:
         The files written: figures, then the report.
@@ -57,7 +57,7 @@ def reproduce(
     file = RunFile(out, scenario, budget.name)
     wanted = [(c, _seeds(c, count)) for c in _conditions(target, scenario, budget, llm)]
     listed = [_job(condition, scenario, budget, of, out, file, llm) for condition, of in wanted]
-    failed = run_jobs(listed, jobs, backend, address, say)
+    failed = run_jobs(listed, jobs, say=say, **where)
     every = {c.name: range(count) for c in _conditions("all", scenario, BUDGETS["full"], {})}
     results = read_results(file, every)
     figures = draw(results, scenario, out / "figures")

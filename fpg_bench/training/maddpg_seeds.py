@@ -29,7 +29,7 @@ def learn_together(seeded: Mapping[int, MADDPG], steps: int) -> None:
     models = list(seeded.values())
     learner = _learner(models)
     chances = [_Chance(seed) for seed in seeded]
-    callbacks = [model._setup_learn(steps)[1] for model in models]
+    callbacks = [model.begin_learning(steps) for model in models]
     first = models[0]
     while first.num_timesteps < steps:
         batches = []
@@ -45,7 +45,7 @@ def learn_together(seeded: Mapping[int, MADDPG], steps: int) -> None:
                 )
                 updates = model.gradient_steps if model.num_timesteps > model.learning_starts else 0
                 batches.append([model.replay_buffer.sample(model.batch_size) for _ in range(updates)])  # type: ignore[union-attr]
-            model._n_updates += updates
+            model.count_updates(updates)
         for each in zip(*batches, strict=True):
             learner.update(_stacked(each))
 

@@ -29,7 +29,7 @@ from fpg_bench.training.divergence import is_finite, tells_divergence
 from fpg_bench.training.export import check_exportable, export_agent
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
-from fpg_bench.training.keeping import Clock, Keeping, stopped_by_ctrl_c
+from fpg_bench.training.keeping import Clock, EvalCheckpointCallback, stopped_by_ctrl_c
 from fpg_bench.training.language_model import training_planner
 from fpg_bench.training.models import by_side, make_games, make_model
 from fpg_bench.training.run_folder import RunFolder, command_line, revision, words_of
@@ -171,7 +171,7 @@ class Run:
         clock = Clock(self._before)
         with stopped_by_ctrl_c() as stop:
             self._imitate(stop, progress)
-            keeping = Keeping(
+            keeping = EvalCheckpointCallback(
                 self.folder.checkpoints, clock, yardsticks, self.folder.evaluations, budget, looks, stop
             )
             try:

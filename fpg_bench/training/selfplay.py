@@ -41,17 +41,10 @@ def selfplay(
     out: str | Path,
     *,
     generations: int = GENERATIONS,
-    steps: int = STEPS,
-    pool: int = POOL,
-    seed: int = 0,
-    hyperparams: str | Path | Mapping[str, Any] | None = None,
     evaluations: int = 1,
     progress: bool = True,
     say: Callable[[str], None] = print,
-    scenario: Scenario | str | Path | None = None,
-    path: Any = None,
-    knowledge: str | None = None,
-    jamming_types: Any = None,
+    **words: Any,
 ) -> dict[str, Path]:
     """Train both sides against each other's past, generation by generation.
 
@@ -64,14 +57,12 @@ def selfplay(
         out: a folder: ``generations/<side>_<g>``, a run's folder each; ``selfplay.jsonl``, a row each;
             ``ally`` and ``opponent``, the agents of the last generation.
         generations: how many, of each side.
-        steps: the budget of a generation of a side.
-        pool: at most so many past generations of the other side, drawn anew for each.
-        seed: decides the draws and the matches.
-        hyperparams: see :func:`fpg_bench.training.train.train`; ids of both sides stand in the file.
         evaluations: how often each generation is scored on its field on the way, besides its start; 0: never.
         progress: whether to show how training goes.
         say: told a line per row.
-        scenario, path, knowledge, jamming_types: the game; see :class:`fpg_bench.envs.one_sided.OneSided`.
+        **words: the others of :class:`Selfplay` (``steps``, ``pool``, ``seed``, ``hyperparams``), and the
+            game: ``scenario``, ``path``, ``knowledge``, ``jamming_types``, as for
+            :class:`fpg_bench.envs.one_sided.OneSided`.
 
     Returns:
         The folders of both agents.
@@ -81,19 +72,19 @@ def selfplay(
             generation that is not whole.
         KeyboardInterrupt: stopped by the user.
     """
-    for name, value in (("generations", generations), ("pool", pool)):
+    own = {name: words.pop(name) for name in ("steps", "pool", "seed", "hyperparams") if name in words}
+    options = {name: value for name, value in words.items() if value is not None}
+    made = Selfplay(algorithm, Path(out), **own, options=options)
+    for name, value in (("generations", generations), ("pool", made.pool)):
         whole(value, name)
-    game = {"scenario": scenario, "path": path, "knowledge": knowledge, "jamming_types": jamming_types}
-    options = {name: value for name, value in game.items() if value is not None}
-    made = _Selfplay(algorithm, Path(out), steps, pool, seed, options)
-    about, file = made.described(hyperparams), RowFile(made.folder / ROWS, {"generation": int, "side": str})
+    about, file = made.described(), RowFile(made.folder / ROWS, {"generation": int, "side": str})
     with file.locked():
         done = {(row["generation"], row["side"]) for row in file.read()}
         made.claim(about, begun=bool(done))
         for generation in range(generations):
             for side in SIDES:
                 if (generation, side) not in done:
-                    made.learn(side, generation, hyperparams, evaluations, progress)
+                    made.learn(side, generation, evaluations, progress)
                     file.append([row := made.row(side, generation)])
                     say(_line(row))
         last = {row["side"]: row["generation"] for row in file.read()}
@@ -101,15 +92,25 @@ def selfplay(
 
 
 @dataclass(frozen=True)
-class _Selfplay:
-    """What is trained, and where; see :func:`selfplay`."""
+class Selfplay:
+    """What is trained, and where.
+
+    Attributes:
+        algorithm, folder: see :func:`selfplay`.
+        steps: the budget of a generation of a side.
+        pool: at most so many past generations of the other side, drawn anew for each.
+        seed: decides the draws and the matches.
+        hyperparams: as for :class:`fpg_bench.training.spec.RunSpec`; ids of both sides stand in the file.
+        options: the game.
+    """
 
     algorithm: str
     folder: Path
-    steps: int
-    pool: int
-    seed: int
-    options: dict[str, Any]
+    steps: int = STEPS
+    pool: int = POOL
+    seed: int = 0
+    hyperparams: str | Path | Mapping[str, Any] | None = None
+    options: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     @property
     def scenario(self) -> Scenario:
@@ -117,11 +118,11 @@ class _Selfplay:
         changes = dict(self.options)
         return as_scenario(changes.pop("scenario", None), opponent_path=changes.pop("path", None), **changes)
 
-    def described(self, hyperparams: Any) -> dict[str, Any]:
+    def described(self) -> dict[str, Any]:
         """What tells it apart from another, as it is read again."""
         parameters = {
             side: load_hyperparameters(
-                self.algorithm, policy_view(side).id, hyperparams, path=self.options.get("path")
+                self.algorithm, policy_view(side).id, self.hyperparams, path=self.options.get("path")
             )
             for side in SIDES
         }
@@ -159,14 +160,14 @@ class _Selfplay:
         drawn = draw_past(side, generation, self.pool, self.seed)
         return {f"{other}_{past}": str(self.run(other, past).agent) for past in drawn}
 
-    def learn(self, side: str, generation: int, hyperparams: Any, evaluations: int, progress: bool) -> None:
+    def learn(self, side: str, generation: int, evaluations: int, progress: bool) -> None:
         """Train a generation of a side, or go on with it."""
         run = RunSpec(
             self.algorithm,
             policy_view(side).id,
             SEED_STRIDE * self.seed + generation,
             self.steps,
-            hyperparams,
+            self.hyperparams,
             against=list(self.others(side, generation).values()),
             start=self.run(side, generation - 1).path if generation else None,
             options=self.options,

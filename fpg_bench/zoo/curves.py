@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fpg_bench.rows import Row, RowFile
-from fpg_bench.zoo.zoo import Member, Zoo, ZooView, replace_rows
+from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView, replace_rows
 
 EVALUATIONS = "evaluations.jsonl"  # what a run's folder calls them
 CURVES = "curves.jsonl"
@@ -26,7 +26,7 @@ class Curve:
     high: np.ndarray
 
 
-def keep_curve(zoo: Zoo, member: Member, run: Path) -> None:
+def keep_curve(zoo: Zoo, member: ZooAgent, run: Path) -> None:
     """Keep the scores that a run's folder has seen while it trained, in place of what was kept before."""
     rows = RowFile(run / EVALUATIONS).read()
     mine = [_row(member, row) for row in rows if row["side"] == member.view.side]
@@ -38,7 +38,7 @@ def curve_file(zoo: Zoo, view: ZooView) -> RowFile:
     return RowFile(zoo.scores(view) / CURVES)
 
 
-def _row(member: Member, row: Row) -> Row:
+def _row(member: ZooAgent, row: Row) -> Row:
     head: Row = {"algorithm": member.algorithm, "training_seed": member.seed}
     return head | {"steps": row["steps"], "seconds": row["seconds"], "score": round(row["score"], 2)}
 

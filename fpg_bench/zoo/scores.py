@@ -13,7 +13,7 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.rows import RowFile
-from fpg_bench.zoo.zoo import Member, Zoo, ZooView
+from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView
 
 Prints = dict[tuple[str, int | None], str]  # by name and training seed
 
@@ -23,7 +23,7 @@ def score_file(zoo: Zoo, view: ZooView) -> RowFile:
     return RowFile(zoo.scores(view) / LINES)
 
 
-def member_entry(member: Member) -> Entry:
+def member_entry(member: ZooAgent) -> Entry:
     """A shipped agent as an entry; raises UserError where it cannot be loaded."""
     return player_entry(load_agent(member.folder), member.algorithm, member.seed)
 
@@ -65,7 +65,7 @@ def add_missing_lines(
     return found
 
 
-def check_member(zoo: Zoo, member: Member) -> list[str]:
+def check_member(zoo: Zoo, member: ZooAgent) -> list[str]:
     """Play a shipped agent again, all rounds: what differs from its lines."""
     entry, found = member_entry(member), []
     for field in map(load_field, member.view.fields):

@@ -25,7 +25,7 @@ from fpg_bench.rows import RowFile
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.zoo.curves import keep_curve
 from fpg_bench.zoo.scores import add_missing_lines
-from fpg_bench.zoo.zoo import Member, Zoo
+from fpg_bench.zoo.zoo import Zoo, ZooAgent
 
 _LOCK = "zoo.lock"
 _PAUSE_S = 0.5
@@ -36,7 +36,7 @@ _PROGRAM = (sys.executable, "-m", "fpg_bench.cli")
 class _Training:
     """A member under training: its process, when it began, and what it prints to."""
 
-    member: Member
+    member: ZooAgent
     process: subprocess.Popen[bytes]
     start_s: float
     log: IO[bytes]
@@ -82,14 +82,14 @@ def train_zoo(
     return failed
 
 
-def run_folder(member: Member, runs: Path) -> Path:
+def run_folder(member: ZooAgent, runs: Path) -> Path:
     """Where a member is trained; both sides of a duel in one run."""
     view = member.view
     name = view.name.replace(f"-{view.side}", "") if view.id == DUEL else view.name
     return runs / name / member.algorithm / f"seed_{member.seed}"
 
 
-def command(member: Member, runs: Path) -> list[str]:
+def command(member: ZooAgent, runs: Path) -> list[str]:
     """The words behind ``fpg-bench`` that train a member, or go on with it."""
     view = member.view
     words = ["train", member.algorithm, view.id, "--seed", str(member.seed), "--steps", str(member.steps)]
@@ -100,7 +100,7 @@ def command(member: Member, runs: Path) -> list[str]:
     return [*words, *measured, "--resume", "--out", str(run_folder(member, runs))]
 
 
-def ship(member: Member, run: Path) -> None:
+def ship(member: ZooAgent, run: Path) -> None:
     """Copy a finished run's agent to its place in the zoo, ``agent.json`` last.
 
     Raises:
@@ -116,7 +116,7 @@ def ship(member: Member, run: Path) -> None:
         write_whole(member.folder / name, (agent / name).read_bytes())
 
 
-def state(member: Member, runs: Path) -> str:
+def state(member: ZooAgent, runs: Path) -> str:
     """How far a member is: shipped, trained, begun, or missing."""
     if member.shipped:
         return "shipped"
@@ -126,7 +126,7 @@ def state(member: Member, runs: Path) -> str:
     return "trained" if read_json(file, "run").get("finished") else "begun"
 
 
-def _next(waiting: list[Member], running: list[_Training], runs: Path) -> Member | None:
+def _next(waiting: list[ZooAgent], running: list[_Training], runs: Path) -> ZooAgent | None:
     """Take the first that is not trained in a run that is under way."""
     busy = {run_folder(training.member, runs) for training in running}
     free = next((member for member in waiting if run_folder(member, runs) not in busy), None)
@@ -135,7 +135,7 @@ def _next(waiting: list[Member], running: list[_Training], runs: Path) -> Member
     return free
 
 
-def _start(member: Member, runs: Path) -> _Training:
+def _start(member: ZooAgent, runs: Path) -> _Training:
     folder = run_folder(member, runs)
     folder.parent.mkdir(parents=True, exist_ok=True)
     log = _log(folder).open("ab")

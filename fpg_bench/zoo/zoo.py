@@ -46,7 +46,7 @@ class ZooView:
 
 
 @dataclass(frozen=True)
-class Member:
+class ZooAgent:
     """One agent of the zoo, shipped or still to be trained; ``folder`` is where it lies once it is."""
 
     view: ZooView
@@ -96,7 +96,7 @@ class Zoo:
         """The folder of a view's scores, learning curves and pictures."""
         return self.folder / "scores" / view.name
 
-    def members(self, only: str | None = None) -> list[Member]:
+    def members(self, only: str | None = None) -> list[ZooAgent]:
         """The agents, by view, algorithm and seed.
 
         Args:
@@ -106,7 +106,7 @@ class Zoo:
             UserError: none is called so.
         """
         every = [
-            Member(view, algorithm, seed, self.folder / "agents" / view.name / algorithm / f"seed_{seed}")
+            ZooAgent(view, algorithm, seed, self.folder / "agents" / view.name / algorithm / f"seed_{seed}")
             for view in self.views
             for algorithm in view.steps
             for seed in self.seeds
@@ -118,7 +118,7 @@ class Zoo:
         return found
 
 
-def replace_rows(file: RowFile, member: Member, rows: Iterable[Row]) -> None:
+def replace_rows(file: RowFile, member: ZooAgent, rows: Iterable[Row]) -> None:
     """Write a member's rows into a file of its view, in the place of those that it had there."""
     others = [row for row in file.read() if not member.is_of(row)]
     write_whole(file.path, "".join(json.dumps(row) + "\n" for row in [*others, *rows]))

@@ -3,8 +3,6 @@
 import csv
 import json
 import shutil
-import subprocess
-import sys
 from collections import Counter
 
 import pytest
@@ -15,6 +13,7 @@ from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.evaluate import read_results
 from fpg_bench.evaluation.table import write_table
 from fpg_bench.rows import RowFile
+from tests.programs import fpg
 
 KEY = "sk-never-to-be-seen-3141592653"
 MATCHES, ROUNDS, ALLIES = 2, 3, ("idle", "expert")
@@ -326,12 +325,6 @@ def test_the_key_is_nowhere(folder, asks):
 
 
 # The command
-
-
-def fpg(*words, folder):
-    return subprocess.run(
-        [sys.executable, "-m", "fpg_bench.cli", *map(str, words)], capture_output=True, text=True, cwd=folder
-    )
 
 
 def test_the_command_prints_and_writes_the_table(folder):

@@ -18,6 +18,7 @@ from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.leaderboard.site.serve import make_server
 from fpg_bench.leaderboard.site.wording import interval_text, rank_text, safe_link, signed, written
 from tests.leaderboard.example_board import HOSTILE, example_board
+from tests.programs import fpg
 
 LEADS_AWAY = {"src", "srcset", "poster", "action", "formaction", "data", "background", "ping"}
 
@@ -361,12 +362,10 @@ def test_serving_needs_a_site_and_a_free_port(site, tmp_path):
 def test_the_verbs_build_and_say_what_is_wrong(tmp_path):
     (tmp_path / "board" / "submissions").mkdir(parents=True)
     out = tmp_path / "out"
-    words = [sys.executable, "-m", "fpg_bench.cli", "leaderboard"]
-    built = [*words, "build", "--folder", str(tmp_path / "board"), "--out", str(out)]
-    found = subprocess.run(built, capture_output=True, text=True, check=True)
+    found = fpg("leaderboard", "build", "--folder", tmp_path / "board", "--out", out)
     assert found.stdout.startswith("0 entries, 0 rounds to watch")
     assert (out / "index.html").is_file()
-    served = subprocess.run([*words, "serve", str(tmp_path / "none")], capture_output=True, text=True)
+    served = fpg("leaderboard", "serve", tmp_path / "none")
     assert (served.returncode, served.stderr.count("\n")) == (2, 1)
     assert "leaderboard build" in served.stderr
 

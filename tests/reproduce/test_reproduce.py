@@ -2,8 +2,6 @@
 
 import gzip
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -17,6 +15,7 @@ from fpg_bench.reproduce.reproduce import reproduce
 from fpg_bench.reproduce.runs import RunFile
 from fpg_bench.reproduce.tables import tables
 from fpg_bench.reproduce.windows import FINAL, STAGES, WINDOWS, windows_of
+from tests.programs import fpg
 
 # Enough for a round in each of the forty windows, and for some updates.
 TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
@@ -203,16 +202,14 @@ def test_tables_speak_of_what_is_in_use():
     ],
 )
 def test_the_verb_refuses_what_it_does_not_know(words, said, tmp_path):
-    command = [sys.executable, "-m", "fpg_bench.cli", "reproduce", *words, "--out", str(tmp_path)]
-    found = subprocess.run(command, capture_output=True, text=True)
+    found = fpg("reproduce", *words, "--out", tmp_path)
     assert found.returncode == 2
     assert said in found.stderr
     assert len(found.stderr.strip().splitlines()) == 1
 
 
 def test_the_verb_writes_the_tables_at_once(tmp_path):
-    command = [sys.executable, "-m", "fpg_bench.cli", "reproduce", "tables", "--out", str(tmp_path)]
-    found = subprocess.run(command, capture_output=True, text=True)
+    found = fpg("reproduce", "tables", "--out", tmp_path)
     assert found.returncode == 0, found.stderr
     headings = re.findall("^## (.+)$", (tmp_path / "report-paper.md").read_text(), re.MULTILINE)
     assert [heading.partition(":")[0] for heading in headings] == [

@@ -19,8 +19,8 @@ from fpg_bench.seasons.profiles import played
 from fpg_bench.seasons.season import FILE, load_season
 from fpg_bench.seasons.show import told
 from tests.leaderboard.making import model, node, weights
+from tests.programs import fpg
 from tests.seasons.closing import TINY, close_tiny, in_this_process, make_board
-from tests.test_cli import fpg
 
 
 @pytest.fixture(scope="module")

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 
 from fpg_bench.rows import RowFile
+from tests.programs import python
 from tests.seasons.closing import REPOSITORY
 
 
@@ -28,8 +26,7 @@ def make_closing(folder, seed, noise):
 
 
 def told(*folders):
-    command = [sys.executable, str(REPOSITORY / "scripts/measure_fields.py"), *folders, "--side", "opponent"]
-    found = subprocess.run(command, capture_output=True, text=True)
+    found = python(REPOSITORY / "scripts/measure_fields.py", *folders, "--side", "opponent")
     assert found.returncode == 0, found.stderr
     return found.stdout.splitlines()
 

@@ -1,8 +1,6 @@
 import json
 import pickle
 import shutil
-import subprocess
-import sys
 import zipfile
 
 import numpy as np
@@ -16,6 +14,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.live import export_agent
 from fpg_bench.training.sb3_zip import load_zip
+from tests.programs import fpg
 from tests.training.tiny import train_tiny
 
 ID = "FPG/OpponentVsScripted-v0"
@@ -24,9 +23,7 @@ SEEN = np.random.default_rng(0).uniform(-1, 1, (5, 15)).astype(np.float32)
 
 
 def export(*words):
-    return subprocess.run(
-        [sys.executable, "-m", "fpg_bench.cli", "export", *map(str, words)], capture_output=True, text=True
-    )
+    return fpg("export", *words)
 
 
 def games(frames=1, view=ID):

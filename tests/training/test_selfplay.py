@@ -1,8 +1,6 @@
 """Self-play: who is trained against whom, from which weights, and that nothing is lost or done twice."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 import yaml
@@ -15,6 +13,7 @@ from fpg_bench.training import selfplay as playing
 from fpg_bench.training.callbacks import GameMeasures
 from fpg_bench.training.selfplay import draw_past, selfplay
 from fpg_bench.training.train import train_run
+from tests.programs import fpg
 from tests.training.tiny import settings
 
 TINY = settings("ppo", normalize={"norm_obs": False})
@@ -182,8 +181,7 @@ def test_from_the_command_line(tmp_path):
     entries = dict.fromkeys(("FPG/AllyVsPolicy-v0", "FPG/OpponentVsPolicy-v0"), TINY)
     (tmp_path / "tiny.yml").write_text(yaml.safe_dump(entries))
     words = ["--generations", "1", "--steps", "400", "--path", "learned", "--evaluations", "0"]
-    program = [sys.executable, "-m", "fpg_bench.cli", "selfplay", "ppo", "--hyperparams", "tiny.yml", *words]
-    done = subprocess.run([*program, "--out", "out"], cwd=tmp_path, capture_output=True, text=True)
+    done = fpg("selfplay", "ppo", "--hyperparams", "tiny.yml", *words, "--out", "out", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "agents: out/ally, out/opponent"
     assert load_agent(tmp_path / "out" / "opponent").about["options"] == {"path": "learned"}

@@ -6,7 +6,7 @@ import hashlib
 import json
 from pathlib import Path
 
-from fpg_bench.zoo.zoo import Member, Zoo, load_zoo
+from fpg_bench.zoo.zoo import Zoo, ZooAgent, load_zoo
 from tests.leaderboard.making import policy
 
 FIELD = """\
@@ -37,7 +37,9 @@ def make_zoo(folder: Path, more: str = "") -> Zoo:
     return load_zoo(folder)
 
 
-def make_agent(member: Member, folder: Path | None = None, seed: int | None = None, **other: object) -> Path:
+def make_agent(
+    member: ZooAgent, folder: Path | None = None, seed: int | None = None, **other: object
+) -> Path:
     """Write an agent folder: the member's own, or another one with something else in ``agent.json``."""
     folder = folder or member.folder
     model = policy(member.seed if seed is None else seed)
