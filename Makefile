@@ -1,17 +1,27 @@
 # make benchmark: set up and run the main job. make test: set up and run the tests.
+# make test-fast: those that start nothing and are quick. make coverage: which lines and branches are tested.
 PYTHON ?= python3
 STEPS ?= 2000000
 RESULTS ?= results/benchmark$(if $(filter 2000000,$(STEPS)),,-$(STEPS))
 BIN = .venv/bin
 
-.PHONY: benchmark test clean
+PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+.PHONY: benchmark test test-fast coverage clean
 
 benchmark: .venv/.train
 	$(BIN)/fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo-fast --restart
 	$(BIN)/fpg-bench evaluate all-scripted $(RESULTS)/ppo-fast/agent --field ally-v1 --out $(RESULTS)/ally-v1
 
 test: .venv/.dev
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=5
+	$(PYTEST) --durations=20 --durations-min=5
+
+test-fast: .venv/.dev
+	$(PYTEST) -m "not (browser or llama or postgres or process or ray or slow)"
+
+coverage: .venv/.dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pytest-cov>=6" "coverage>=7.10"
+	$(PYTEST) --cov --cov-report=term:skip-covered
 
 # One environment: what the benchmark needs (extra train), or all that the tests need (dev, which holds train).
 .venv/.train .venv/.dev: .venv/.%: pyproject.toml constraints.txt

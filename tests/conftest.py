@@ -1,12 +1,15 @@
 """Settings shared by all tests."""
 
+import os
 import re
 import signal
-from pathlib import Path
+from collections import Counter
 
+import pytest
 from hypothesis import settings
 
-HERE = Path(__file__).parent
+# Workers share the cores, and networks as small as ours only wait for a second thread.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # Derandomised: a test that fails for you fails for everybody. No deadlines: no test measures time.
 settings.register_profile("fpg_bench", deadline=None, derandomize=True, max_examples=60)
@@ -23,6 +26,11 @@ def pytest_make_parametrize_id(val):
     return re.sub(r" at 0x[0-9a-f]+", "", name) if " at 0x" in name else None
 
 
+@pytest.hookimpl(tryfirst=True)  # before some are left out by their marks
 def pytest_collection_modifyitems(items):
-    """The files of this folder first, among them the longest: at the end two workers share short ones."""
-    items.sort(key=lambda item: item.path.parent != HERE)
+    """Mark who asks a real language model; the longest files first, so that workers share short ones last."""
+    for item in items:
+        if "llama_server" in getattr(item, "fixturenames", ()):
+            item.add_marker("llama")
+    slow = Counter(item.path for item in items for _ in item.iter_markers("slow"))
+    items.sort(key=lambda item: -slow[item.path])

@@ -1,7 +1,6 @@
 """Pages of the docs, done in a folder as a reader would, in their order.
 
-A block of code whose first line is ``# NAME`` is a file, too. Commands play small fields, or nothing would
-come to an end here.
+A block of code whose first line is ``# NAME`` is a file, too. Commands play fields with few matches.
 """
 
 from __future__ import annotations
@@ -57,9 +56,8 @@ class Reader:
 
     def __init__(self, folder: Path, baselines: Path, **variables: str) -> None:
         folder.mkdir(exist_ok=True)
-        kept = {
-            name: text for name, text in os.environ.items() if not name.startswith(("FPG_LLM_", "OPENAI_"))
-        }
+        models = ("FPG_LLM_", "OPENAI_")
+        kept = {name: text for name, text in os.environ.items() if not name.startswith(models)}
         self._folder, self._given = folder, variables
         self._environment = kept | {"PYTHONPATH": str(ROOT)} | variables
         self._command = _FPG_BENCH.format(baselines=str(baselines))

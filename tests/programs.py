@@ -1,7 +1,7 @@
 """Programs as a user starts them, but without the seconds that each spends on importing torch and the like.
 
-Each is a process of its own, with a status and with files for what it prints; see ``program_server.py``. What
-a program imports, how it is stopped and what it may use are tested with ``subprocess`` instead.
+Each is a process of its own, with a status and with files for what it prints; see ``program_server.py``.
+What a program imports, how it is stopped and what it may use are tested with ``subprocess`` instead.
 """
 
 from __future__ import annotations

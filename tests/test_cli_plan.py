@@ -13,6 +13,8 @@ from planning.llm.fault_server import FaultServer, error_object, late, ok, rejec
 
 from tests.programs import fpg
 
+pytestmark = pytest.mark.process
+
 KEY = "sk-not-to-be-seen-7741"
 COMMAND = (sys.executable, "-m", "fpg_bench.cli", "plan")
 SHORT = "steps_per_round: 32\n"

@@ -154,6 +154,7 @@ def test_the_rules_know_no_learning_library():
             assert {name.split(".")[0] for name in names} <= known, path
 
 
+@pytest.mark.process
 def test_importing_the_package_loads_nothing_heavy():
     code = "import sys, fpg_bench; print(*sys.modules)"
     loaded = set(subprocess.check_output([sys.executable, "-c", code], text=True).split())
@@ -161,6 +162,7 @@ def test_importing_the_package_loads_nothing_heavy():
     assert loaded.isdisjoint(HEAVY)
 
 
+@pytest.mark.process
 def test_importing_the_package_registers_the_ids():
     code = "import fpg_bench, gymnasium; print(*(i for i in gymnasium.registry if i.startswith('FPG/')))"
     found = subprocess.check_output([sys.executable, "-c", code], text=True).split()

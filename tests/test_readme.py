@@ -33,6 +33,7 @@ def small(text):
     return text
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("page", PAGES)
 def test_every_block_works_in_the_order_of_the_page(page, tmp_path):
     with FaultServer([answer(lambda body: json.dumps({"waypoints": WAYPOINTS}))]) as model:

@@ -17,6 +17,8 @@ from fpg_bench.cli import app
 from fpg_bench.matches.match import run_match
 from tests.environments import ROOT, environment, install_wheel, run
 
+pytestmark = pytest.mark.process
+
 AGENT = "ally-scripted/recurrent-ppo/seed_0"  # it has a memory
 CORE = """
 import pathlib, sys

@@ -118,6 +118,7 @@ def test_the_page_is_what_the_lines_give():
         assert (SHIPPED.folder / link.partition("#")[0]).is_file(), link
 
 
+@pytest.mark.process
 def test_the_verb_lists_what_is_shipped():
     found = fpg("zoo")
     assert found.returncode == 0, found.stderr
@@ -157,11 +158,12 @@ def tiny(tmp_path_factory):
     (folder / "other-v1.yml").write_text(OTHER)
     zoo = TINY.replace("FIELD", str(folder / "small-v1.yml")).replace("OTHER", str(folder / "other-v1.yml"))
     (folder / "zoo.yml").write_text(zoo)
-    found = script("--zoo", folder, "--runs", folder / "runs", "--jobs", 2, folder=folder)
+    found = script("--zoo", folder, "--runs", folder / "runs", "--jobs", 1, folder=folder)
     assert found.returncode == 0, found.stdout + found.stderr
     return folder
 
 
+@pytest.mark.process
 def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
     found = script("--zoo", tiny, "--runs", tiny / "runs", "--list", folder=tiny)
     kinds = (("small/td3", "5,200"), ("duel-ally/maddpg", "2,400"), ("duel-opponent/maddpg", "2,400"))
@@ -179,6 +181,7 @@ def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
         assert played == [line.returns[:2] for line in lines]
 
 
+@pytest.mark.process
 def test_the_script_checks(tiny, tmp_path):
     shutil.copytree(tiny, tmp_path / "zoo")
     words = ("--zoo", tmp_path / "zoo", "--check", "--only", "small/td3/seed_1")
@@ -191,6 +194,7 @@ def test_the_script_checks(tiny, tmp_path):
     assert "small-v1, adaptive/pursuit: other returns; small-v1, sweep/circle: other returns" in found.stdout
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("words", "message"),
     [

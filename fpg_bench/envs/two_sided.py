@@ -10,6 +10,7 @@ from gymnasium import spaces
 
 from fpg_bench.envs.duel import make_duel
 from fpg_bench.envs.one_sided import refuse_unknown
+from fpg_bench.game.arena import ActionError, described
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.players.player import SIDES
 
@@ -37,9 +38,13 @@ class TwoSided:
         refuse_unknown({name: value for name, value in options.items() if name not in known}, make_duel)
         self.duel = make_duel(games, **options)
         self.scenario, self.count = self.duel.scenario, self.duel.count
-        self.truncated = self.duel.arena.games["truncated"]
         self.observation_space = spaces.Box(-1.0, 1.0, (2 * OBSERVATION_SIZE,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (2 * ACTION_SIZE,), np.float32)
+
+    @property
+    def truncated(self) -> np.ndarray:
+        """``(N,)`` bool, a buffer; of the present duel, which a copy has its own of."""
+        return self.duel.arena.games["truncated"]
 
     @property
     def observations(self) -> np.ndarray:
@@ -56,7 +61,14 @@ class TwoSided:
         self.duel.reset(*arguments, **more)
 
     def step(self, actions: np.ndarray) -> None:
-        """Play one step with ``(N, 18)`` actions."""
+        """Play one step with ``(N, 18)`` actions.
+
+        Raises:
+            ActionError: a wrong shape or dtype, or NaN or infinity (the message names side, game and index).
+        """
+        shape = (self.count, 2 * ACTION_SIZE)
+        if not isinstance(actions, np.ndarray) or actions.dtype.kind != "f" or actions.shape != shape:
+            raise ActionError(f"actions: expected a float array of shape {shape}, got {described(actions)}")
         self.duel.arena.step(*(np.ascontiguousarray(part) for part in np.split(actions, 2, axis=1)))
 
     def measures(self, game: int) -> dict[str, float | None]:

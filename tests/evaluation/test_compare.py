@@ -327,6 +327,7 @@ def test_the_key_is_nowhere(folder, asks):
 # The command
 
 
+@pytest.mark.process
 def test_the_command_prints_and_writes_the_table(folder):
     found = fpg(
         "plan", "compare", "circle", "--field", "mine.yml", "--matches", 1, "--out", "out", folder=folder
@@ -337,6 +338,7 @@ def test_the_command_prints_and_writes_the_table(folder):
     assert {"table.md", "table.csv", "table.png"} <= {path.name for path in (folder / "out").iterdir()}
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -44,6 +44,7 @@ def test_the_hashes_of_the_presets_are_pinned(name, expected):
     assert module.preset(name).hash == expected
 
 
+@pytest.mark.process
 def test_the_hash_is_the_same_in_another_process():
     code = "from fpg_bench.game.scenario import PAPER; print(PAPER.hash)"
     environment = {**os.environ, "PYTHONHASHSEED": "7"}

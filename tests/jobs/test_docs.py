@@ -4,6 +4,8 @@ import re
 import subprocess
 from pathlib import Path
 
+import pytest
+
 from fpg_bench.cli import app
 from tests.programs import python
 
@@ -32,6 +34,7 @@ def test_scripts_for_the_shell_are_some():
             subprocess.run(["bash", "-n"], input=code, text=True, check=True)
 
 
+@pytest.mark.process
 def test_a_list_of_ones_own_is_run_once(tmp_path):
     code = [code for language, code in BLOCKS if language == "python"][-1]
     for said in (["idle: begins", "expert: begins"], []):

@@ -311,6 +311,7 @@ def test_notes_tell_of_few_seeds_and_of_other_boards(tmp_path, monkeypatch):
     assert notes(load_submission(few)) == ["the board marks fewer than 3 training seeds, this has 1", NOWHERE]
 
 
+@pytest.mark.process
 def test_the_verb_says_line_by_line(tmp_path):
     folder = write_submission(tmp_path / "mine", name="")
     found = fpg("submit", "check", folder)

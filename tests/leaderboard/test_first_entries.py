@@ -43,6 +43,7 @@ def _slugs(track):
     return {row["slug"] for row in track["rows"]}
 
 
+@pytest.mark.process
 def test_the_script_enters_what_stands_there_and_no_half_of_an_algorithm(tmp_path):
     run = (ROOT / "scripts/enter_zoo.py", "--folder", tmp_path)
     assert python(*run).returncode == 0
@@ -85,6 +86,7 @@ def submit(*words):
     return fpg("submit", *words)
 
 
+@pytest.mark.process
 def test_the_verbs_play_compare_and_say_so(tmp_path):
     folder = tmp_path / "submissions" / "ally" / "expert"
     shutil.copytree(BOARD / "submissions/ally/expert", folder)
@@ -103,6 +105,7 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
     assert (crossed.returncode, crossed.stdout) == (0, "crossplay: 0 of 0 pairs to play\n")
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import pytest
 import yaml
 
 from fpg_bench.leaderboard.tracks import TRANSCRIPT_MATCHES
@@ -21,6 +22,7 @@ PAGE = FILE.read_text()
 ENTRY = "leaderboard/submissions/planner/my-model"
 
 
+@pytest.mark.process
 def test_every_command_works_in_the_order_of_the_page(tmp_path):
     with FaultServer([answer(toy)]) as server:
         reader = Reader(tmp_path, make_fields(tmp_path / "baselines"), FPG_LLM_BASE_URL=server.url)

@@ -359,6 +359,7 @@ def test_serving_needs_a_site_and_a_free_port(site, tmp_path):
         make_server(site, server.server_port)
 
 
+@pytest.mark.process
 def test_the_verbs_build_and_say_what_is_wrong(tmp_path):
     (tmp_path / "board" / "submissions").mkdir(parents=True)
     out = tmp_path / "out"
@@ -370,6 +371,7 @@ def test_the_verbs_build_and_say_what_is_wrong(tmp_path):
     assert "leaderboard build" in served.stderr
 
 
+@pytest.mark.process
 def test_ctrl_c_ends_serving_with_one_line(site):
     import signal
 

@@ -37,6 +37,7 @@ def entered(tmp_path_factory):
     return folder / "here", reader.said
 
 
+@pytest.mark.process
 def test_the_page_s_snippets_make_a_sound_submission(entered):
     folder, said = entered
     assert problems(folder / ENTRY) == []

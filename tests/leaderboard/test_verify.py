@@ -321,6 +321,7 @@ def command(board):
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
+@pytest.mark.process
 def test_what_is_killed_goes_on_and_gives_the_same(tmp_path):
     board = tmp_path / "board"
     for slug in ("expert", "reactive"):

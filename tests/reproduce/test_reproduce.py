@@ -193,6 +193,7 @@ def test_tables_speak_of_what_is_in_use():
     assert [line[2] for line in algorithm if line[0] == "batch size"] == ["32"]
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -208,6 +209,7 @@ def test_the_verb_refuses_what_it_does_not_know(words, said, tmp_path):
     assert len(found.stderr.strip().splitlines()) == 1
 
 
+@pytest.mark.process
 def test_the_verb_writes_the_tables_at_once(tmp_path):
     found = fpg("reproduce", "tables", "--out", tmp_path)
     assert found.returncode == 0, found.stderr

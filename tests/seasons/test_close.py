@@ -213,6 +213,7 @@ def test_an_audit_trains_a_member_again(closed, board, tmp_path, monkeypatch):
         audit(season, read_entries(board), tmp_path, ["o99"])
 
 
+@pytest.mark.process
 def test_the_verbs_answer_in_lines(closed, board, tmp_path):
     season, work = closed
     shown = fpg("season", "show", season.folder, "--board", board)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from fpg_bench.rows import RowFile
 from tests.programs import python
 from tests.seasons.closing import REPOSITORY
+
+pytestmark = pytest.mark.process
 
 
 def make_closing(folder, seed, noise):

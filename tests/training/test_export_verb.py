@@ -99,6 +99,7 @@ def test_what_is_no_zip_of_a_model_is_told(tmp_path):
             load_zip(tmp_path / name, "ppo", ID)
 
 
+@pytest.mark.process
 def test_the_verb_reads_runs_and_zips(tmp_path):
     train_tiny("ppo", tmp_path / "run", seed=3)
     found = export(tmp_path / "run", "--out", tmp_path / "mine" / "seed_3")

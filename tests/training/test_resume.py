@@ -197,6 +197,7 @@ def wait_for_steps(folder, steps, process):
     raise AssertionError(process.communicate()[1])
 
 
+@pytest.mark.process
 def test_killed_once_and_stopped_once_it_still_ends_with_the_steps_asked_for(tmp_path):
     out, budget, reached = tmp_path / "run", 2000, 0
     for stop in (signal.SIGKILL, signal.SIGINT):

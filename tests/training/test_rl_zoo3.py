@@ -15,6 +15,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("name", "theirs", "small"),
     [

@@ -177,6 +177,7 @@ def test_words_that_can_t_be_meant(tmp_path):
     play(tmp_path, 1)  # nothing of all this is left behind
 
 
+@pytest.mark.process
 def test_from_the_command_line(tmp_path):
     entries = dict.fromkeys(("FPG/AllyVsPolicy-v0", "FPG/OpponentVsPolicy-v0"), TINY)
     (tmp_path / "tiny.yml").write_text(yaml.safe_dump(entries))

@@ -311,6 +311,7 @@ def environment(monkeypatch, server):
     monkeypatch.setenv("FPG_LLM_MODEL", "tiny")
 
 
+@pytest.mark.process
 def test_a_killed_run_flies_what_it_flew_and_goes_on(tmp_path, monkeypatch):
     file, rounds, reached, go = (
         tmp_path / "transcript.jsonl",
@@ -344,6 +345,7 @@ def test_a_killed_run_flies_what_it_flew_and_goes_on(tmp_path, monkeypatch):
     play(BackgroundPlanner(planner(transcript=file, mode="replay")), rounds=rounds)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("ending", ["end", "error", "interrupt"])
 def test_a_program_ends_while_a_call_is_under_way(monkeypatch, ending):
     asked, go = threading.Event(), threading.Event()

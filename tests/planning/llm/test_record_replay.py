@@ -110,6 +110,7 @@ play(LLMPlanner(SHORT, transcript=sys.argv[1], concurrency=int(sys.argv[2])), ga
 """
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("games", [1, 3])
 def test_a_killed_run_goes_on_and_calls_nothing_twice(tmp_path, monkeypatch, games):
     file, reached, go = tmp_path / "transcript.jsonl", threading.Event(), threading.Event()

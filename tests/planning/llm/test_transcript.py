@@ -228,6 +228,7 @@ def test_a_copy_is_the_same_transcript_and_a_pickle_opens_it_again(recorded):
     assert len(pickle.loads(pickle.dumps(transcript)).attempts()) == 2
 
 
+@pytest.mark.process
 def test_two_processes_do_not_record_into_one_file(recorded):
     code = "import sys; from fpg_bench.planning.llm.transcript import Transcript as T;"
     code += "print(len(T(sys.argv[1], sys.argv[2]).attempts()))"

@@ -39,6 +39,7 @@ def fpg(folder, monkeypatch, capfd):
     return run
 
 
+@pytest.mark.process
 def test_search_look_and_write(folder, fpg):
     found = program(*f"{TUNE} --trials 2 --steps 600".split(), folder=folder)
     assert found.returncode == 0, found.stderr
@@ -57,6 +58,7 @@ def test_search_look_and_write(folder, fpg):
     assert yaml.safe_load(text)[VIEW]["n_timesteps"] == 2400
 
 
+@pytest.mark.process
 def test_ctrl_c_leaves_a_study_that_goes_on(folder, fpg):
     process = subprocess.Popen(
         command(f"{TUNE} --trials 2 --steps 100000000"),
