@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fpg_bench.envs.duel import Duel
-from fpg_bench.matches.rounds import play_round, seated
 from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.matches.rounds import play_round, seated
 from fpg_bench.planning import as_planner
 from fpg_bench.testing.requiring import require
 

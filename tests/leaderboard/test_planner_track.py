@@ -17,7 +17,7 @@ from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from tests.planning.llm.real_server import LlamaServer
 
-from .recording import PLANNER_FIELD, enter, environment, record
+from .recording import PLANNER_FIELD, enter, environment, record, rows_of, write_chained
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +142,7 @@ def test_a_real_server_is_recorded_and_verified_when_it_is_gone(folder, short):
 
 def test_transcripts_of_another_ally_are_refused(toy, folder, field):
     swapped = enter(folder / "out", folder / "swapped", pack=False) / "transcripts"
-    (swapped / "idle.jsonl").write_text((swapped / "expert.jsonl").read_text())
+    write_chained(swapped / "idle.jsonl", rows_of(swapped / "expert.jsonl"))
     assert check_transcripts(folder / "swapped", field) == []
     with pytest.raises(
         UserError, match=r"against idle: transcript transcripts/idle.jsonl: .* other messages"

@@ -52,6 +52,7 @@ class LLMPlanner(BatchPlanner):
         mode: ``live`` (no transcript), ``record`` (an attempt that is in the transcript is used and not
             made again, the others are added) or ``replay`` (from the transcript alone, without a server);
             None: ``record`` where there is a transcript.
+        chain: where the chain of hashes through the transcript begins; None: it has none.
         calls, tokens, seconds: caps on the whole run (see :class:`fpg_bench.planning.llm.budget.Budget`).
         deadline_s: for each call; None: as the endpoint says.
         concurrency: how many games are asked for at once. Caps may be overrun by the calls under way.
@@ -79,6 +80,7 @@ class LLMPlanner(BatchPlanner):
         seconds: float = SECONDS,
         deadline_s: float | None = None,
         concurrency: int = 1,
+        chain: str | None = None,
     ) -> None:
         if control not in CONTROLS:
             raise UserError(f"unknown control {control!r}{nearest(control, CONTROLS)}")
@@ -90,7 +92,8 @@ class LLMPlanner(BatchPlanner):
         self.name = "llm" if control == "none" else f"llm-{control}"
         self.prompt = prompt if isinstance(prompt, Prompt) else load_prompt(prompt)
         self.control = control
-        self.transcript = Transcript(transcript, mode or ("live" if transcript is None else "record"))
+        mode = mode or ("live" if transcript is None else "record")
+        self.transcript = Transcript(transcript, mode, chain)
         self.budget = Budget(calls, tokens, seconds)
         self.concurrency = concurrency
         self._circle = Patrol("circle", scenario)
