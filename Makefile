@@ -1,13 +1,16 @@
 # make benchmark: set up and run the main job. make test: set up and run the tests.
 # make test-fast: those that start nothing and are quick. make coverage: which lines and branches are tested.
+# make test-lowest: a small suite on the lowest versions that pyproject.toml allows.
 PYTHON ?= python3
 STEPS ?= 2000000
 RESULTS ?= results/benchmark$(if $(filter 2000000,$(STEPS)),,-$(STEPS))
 BIN = .venv/bin
+LOWEST = tests/envs/test_single.py tests/envs/test_vector.py tests/envs/test_multi_agent.py tests/envs/test_sb3.py \
+	tests/players/test_agent.py tests/training/test_export.py
 
 PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: benchmark test test-fast coverage clean
+.PHONY: benchmark test test-fast test-lowest coverage clean
 
 benchmark: .venv/.train
 	$(BIN)/fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo-fast --restart
@@ -30,5 +33,16 @@ coverage: .venv/.dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[$*]"
 	touch $@ .venv/.train
 
+# The lowest versions that pyproject.toml allows, and a small suite on them.
+test-lowest: .venv-lowest/.ready
+	.venv-lowest/bin/python -m pytest $(LOWEST)
+
+.venv-lowest/.ready: pyproject.toml scripts/lowest.py
+	$(PYTHON) -m venv .venv-lowest
+	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check packaging
+	.venv-lowest/bin/python scripts/lowest.py > .venv-lowest/lowest.txt
+	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check -c .venv-lowest/lowest.txt -e ".[train,video]" pytest hypothesis
+	touch $@
+
 clean:
-	rm -rf .venv results/benchmark*
+	rm -rf .venv .venv-lowest results/benchmark*

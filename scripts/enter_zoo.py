@@ -48,6 +48,10 @@ VIEWS = {
         "opponent",
         "four scripted allies (reactive, expert, expert-spread, always-hop), drawn anew every round",
     ),
+    "opponent-population": (
+        "opponent, of a population",
+        "five scripted allies and those of the public population training-1, drawn anew every round",
+    ),
     "opponent-learned": (
         "opponent that flies itself",
         "four scripted allies (reactive, expert, expert-spread, always-hop), and idle where PPO learned",

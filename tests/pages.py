@@ -28,15 +28,17 @@ def blocks(text: str) -> list[tuple[str, str]]:
     return re.findall(r"```(\w+)\n(.*?)```", text, re.DOTALL)
 
 
-def short_fields(folder: Path, matches: int = 2) -> Path:
-    """A folder like ``baselines``, whose fields have all of their counterparts and few matches."""
+def small_baselines(folder: Path) -> Path:
+    """A folder like ``baselines``: fields of all their counterparts and few matches, agents of two seeds."""
     whole = baselines_folder()
-    (folder / "fields").mkdir(parents=True)
-    for path in (*whole.iterdir(), *(whole / "fields").iterdir()):
+    for path in (*whole.iterdir(), *whole.glob("fields/*"), *whole.glob("agents/*/*/seed_[01]")):
         target = folder / path.relative_to(whole)
-        if path.suffix == ".yml" and path.parent.name == "fields":
-            target.write_text(re.sub(r"(?m)^matches: \d+", f"matches: {matches}", path.read_text()))
-        elif path.name != "fields":
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if path.match("fields/*.yml"):
+            text = path.read_text()
+            matches = 1 if "rounds_per_match" in text else 2
+            target.write_text(re.sub(r"(?m)^matches: \d+", f"matches: {matches}", text))
+        elif path.name not in ("fields", "agents"):
             target.symlink_to(path)
     return folder
 

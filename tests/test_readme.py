@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from tests.pages import Reader, blocks, broken_links, short_fields
+from tests.pages import Reader, blocks, broken_links, small_baselines
 from tests.planning.llm.fault_server import FaultServer, answer
 from tests.programs import ROOT
 
@@ -37,7 +37,9 @@ def small(text):
 @pytest.mark.parametrize("page", PAGES)
 def test_every_block_works_in_the_order_of_the_page(page, tmp_path):
     with FaultServer([answer(lambda body: json.dumps({"waypoints": WAYPOINTS}))]) as model:
-        reader = Reader(tmp_path / "here", short_fields(tmp_path / "baselines"), FPG_LLM_BASE_URL=model.url)
+        reader = Reader(
+            tmp_path / "here", small_baselines(tmp_path / "baselines"), FPG_LLM_BASE_URL=model.url
+        )
         for language, code in blocks(text_of(page)):
             reader.does(language, small(code))
         assert len(reader.ran) >= 10

@@ -6,7 +6,9 @@ Each environment holds what the wheel asks for and nothing else, see :mod:`tests
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -94,7 +96,7 @@ EXTRAS = {
             "fpg_bench.write_agent('nowhere', b'')",
         ),
     ),
-    "leaderboard": Extra(("leaderboard build --folder nowhere --out site",), ("leaderboard serve nowhere",)),
+    "leaderboard": Extra(("leaderboard build --folder board --out site",), ("leaderboard serve nowhere",)),
     "video": Extra(
         (
             "play --every 100 --out round.gif",
@@ -109,6 +111,8 @@ EXTRAS = {
             "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2).reset()",
             "train ppo FPG/AllyVsScripted-v0 --steps 2000 --evaluations 1 --out run",
             "export run --out exported/seed_0",
+            "fpg_bench.export_agent(__import__('stable_baselines3').PPO('MlpPolicy', "
+            "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2)), 'live', training_seed=0)",
             "reproduce tables --seeds 1 --out reproduced",
         ),
         (
@@ -117,7 +121,6 @@ EXTRAS = {
             "season show nothing",
             "season audit nothing --work nowhere",
             "season close ../nothing --work nowhere --board nowhere",
-            "fpg_bench.export_agent(None, 'nowhere')",
         ),
     ),
     "tune": Extra(
@@ -204,6 +207,8 @@ def test_the_core_plays_and_names_the_extra_of_all_else(wheel, tmp_path):
 def test_an_extra_does_what_it_is_for(wheel, tmp_path, name):
     extra = EXTRAS[name]
     python = environment(tmp_path / "env", wheel, {name, extra.base} - {None})
+    entry = Path("submissions/opponent/adaptive")
+    shutil.copytree(ROOT / "leaderboard" / entry, tmp_path / "board" / entry)
     check_works(python, tmp_path, extra)
     if any(other.base == name for other in EXTRAS.values()):
         check_names_what_is_missing(python, tmp_path, name)

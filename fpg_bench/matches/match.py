@@ -57,12 +57,11 @@ def run_match(
     ally: Any = "expert",
     opponent: Any = "adaptive",
     *,
-    scenario: Scenario | str | None = None,
     seed: int = 0,
-    rounds: int = ROUNDS,
     out: str | Path | None = None,
     llm: Mapping[str, Any] | None = None,
     progress: Progress = lambda index, played: None,
+    **game: Any,
 ) -> list[Round]:
     """Play one match of a planner; a match that was stopped goes on where it was.
 
@@ -70,13 +69,13 @@ def run_match(
         planner: who decides where the opponent flies, by the grammar of
             :func:`fpg_bench.planning.as_planner`.
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.naming.as_player`.
-        scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard``.
         seed: of the match; a whole number in [0, 2^63).
-        rounds: how many rounds it has.
         out: the file that keeps it, JSON lines that are only ever added to; None: it is not kept.
         llm: options of the planner ``llm`` (see :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`),
             and ``server``, the profile of its endpoint.
         progress: called with a round's index and None before it is planned, and with the round after it.
+        **game: ``scenario``, a :class:`Scenario`, a preset's name or a YAML file (None: ``standard``), and
+            ``rounds``, how many the match has.
 
     Returns:
         The rounds. Those that were in the file are played again, which costs nothing beside the planning
@@ -87,7 +86,7 @@ def run_match(
             came to something else when they were first played.
         OSError: the file cannot be written; what it holds is kept.
     """
-    played = as_scenario(scenario, opponent_path="waypoints", rounds_per_match=rounds)
+    played = _played(**game)
     path = None if out is None else Path(out)
     sides = {"ally": ally, "opponent": opponent}
     players = {side: as_player(spec, side, played) for side, spec in sides.items()}
@@ -101,6 +100,10 @@ def run_match(
     file = MatchFile(path)
     with file.locked(), contextlib.closing(pilot.transcript) if told else contextlib.nullcontext():
         return list(_rounds(match, pilot, players, file, file.begin(match), progress))
+
+
+def _played(scenario: Scenario | str | None = None, rounds: int = ROUNDS) -> Scenario:
+    return as_scenario(scenario, opponent_path="waypoints", rounds_per_match=rounds)
 
 
 def replay_match(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -55,8 +55,14 @@ def reproduce(
     count = whole(budget.seeds if seeds is None else seeds, "seeds")
     out = Path(out)
     file = RunFile(out, scenario, budget.name)
-    wanted = [(c, _seeds(c, count)) for c in _conditions(target, scenario, budget, llm)]
-    listed = [_job(condition, scenario, budget, of, out, file, llm) for condition, of in wanted]
+    there, place = file.read(), (out / "transcripts" / f"{scenario}-{budget.name}").absolute()
+    listed = []
+    for condition in _conditions(target, scenario, budget, llm):
+        missing = [seed for seed in _seeds(condition, count) if (condition.name, seed) not in there]
+        run = partial(run_experiment, condition, scenario, budget, missing, place / condition.name, llm)
+        if missing:  # they learn together
+            name = f"{scenario} {condition.name} seeds {', '.join(map(str, missing))}"
+            listed.append(Job(name, run, file.add))
     failed = run_jobs(listed, jobs, say=say, **where)
     every = {c.name: range(count) for c in _conditions("all", scenario, BUDGETS["full"], {})}
     results = read_results(file, every)
@@ -87,21 +93,3 @@ def _seeds(condition: Condition, count: int) -> range:
     if condition.name in (LONG, LLM):
         return range(1)
     return range(count if condition.tested else min(count, SHORT_SEEDS))
-
-
-def _job(
-    condition: Condition,
-    scenario: str,
-    budget: Budget,
-    seeds: Iterable[int],
-    out: Path,
-    file: RunFile,
-    llm: Mapping[str, Any] | None,
-) -> Job:
-    """All seeds of a condition that are missing, which learn together."""
-    there = file.read()
-    missing = [seed for seed in seeds if (condition.name, seed) not in there]
-    place = (out / "transcripts" / f"{scenario}-{budget.name}" / condition.name).absolute()
-    run = partial(run_experiment, condition, scenario, budget, missing, place, llm)
-    name = f"{scenario} {condition.name} seeds {', '.join(map(str, missing))}"
-    return Job(name, run, file.add, lambda: not missing)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import gzip
 import json
-import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
-from fpg_bench.files import write_whole
+from fpg_bench.files import read_bounded, write_whole
 from fpg_bench.plain_json import read_object
 from fpg_bench.reproduce.windows import COLUMNS, FINAL, LISTS, Row
 
@@ -60,14 +59,8 @@ class RunFile:
         """
         if not self.path.exists():
             return {}
-        try:
-            with gzip.open(self.path) as file:
-                data = file.read(_LARGEST + 1)
-        except (OSError, EOFError, zlib.error) as error:
-            raise UserError(f"runs {self.path}: cannot be read: {error}") from error
-        if len(data) > _LARGEST:
-            raise UserError(f"runs {self.path}: larger than {_LARGEST:,} bytes")
-        runs = [self._run(number, line) for number, line in enumerate(data.splitlines(), 1)]
+        lines = read_bounded(self.path, "runs", _LARGEST).splitlines()
+        runs = [self._run(number, line) for number, line in enumerate(lines, 1)]
         return {(run.condition, run.seed): run for run in runs}
 
     def add(self, runs: Iterable[Run]) -> None:

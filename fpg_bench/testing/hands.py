@@ -46,7 +46,9 @@ class Hands:
 
     def __init__(self, view: Any) -> None:
         self.view = view
-        self.games, self.shape, self.scenario = 1, (ACTION_SIZE,), self._duel().scenario
+        self.games = 1
+        self.shape: tuple[int, ...] = (ACTION_SIZE,)
+        self.scenario = self._duel().scenario
 
     def _duel(self) -> Duel:
         return self.view.core.duel

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ def check_view(make: Make) -> None:
 
     Args:
         make: makes the view anew: of Gymnasium (one game or a batch), Stable-Baselines3, PettingZoo
-            (parallel), or a duel.
+            (parallel), or a duel; one derived from ours, too. Wrappers are taken off.
 
     Raises:
         AssertionError: the first thing that is wrong.
@@ -81,8 +82,8 @@ def check_seeds(make: Make) -> None:
     require(_same(first, _played(hands_of(make()), _SEED)), "view: the same seed gave another game")
     other = _played(hands_of(make()), _SEED + 100, rounds=1)
     require(not _same(first[: len(other)], other), "view: another seed gave the same game")
-    unseeded = [hands_of(make()).reset() for _ in range(2)]
-    require(not np.array_equal(*unseeded), "view: without a seed two games are the same")
+    here, there = (hands_of(make()).reset() for _ in range(2))
+    require(not np.array_equal(here, there), "view: without a seed two games are the same")
 
 
 def check_batch(make: Make) -> None:
@@ -181,7 +182,7 @@ def check_first_reset(make: Make) -> None:
     """Playing before the first reset is refused."""
     hands = hands_of(make())
     actions = hands.packed(np.zeros((hands.games, hands.width), np.float32))
-    _refused(lambda: hands.step(actions), "reset")
+    _refused(partial(hands.step, actions), "reset")
 
 
 def check_bad_actions(make: Make) -> None:
@@ -194,9 +195,9 @@ def check_bad_actions(make: Make) -> None:
         packed = hands.packed(actions)
         game = f" of game {hands.games - 1}" if hands.games > 1 else ""
         side = hands.sides[-1] if hands.sides else hands.view.core.side
-        _refused(lambda packed=packed: hands.step(packed), f"{side} action{game}: index 7 is {bad}")
+        _refused(partial(hands.step, packed), f"{side} action{game}: index 7 is {bad}")
     for actions in _misshapen(hands):
-        _refused(lambda actions=actions: hands.step(actions), f"float array of shape {hands.shape}, got ")
+        _refused(partial(hands.step, actions), f"float array of shape {hands.shape}, got ")
 
 
 def _misshapen(hands: Hands) -> list[Any]:
@@ -222,7 +223,7 @@ def check_bad_seeds(make: Make) -> None:
     """A seed is a whole number from 0 on."""
     for seed in ("7", 1.5, True, -1, 2**63):
         hands = hands_of(make())
-        _refused(lambda hands=hands, seed=seed: hands.reset(seed), "expected")
+        _refused(partial(hands.reset, seed), "expected")
 
 
 VIEW_CHECKS: dict[str, Callable[[Make], None]] = {

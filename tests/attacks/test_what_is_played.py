@@ -51,7 +51,9 @@ def test_what_nobody_checks_does_not_reach_who_plays(data):
 
 def test_a_session_takes_no_other_format_whatever_the_bytes_say(monkeypatch, tmp_path):
     other = in_own_format(policy(1), tmp_path)
-    read = SimpleNamespace(SerializeToString=lambda deterministic: other)
+    read = SimpleNamespace(
+        SerializeToString=lambda deterministic: other, opset_import=[SimpleNamespace(version=1)]
+    )
     monkeypatch.setattr("fpg_bench.players.agent.plain_model", lambda data: read)
     with pytest.raises(UserError, match="onnxruntime cannot read it"):
         OnnxPlayer(policy(0), {})

@@ -165,6 +165,7 @@ def test_attributes_and_methods_are_within_reach():
 # SB3's own wrappers and helpers
 
 
+@pytest.mark.slow
 def test_evaluate_policy_reads_whole_rounds_behind_normalisation():
     env = VecNormalize(make(seed=0), training=False)
     model = PPO("MlpPolicy", env, n_steps=STEPS, batch_size=32, **small())
@@ -196,6 +197,7 @@ def test_a_monitor_of_sb3_writes_what_this_view_writes():
         assert there["episode"]["l"] == here["episode"]["l"]
 
 
+@pytest.mark.slow
 def test_evaluation_during_training_keeps_the_best_model(tmp_path):
     callback = EvalCallback(
         make(seed=9), n_eval_episodes=2, eval_freq=STEPS, best_model_save_path=str(tmp_path), verbose=0
@@ -225,6 +227,7 @@ def test_single_views_in_processes_play_the_same_game():
         theirs.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view_id", IDS)
 def test_ppo_learns_a_few_steps_of_every_id(view_id):
     model = PPO("MlpPolicy", make(view_id), n_steps=STEPS, batch_size=32, n_epochs=2, **small())
@@ -234,6 +237,7 @@ def test_ppo_learns_a_few_steps_of_every_id(view_id):
     assert model.ep_info_buffer[0]["l"] == STEPS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", [SAC, TD3])
 def test_off_policy_algorithms_learn_a_few_steps(algorithm):
     model = algorithm("MlpPolicy", make(), learning_starts=100, batch_size=32, buffer_size=1000, **small())
@@ -245,6 +249,7 @@ def test_off_policy_algorithms_learn_a_few_steps(algorithm):
     assert np.array_equal(model.replay_buffer.timeouts[: model.replay_buffer.pos].astype(bool), ends)
 
 
+@pytest.mark.slow
 def test_training_is_the_same_for_the_same_seed():
     def weights():
         model = PPO("MlpPolicy", make(stagger=True), n_steps=STEPS, batch_size=32, n_epochs=1, **small())
@@ -253,6 +258,7 @@ def test_training_is_the_same_for_the_same_seed():
     assert torch.equal(weights(), weights())
 
 
+@pytest.mark.slow
 def test_rewards_changed_in_place_by_ppo_do_not_reach_the_game():
     """PPO adds the bootstrapped value to the rewards it is handed, at every truncation."""
     env = make(seed=0)

@@ -16,6 +16,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.leaderboard.site.build import DOCS, build_site
 from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.leaderboard.site.serve import make_server
+from fpg_bench.leaderboard.site.shown import Score
 from fpg_bench.leaderboard.site.wording import interval_text, rank_text, safe_link, signed, written
 from tests.leaderboard.example_board import HOSTILE, example_board
 from tests.programs import fpg
@@ -348,8 +349,8 @@ def test_numbers_are_written_alike_and_missing_ones_as_a_dash():
     assert told == ["12.3 %", "12,346", "2.0 dB", "−2.00"]
     assert [signed(value) for value in (1.26, -3, None)] == ["+1.3", "−3.0", "–"]
     assert [rank_text(rank) for rank in ([1, 1], [2, 5], None, [None, 2])] == ["1", "2–5", "–", "–"]
-    assert interval_text({"low": -1.0, "high": 2}) == "−1.0 to 2.0"
-    assert interval_text({"low": None, "high": 2}) == ""
+    assert interval_text(Score(0.0, -1.0, 2.0)) == "−1.0 to 2.0"
+    assert interval_text(Score(0.0, None, 2.0)) == ""
 
 
 def test_serving_needs_a_site_and_a_free_port(site, tmp_path):

@@ -10,7 +10,7 @@ from fpg_bench.leaderboard import onnx_contract, onnx_rules, policies
 from fpg_bench.leaderboard.check import problems
 from fpg_bench.leaderboard.fields import read_fields
 from fpg_bench.leaderboard.host import Limits
-from tests.pages import Reader, blocks, broken_links, short_fields
+from tests.pages import Reader, blocks, broken_links, small_baselines
 from tests.programs import ROOT
 
 FILE = ROOT / "docs" / "submitting.md"
@@ -28,7 +28,7 @@ def small(code):
 def entered(tmp_path_factory):
     """What has come of the page's snippets, but for the verdict, which has tests of its own."""
     folder = tmp_path_factory.mktemp("page")
-    reader = Reader(folder / "here", short_fields(folder / "baselines"))
+    reader = Reader(folder / "here", small_baselines(folder / "baselines"))
     for language, code in blocks(PAGE):
         if language == "yaml":
             reader.writes(f"{ENTRY}/submission.yaml", small(code))

@@ -30,6 +30,7 @@ def made(tmp_path_factory):
     return out, written, said
 
 
+@pytest.mark.slow
 def test_runs_become_rows_figures_and_a_report(made):
     out, written, _ = made
     names = [path.name for path in written]
@@ -51,6 +52,7 @@ def test_runs_become_rows_figures_and_a_report(made):
     assert "<table>" in (out / "report-paper.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_run_says_how_it_was_made_and_what_happened(made):
     out, *_ = made
     run = RunFile(out, "paper", "tiny").read()[BASE, 0]
@@ -72,6 +74,7 @@ def test_a_run_says_how_it_was_made_and_what_happened(made):
         assert 0 < moved.max() <= 2 * PAPER.opponent_speed_m_s + 2  # whole metres
 
 
+@pytest.mark.slow
 def test_what_was_run_is_not_run_again(made):
     out, _, first = made
     assert sum("begins" in line for line in first) == 3
@@ -80,6 +83,7 @@ def test_what_was_run_is_not_run_again(made):
     assert said == []
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_rows(made, tmp_path):
     out, *_ = made
     (base,) = conditions_of("fig4", "paper", full=False)
@@ -96,6 +100,7 @@ def test_runs_are_added_beside_those_that_are_there(made, tmp_path):
     assert file.path.read_bytes() == RunFile(out, "paper", "tiny").path.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_file_that_was_cut_off_is_named(made, tmp_path):
     out, *_ = made
     whole = RunFile(out, "paper", "tiny").path.read_bytes()

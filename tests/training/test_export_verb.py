@@ -37,6 +37,7 @@ def saved(kind, folder, frames=1, **options):
     return model
 
 
+@pytest.mark.slow
 def test_a_live_model_is_an_agent(tmp_path):
     model = PPO("MlpPolicy", VecNormalize(games()), policy_kwargs=SMALL, device="cpu")
     assert fpg_bench.export_agent(model, tmp_path / "seed_4", training_seed=4, hours=0.1) < 1e-5
@@ -48,6 +49,7 @@ def test_a_live_model_is_an_agent(tmp_path):
         fpg_bench.export_agent(model, tmp_path / "seed_5", training_seed=5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "algorithm", "frames", "options"),
     [
@@ -99,6 +101,7 @@ def test_what_is_no_zip_of_a_model_is_told(tmp_path):
             load_zip(tmp_path / name, "ppo", ID)
 
 
+@pytest.mark.slow
 @pytest.mark.process
 def test_the_verb_reads_runs_and_zips(tmp_path):
     train_tiny("ppo", tmp_path / "run", seed=3)

@@ -47,6 +47,7 @@ def test_a_pupil_flies_at_the_ally_as_its_teacher_does_and_its_spread_is_untouch
     assert bool((model.policy.log_std == spread).all())
 
 
+@pytest.mark.slow
 def test_a_run_imitates_once_says_so_and_goes_on_without_the_teacher(tmp_path):
     words = {"imitate": LESSON | {"steps": 400}}
     options = {"path": "learned", "ally": "idle", "steps": 400}

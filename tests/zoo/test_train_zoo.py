@@ -66,6 +66,7 @@ def test_the_command_is_what_one_would_type(zoo, tmp_path):
     assert words[-3:] == ["--resume", "--out", str(tmp_path / "runs/small/ppo/seed_1")]
 
 
+@pytest.mark.slow
 def test_what_is_missing_is_trained_shipped_and_scored_once(zoo, tmp_path):
     said, runs = [], tmp_path / "runs"
     make_agent(zoo.members()[0])
@@ -80,6 +81,7 @@ def test_what_is_missing_is_trained_shipped_and_scored_once(zoo, tmp_path):
     assert len(begun(zoo)) == 2
 
 
+@pytest.mark.slow
 def test_one_that_fails_does_not_hold_up_the_others(zoo, tmp_path):
     said = []
     (tmp_path / "break_0").touch()
@@ -92,6 +94,7 @@ def test_one_that_fails_does_not_hold_up_the_others(zoo, tmp_path):
     assert train_zoo(zoo, tmp_path / "runs", only="small/ppo", say=said.append) == []
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_the_trainings_and_the_next_call_goes_on(zoo, tmp_path):
     runs = tmp_path / "runs"
     for seed in range(3):
