@@ -54,6 +54,12 @@ SecondsOption = Annotated[
 DeadlineOption = Annotated[
     float | None, typer.Option(min=0, help="llm: seconds that a call may take; default: 30, or as measured")
 ]
+TemperatureOption = Annotated[
+    float | None, typer.Option(min=0, max=2, help="llm: what the server is sent; default: its profile's")
+]
+SamplingSeedOption = Annotated[
+    int | None, typer.Option(min=0, help="llm: decides the seeds that the server is sent; default: 0")
+]
 
 
 def llm_options(deadline: float | None, **options: Any) -> dict[str, Any]:

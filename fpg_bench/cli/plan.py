@@ -11,9 +11,11 @@ from fpg_bench.cli.options import (
     CallsOption,
     DeadlineOption,
     PromptOption,
+    SamplingSeedOption,
     ScenarioOption,
     SecondsOption,
     ServerOption,
+    TemperatureOption,
     TokensOption,
     llm_options,
 )
@@ -41,6 +43,8 @@ def run(
     prompt: PromptOption = None,
     control: Annotated[str | None, typer.Option(help="llm: none, shuffled-rewards or no-history")] = None,
     server: ServerOption = None,
+    temperature: TemperatureOption = None,
+    sampling_seed: SamplingSeedOption = None,
     calls: CallsOption = None,
     tokens: TokensOption = None,
     seconds: SecondsOption = None,
@@ -57,6 +61,7 @@ def run(
     from fpg_bench.matches.match_picture import draw_match
 
     told = {"prompt": prompt, "control": control, "server": server}
+    told |= {"temperature": temperature, "sampling_seed": sampling_seed}
     llm = llm_options(deadline, **told, calls=calls, tokens=tokens, seconds=seconds)
     name = planner if control in (None, "none") else f"{planner}-{control}"
     file, picture, page = _targets(out, f"{name}-{ally}-{seed}")

@@ -24,6 +24,7 @@ from fpg_bench.planning.llm.transcript import Transcript
 
 ABOUT, PROMPT = "planner.json", "prompt.yml"  # lie beside a planner's transcripts, one for each ally
 _DECIDING = ("model", "control", "prompt_hash")
+_SAMPLING = ("temperature", "sampling_seed")
 _CAPS = ("calls", "tokens", "seconds")
 
 
@@ -45,6 +46,8 @@ def asked(name: str, field: Field, folder: Path, options: Mapping[str, Any]) -> 
     prompt = rest.pop("prompt", "standard")
     about: dict[str, Any] = {"model": endpoint.model, "server": endpoint.server.name, "control": control}
     about |= {"prompt": prompt, "prompt_hash": load_prompt(prompt).hash}
+    about |= {"temperature": rest.get("temperature", endpoint.server.temperature)}
+    about |= {"sampling_seed": rest.get("sampling_seed", 0)}
     about |= {"field": field.name, "field_hash": field.hash, "matches": field.matches}
     about |= begun(about)
     budget = _budget(folder, {cap: rest.pop(cap) for cap in _CAPS if cap in rest})
@@ -142,8 +145,8 @@ def _claimed(folder: Path, about: dict[str, Any], field: Field) -> dict[str, Any
     if any(path.stat().st_size for path in folder.glob("*.jsonl")):
         known = _about(folder)
         _check_field(folder, known, field)
-        for key in _DECIDING:
-            if known[key] != about[key]:
+        for key in (*_DECIDING, *_SAMPLING):
+            if known.get(key, about[key]) != about[key]:
                 raise UserError(
                     f"transcripts {folder}: recorded with {key} {known[key]}, not {about[key]}; choose "
                     "another folder"
@@ -151,7 +154,7 @@ def _claimed(folder: Path, about: dict[str, Any], field: Field) -> dict[str, Any
         return known
     if (folder / ABOUT).exists():  # another ally's matches began the run, and nothing was answered yet
         known = _about(folder)
-        if all(known.get(key) == about[key] for key in (*_DECIDING, "field_hash")):
+        if all(known.get(key) == about[key] for key in (*_DECIDING, *_SAMPLING, "field_hash")):
             return known
     write_whole(folder / PROMPT, prompt_file(about["prompt"]).read_bytes())
     write_json(folder / ABOUT, about)
@@ -175,7 +178,8 @@ def _about(folder: Path) -> dict[str, Any]:
 
 
 def _fingerprint(about: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps([about[key] for key in _DECIDING]).encode()).hexdigest()
+    told = [about[key] for key in _DECIDING] + [about[key] for key in _SAMPLING if key in about]
+    return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 
 
 def _budget(folder: Path, caps: Mapping[str, float]) -> Budget:

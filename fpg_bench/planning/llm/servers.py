@@ -151,6 +151,18 @@ def endpoint_from_environment(server: str | None = None) -> Endpoint:
     return dataclasses.replace(known, key=_value(KEY))
 
 
+def at_temperature(endpoint: Endpoint, temperature: float | None) -> Endpoint:
+    """The same endpoint, asked at another temperature; None: at that of its profile.
+
+    Raises:
+        UserError: the server takes no such temperature.
+    """
+    if temperature is None:
+        return endpoint
+    server = dataclasses.replace(endpoint.server, temperature=_checked_number(temperature, "temperature"))
+    return dataclasses.replace(endpoint, server=server)
+
+
 def _configured(profile: Server) -> bool:
     return any(_value(name) for name in (BASE_URL, MODEL, KEY)) or profile.base_url is not None
 

@@ -15,6 +15,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fpg_bench.errors import UserError
 from fpg_bench.files import PACKED
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where, alike
@@ -164,6 +166,13 @@ class Transcript:
             valid = self._valid.get((request.seed, request.match), {})
             rounds = [number for number in valid if number < request.round]
             return valid[max(rounds)] if rounds else None
+
+    def paths(self, request: Request) -> list[np.ndarray]:
+        """The valid paths, ``(n, 3)`` in m each, of a request's match before its round."""
+        with self._lock:
+            self._read()
+            valid = self._valid.get((request.seed, request.match), {})
+            return [np.array(valid[k].waypoints) for k in sorted(valid) if k < request.round]
 
     def flown(self, request: Request) -> Row | None:
         """The line that says which plan the round of a request flew; None: there is none yet.
