@@ -28,7 +28,7 @@ from fpg_bench.evaluation.table import write_table
 from fpg_bench.files import PACKED, write_whole
 from fpg_bench.rows import RowFile
 
-FIELD = Path(__file__).with_name("language_model_field.yml")
+FIELD = Path(__file__).with_name("planner-expert.yml")
 BESIDE = ("random", "circle", "hill-climb", "interceptor")  # planners that are no language models
 
 

@@ -128,9 +128,12 @@ def _about(file: Path, field: Field) -> Row:
 
 
 def _check_nonce(file: Path, about: Row) -> None:
-    """Raise UserError for a run that shows no sign of having begun after a season was closed."""
+    """Raise UserError for a run whose sign of having begun after a season was closed is none.
+
+    One that was begun before the first season has no such sign, and says so.
+    """
     current, number = current_season(), about.get("season")
-    if current is None and number is None and about.get("nonce", "") is None:
+    if number is None and about.get("nonce", "") is None:
         return
     if not isinstance(number, int) or current is None or not 1 <= number <= current.number:
         raise UserError(f"{file}: season: expected the number of a closed one, got {number!r:.40}")

@@ -57,7 +57,7 @@ def of_script(name, field):
 
 
 def submitted(folder=None, script=None):
-    return type("Submitted", (), {"folder": folder, "script": script})
+    return type("Submitted", (), {"folder": folder, "script": script, "runs": 3})
 
 
 def test_a_recorded_model_scores_what_its_comparison_said_and_nobody_is_asked(toy, field):
@@ -72,6 +72,7 @@ def test_a_recorded_model_scores_what_its_comparison_said_and_nobody_is_asked(to
     plans = found.pooled.plans
     assert (plans.valid, plans.tokens) == (said.pooled.plans.valid, said.pooled.plans.tokens)
     assert plans.statuses == {"fallback-invalid": 4, "ok": 4, "reasked": 4}
+    assert plans.useless == said.pooled.plans.useless
 
 
 def test_playing_again_gives_the_same_lines(toy, field):
@@ -112,6 +113,8 @@ def test_the_fingerprint_tells_the_tier_the_matches_and_the_model(toy, field):
     assert facts | {"prompt_hash": ""} == {
         "tier": "history",
         "matches": 2,
+        "runs": 3,
+        "season": json.loads((toy[1] / "transcripts" / "planner.json").read_text())["season"],
         "model": "toy",
         "server": "generic",
         "control": "none",

@@ -115,7 +115,7 @@ def test_a_folder_that_is_too_large_for_the_repository(entry, check, monkeypatch
         ("model", "another", "nonce: does not follow from the seed of season 1"),
         ("nonce", None, "nonce: does not follow"),
         ("season", 99, "season: expected the number of a closed one, got 99"),
-        ("season", None, "season: expected the number of a closed one, got None"),
+        ("season", None, "season: expected the number of a closed one, got None"),  # beside a nonce
         ("begun", "2026-01-01T00:00:00+00:00", "line 1 does not follow from the lines before it"),
     ],
 )
