@@ -12,6 +12,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.evaluate import read_results
 from fpg_bench.evaluation.table import write_table
+from fpg_bench.files import read_json
 from fpg_bench.rows import RowFile
 from tests.programs import fpg
 
@@ -164,6 +165,33 @@ def test_a_language_model_is_recorded_and_replayed_without_a_server(folder, asks
     (replayed,) = compare([], "mine.yml", "again", transcripts="kept")
     assert (replayed.entry, replayed.score) == ("toy-model", found["llm"].score)
     assert lines_of(folder / "again", "toy-model") == lines_of(folder / "out", "llm")
+
+
+def test_temperature_and_sampling_seed_are_asked_for_told_and_kept_to(folder, asks):
+    profile = folder / "server.yml"
+    profile.write_text("about: short\nseed: true\n")
+    with FaultServer([ok(PATH)]) as server:
+        asks(server)
+        for out, more in (("usual", {}), ("cold", {"temperature": 0.0}), ("other", {"sampling_seed": 1})):
+            compare(["llm"], "mine.yml", out, llm={"server": str(profile), **more})
+        bodies = [received.body for received in server.requests]
+        usual, cold, other = (bodies[k : k + PLANS] for k in range(0, 3 * PLANS, PLANS))
+        for message in ("temperature 0.0, not 0.7", "field"):
+            with pytest.raises(UserError, match=message):
+                compare(["llm"], "mine.yml", "cold", matches=3 if message == "field" else None)
+        with pytest.raises(UserError, match=r"temperature: expected a number from 0 to 2, got 3"):
+            compare(["llm"], "mine.yml", "hot", llm={"temperature": 3})
+    assert {body["temperature"] for body in cold} == {0.0}
+    assert {body["temperature"] for body in usual + other} == {0.7}
+    assert [body["seed"] for body in cold] == [body["seed"] for body in usual]
+    assert not {body["seed"] for body in other} & {body["seed"] for body in usual}
+    told = read_json(folder / "other" / "transcripts" / "llm" / "planner.json", "told")
+    assert (told["temperature"], told["sampling_seed"]) == (0.7, 1)
+    shutil.copytree(folder / "other" / "transcripts" / "llm", folder / "kept" / "seed-1")
+    (replayed,) = compare([], "mine.yml", "again", transcripts="kept")
+    assert replayed.pooled.plans.valid_but_useless == 1  # a path that is repeated, or as long as it is
+    (line, *_) = RowFile(folder / "again" / "lines.jsonl").read()
+    assert line["plans"]["useless"]
 
 
 class Stop(Exception):
