@@ -61,7 +61,7 @@ def train(out: Path, said: argparse.Namespace) -> None:
         if name == "again":
             words += ["--transcript", str(out / "llm" / TRANSCRIPT)]
         if not (out / name / "agent" / "agent.json").exists():
-            fpg_bench(*words, "--out", str(out / name), *([] if name != "llm" else ["--restart"]))
+            fpg_bench(*words, "--out", str(out / name), "--restart")  # one that was stopped begins again
 
 
 def compare(out: Path, said: argparse.Namespace) -> None:
