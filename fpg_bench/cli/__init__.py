@@ -15,6 +15,7 @@ from fpg_bench.cli import (
     compare,
     export,
     leaderboard,
+    llm,
     plan,
     reproduce,
     season,
@@ -47,6 +48,7 @@ for whole in (export.export, reproduce.reproduce):
     app.command()(whole)
 plan.app.command()(compare.compare)
 app.add_typer(plan.app, name="plan")
+app.add_typer(llm.app, name="llm")
 app.add_typer(submit.app, name="submit")
 app.add_typer(leaderboard.app, name="leaderboard")
 app.add_typer(season.app, name="season")

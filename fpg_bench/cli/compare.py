@@ -11,8 +11,10 @@ from fpg_bench.cli.options import (
     CallsOption,
     DeadlineOption,
     PromptOption,
+    SamplingSeedOption,
     SecondsOption,
     ServerOption,
+    TemperatureOption,
     TokensOption,
     WideOption,
     llm_options,
@@ -35,6 +37,8 @@ def compare(
     ] = None,
     prompt: PromptOption = None,
     server: ServerOption = None,
+    temperature: TemperatureOption = None,
+    sampling_seed: SamplingSeedOption = None,
     calls: CallsOption = None,
     tokens: TokensOption = None,
     seconds: SecondsOption = None,
@@ -47,7 +51,8 @@ def compare(
     from fpg_bench.evaluation.compare import compare as compare_planners
 
     caps = {"calls": calls, "tokens": tokens, "seconds": seconds, "concurrency": concurrency}
-    llm = llm_options(deadline, prompt=prompt, server=server, **caps)
+    sampled = {"temperature": temperature, "sampling_seed": sampling_seed}
+    llm = llm_options(deadline, prompt=prompt, server=server, **sampled, **caps)
     with shown_progress() as show:
         compare_planners(
             planners or ["all"],

@@ -52,7 +52,13 @@ SecondsOption = Annotated[
     float | None, typer.Option(min=0, help="llm: most seconds in calls; default: a week")
 ]
 DeadlineOption = Annotated[
-    float | None, typer.Option(min=0, help="llm: seconds that a call may take; default: 30")
+    float | None, typer.Option(min=0, help="llm: seconds that a call may take; default: 30, or as measured")
+]
+TemperatureOption = Annotated[
+    float | None, typer.Option(min=0, max=2, help="llm: what the server is sent; default: its profile's")
+]
+SamplingSeedOption = Annotated[
+    int | None, typer.Option(min=0, help="llm: decides the seeds that the server is sent; default: 0")
 ]
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,12 +11,15 @@ from fpg_bench.cli.options import (
     CallsOption,
     DeadlineOption,
     PromptOption,
+    SamplingSeedOption,
     ScenarioOption,
     SecondsOption,
     ServerOption,
+    TemperatureOption,
     TokensOption,
     llm_options,
 )
+from fpg_bench.cli.watching import watched
 from fpg_bench.errors import UserError, printable
 from fpg_bench.extras import need
 
@@ -42,22 +43,40 @@ def run(
     prompt: PromptOption = None,
     control: Annotated[str | None, typer.Option(help="llm: none, shuffled-rewards or no-history")] = None,
     server: ServerOption = None,
+    temperature: TemperatureOption = None,
+    sampling_seed: SamplingSeedOption = None,
     calls: CallsOption = None,
     tokens: TokensOption = None,
     seconds: SecondsOption = None,
     deadline: DeadlineOption = None,
+    talk: Annotated[bool, typer.Option("--talk", help="llm: print what it is asked and answers")] = False,
 ) -> None:
-    """Play one match of a planner, draw its paths, and keep it in a file; a stopped one goes on."""
+    """Play one match of a planner, draw its paths, and keep it in a file; a stopped one goes on.
+
+    Beside the file lie paths.png, drawn anew after each round, and replay.html, all rounds to be watched.
+    """
     need("video", "matplotlib")
     from fpg_bench.matches.match import run_match
+    from fpg_bench.matches.match_page import write_match_replay
     from fpg_bench.matches.match_picture import draw_match
 
-    told = {"prompt": prompt, "control": control, "server": server}
+    told: dict[str, Any] = {"prompt": prompt, "control": control, "server": server}
+    told |= {"temperature": temperature, "sampling_seed": sampling_seed}
     llm = llm_options(deadline, **told, calls=calls, tokens=tokens, seconds=seconds)
     name = planner if control in (None, "none") else f"{planner}-{control}"
-    file, picture = _targets(out, f"{name}-{ally}-{seed}")
-    with _shown(rounds) as progress:
-        played = run_match(
+    file, picture, page = _targets(out, f"{name}-{ally}-{seed}")
+    title = f"{name} against {ally}, seed {seed}"
+    played: list[Round] = []
+
+    def come(index: int, round: Round | None) -> None:
+        if round is not None:
+            played.append(round)
+            draw_match(played, picture, title)
+            if talk:
+                _print_talk(round)
+
+    with watched(rounds, come) as progress:
+        run_match(
             planner,
             ally,
             opponent,
@@ -68,10 +87,9 @@ def run(
             llm=llm,
             progress=progress,
         )
-    title = f"{name} against {ally}, seed {seed}"
-    draw_match(played, picture, title)
+    write_match_replay(played, page, title, ally, opponent)
     _print_table(played, title)
-    typer.echo(f"written: {file}, {picture}")
+    typer.echo(f"written: {file}, {picture}, {page}")
 
 
 @app.command()
@@ -92,7 +110,9 @@ def replay(
 @app.command()
 def probe(
     server: ServerOption = None,
-    deadline: Annotated[float, typer.Option(min=0.1, help="seconds that each question may take")] = 30,
+    deadline: Annotated[
+        float | None, typer.Option(min=0.1, help="seconds that each question may take; default: 30")
+    ] = None,
 ) -> None:
     """Try the language model that the environment names: what its server honours."""
     need("llm", "openai")
@@ -116,33 +136,21 @@ def probe(
         raise UserError(f"nothing answers at {endpoint.base_url}: {findings[0].detail}")
 
 
-def _targets(out: Path | None, name: str) -> tuple[Path, Path]:
-    """Where the match and its picture go."""
+def _targets(out: Path | None, name: str) -> tuple[Path, Path, Path]:
+    """Where the match, its picture and its page go."""
     folder = Path("runs", "plan", name.replace("/", "_").replace(":", "_")) if out is None else out
     if folder.suffix == ".jsonl":
-        return folder, folder.with_suffix(".png")
-    return folder / "match.jsonl", folder / "paths.png"
+        return folder, folder.with_suffix(".png"), folder.with_suffix(".html")
+    return folder / "match.jsonl", folder / "paths.png", folder / "replay.html"
 
 
-@contextlib.contextmanager
-def _shown(rounds: int) -> Iterator[Callable[[int, Round | None], None]]:
-    """What a match shows while it is played: a moving line on a terminal, else a line per round."""
-    from rich.console import Console
+def _print_talk(played: Round) -> None:
+    from fpg_bench.matches.match_page import said_in
 
-    console = Console()
-    with console.status("") if console.is_terminal else contextlib.nullcontext() as moving:
-        last = ""
-
-        def progress(index: int, played: Round | None) -> None:
-            nonlocal last
-            if played is not None:
-                last = f"round {index}: {played.reward_per_step:+.2f} a step, {played.row['status']}"
-                if moving is None:
-                    typer.echo(last)
-            elif moving is not None:
-                moving.update(f"planning round {index} of {rounds}  {last}")
-
-        yield progress
+    for attempt in played.talk:
+        for who, text in said_in(attempt):
+            for line in (f"--- {who}", *text.splitlines()):
+                typer.echo(printable(line))
 
 
 def _print_table(rounds: list[Round], title: str) -> None:

@@ -106,6 +106,7 @@ def _of_planners(field: Field) -> list[Column]:
         Column("worst", _worst, spare=3),
         Column("against", lambda s: s.worst, spare=5),
         Column("valid %", lambda s: number(_plans(s, "valid"), 100), spare=1),
+        Column("useless %", lambda s: number(_plans(s, "valid_but_useless"), 100), spare=3),
         Column("tokens", lambda s: number(_per_plan(s, "tokens"), digits=0), spare=4),
         Column("s per plan", lambda s: f"{_per_plan(s, 'seconds') or 0:.2g}", spare=6),
     ]

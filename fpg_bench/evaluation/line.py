@@ -30,11 +30,13 @@ class Plans:
         statuses: how many plans had which.
         tokens: of all plans together; None where no language model is asked.
         seconds: of all plans together, on the machine that played; 0 where they don't count.
+        useless: how many valid ones show which sign of being of no use; None where nobody has looked.
     """
 
     statuses: dict[str, int]
     tokens: int | None
     seconds: float = 0.0
+    useless: dict[str, int] | None = None
 
     @property
     def valid(self) -> float | None:
@@ -42,6 +44,11 @@ class Plans:
         count = sum(self.statuses.values())
         fallen = sum(n for status, n in self.statuses.items() if status.startswith(_FALLBACK))
         return None if not count or (self.tokens is None and not fallen) else 1 - fallen / count
+
+    @property
+    def valid_but_useless(self) -> float | None:
+        """The share of plans that were valid and of no use; None where nobody has looked."""
+        return None if self.useless is None else sum(self.useless.values()) / sum(self.statuses.values())
 
 
 @dataclass(frozen=True)
@@ -81,6 +88,8 @@ class Line:
         row = dataclasses.asdict(self)
         if self.plans is None:
             del row["plans"]
+        elif self.plans.useless is None:
+            del row["plans"]["useless"]
         return row
 
     def same_as(self, other: Line) -> bool:
@@ -134,7 +143,9 @@ def _pooled_plans(plans: Sequence[Plans]) -> Plans | None:
     statuses = sum((Counter(of.statuses) for of in plans), Counter[str]())
     tokens = [of.tokens for of in plans if of.tokens is not None]
     seconds = sum(of.seconds for of in plans)
-    return Plans(dict(sorted(statuses.items())), sum(tokens) if tokens else None, seconds)
+    signs = [Counter(of.useless) for of in plans if of.useless is not None]
+    useless = dict(sorted(sum(signs, Counter[str]()).items())) if signs else None
+    return Plans(dict(sorted(statuses.items())), sum(tokens) if tokens else None, seconds, useless)
 
 
 def read_line(row: Row, where: str) -> Line:
@@ -154,9 +165,11 @@ def read_line(row: Row, where: str) -> Line:
 
 
 def _read_plans(row: Any, where: str) -> Plans:
-    counts = row.get("statuses") if isinstance(row, dict) else None
-    sound = isinstance(counts, dict) and all(_is_word(s) and _is_count(n) for s, n in counts.items())
-    if not sound or row.keys() != {"statuses", "tokens", "seconds"} or not _is_number(row["seconds"]):
+    known = {"statuses", "tokens", "seconds"}
+    sound = isinstance(row, dict) and row.keys() in (known, known | {"useless"})
+    if not sound or not all(_are_counts(row[key]) for key in row if key in ("statuses", "useless")):
+        raise UserError(f"{where} does not tell of its plans what it should")
+    if not _is_number(row["seconds"]):
         raise UserError(f"{where} does not tell of its plans what it should")
     if row["tokens"] is not None and not _is_count(row["tokens"]):
         raise UserError(f"{where}: tokens: expected a whole number, got {row['tokens']!r:.40}")
@@ -169,6 +182,10 @@ def _is_number(value: Any) -> bool:
 
 def _is_count(value: Any) -> bool:
     return is_whole(value, 0) and value < _ENDLESS
+
+
+def _are_counts(value: Any) -> bool:
+    return isinstance(value, dict) and all(_is_word(s) and _is_count(n) for s, n in value.items())
 
 
 def _is_word(value: Any) -> bool:

@@ -5,15 +5,18 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Collection, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import Entry
 from fpg_bench.evaluation.field import Counterpart, Field
+from fpg_bench.evaluation.seeds import SeasonKey, current_season
 from fpg_bench.files import PACKED, read_json, write_json, write_whole
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.planning.llm.budget import Budget
+from fpg_bench.planning.llm.chain import chain_start
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.prompts import load_prompt, prompt_file
 from fpg_bench.planning.llm.servers import endpoint_from_environment
@@ -21,6 +24,7 @@ from fpg_bench.planning.llm.transcript import Transcript
 
 ABOUT, PROMPT = "planner.json", "prompt.yml"  # lie beside a planner's transcripts, one for each ally
 _DECIDING = ("model", "control", "prompt_hash")
+_SAMPLING = ("temperature", "sampling_seed")
 _CAPS = ("calls", "tokens", "seconds")
 
 
@@ -42,14 +46,24 @@ def asked(name: str, field: Field, folder: Path, options: Mapping[str, Any]) -> 
     prompt = rest.pop("prompt", "standard")
     about: dict[str, Any] = {"model": endpoint.model, "server": endpoint.server.name, "control": control}
     about |= {"prompt": prompt, "prompt_hash": load_prompt(prompt).hash}
+    about |= {"temperature": rest.get("temperature", endpoint.server.temperature)}
+    about |= {"sampling_seed": rest.get("sampling_seed", 0)}
     about |= {"field": field.name, "field_hash": field.hash, "matches": field.matches}
+    about |= begun(about)
     budget = _budget(folder, {cap: rest.pop(cap) for cap in _CAPS if cap in rest})
 
     def make(ally: Counterpart) -> LLMPlanner:
-        _claim(folder, about, field)
+        header = _claimed(folder, about, field)
         path = folder / transcript_name(ally.name)
         planner = LLMPlanner(
-            field.scenario, endpoint, prompt=prompt, control=control, transcript=path, mode="record", **rest
+            field.scenario,
+            endpoint,
+            prompt=prompt,
+            control=control,
+            transcript=path,
+            mode="record",
+            chain=chain_of(header, ally.name),
+            **rest,
         )
         planner.budget = budget
         return planner
@@ -92,6 +106,7 @@ def _replayed(folder: Path, field: Field) -> Entry:
             control=about["control"],
             transcript=transcript_file(folder, ally.name),
             mode="replay",
+            chain=chain_of(about, ally.name),
         )
         planner.transcript.check_told(about)
         return planner
@@ -99,20 +114,51 @@ def _replayed(folder: Path, field: Field) -> Entry:
     return Entry(folder.name, None, _fingerprint(about), make, LLMPlanner.tier)
 
 
-def _claim(folder: Path, about: dict[str, Any], field: Field) -> None:
-    """Say beside transcripts whose they are, and keep the prompt; refuse those of another."""
+def begun(about: Mapping[str, Any]) -> dict[str, Any]:
+    """When a run begins, and what nobody could write before the present season's seed was known.
+
+    Args:
+        about: what the run is told of.
+    """
+    season = current_season()
+    header = {"begun": datetime.now(UTC).isoformat(timespec="seconds")}
+    return {**header, "season": None, "nonce": None} if season is None else header | nonce_of(about, season)
+
+
+def nonce_of(about: Mapping[str, Any], season: SeasonKey) -> dict[str, Any]:
+    """The season's number, and a hash of its seed and of what is asked whom."""
+    words = [season.seed, *(about[key] for key in (*_DECIDING, "field_hash"))]
+    return {"season": season.number, "nonce": hashlib.sha256("/".join(words).encode()).hexdigest()}
+
+
+def chain_of(about: Mapping[str, Any], ally: str) -> str | None:
+    """Where the chain of a run's transcript begins; None: what was recorded before chains has none."""
+    return chain_start(about, transcript_name(ally)) if "nonce" in about else None
+
+
+def _claimed(folder: Path, about: dict[str, Any], field: Field) -> dict[str, Any]:
+    """Say beside transcripts whose they are, and keep the prompt; refuse those of another.
+
+    Returns:
+        What stands there, from when the run was begun.
+    """
     if any(path.stat().st_size for path in folder.glob("*.jsonl")):
         known = _about(folder)
         _check_field(folder, known, field)
-        for key in _DECIDING:
-            if known[key] != about[key]:
+        for key in (*_DECIDING, *_SAMPLING):
+            if known.get(key, about[key]) != about[key]:
                 raise UserError(
                     f"transcripts {folder}: recorded with {key} {known[key]}, not {about[key]}; choose "
                     "another folder"
                 )
-        return
+        return known
+    if (folder / ABOUT).exists():  # another ally's matches began the run, and nothing was answered yet
+        known = _about(folder)
+        if all(known.get(key) == about[key] for key in (*_DECIDING, *_SAMPLING, "field_hash")):
+            return known
     write_whole(folder / PROMPT, prompt_file(about["prompt"]).read_bytes())
     write_json(folder / ABOUT, about)
+    return about
 
 
 def _check_field(folder: Path, about: Mapping[str, Any], field: Field) -> None:
@@ -132,7 +178,8 @@ def _about(folder: Path) -> dict[str, Any]:
 
 
 def _fingerprint(about: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps([about[key] for key in _DECIDING]).encode()).hexdigest()
+    told = [about[key] for key in _DECIDING] + [about[key] for key in _SAMPLING if key in about]
+    return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 
 
 def _budget(folder: Path, caps: Mapping[str, float]) -> Budget:

@@ -134,4 +134,6 @@ class _Sums:
         statuses = Counter(sorted(plan.status for plan in self._plans))
         tokens = [plan.tokens for plan in self._plans if plan.tokens is not None]
         seconds = sum(plan.seconds or 0.0 for plan in self._plans)
-        return Plans(dict(statuses), int(sum(tokens)) if tokens else None, round(seconds, 6))
+        signs = [plan.useless for plan in self._plans if plan.useless is not None]
+        useless = dict(Counter(sorted(filter(None, signs)))) if signs else None
+        return Plans(dict(statuses), int(sum(tokens)) if tokens else None, round(seconds, 6), useless)

@@ -102,6 +102,15 @@ def current_season() -> SeasonKey | None:
     return max(found, key=lambda key: key.number, default=None)
 
 
+def season_key(number: int) -> SeasonKey:
+    """A closed season by its number.
+
+    Raises:
+        UserError: there is none, or see :func:`current_season`.
+    """
+    return _key(f"season-{number}")
+
+
 def _key(name: str) -> SeasonKey:
     content = read_yaml(fields_folder() / name / "season.yml", "season")
     sound = type(content.get("number")) is int and isinstance(content.get("entries"), dict)

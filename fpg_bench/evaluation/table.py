@@ -97,9 +97,8 @@ def flat(s: Summary) -> dict[str, Any]:
         for k, score in enumerate(learning_curve(s), 1):
             line |= _ends(f"round_{k}", score)
         plans = s.pooled.plans
-        line |= (
-            {} if plans is None else {"valid": plans.valid, "tokens": plans.tokens, "seconds": plans.seconds}
-        )
+        told = ("valid", "valid_but_useless", "tokens", "seconds")
+        line |= {} if plans is None else {name: getattr(plans, name) for name in told}
     return line | s.measures
 
 

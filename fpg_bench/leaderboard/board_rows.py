@@ -168,6 +168,7 @@ def _planner(known: Summary, result: Result) -> Row | None:
         "score_all": _interval(over_rounds(known, slice(None))),
         "curve": [_interval(of) for of in learning_curve(known)],
         "valid": plans.valid,
+        "valid_but_useless": plans.valid_but_useless,
         "statuses": plans.statuses,
         "tokens": None if plans.tokens is None else plans.tokens / count,
     }

@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any
 from urllib.parse import urlsplit
 
+from fpg_bench.checks import is_whole
 from fpg_bench.errors import UserError, meant, nearest
 from fpg_bench.leaderboard.folder import shown
 from fpg_bench.leaderboard.lookalikes import skeleton, unseen
@@ -20,6 +21,7 @@ LONGEST_NAME = 60
 _LONGEST_TEXT = 2000
 MOST_STEPS, _MOST_HOURS, _MOST_SEED = 10**13, 10**6, 10**6
 _MOST_SEEDS = 20
+_MOST_RUNS = 10_000
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,11 @@ def _together(content: dict[str, Any], values: dict[str, Any]) -> list[str]:
     if track == "planner" and content.get("zoo") is not None:
         found.append("zoo: its agents are no planners")
     trained = content.get("training") is not None
+    recorded = track == "planner" and content.get("script") is None
+    if recorded and content.get("runs") is None:
+        found.append("lacks 'runs': how often the model was recorded for this, with the run that is entered")
+    if track is not None and not recorded and content.get("runs") is not None:
+        found.append("runs: is of a language model's transcripts only")
     if content.get("script") is not None and trained:
         found.append("training: a script is not trained; write null")
     if (
@@ -156,6 +163,12 @@ def _training(value: Any) -> Training | None:
     return Training(steps, _number(value["hours"], "hours", 0, _MOST_HOURS), checked)
 
 
+def _runs(value: Any) -> int:
+    if not is_whole(value, 1) or value > _MOST_RUNS:
+        raise UserError(f"expected a whole number from 1 to {_MOST_RUNS:,}, got {shown(value)}")
+    return int(value)
+
+
 def _number(value: Any, name: str, least: int, most: int, whole: bool = False) -> float:
     kinds = int if whole else (int, float)
     fits = isinstance(value, kinds) and not isinstance(value, bool) and least <= value <= most
@@ -184,5 +197,6 @@ _CHECKS: dict[str, Callable[[Any], Any]] = {
     "description": partial(_text, most=_LONGEST_TEXT, lines=True, least=0),
     "zoo": _optional(partial(_text, most=100)),
     "script": _optional(partial(_text, most=100)),
+    "runs": _optional(_runs),
 }
-_REQUIRED = tuple(key for key in _CHECKS if key not in ("path", "description", "zoo", "script"))
+_REQUIRED = tuple(key for key in _CHECKS if key not in ("path", "description", "zoo", "script", "runs"))

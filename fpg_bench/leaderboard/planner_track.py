@@ -30,7 +30,8 @@ def planner_facts(submission: Submission, field: Field) -> Row:
         return {"tier": as_planner(submission.script, field.scenario).tier, **matches}
     about, _ = told(submission.folder, field)
     prompt = Path(about["prompt"]).stem
-    return {"tier": "history", **matches, "prompt": prompt, **{key: about[key] for key in _TOLD}}
+    runs = {"runs": submission.runs, "season": about["season"]}
+    return {"tier": "history", **matches, **runs, "prompt": prompt, **{key: about[key] for key in _TOLD}}
 
 
 def replaying(folder: Path, field: Field) -> Callable[[Counterpart], Any]:

@@ -36,6 +36,7 @@ class Submission:
         zoo: the package's own agents that it names, as ``ally-scripted/ppo``, or None.
         policies: by training seed; none where it is a script or transcripts.
         transcripts: of a language model that plans; their files, sorted.
+        runs: how often that was recorded, as its authors say; None where nothing is.
     """
 
     folder: Path
@@ -54,6 +55,7 @@ class Submission:
     zoo: str | None = None
     policies: tuple[Policy, ...] = ()
     transcripts: tuple[Path, ...] = ()
+    runs: int | None = None
 
     @property
     def slug(self) -> str:
@@ -73,6 +75,8 @@ class Submission:
             for field in dataclasses.fields(self)
             if field.name not in ("folder", "policies", "transcripts")
         }
+        if self.runs is None:  # an entry that has none keeps its fingerprint
+            del told["runs"]
         told["training"] = None if self.training is None else dataclasses.asdict(self.training)
         told["policies"] = {policy.seed: policy.sha256 for policy in self.policies}
         told["transcripts"] = {

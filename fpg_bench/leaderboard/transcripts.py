@@ -12,12 +12,13 @@ import yaml
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.field import Field
-from fpg_bench.evaluation.planner_llm import ABOUT, PROMPT, transcript_file, transcript_name
-from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.evaluation.planner_llm import ABOUT, PROMPT, nonce_of, transcript_file, transcript_name
+from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_key
 from fpg_bench.files import PACKED, read_json
 from fpg_bench.leaderboard.folder import names
 from fpg_bench.leaderboard.tracks import KNOWN, TRACKS
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Where
+from fpg_bench.planning.llm.chain import chain_start, follows
 from fpg_bench.planning.llm.packed import packed_rows
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt
 from fpg_bench.rows import Row
@@ -30,7 +31,7 @@ _LONGEST_NAME, _LONGEST_PATH = 100, 1000  # of a prompt, its file may be told
 _MOST = {"seconds": 1e7, "calls": 1e4, "tokens_in": 1e9, "tokens_out": 1e9}
 _RAW_CUT = 10_000  # characters that are kept of a long raw reply
 
-_ABOUT_KEYS = ("model", "server", "control", "prompt", "prompt_hash", "field_hash")
+_ABOUT_KEYS = ("model", "server", "control", "prompt", "prompt_hash", "field_hash", "begun")
 
 
 def check_transcripts(folder: Path, field: Field | None = None) -> list[str]:
@@ -79,6 +80,7 @@ def told(folder: Path, field: Field) -> tuple[Row, Prompt]:
     prompt = load_prompt(str(file))
     if prompt.hash != about["prompt_hash"]:
         raise UserError(f"{file}: is not the prompt that {ABOUT} tells the hash of")
+    _check_nonce(folder / FOLDER / ABOUT, about)
     return about, prompt
 
 
@@ -125,6 +127,20 @@ def _about(file: Path, field: Field) -> Row:
     return about
 
 
+def _check_nonce(file: Path, about: Row) -> None:
+    """Raise UserError for a run whose sign of having begun after a season was closed is none.
+
+    One that was begun before the first season has no such sign, and says so.
+    """
+    current, number = current_season(), about.get("season")
+    if number is None and about.get("nonce", "") is None:
+        return
+    if not isinstance(number, int) or current is None or not 1 <= number <= current.number:
+        raise UserError(f"{file}: season: expected the number of a closed one, got {number!r:.40}")
+    if about.get("nonce") != nonce_of(about, season_key(number))["nonce"]:
+        raise UserError(f"{file}: nonce: does not follow from the seed of season {number} and what was asked")
+
+
 def _check_plain(file: Path) -> None:
     """Raise UserError for a prompt whose few characters stand for very many."""
     text = file.read_bytes()
@@ -146,7 +162,8 @@ def _check_plain(file: Path) -> None:
 def _check_transcript(file: Path, about: Row, field: Field) -> None:
     """Check that a transcript holds all attempts at the plans of its matches, and no others."""
     found: dict[Where, Attempt] = {}
-    for number, row in enumerate(packed_rows(file), 1):
+    rows = packed_rows(file)
+    for number, row in enumerate(rows, 1):
         where = f"transcript {file}: line {number}"
         attempt = _attempt(row, where)
         _check_told(attempt, row, about, where)
@@ -165,6 +182,9 @@ def _check_transcript(file: Path, about: Row, field: Field) -> None:
         raise UserError(f"transcript {file}: lacks the second attempt{_at(lacking[0])}")
     if extra := sorted(found.keys() - expected - again):
         raise UserError(f"transcript {file}: holds an attempt that nothing asks for{_at(extra[0])}")
+    link = chain_start(about, file.name.removesuffix(PACKED))
+    for number, row in enumerate(rows, 1):
+        link = follows(link, row, f"transcript {file}: line {number}")
 
 
 def _at(where: Where) -> str:

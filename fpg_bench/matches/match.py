@@ -21,6 +21,8 @@ from fpg_bench.matches.match_file import ROUND, Match, MatchFile
 from fpg_bench.matches.match_planner import planner_of, replayed_planner
 from fpg_bench.matches.rounds import Table, begin, play_round, seated
 from fpg_bench.pictures.recording import Recording
+from fpg_bench.planning.llm.attempt import Attempt
+from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.players.naming import as_player, player_name
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.rows import Row
@@ -30,10 +32,11 @@ ROUNDS = 10
 
 @dataclass(frozen=True)
 class Round:
-    """A round that was played: its line of the file, and its steps."""
+    """A round that was played: its line of the file, its steps, and what was asked of a language model."""
 
     row: Row
     recording: Recording
+    talk: tuple[Attempt, ...] = ()
 
     @property
     def measures(self) -> dict[str, float | None]:
@@ -148,9 +151,17 @@ def _rounds(
             row = known[index]
         elif file is not None:
             file.add(row)
-        played = Round(row, recording)
+        played = Round(row, recording, _talk(planner, row))
         progress(index, played)
         yield played
+
+
+def _talk(planner: Any, row: Row) -> tuple[Attempt, ...]:
+    """What was asked and answered for a round, where its planner asks a language model and keeps it."""
+    if not isinstance(planner, LLMPlanner):
+        return ()
+    place = (row["seed"], row["match"], row["round"])
+    return tuple(attempt for attempt in planner.transcript.attempts() if attempt.where[:3] == place)
 
 
 def _play(table: Table, seed: int | None) -> tuple[Row, Recording]:

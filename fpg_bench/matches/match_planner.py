@@ -74,5 +74,12 @@ def _llm_planner(
     options = {"control": LLM_CONTROLS[name], **options}
     endpoint = endpoint_from_environment(options.pop("server", None))
     planner = LLMPlanner(scenario, endpoint, transcript=path, **options)
-    told = {"model": endpoint.model, "server": endpoint.server.name, "control": planner.control}
-    return planner, {**told, "prompt": asdict(planner.prompt), "prompt_hash": planner.prompt.hash}
+    sampled: dict[str, Any] = {
+        name: options[name] for name in ("temperature", "sampling_seed") if name in options
+    }
+    told: dict[str, Any] = {
+        "model": endpoint.model,
+        "server": endpoint.server.name,
+        "control": planner.control,
+    }
+    return planner, {**told, **sampled, "prompt": asdict(planner.prompt), "prompt_hash": planner.prompt.hash}

@@ -170,7 +170,7 @@ def _write(recordings: Sequence[Recording], path: Path, names: dict[str, str], e
     if path.suffix.lower() == ".html":
         from fpg_bench.pictures.replay import write_replay
 
-        write_replay(recordings, path, title, **names)
+        write_replay(recordings, path, title, names["ally"], names["opponent"])
     else:
         from fpg_bench.pictures.film import write_gif, write_mp4
 

@@ -6,7 +6,7 @@ import html
 import importlib.resources
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,11 @@ FORMAT = "fpg-replay/1"
 
 
 def replay_data(
-    recordings: Sequence[Recording], title: str, ally: str = "ally", opponent: str = "opponent"
+    recordings: Sequence[Recording],
+    title: str,
+    ally: str = "ally",
+    opponent: str = "opponent",
+    talks: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """What the page draws, ready for JSON; lengths in m, frequencies in MHz, times in s, levels in dB.
 
@@ -35,7 +39,8 @@ def replay_data(
       ``ally`` and ``opponent`` [3], ``frequency``, ``known``, ``age``, ``type`` (index into ``jamming``,
       -1: none), ``centre``, ``distance``, ``snr``, ``clean_snr``, ``spreading`` (seconds without a break),
       ``hopped`` and ``covered`` (0 or 1), ``check`` (1 heard, -1 not heard, 0 no check in this step),
-      ``ally_reward``, ``opponent_reward``.
+      ``ally_reward``, ``opponent_reward``. Where ``talks`` has an entry for each round, it is added:
+      ``status`` of the plan, and ``talk``, a list of ``who`` and ``text`` in the order of the talk.
     """
     return {
         "format": FORMAT,
@@ -43,7 +48,10 @@ def replay_data(
         "ally": ally,
         "opponent": opponent,
         "scenario": _scenario_data(recordings[0].scenario),
-        "rounds": [_round_data(recording) for recording in recordings],
+        "rounds": [
+            _round_data(recording) | dict(talks[index] if talks else {})
+            for index, recording in enumerate(recordings)
+        ],
     }
 
 
@@ -144,6 +152,7 @@ def write_replay(
     title: str,
     ally: str = "ally",
     opponent: str = "opponent",
+    talks: Sequence[Mapping[str, Any]] = (),
 ) -> None:
     """Write the replay of one or more rounds of one scenario as one HTML file, whole.
 
@@ -152,5 +161,6 @@ def write_replay(
         path: the file; it is replaced.
         title: the page's heading.
         ally, opponent: what the players are called.
+        talks: see :func:`replay_data`.
     """
-    write_whole(Path(path), replay_page(replay_data(recordings, title, ally, opponent)))
+    write_whole(Path(path), replay_page(replay_data(recordings, title, ally, opponent, talks)))

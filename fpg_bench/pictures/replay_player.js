@@ -21,7 +21,20 @@ function fpgReplay(root, keys) {
     byId("subtitle").textContent =
       `seed ${round.seed}, match ${round.match}, round ${round.round}, opponent's path: ${round.path}`;
     byId("step").max = last;
+    showTalk();
     goTo(0);
+  }
+
+  /** What a language model was asked for this round's path, and what it answered. */
+  function showTalk() {
+    byId("talk").hidden = !(round.talk || []).length;
+    byId("talk").querySelector("summary").textContent = `what the planner was asked, and answered: ${round.status}`;
+    const list = byId("talk").querySelector("div");
+    list.replaceChildren();
+    for (const { who, text } of round.talk || []) {
+      list.appendChild(document.createElement("b")).textContent = who;
+      list.appendChild(document.createElement("pre")).textContent = text;
+    }
   }
 
   const now = () => Math.min(last, Math.floor(view.time + 1e-9));
@@ -497,7 +510,8 @@ function fpgReplay(root, keys) {
     byId("title").textContent = data.title;
     byId("rounds").replaceChildren();
     data.rounds.forEach((one, index) => {
-      byId("rounds").add(new Option(`seed ${one.seed}, match ${one.match}, round ${one.round}`, index));
+      const status = one.status ? `, ${one.status}` : "";
+      byId("rounds").add(new Option(`seed ${one.seed}, match ${one.match}, round ${one.round}${status}`, index));
     });
     byId("rounds").hidden = data.rounds.length < 2;
     play(false);

@@ -17,6 +17,7 @@ from fpg_bench.imports import reason
 TIERS = ("none", "history", "ally")
 
 _KINDS: dict[str, Any] = {"source": str, "status": str, "tokens": int | None, "seconds": float | int | None}
+_KINDS["useless"] = str | None
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,8 @@ class Plan:
         status: ``ok``, or what went wrong on the way (see the LLM planner).
         tokens: tokens that a language model read and wrote for it; None for other planners.
         seconds: how long planning took; None: not measured.
+        useless: why a valid path of a language model is of no use (see
+            :mod:`fpg_bench.planning.llm.useless`); empty: no sign of it; None: nobody has looked.
     """
 
     waypoints: np.ndarray
@@ -56,6 +59,7 @@ class Plan:
     status: str = "ok"
     tokens: int | None = None
     seconds: float | None = None
+    useless: str | None = None
 
 
 @dataclass(frozen=True)

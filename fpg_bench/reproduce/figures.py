@@ -184,7 +184,7 @@ FIGURES: Mapping[str, Callable[[Results, str], Any]] = MappingProxyType(
         "fig4": frequencies,
         "fig5": overlap_and_success,
         "fig6": rewards((*JAMMING_TYPES, BASE), 3, 10, 2.6, "all four types"),
-        "fig7": rewards((BASE, NO_PLANNER, NO_KNOWLEDGE), 3, 10, 2.9),
+        "fig7": rewards((BASE, NO_PLANNER, NO_KNOWLEDGE, LLM), 3, 10, 2.9),
         "paths": paths,
     }
 )

@@ -83,7 +83,7 @@ def _budget(budget: str | Budget) -> Budget:
 
 def _conditions(target: str, scenario: str, budget: Budget, llm: Mapping[str, Any] | None) -> list[Condition]:
     found = conditions_of(target, scenario, budget.name == "full")
-    if llm is not None and target in ("all", "fig3"):
+    if llm is not None and target in ("all", "fig3", "fig7"):
         found.append(Condition(LLM, "path planned by a language model", {"planner": "llm"}))
     return found
 

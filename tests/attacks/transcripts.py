@@ -14,7 +14,7 @@ from typing import Any
 
 from fpg_bench.planning.llm.attempt import Attempt
 from tests.attacks.json_texts import hostile_texts
-from tests.leaderboard.recording import rows_of
+from tests.leaderboard.recording import rows_of, write_chained
 
 Rows = list[dict[str, Any]]
 _VALUES: tuple[Any, ...] = (
@@ -214,7 +214,10 @@ def _rewrite(folder: Path, rng: random.Random, change: Callable[[Rows], None]) -
             row["key"] = Attempt.of(row, "here").key
         except ValueError:
             continue
-    file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    if rng.random() < 0.9:
+        write_chained(file, rows)
+    else:
+        file.write_text("".join(json.dumps(row) + "\n" for row in rows))
 
 
 def _hostile(base: dict[str, Any], rng: random.Random) -> bytes:

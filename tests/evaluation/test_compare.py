@@ -12,6 +12,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.evaluate import read_results
 from fpg_bench.evaluation.table import write_table
+from fpg_bench.files import read_json
 from fpg_bench.rows import RowFile
 from tests.programs import fpg
 
@@ -166,6 +167,37 @@ def test_a_language_model_is_recorded_and_replayed_without_a_server(folder, asks
     assert lines_of(folder / "again", "toy-model") == lines_of(folder / "out", "llm")
 
 
+def test_temperature_and_sampling_seed_are_asked_for_told_and_kept_to(folder, asks):
+    profile = folder / "server.yml"
+    profile.write_text("about: short\nseed: true\n")
+    with FaultServer([ok(PATH)]) as server:
+        asks(server)
+        for out, more in (("usual", {}), ("cold", {"temperature": 0.0}), ("other", {"sampling_seed": 1})):
+            compare(["llm"], "mine.yml", out, llm={"server": str(profile), **more})
+        bodies = [received.body for received in server.requests]
+        usual, cold, other = (bodies[k : k + PLANS] for k in range(0, 3 * PLANS, PLANS))
+        with pytest.raises(UserError, match="hold lines of another 'llm'"):
+            compare(["llm"], "mine.yml", "cold")
+        (folder / "cold" / "lines.jsonl").unlink()
+        with pytest.raises(
+            UserError, match=r"recorded with temperature 0\.0, not 0\.7; choose another folder"
+        ):
+            compare(["llm"], "mine.yml", "cold")
+        with pytest.raises(UserError, match=r"temperature: expected a number from 0 to 2, got 3"):
+            compare(["llm"], "mine.yml", "hot", llm={"temperature": 3})
+    assert {body["temperature"] for body in cold} == {0.0}
+    assert {body["temperature"] for body in usual + other} == {0.7}
+    assert [body["seed"] for body in cold] == [body["seed"] for body in usual]
+    assert not {body["seed"] for body in other} & {body["seed"] for body in usual}
+    told = read_json(folder / "other" / "transcripts" / "llm" / "planner.json", "told")
+    assert (told["temperature"], told["sampling_seed"]) == (0.7, 1)
+    shutil.copytree(folder / "other" / "transcripts" / "llm", folder / "kept" / "seed-1")
+    (replayed,) = compare([], "mine.yml", "again", transcripts="kept")
+    assert replayed.pooled.plans.valid_but_useless == 1 - 1 / ROUNDS  # all but the first of a match
+    (line, *_) = RowFile(folder / "again" / "lines.jsonl").read()
+    assert line["plans"]["useless"] == {"repeated": MATCHES * (ROUNDS - 1)}
+
+
 class Stop(Exception):
     pass
 
@@ -293,9 +325,14 @@ def test_options_of_a_language_model_need_one(folder, transcripts):
 @pytest.mark.parametrize(
     ("file", "old", "new", "message"),
     [
-        ("planner.json", '"toy"', '"huge"', "recorded with model toy, and not huge"),
+        ("planner.json", '"toy"', '"huge"', "line 1 does not follow from the lines before it"),
         ("prompt.yml", "UAV", "UFO", r"its prompt.yml is not the prompt that was recorded"),
-        ("idle.jsonl", '"control":"none"', '"control":"no-history"', "recorded with control no-history"),
+        (
+            "idle.jsonl",
+            '"control":"none"',
+            '"control":"no-history"',
+            "line 1 does not follow from the lines before",
+        ),
     ],
 )
 def test_transcripts_that_were_changed_are_refused(folder, asks, file, old, new, message):

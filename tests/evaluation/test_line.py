@@ -64,6 +64,12 @@ def test_the_order_of_lines_does_not_matter():
 def test_plans_are_counted_together():
     found = pool([line(plans=PLANS), line(plans=Plans({"ok": 4}, tokens=20, seconds=1.0))]).plans
     assert found == Plans({"fallback-http": 1, "ok": 7}, tokens=60, seconds=1.5)
+    signs = [Plans({"ok": 4}, 20, 1.0, useless) for useless in ({"still": 1}, {}, {"still": 2, "example": 1})]
+    every = pool([line(plans=plans) for plans in signs]).plans
+    assert (every.useless, every.valid_but_useless) == ({"example": 1, "still": 3}, 1 / 3)
+    assert PLANS.valid_but_useless is None
+    for plans in (PLANS, signs[0], signs[1]):
+        assert read_line(json.loads(json.dumps(line(plans=plans).row())), "here").plans == plans
     assert found.valid == pytest.approx(7 / 8)
 
 

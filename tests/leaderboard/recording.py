@@ -13,6 +13,7 @@ from unittest import mock
 
 from fpg_bench.evaluation.compare import compare
 from fpg_bench.planning.llm.attempt import Attempt
+from fpg_bench.planning.llm.chain import KEY, chain_start, linked
 from tests.planning.llm.fault_server import FaultServer, answer
 
 PLANNER_FIELD = """\
@@ -68,7 +69,18 @@ def rows_of(file: Path) -> list[dict[str, Any]]:
 
 
 def write_rows(file: Path, rows: list[dict[str, Any]]) -> None:
-    """Write a transcript whose keys fit its requests, as a careful forger would."""
+    """Write a transcript whose keys fit its requests, and its chain its lines, as a careful forger would."""
     for row in rows:
         row["key"] = Attempt.of(row, "here").key
-    file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    write_chained(file, rows)
+
+
+def write_chained(file: Path, rows: list[dict[str, Any]]) -> None:
+    """Write a transcript whose chain fits its lines."""
+    about = json.loads((file.parent / "planner.json").read_text())
+    text, link = "", chain_start(about, file.name)
+    for row in rows:
+        chained = linked(link, row)
+        link = chained[KEY]
+        text += json.dumps(chained) + "\n"
+    file.write_text(text)

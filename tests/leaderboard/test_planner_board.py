@@ -6,10 +6,12 @@ import dataclasses
 import json
 import shutil
 from pathlib import Path
+from unittest import mock
 
 import pytest
 import yaml
 
+from fpg_bench.evaluation import planner_llm
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.check import problems
@@ -28,7 +30,8 @@ NAMES = ["planner/hold", "planner/pursuit", "planner/toy"]
 def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "planner-v1.yml").write_text(recording.PLANNER_FIELD)
-    recording.record(folder, folder / "planner-v1.yml")
+    with mock.patch.object(planner_llm, "current_season", return_value=None):  # as the board of these tests
+        recording.record(folder, folder / "planner-v1.yml")
     return folder
 
 
@@ -37,7 +40,7 @@ def entered(board, recorded):
     """A board with two planners of the package and a model."""
     for name in ("hold", "pursuit"):
         enter(board, "planner", name, script=name)
-    recording.enter(recorded / "out", enter(board, "planner", "toy"))
+    recording.enter(recorded / "out", enter(board, "planner", "toy", runs=3))
     return board
 
 
@@ -68,6 +71,7 @@ def test_the_board_tells_tier_model_and_valid_answers(entered):
     assert (rows["pursuit"]["planner"]["tier"], rows["pursuit"]["planner"]["valid"]) == ("ally", None)
     told = rows["toy"]["planner"]
     assert (told["model"], told["tier"], told["valid"]) == ("toy", "history", pytest.approx(2 / 3, rel=1e-5))
+    assert told["runs"] == 3
     assert len(told["curve"]) == 3
     assert rows["toy"]["kind"] == "submitted"
     assert rows["toy"]["score"]["over"] == "matches"

@@ -17,7 +17,7 @@ from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from tests.planning.llm.real_server import LlamaServer
 
-from .recording import PLANNER_FIELD, enter, environment, record
+from .recording import PLANNER_FIELD, enter, environment, record, rows_of, write_chained
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def of_script(name, field):
 
 
 def submitted(folder=None, script=None):
-    return type("Submitted", (), {"folder": folder, "script": script})
+    return type("Submitted", (), {"folder": folder, "script": script, "runs": 3})
 
 
 def test_a_recorded_model_scores_what_its_comparison_said_and_nobody_is_asked(toy, field):
@@ -72,6 +72,7 @@ def test_a_recorded_model_scores_what_its_comparison_said_and_nobody_is_asked(to
     plans = found.pooled.plans
     assert (plans.valid, plans.tokens) == (said.pooled.plans.valid, said.pooled.plans.tokens)
     assert plans.statuses == {"fallback-invalid": 4, "ok": 4, "reasked": 4}
+    assert plans.useless == said.pooled.plans.useless
 
 
 def test_playing_again_gives_the_same_lines(toy, field):
@@ -112,6 +113,8 @@ def test_the_fingerprint_tells_the_tier_the_matches_and_the_model(toy, field):
     assert facts | {"prompt_hash": ""} == {
         "tier": "history",
         "matches": 2,
+        "runs": 3,
+        "season": json.loads((toy[1] / "transcripts" / "planner.json").read_text())["season"],
         "model": "toy",
         "server": "generic",
         "control": "none",
@@ -142,7 +145,7 @@ def test_a_real_server_is_recorded_and_verified_when_it_is_gone(folder, short):
 
 def test_transcripts_of_another_ally_are_refused(toy, folder, field):
     swapped = enter(folder / "out", folder / "swapped", pack=False) / "transcripts"
-    (swapped / "idle.jsonl").write_text((swapped / "expert.jsonl").read_text())
+    write_chained(swapped / "idle.jsonl", rows_of(swapped / "expert.jsonl"))
     assert check_transcripts(folder / "swapped", field) == []
     with pytest.raises(
         UserError, match=r"against idle: transcript transcripts/idle.jsonl: .* other messages"

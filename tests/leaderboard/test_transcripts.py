@@ -18,6 +18,7 @@ from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines
 from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from fpg_bench.planning.llm import packed
+from fpg_bench.planning.llm.chain import linked
 
 from .recording import PLANNER_FIELD, PLANS, enter, record, rows_of, write_rows
 
@@ -111,7 +112,11 @@ def test_a_folder_that_is_too_large_for_the_repository(entry, check, monkeypatch
         ("model", "two\nlines", "model: expected a line"),
         ("server", ["generic"], "server: expected a line"),
         ("prompt_hash", "0" * 64, "is not the prompt that planner.json tells the hash of"),
-        ("model", "another", "line 1 was made with model 'toy', and not 'another'"),
+        ("model", "another", "nonce: does not follow from the seed of season 1"),
+        ("nonce", None, "nonce: does not follow"),
+        ("season", 99, "season: expected the number of a closed one, got 99"),
+        ("season", None, "season: expected the number of a closed one, got None"),  # beside a nonce
+        ("begun", "2026-01-01T00:00:00+00:00", "line 1 does not follow from the lines before it"),
     ],
 )
 def test_what_is_told_of_all_must_be_so(entry, check, key, value, message):
@@ -296,6 +301,22 @@ def a_path(row):
 
 def a_status(row):
     row["status"] = "ok" if row["status"] == "invalid" else "repaired"
+
+
+@pytest.mark.parametrize("spoil", ["edited", "dropped and put in", "of another run"])
+def test_lines_that_are_not_of_one_run_are_found_without_playing(entry, check, spoil):
+    file = entry / "transcripts" / "idle.jsonl"
+    rows = rows_of(file)
+    if spoil == "edited":
+        rows[2]["seconds"] += 1
+    elif spoil == "dropped and put in":
+        rows[1], rows[2] = rows[2], rows[1]
+    else:
+        rows = [linked("of another run", row) for row in rows]
+    assert check() == []
+    file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    (found,) = check()
+    assert "does not follow from the lines before it" in found
 
 
 @pytest.mark.parametrize(

@@ -123,6 +123,9 @@ def _planner(entry: ShownEntry, domain: drawing.Domain) -> Row | None:
         ("Knows", str(found.get("tier") or wording.NONE)),
         ("Score over all rounds", written(value_of(score_of(found.get("score_all"))))),
         ("Plans of its own", written(found.get("valid"), "share")),
+        ("Valid but useless", written(found.get("valid_but_useless"), "share")),
+        ("Runs made, this one with them", written(found.get("runs"), "whole")),
+        ("Begun after season", written(found.get("season"), "whole")),
         ("Tokens a plan", written(found.get("tokens"), "whole")),
         *((label, says) for label, says, _ in planner_marks(entry)),
     ]

@@ -167,7 +167,11 @@ def simulated(submission: Submission, player: Any, meeting: Meeting, label: str,
     names = dict(zip(SIDES, pair, strict=True))
     summary = _summary(measures)
     title = f"{names['ally']} against {names['opponent']}"
-    content = {"label": label, "summary": summary, "replay": replay_data([recording], title, **names)}
+    content = {
+        "label": label,
+        "summary": summary,
+        "replay": replay_data([recording], title, names["ally"], names["opponent"]),
+    }
     return Replay(file, label, summary, _CALL + script_json(content) + _END)
 
 

@@ -61,6 +61,11 @@ def read_answer(text: str, limits: Limits) -> Answer:
     return Answer(None, "none", problem=problem, refused=bool(_REFUSAL.search(said)))
 
 
+def points_in(text: str) -> np.ndarray:
+    """``(m, 3)``: all points in brackets that stand in a text, whether they make a path or not."""
+    return np.array(_triples(text) or np.zeros((0, 3)), float)
+
+
 def answer_schema(limits: Limits) -> dict[str, Any]:
     """The JSON schema of an answer: objects {x, y, z} of whole metres inside the box, exactly n of them.
 

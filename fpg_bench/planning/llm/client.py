@@ -8,12 +8,14 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
+from urllib.parse import urlsplit
 
 from fpg_bench.planning.llm.connection import Connection, background_loop
+from fpg_bench.planning.llm.local.server import brought_back
 from fpg_bench.planning.llm.replies import Received, Reply, error_text, one_line, read_reply, without
 from fpg_bench.planning.llm.servers import Endpoint
 
-DEADLINE_S = 30.0
+_LOOKING_S = 1.0
 _LOG = logging.getLogger(__name__)
 
 # Fields that a server may refuse, and the words by which its error names each. The temperature is left out
@@ -32,7 +34,8 @@ class Client:
 
     Args:
         endpoint: whom to ask.
-        deadline_s: how long a question may take, with all that is tried again for it.
+        deadline_s: how long a question may take, with all that is tried again for it; None: as the
+            endpoint says.
 
     Attributes:
         dropped: the fields that this server was found to refuse; they are not sent again.
@@ -41,9 +44,9 @@ class Client:
         UserError: the ``openai`` package is not installed.
     """
 
-    def __init__(self, endpoint: Endpoint, deadline_s: float = DEADLINE_S) -> None:
-        self.endpoint, self.deadline_s = endpoint, deadline_s
-        self.connection = Connection(endpoint, deadline_s)
+    def __init__(self, endpoint: Endpoint, deadline_s: float | None = None) -> None:
+        self.endpoint, self.deadline_s = endpoint, deadline_s or endpoint.deadline_s
+        self.connection = Connection(endpoint, self.deadline_s)
         self.dropped: set[str] = set()
         self.suspected: set[str] = set()  # by one error of no clear cause
 
@@ -81,12 +84,13 @@ class Client:
         try:
             reply = await asyncio.wait_for(talk.reply(), self.deadline_s)
         except TimeoutError:
-            reply = Reply(error="timeout", detail=f"no answer within {self.deadline_s:g} s")
+            there = await _lateness(self.endpoint)
+            reply = Reply(error="timeout", detail=f"no answer within {self.deadline_s:g} s{there}")
         if talk.dropped:
-            without_them = f"sent without {', '.join(sorted(talk.dropped))}"
-            reply = dataclasses.replace(reply, detail="; ".join(filter(None, (reply.detail, without_them))))
+            talk.notes.append(f"sent without {', '.join(sorted(talk.dropped))}")
         return dataclasses.replace(
             reply,
+            detail="; ".join(filter(None, (reply.detail, *talk.notes))),
             seconds=time.perf_counter() - start,
             sent=talk.sent,
             dropped=tuple(sorted(talk.dropped)),
@@ -141,6 +145,7 @@ class _Talk:
         self.calls = 0
         self.waited = False
         self.certain = True
+        self.notes: list[str] = []
 
     async def reply(self) -> Reply:
         endpoint = self.client.endpoint
@@ -150,6 +155,9 @@ class _Talk:
             try:
                 received = await self.client.connection.send(self.sent)
             except Exception as error:  # whatever a server makes the packages below raise
+                if await asyncio.to_thread(brought_back, endpoint.base_url):
+                    self.notes.append("the server had ended, and was started again")
+                    continue
                 return self._unreached(error)
             reply = read_reply(received, endpoint.key, endpoint.server.refusal_codes)
             if reply.error == "http" and (await self._waits(received) or self._drops(received, reply)):
@@ -199,6 +207,19 @@ class _Talk:
         for name in new:
             client.dropped.add(name)
             _LOG.warning("%s refuses %s; it is left out", client.endpoint.base_url, name)
+
+
+async def _lateness(endpoint: Endpoint) -> str:
+    """Whether a server of this machine that did not answer in time is slow, or gone."""
+    if not endpoint.on_this_machine:
+        return ""
+    url = urlsplit(endpoint.base_url)
+    try:
+        _, out = await asyncio.wait_for(asyncio.open_connection(url.hostname, url.port or 80), _LOOKING_S)
+    except (OSError, TimeoutError):
+        return ": the server is gone"
+    out.close()
+    return ": the server is there, but slow; --deadline gives it longer"
 
 
 def _response_format(form: str, schema: dict[str, Any]) -> dict[str, Any]:

@@ -14,20 +14,20 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.planning.llm.answers import answer_schema, read_answer
+from fpg_bench.planning.llm.answers import answer_schema, points_in, read_answer
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where, judge
 from fpg_bench.planning.llm.budget import CALLS, SECONDS, TOKENS, Budget
 from fpg_bench.planning.llm.client import Client, Reply
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt, reask
-from fpg_bench.planning.llm.servers import Endpoint, endpoint_from_environment
+from fpg_bench.planning.llm.servers import Endpoint, at_temperature, endpoint_from_environment
 from fpg_bench.planning.llm.transcript import Transcript, place_of
+from fpg_bench.planning.llm.useless import why_useless
 from fpg_bench.planning.patterns import Patrol
 from fpg_bench.planning.planner import BatchPlanner, Limits, Plan, Request
 from fpg_bench.version import __version__
-
-DEADLINE_S = 30.0
 
 _RAW_CHARS = 10_000
 
@@ -54,14 +54,18 @@ class LLMPlanner(BatchPlanner):
         mode: ``live`` (no transcript), ``record`` (an attempt that is in the transcript is used and not
             made again, the others are added) or ``replay`` (from the transcript alone, without a server);
             None: ``record`` where there is a transcript.
+        chain: where the chain of hashes through the transcript begins; None: it has none.
         calls, tokens, seconds: caps on the whole run (see :class:`fpg_bench.planning.llm.budget.Budget`).
-        deadline_s: for each call.
+        deadline_s: for each call; None: as the endpoint says.
         concurrency: how many games are asked for at once. Caps may be overrun by the calls under way.
+        temperature: what the server is sent; None: as its profile says.
+        sampling_seed: the seeds that the server is sent follow from it: another number, another run.
 
     Raises:
         UserError: no endpoint, an unknown prompt, control or mode, a cap or deadline that is no positive
-            number; while planning: a transcript that holds other requests, or in a replay lacks one, or a
-            server that cannot be reached, knows no such address or refuses the key.
+            number, a temperature that the server does not take; while planning: a transcript that holds
+            other requests, or in a replay lacks one, or a server that cannot be reached, knows no such
+            address or refuses the key.
     """
 
     tier = "history"
@@ -79,27 +83,32 @@ class LLMPlanner(BatchPlanner):
         calls: float = CALLS,
         tokens: float = TOKENS,
         seconds: float = SECONDS,
-        deadline_s: float = DEADLINE_S,
+        deadline_s: float | None = None,
         concurrency: int = 1,
+        chain: str | None = None,
+        temperature: float | None = None,
+        sampling_seed: int = 0,
     ) -> None:
         if control not in CONTROLS:
             raise UserError(f"unknown control {control!r}{nearest(control, CONTROLS)}")
         if concurrency < 1:
             raise UserError(f"concurrency is {concurrency}; expected 1 or more")
-        if not 0 < deadline_s < math.inf:
+        if deadline_s is not None and not 0 < deadline_s < math.inf:
             raise UserError(f"deadline: {deadline_s:g} s; expected a number above 0")
         self.scenario = scenario
         self.name = "llm" if control == "none" else f"llm-{control}"
         self.prompt = prompt if isinstance(prompt, Prompt) else load_prompt(prompt)
         self.control = control
-        self.transcript = Transcript(transcript, mode or ("live" if transcript is None else "record"))
+        mode = mode or ("live" if transcript is None else "record")
+        self.transcript = Transcript(transcript, mode, chain)
         self.budget = Budget(calls, tokens, seconds)
-        self.concurrency = concurrency
+        self.concurrency, self.sampling_seed = concurrency, whole(sampling_seed, "sampling_seed", 0)
         self._circle = Patrol("circle", scenario)
         self._answered = False  # whether any call of this planner was
         self._client: Client | None = None
         if self.transcript.mode != "replay":
-            self._client = Client(endpoint or endpoint_from_environment(), deadline_s)
+            asked = at_temperature(endpoint or endpoint_from_environment(), temperature)
+            self._client = Client(asked, deadline_s)
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
         """The plans of some games; what is made of an answer does not depend on ``concurrency``.
@@ -168,7 +177,7 @@ class LLMPlanner(BatchPlanner):
             messages = reask(messages, first.text or "", problem or "no valid path")
         if self._client is None:
             return {"messages": messages}
-        seed = server_seed((*place_of(talk.request), number))
+        seed = server_seed((*place_of(talk.request), number), self.sampling_seed)
         return self._client.request_body(messages, seed, answer_schema(talk.request.limits))
 
     # What comes of it
@@ -211,8 +220,10 @@ class LLMPlanner(BatchPlanner):
     def _plan(self, talk: _Talk) -> Plan:
         request, last = talk.request, talk.attempts[-1]
         if last.waypoints is not None:
-            status = "reasked" if last.attempt == LAST else last.status
-            return Plan(np.array(last.waypoints), "llm", status, talk.tokens, talk.seconds)
+            status, path = "reasked" if last.attempt == LAST else last.status, np.array(last.waypoints)
+            example = points_in(self.prompt.example)
+            useless = why_useless(path, request, example, self.transcript.paths(request))
+            return Plan(path, "llm", status, talk.tokens, talk.seconds, useless)
         # From the transcript, so that a run that goes on, and a replay, hold the same
         held = self.transcript.last_valid(request)
         if held is None:
@@ -245,9 +256,10 @@ class _Talk:
         return sum(known) if known or not counts else None
 
 
-def server_seed(where: Where) -> int:
-    """The seed that is sent to a server: the same for the same attempt, 31 bits."""
-    digest = hashlib.sha256(" ".join(map(str, where)).encode()).digest()
+def server_seed(where: Where, sampling_seed: int = 0) -> int:
+    """The seed that is sent to a server: the same for the same attempt of the same sampling seed, 31 bits."""
+    words = (*where, sampling_seed) if sampling_seed else where
+    digest = hashlib.sha256(" ".join(map(str, words)).encode()).digest()
     return int.from_bytes(digest[:4], "big") >> 1
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fpg_bench.plain_json import read_plain
-from fpg_bench.planning.llm.client import DEADLINE_S, Client
+from fpg_bench.planning.llm.client import Client
 from fpg_bench.planning.llm.replies import Reply, one_line
 from fpg_bench.planning.llm.servers import SERVERS, Endpoint, Server, load_server
 
@@ -36,14 +36,14 @@ class Finding:
 
 def probe(
     endpoint: Endpoint,
-    deadline_s: float = DEADLINE_S,
+    deadline_s: float | None = None,
     progress: Callable[[Finding], None] = lambda finding: None,
 ) -> list[Finding]:
     """Try an endpoint with about ten short questions.
 
     Args:
         endpoint: whom to ask.
-        deadline_s: how long each question may take.
+        deadline_s: how long each question may take; None: as the endpoint says.
         progress: called with each finding as soon as it is there.
 
     Returns:
@@ -57,7 +57,7 @@ def probe(
     return found
 
 
-def _findings(endpoint: Endpoint, deadline_s: float) -> Iterator[Finding]:
+def _findings(endpoint: Endpoint, deadline_s: float | None) -> Iterator[Finding]:
     first = _ask(endpoint, deadline_s, _HELLO)
     if first.error is not None:
         yield Finding("answer", False, f"{first.error}: {first.detail}")
@@ -81,7 +81,7 @@ def _findings(endpoint: Endpoint, deadline_s: float) -> Iterator[Finding]:
     yield _settings(endpoint.server, endpoint.server.seed if seed.ok is None else seed.ok, best)
 
 
-def _ask(endpoint: Endpoint, deadline_s: float, text: str, seed: int = 0, schema: Any = None) -> Reply:
+def _ask(endpoint: Endpoint, deadline_s: float | None, text: str, seed: int = 0, schema: Any = None) -> Reply:
     client = Client(endpoint, deadline_s)
     messages = [{"role": "user", "content": text}]
     return client.complete_all([client.request_body(messages, seed, schema)])[0]

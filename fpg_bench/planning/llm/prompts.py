@@ -20,7 +20,7 @@ from fpg_bench.files import read_yaml
 from fpg_bench.planning.planner import Limits, Request
 
 PROMPT_FOLDER = Path(__file__).with_name("prompts")
-PROMPTS = ("paper", "standard")
+PROMPTS = ("brief", "paper", "standard")
 CONTROLS = ("none", "shuffled-rewards", "no-history")
 
 _REPLY_CHARS = 4000  # of a broken reply, its end is shown to the model again
@@ -28,11 +28,12 @@ _REPLY_CHARS = 4000  # of a broken reply, its end is shown to the model again
 # What each text of a profile may name
 _SITUATION = ("box_x", "box_y", "box_z", "round_s", "part_s", "speed", "reach", "waypoints", "x", "y", "z")
 _NAMES = {
-    "system": (*_SITUATION, "history"),
-    "user": (*_SITUATION, "history"),
+    "system": (*_SITUATION, "history", "example"),
+    "user": (*_SITUATION, "history", "example"),
     "history": ("rounds",),
     "heading": ("round", "mean_reward"),
-    "row": ("second", "x", "y", "z", "reward"),
+    "row": ("second", "part", "x", "y", "z", "reward", "gain"),
+    "example": (),
     "no_history": (),
 }
 _NEEDED = {"about", "user", "row", "rounds"}
@@ -49,6 +50,8 @@ class Prompt:
         heading, row: what stands above a past round, and a line of it; an empty heading is left out.
         first, best, latest: how many rounds are shown: the first, those of the highest mean reward, the
             latest.
+        rows: how many lines of a past round are shown, those of the highest rewards; 0: all.
+        example: of an answer; its points, in brackets, are not to be copied.
     """
 
     name: str
@@ -62,11 +65,16 @@ class Prompt:
     history: str = "$rounds"
     heading: str = ""
     no_history: str = ""
+    rows: int = 0
+    example: str = ""
 
     @property
     def hash(self) -> str:
         """SHA-256 of everything that decides what is asked, as 64 hexadecimal digits."""
         content = {key: value for key, value in asdict(self).items() if key not in ("name", "about")}
+        for key in ("rows", "example"):  # profiles that lack them had their hashes before there were any
+            if not content[key]:
+                del content[key]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def messages(self, request: Request, control: str = "none") -> list[dict[str, str]]:
@@ -83,7 +91,7 @@ class Prompt:
         if control not in CONTROLS:
             raise UserError(f"unknown control {control!r}{nearest(control, CONTROLS)}")
         history = self._history(controlled(request, control), request.limits)
-        words = {**_situation(request), "history": history}
+        words = {**_situation(request), "history": history, "example": self.example.strip()}
         texts = {"system": self.system, "user": self.user}
         return [
             {"role": role, "content": Template(text).substitute(words).strip()}
@@ -95,13 +103,22 @@ class Prompt:
         if not len(history):
             return self.no_history.strip()
         means = [_reward(mean) for mean in history[..., 3].mean(axis=1)]
+        usual = float(history[..., 3].mean())
         heading, row, lines = Template(self.heading), Template(self.row), []
         for k in self._shown(means):
             if self.heading:
                 lines.append(heading.substitute(round=k + 1, mean_reward=means[k]))
-            for second, part in zip(_middles_s(limits), history[k], strict=True):
-                lines.append(row.substitute(_place(part[:3]), second=second, reward=_reward(part[3])))
+            seconds = _middles_s(limits)
+            for i in self._told(history[k]):
+                place, reward = _place(history[k, i, :3]), float(history[k, i, 3])
+                words = {"second": seconds[i], "part": i + 1, "reward": _reward(reward)}
+                lines.append(row.substitute(place, **words, gain=_gain(reward - usual)))
         return Template(self.history).substitute(rounds="\n".join(lines)).strip()
+
+    def _told(self, parts: np.ndarray) -> list[int]:
+        """Which parts of a round are told, in the order in which they were flown."""
+        ranked = sorted(range(len(parts)), key=lambda i: -float(_reward(parts[i, 3])))
+        return sorted(ranked[: self.rows or len(ranked)])
 
     def _shown(self, means: list[str]) -> list[int]:
         """The rounds that are shown, oldest first.
@@ -140,11 +157,12 @@ def load_prompt(name: str | Path) -> Prompt:
     """
     path = prompt_file(name)
     content = read_yaml(path, "prompt")
-    check_keys(content, _NEEDED | set(_NAMES), f"prompt {path}", sorted(_NEEDED))
+    check_keys(content, _NEEDED | set(_NAMES) | {"rows"}, f"prompt {path}", sorted(_NEEDED))
     rounds = content.pop("rounds")
+    rows = whole(content.pop("rows", 0), f"prompt {path}: rows", 0)
     for key, text in content.items():
         _check_text(text, _NAMES.get(key), f"prompt {path}: {key}")
-    return Prompt(path.stem, **(content | _rounds(rounds, path)))
+    return Prompt(path.stem, **(content | _rounds(rounds, path)), rows=rows)
 
 
 def prompt_file(name: str | Path) -> Path:
@@ -219,6 +237,10 @@ def _place(position: np.ndarray) -> dict[str, int]:
 
 def _reward(value: float) -> str:
     return f"{round(float(value), 2) + 0.0:.2f}"  # + 0.0: never -0.00
+
+
+def _gain(value: float) -> str:
+    return f"{round(float(value), 2) + 0.0:+.2f}"
 
 
 def _middles_s(limits: Limits) -> list[int]:

@@ -12,12 +12,16 @@ from urllib.parse import urlsplit
 
 from fpg_bench.checks import check_keys, flag, whole
 from fpg_bench.errors import UserError, nearest
+from fpg_bench.extras import has
 from fpg_bench.files import read_yaml
+from fpg_bench.planning.llm.local.models import has_model, model_file
 
 SERVER_FOLDER = Path(__file__).with_name("servers")
 SERVERS = tuple(sorted(path.stem for path in SERVER_FOLDER.glob("*.yml")))
 RESPONSE_FORMATS = ("none", "json_object", "json_object_with_schema", "json_schema")
 TOKEN_FIELDS = ("max_tokens", "max_completion_tokens")
+EMBEDDED = "embedded"  # the profile of a model on this machine
+_TAKE_IT = 'pip install "fpg-bench[local-llm]" and fpg-bench llm fetch'
 BASE_URL, MODEL, KEY, SERVER = "FPG_LLM_BASE_URL", "FPG_LLM_MODEL", "FPG_LLM_API_KEY", "FPG_LLM_SERVER"
 
 
@@ -80,12 +84,14 @@ class Endpoint:
     """Where a language model answers: base URL, model, key and the server's profile.
 
     The key is in no ``repr``; a pickle leaves it out, and what is unpickled takes it from the environment.
+    ``deadline_s`` is how long a plan may take where nobody says otherwise.
     """
 
     base_url: str
     model: str
     key: str | None = field(default=None, repr=False)
     server: Server = field(default_factory=lambda: load_server("generic"))
+    deadline_s: float = 30.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "base_url", _checked_url(self.base_url, "base_url"))
@@ -117,14 +123,19 @@ class Endpoint:
 def endpoint_from_environment(server: str | None = None) -> Endpoint:
     """The endpoint that ``FPG_LLM_BASE_URL``, ``FPG_LLM_MODEL`` and ``FPG_LLM_API_KEY`` name.
 
+    Where they name none, the small model on this machine answers, if it was fetched: its server is started.
+
     Args:
         server: the server's profile; None: ``FPG_LLM_SERVER``, or ``generic``. Its base URL and model
-            stand in for those that are not set. A server on this machine needs no key.
+            stand in for those that are not set. A server on this machine needs no key. ``embedded``: the
+            model on this machine, whatever else is configured.
 
     Raises:
         UserError: something is missing, or is of no use; the message says which variables to set.
     """
     profile = load_server(server or _value(SERVER) or "generic")
+    if profile.name == EMBEDDED or (not _configured(profile) and has("xllamacpp") and has_model()):
+        return _embedded()
     base_url, model = _value(BASE_URL) or profile.base_url, _value(MODEL) or profile.model
     missing = []
     if base_url is None:
@@ -135,8 +146,34 @@ def endpoint_from_environment(server: str | None = None) -> Endpoint:
     if not _value(KEY) and not (known and known.on_this_machine):
         missing.append(KEY if known else f"{KEY} (none is needed on this machine)")
     if known is None or missing:
-        raise UserError(f"no language model is configured: set {', '.join(missing)}")
+        small = "" if _configured(profile) else f"; or take a small one on this machine: {_TAKE_IT}"
+        raise UserError(f"no language model is configured: set {', '.join(missing)}{small}")
     return dataclasses.replace(known, key=_value(KEY))
+
+
+def at_temperature(endpoint: Endpoint, temperature: float | None) -> Endpoint:
+    """The same endpoint, asked at another temperature; None: at that of its profile.
+
+    Raises:
+        UserError: the server takes no such temperature.
+    """
+    if temperature is None:
+        return endpoint
+    server = dataclasses.replace(endpoint.server, temperature=_checked_number(temperature, "temperature"))
+    return dataclasses.replace(endpoint, server=server)
+
+
+def _configured(profile: Server) -> bool:
+    return any(_value(name) for name in (BASE_URL, MODEL, KEY)) or profile.base_url is not None
+
+
+def _embedded() -> Endpoint:
+    """The model on this machine, whose server is started where this process has none."""
+    from fpg_bench.planning.llm.local.server import shared_server
+
+    file = model_file()
+    server = shared_server(file)
+    return Endpoint(server.url, file.stem, server=load_server(EMBEDDED), deadline_s=server.speed.deadline_s)
 
 
 def _value(variable: str) -> str | None:

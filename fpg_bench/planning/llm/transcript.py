@@ -15,9 +15,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fpg_bench.errors import UserError
 from fpg_bench.files import PACKED
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where, alike
+from fpg_bench.planning.llm.chain import KEY, follows, linked
 from fpg_bench.planning.llm.packed import packed_rows
 from fpg_bench.planning.planner import Request
 from fpg_bench.rows import Row, RowFile
@@ -44,13 +47,15 @@ class Transcript:
         path: the file; None in mode ``live``, and only there. One that is packed (``.gz``) can be replayed.
         mode: ``live``; ``record``: what is in the file is used, the rest is asked for and added;
             ``replay``: all must be in the file.
+        chain: where the chain of hashes through its lines begins (see :mod:`fpg_bench.planning.llm.chain`);
+            None: it has none.
 
     Raises:
         UserError: an unknown mode, a path where none belongs or none where one does; on first use: no such
             file to replay, another process writes it, or a line is broken.
     """
 
-    def __init__(self, path: str | Path | None = None, mode: str = "live") -> None:
+    def __init__(self, path: str | Path | None = None, mode: str = "live", chain: str | None = None) -> None:
         if mode not in MODES:
             raise UserError(f"transcript: mode is {mode!r}; choose one of {', '.join(MODES)}")
         if (path is None) != (mode == "live"):
@@ -59,7 +64,8 @@ class Transcript:
         self.path = None if path is None else Path(path)
         if mode == "record" and self._is_packed:
             raise UserError(f"transcript {path}: is packed, and can only be replayed; unpack it to go on")
-        self.mode = mode
+        self.mode, self.chain = mode, chain
+        self._link = chain  # of the last line
         self._attempts: dict[Where, Attempt] | None = None
         self._valid: dict[tuple[int, int], dict[int, Attempt]] = {}  # by seed and match, then by round
         self._flown: dict[Place, Row] = {}
@@ -74,7 +80,7 @@ class Transcript:
         return twin
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Transcript, (self.path, self.mode)
+        return Transcript, (self.path, self.mode, self.chain)
 
     def close(self) -> None:
         """Let other processes write the file; it is read again when it is next needed."""
@@ -142,7 +148,7 @@ class Transcript:
             if self.path is None:
                 self._valid.pop((attempt.seed, attempt.match - 1), None)  # that match is over
             else:
-                RowFile(self.path).append([{**attempt.row(), **more}])
+                self._append(self.path, [{**attempt.row(), **more}])
                 self._read()[attempt.where] = attempt
             self._note_path(attempt)
             return attempt
@@ -160,6 +166,13 @@ class Transcript:
             valid = self._valid.get((request.seed, request.match), {})
             rounds = [number for number in valid if number < request.round]
             return valid[max(rounds)] if rounds else None
+
+    def paths(self, request: Request) -> list[np.ndarray]:
+        """The valid paths, ``(n, 3)`` in m each, of a request's match before its round."""
+        with self._lock:
+            self._read()
+            valid = self._valid.get((request.seed, request.match), {})
+            return [np.array(valid[k].waypoints) for k in sorted(valid) if k < request.round]
 
     def flown(self, request: Request) -> Row | None:
         """The line that says which plan the round of a request flew; None: there is none yet.
@@ -179,7 +192,7 @@ class Transcript:
         with self._lock:
             self._read()
             if self.path is not None and rows:
-                RowFile(self.path).append({"kind": "flown", **row} for row in rows)
+                self._append(self.path, [{"kind": "flown", **row} for row in rows])
                 self._flown |= {_place(row): row for row in rows}
 
     def complaint(self, where: Sequence[int], what: str) -> str:
@@ -205,6 +218,16 @@ class Transcript:
                 self._attempts = {} if self.path is None else self._load(self.path)
             return self._attempts
 
+    def _append(self, path: Path, rows: Sequence[Row]) -> None:
+        """Write rows; the chain goes on once they are written."""
+        link, chained = self._link, list(rows)
+        for index, row in enumerate(rows):
+            if link is not None:
+                chained[index] = linked(link, row)
+                link = chained[index][KEY]
+        RowFile(path).append(chained)
+        self._link = link
+
     def _load(self, path: Path) -> dict[Where, Attempt]:
         if self.mode == "record":
             self._held.enter_context(RowFile(path).locked())
@@ -212,7 +235,10 @@ class Transcript:
             raise UserError(f"transcript {path}: no such file to replay")
         found: dict[Where, Attempt] = {}
         rows = packed_rows(path) if self._is_packed else RowFile(path).read()
+        self._link = self.chain
         for number, row in enumerate(rows, 1):
+            if self._link is not None:
+                self._link = follows(self._link, row, f"transcript {path}: line {number}")
             if row.get("kind") == "flown":
                 self._flown[_checked_place(row, f"transcript {path}: line {number}")] = row
             elif row.get("kind") == "attempt":

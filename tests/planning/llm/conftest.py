@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
-from .real_server import LlamaServer
+from .real_server import LlamaServer, write_model
 
 
 @pytest.fixture(scope="session")
@@ -15,6 +16,14 @@ def llama_server() -> Iterator[LlamaServer]:
     """A llama.cpp server on loopback: ``url`` and ``model``."""
     with LlamaServer() as server:
         yield server
+
+
+@pytest.fixture(scope="session")
+def tiny_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The GGUF file of a tiny model."""
+    file = tmp_path_factory.mktemp("models") / "tiny.gguf"
+    write_model(file)
+    return file
 
 
 @pytest.fixture(autouse=True)

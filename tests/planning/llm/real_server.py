@@ -3,19 +3,17 @@
     with LlamaServer() as server:
         ...  # a client that is pointed at server.url, asking for server.model
 
-Free text from it is garbage, and a JSON schema gives valid but meaningless paths. It is up in half a
-second. Run as a program it writes its address, and serves until its standard input is closed: so it ends
-with the tests, however they end.
+Free text from it is garbage, and a JSON schema gives valid but meaningless paths.
 """
 
 from __future__ import annotations
 
 import itertools
 import string
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
+
+from fpg_bench.planning.llm.local.server import LocalServer
 
 WIDTH, LAYERS, HEAD, FORWARD = 64, 2, 16, 128
 CONTEXT = 32768
@@ -27,17 +25,15 @@ class LlamaServer:
     model = "tiny"
 
     def __enter__(self) -> LlamaServer:
-        self._process = subprocess.Popen(
-            [sys.executable, __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
-        assert self._process.stdout is not None
-        self.url = self._process.stdout.readline().strip() + "/v1"
-        assert self.url.startswith("http"), "the llama.cpp server did not come up"
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / f"{self.model}.gguf"
+            write_model(file)
+            self._server = LocalServer(file, 1, CONTEXT)
+        self.url = self._server.url
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._process.kill()
-        self._process.communicate()
+        self._server.stop()
 
 
 def write_model(path: Path) -> None:
@@ -108,27 +104,3 @@ def _tensors(pieces: int) -> dict[str, tuple[int, ...]]:
         }
         shapes |= {f"blk.{layer}.{name}.weight": shape for name, shape in block.items()}
     return shapes
-
-
-def serve(path: Path):
-    """A server of the model in a file: on loopback, one thread, one slot, any free port."""
-    import xllamacpp
-
-    params = xllamacpp.CommonParams()
-    params.model.path = str(path)
-    params.model_alias = {LlamaServer.model}
-    params.n_ctx, params.n_parallel = CONTEXT, 1
-    params.cpuparams.n_threads = params.cpuparams_batch.n_threads = 1
-    params.hostnames, params.port = ["127.0.0.1"], 0
-    params.warmup = params.fit_params = params.ui = False
-    params.cache_ram_mib, params.verbosity = 0, -1
-    return xllamacpp.Server(params)
-
-
-if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as folder:
-        model = Path(folder) / "tiny.gguf"
-        write_model(model)
-        server = serve(model)
-    print(server.listening_address, flush=True)
-    sys.stdin.read()

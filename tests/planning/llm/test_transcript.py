@@ -12,6 +12,7 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.planning.llm.attempt import Attempt, alike
+from fpg_bench.planning.llm.chain import chain_start
 from fpg_bench.planning.llm.transcript import Transcript
 from tests.programs import python
 
@@ -68,6 +69,25 @@ def test_a_line_holds_what_a_reader_wants_to_know(recorded):
     assert (line["request"], line["tokens_in"], line["tokens_out"]) == (BODY, 10, None)
     assert line["raw"] == RAW
     assert line["versions"] == {"openai": "3"}
+
+
+def test_a_chain_goes_on_after_a_stop_and_finds_what_was_changed(file):
+    start = chain_start({"begun": "now"}, file.name)
+    others = [dataclasses.replace(ATTEMPT, round=number) for number in (4, 5)]
+    for attempt in (ATTEMPT, *others):
+        transcript = Transcript(file, "record", start)
+        transcript.add(attempt, {"raw": RAW})
+        transcript.close()
+        with file.open("a") as torn:
+            torn.write('{"kind": "att')
+    lines = file.read_text().splitlines(keepends=True)[:3]
+    file.write_text("".join(lines))
+    assert Transcript(file, "replay", start).attempts() == [ATTEMPT, *others]
+    for spoilt in ([lines[0], lines[2]], lines[1:], [lines[0].replace("0.7", "0.8"), *lines[1:]]):
+        file.write_text("".join(spoilt))
+        with pytest.raises(UserError, match=r"line [12] does not follow from the lines before it"):
+            Transcript(file, "replay", start).attempts()
+        assert Transcript(file, "replay").attempts()
 
 
 def test_a_key_tells_requests_rounds_and_attempts_apart():

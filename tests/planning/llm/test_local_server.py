@@ -1,0 +1,190 @@
+"""The server of a model on this machine: it comes up, is found, comes back, and leaves nothing behind."""
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from fpg_bench.cli import main, watching
+from fpg_bench.errors import UserError, printable
+from fpg_bench.planning.llm.client import Client
+from fpg_bench.planning.llm.local import server as local
+from fpg_bench.planning.llm.local.models import GGUF
+from fpg_bench.planning.llm.local.server import LocalServer, Speed, shared_server
+from fpg_bench.planning.llm.servers import endpoint_from_environment
+
+SAY = [{"role": "user", "content": "Say something."}]
+
+
+@pytest.fixture
+def shared(tiny_model, monkeypatch):
+    """A tiny model is configured; its server ends with the test."""
+    monkeypatch.setenv(GGUF, str(tiny_model))
+    monkeypatch.setattr(local, "_SERVERS", {})
+    yield tiny_model
+    for server in local._SERVERS.values():
+        server.stop()
+
+
+def ask(endpoint, tokens=20):
+    client = Client(endpoint)
+    body = client.request_body(SAY, 0) | {"max_tokens": tokens}
+    return client.complete_all([body])[0]
+
+
+def is_gone(pid):
+    for _ in range(100):
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, 0)
+            time.sleep(0.05)
+            continue
+        return True
+    return False
+
+
+def test_where_nothing_is_configured_the_model_on_this_machine_answers(shared, capfd):
+    endpoint = endpoint_from_environment()
+    assert (endpoint.model, endpoint.server.name) == ("tiny", "embedded")
+    assert endpoint.on_this_machine
+    (line,) = capfd.readouterr().err.splitlines()
+    assert "language model tiny, 1 MB, on this machine" in line
+    assert "a plan takes about" in line
+    reply = ask(endpoint)
+    assert (reply.error, reply.model) == (None, "tiny")
+    assert endpoint_from_environment().base_url == endpoint.base_url  # one server for all of a process
+    assert capfd.readouterr().err == ""
+    assert Client(endpoint).deadline_s == shared_server(shared).speed.deadline_s >= 60
+
+
+def test_a_configured_endpoint_wins(shared, monkeypatch):
+    monkeypatch.setenv("FPG_LLM_BASE_URL", "http://127.0.0.1:9/v1")
+    monkeypatch.setenv("FPG_LLM_MODEL", "mine")
+    assert endpoint_from_environment().base_url == "http://127.0.0.1:9/v1"
+    assert not local._SERVERS
+    assert endpoint_from_environment("embedded").model == "tiny"
+    monkeypatch.delenv("FPG_LLM_BASE_URL")
+    with pytest.raises(UserError, match="set FPG_LLM_BASE_URL"):  # half a configuration is an error
+        endpoint_from_environment()
+
+
+def test_without_a_model_the_line_says_how_to_get_one():
+    with pytest.raises(UserError, match=r"set FPG_LLM_BASE_URL.*local-llm.*fpg-bench llm fetch"):
+        endpoint_from_environment()
+
+
+def test_a_server_that_was_killed_comes_back_once_and_that_is_recorded(shared):
+    endpoint = endpoint_from_environment()
+    server = shared_server(shared)
+    os.kill(server._process.pid, signal.SIGKILL)
+    reply = ask(endpoint)
+    assert reply.error is None
+    assert reply.detail == "the server had ended, and was started again"
+    assert reply.calls == 2
+    assert ask(endpoint).detail == ""
+    os.kill(server._process.pid, signal.SIGKILL)
+    assert ask(endpoint).error == "http"
+
+
+def test_a_slow_server_is_told_from_one_that_is_gone(shared):
+    endpoint = endpoint_from_environment()
+    slow = Client(endpoint, 0.01)
+    body = slow.request_body(SAY, 0)
+    assert slow.complete_all([body])[0].detail.endswith(
+        "the server is there, but slow; --deadline gives it longer"
+    )
+
+
+def test_while_it_writes_it_says_how_much(shared):
+    server = shared_server(shared)
+    assert server.written() is None
+    seen = []
+    long = {"prompt": "Say", "n_predict": 2000, "ignore_eos": True}
+    with ThreadPoolExecutor(1) as other:
+        under_way = other.submit(server._ask, "/completion", long, 60)
+        while not under_way.done():
+            seen.append(server.written())
+    told = [count for count in seen if count is not None]
+    assert told == sorted(told)
+    assert told[-1] > 0
+
+
+def test_its_process_ends_with_whoever_started_it(tiny_model):
+    code = (
+        "import os, signal\n"
+        "from pathlib import Path\n"
+        "from fpg_bench.planning.llm.local.server import shared_server\n"
+        f"server = shared_server(Path({str(tiny_model)!r}))\n"
+        "print(server._process.pid, flush=True)\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert is_gone(int(ran.stdout))
+
+
+def test_what_does_not_come_up_is_one_line(tiny_model, tmp_path):
+    cut = tmp_path / "cut.gguf"
+    cut.write_bytes(tiny_model.read_bytes()[:1000])
+    with pytest.raises(UserError, match=r"cut\.gguf: its server did not come up: \S"):
+        LocalServer(cut, 1)
+    server = LocalServer(tiny_model, 1)
+    try:
+        port = int(server.url.split(":")[2].split("/")[0])
+        with pytest.raises(UserError, match=r"tiny\.gguf: its server did not come up"):
+            LocalServer(tiny_model, 1, port=port)
+    finally:
+        server.stop()
+
+
+def test_a_deadline_leaves_room_for_a_busy_machine():
+    assert Speed(1000, 100).deadline_s == 60
+    assert Speed(70, 9).plan_s == pytest.approx(78.4, abs=0.1)
+    assert Speed(70, 9).deadline_s == 470
+
+
+def test_a_match_is_flown_by_it_shown_and_kept_as_a_page(shared, tmp_path, monkeypatch, capfd):
+    words = ["plan", "run", "--planner", "llm", "--rounds", "2", "--talk", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", ["fpg-bench", *words])
+    monkeypatch.setattr(watching, "_TOLD_S", 0.01)
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert not end.value.code
+    rows = [json.loads(line) for line in (tmp_path / "match.jsonl").read_text().splitlines()]
+    asked = [row for row in rows if row["kind"] == "attempt"]
+    assert {row["model"] for row in asked} == {"tiny"}
+    said = capfd.readouterr().out
+    assert re.search(r"planning round 1 of 2, \d+ s, \d+ tokens written", said)
+    shown = re.search(
+        r'<script type="application/json" id="data">(.*?)</script>', (tmp_path / "replay.html").read_text()
+    )
+    rounds = json.loads(shown[1])["rounds"]
+    assert [one["round"] for one in rounds] == [0, 1]
+    for one, played in zip(rounds, (row for row in rows if row["kind"] == "round"), strict=True):
+        talk = [row for row in asked if row["round"] == one["round"]]
+        assert one["status"] == played["status"]
+        told = [part["text"] for part in one["talk"]]
+        assert [row["text"] for row in talk] == [
+            text for text in told if text in {row["text"] for row in talk}
+        ]
+        assert talk[0]["request"]["messages"][-1]["content"] in told
+        assert printable(talk[0]["text"].splitlines()[0]) in said
+        assert "--- user" in said
+
+
+def test_serve_says_what_to_export_and_ends_with_ctrl_c(tiny_model):
+    words = ["-m", "fpg_bench.cli", "llm", "serve", "--model", str(tiny_model), "--port", "0"]
+    process = subprocess.Popen(
+        [sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert "tokens a second" in process.stdout.readline()
+    assert process.stdout.readline().startswith("export FPG_LLM_BASE_URL=http://127.0.0.1:")
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert len(said.splitlines()) == 1
