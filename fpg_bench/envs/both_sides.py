@@ -38,9 +38,13 @@ class BothSides:
         refuse_unknown({name: value for name, value in options.items() if name not in known}, make_duel)
         self.duel = make_duel(games, **options)
         self.scenario, self.count = self.duel.scenario, self.duel.count
-        self.truncated = self.duel.arena.games["truncated"]
         self.observation_space = spaces.Box(-1.0, 1.0, (2 * OBSERVATION_SIZE,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (2 * ACTION_SIZE,), np.float32)
+
+    @property
+    def truncated(self) -> np.ndarray:
+        """``(N,)`` bool: whose round is over."""
+        return self.duel.arena.games["truncated"]
 
     @property
     def observations(self) -> np.ndarray:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -22,15 +23,15 @@ from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
 from fpg_bench.ids import DUEL
 from fpg_bench.players.player import SIDES
 from fpg_bench.reproduce.conditions import Condition
+from fpg_bench.reproduce.keeping import Checkpoint
 from fpg_bench.reproduce.recorded import Recorded
 from fpg_bench.reproduce.windows import FINAL, window_row, windows_of, write_windows
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.language_model import training_planner
-from fpg_bench.training.maddpg_seeds import learn_together
+from fpg_bench.training.maddpg_seeds import Together
 from fpg_bench.training.models import make_model
 
 ALGORITHM = "maddpg"
-_VERSIONS = f"fpg-bench {fpg_bench.__version__}, torch {torch.__version__}, numpy {np.__version__}"
 _POSITIONS = 50  # of a round that is drawn
 
 
@@ -62,6 +63,9 @@ BUDGETS: Mapping[str, Budget] = MappingProxyType(
     {
         "quick": Budget("quick", 192_000, 64, 15, 15, 2),  # 3 * 10^3 updates
         "full": Budget("full", 1_000_000, 64, 5, 16, 10),  # 5 * 10^4 updates
+        # An update after each step, as in Algorithm 1, and a tenth of the paper's steps or all of them.
+        "tenth": Budget("tenth", 1_000_000, 64, 1, 64, 10),
+        "paper": Budget("paper", 10_000_000, 64, 1, 64, 3),
     }
 )
 
@@ -79,11 +83,13 @@ def run_experiment(
     budget: Budget,
     paths: Mapping[int, Path],
     llm: Mapping[str, Any] | None = None,
+    learner: str = "torch",
 ) -> None:
     """Train both sides under a condition, play the last policies without noise, and write what happened.
 
     All seeds are trained at once, which takes little longer than one; each by its own games and chance, so
-    that the others make no difference to it beyond the rounding of sums.
+    that the others make no difference to it beyond the rounding of sums. Every ten minutes all is kept beside
+    the files; a run that was killed goes on from there, and gives what it would have given.
 
     Args:
         condition: under which.
@@ -92,26 +98,50 @@ def run_experiment(
         paths: the CSV file of each training seed (see :mod:`fpg_bench.reproduce.windows`). The same seed
             begins with the same networks and matches under every condition.
         llm: options of a language model's planner, and ``transcript`` to replay one.
+        learner: who updates the networks; see :func:`fpg_bench.training.maddpg_seeds.learn_together`.
+
+    Raises:
+        UserError: a checkpoint that cannot be read, or of another run.
     """
     torch.set_num_threads(1)
-    began = time.monotonic()
-    runs = {seed: _Run(condition, preset, budget, seed, path, llm) for seed, path in paths.items()}
     steps = condition.budgets * budget.steps
-    learn_together({seed: run.model for seed, run in runs.items()}, steps)
+    names = ", ".join(map(str, paths))
+    about = {
+        "condition": condition.name,
+        "scenario": f"{preset}, {condition.scenario(preset).hash}",
+        "trained at once": names,
+        "versions": _versions(learner),
+    }
+    place = next(iter(paths.values())).parent
+    checkpoint = Checkpoint(
+        place / f"seeds_{names.replace(', ', '_')}.checkpoint", about | {"budget": budget}
+    )
+    begun = time.monotonic()
+    runs, together, spent_s = checkpoint.read() or (None, None, 0.0)
+    if runs is None:
+        runs = {seed: _Run(condition, preset, budget, seed, path, llm) for seed, path in paths.items()}
+        together = Together({seed: run.model for seed, run in runs.items()}, steps, learner)
+    while not together.done:
+        together.go_on()
+        if condition.options.get("planner") != "llm":  # it goes on by its transcript
+            checkpoint.keep((runs, together, spent_s + time.monotonic() - begun))
     finals = {seed: played_without_noise(run.model, run.games(None)) for seed, run in runs.items()}
-    seconds = round((time.monotonic() - began) / len(runs))
+    seconds = round((spent_s + time.monotonic() - begun) / len(runs))
     for seed, run in runs.items():
-        about = {
-            "condition": condition.name,
-            "scenario": f"{preset}, {run.scenario.hash}",
+        own = {
             "budget": f"{budget.name}, {steps} steps, {run.model._n_updates} updates",
             "seed": seed,
-            "trained at once": ", ".join(map(str, runs)),
-            "versions": _VERSIONS,
             "seconds": seconds,
         }
         rows = windows_of(run.core.rounds, steps)
-        write_windows(paths[seed], about, [*rows, window_row(FINAL, steps, *finals[seed])])
+        write_windows(paths[seed], about | own, [*rows, window_row(FINAL, steps, *finals[seed])])
+    checkpoint.remove()
+
+
+def _versions(learner: str) -> str:
+    """Of what the numbers hang on."""
+    names = ("torch", "numpy", *(["jax"] if learner == "jax" else []))
+    return ", ".join([f"fpg-bench {fpg_bench.__version__}", *(f"{name} {version(name)}" for name in names)])
 
 
 class _Run:

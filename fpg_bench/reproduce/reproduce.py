@@ -17,6 +17,7 @@ from fpg_bench.reproduce.figures import draw
 from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.results import read_results, run_file
 from fpg_bench.reproduce.windows import read_windows
+from fpg_bench.training.maddpg_seeds import find_learner
 
 
 def reproduce(
@@ -30,6 +31,7 @@ def reproduce(
     backend: str = "loky",
     address: str | None = None,
     llm: Mapping[str, Any] | None = None,
+    learner: str = "torch",
     say: Callable[[str], None] = print,
 ) -> list[Path]:
     """Run what a figure of the paper needs, draw it, and write the report of all runs that are there.
@@ -39,10 +41,12 @@ def reproduce(
         out: the folder of rows, figures and reports; runs that are there already are not repeated.
         scenario: ``paper`` or ``standard``.
         seeds: runs of each condition that a claim rests on (others: five at most); None: the budget's own.
-        budget: ``quick``, ``full``, or one of one's own.
+        budget: ``quick``, ``full``, ``tenth``, ``paper``, or one of one's own.
         jobs, backend, address: how many runs at once, and where; see :func:`fpg_bench.jobs.run.run_jobs`.
         llm: run the language model that the environment names as one more planner, with these options of
             its planner; ``transcript``: replay that file. None: it is not run, and the report says so.
+        learner: who updates the networks, ``torch`` or ``jax``, which takes less time and needs the
+            extra ``fast``.
         say: told a line per run that begins or ends.
 
     Returns:
@@ -52,13 +56,15 @@ def reproduce(
         UserError: something unknown, or runs that failed (the others are kept).
     """
     budget = _budget(budget)
+    find_learner(learner)
     count = budget.seeds if seeds is None else seeds
     if count < 1:
         raise UserError(f"seeds: expected a whole number above 0, got {count}")
     out = Path(out)
     wanted = {c.name: (c, _seeds(c, count)) for c in _conditions(target, scenario, budget, llm)}
     listed = [
-        _job(condition, scenario, budget, seeds_of, out, llm) for condition, seeds_of in wanted.values()
+        _job(condition, scenario, budget, seeds_of, out, llm, learner)
+        for condition, seeds_of in wanted.values()
     ]
     failed = run_jobs(listed, jobs, backend, address, say)
     every = {c.name: range(count) for c in _conditions("all", scenario, BUDGETS["full"], {})}
@@ -99,11 +105,12 @@ def _job(
     seeds: Iterable[int],
     out: Path,
     llm: Mapping[str, Any] | None,
+    learner: str,
 ) -> Job:
     """All seeds of a condition that are missing, which learn together."""
     paths = {seed: run_file(out, scenario, budget.name, condition.name, seed) for seed in seeds}
     missing = {seed: path.absolute() for seed, path in paths.items() if not _is_whole(path)}
-    run = partial(_run, condition, scenario, budget, missing, llm)
+    run = partial(_run, condition, scenario, budget, missing, llm, learner)
     seeds_told = ", ".join(map(str, missing))
     return Job(f"{scenario} {condition.name} seeds {seeds_told}", run, _keep, lambda: not missing)
 
@@ -114,9 +121,10 @@ def _run(
     budget: Budget,
     paths: Mapping[int, Path],
     llm: Mapping[str, Any] | None,
+    learner: str,
 ) -> dict[Path, str]:
     """Run it in a worker; gives the files' texts, which the driver writes if it is elsewhere."""
-    run_experiment(condition, scenario, budget, paths, llm)
+    run_experiment(condition, scenario, budget, paths, llm, learner)
     return {path: path.read_text() for path in paths.values()}
 
 

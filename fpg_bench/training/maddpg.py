@@ -8,7 +8,7 @@ what all of them observe, one after the other, and gives all their actions.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -26,6 +26,16 @@ from torch import nn
 from fpg_bench.training.maddpg_learner import Learner, Sizes, each_its_own
 
 
+class Transitions(NamedTuple):
+    """What was seen, done and got, float32: arrays ``(..., n, size)`` with a reward for each player."""
+
+    observations: np.ndarray
+    actions: np.ndarray
+    next_observations: np.ndarray
+    dones: np.ndarray
+    rewards: np.ndarray
+
+
 class JointBuffer(ReplayBuffer):
     """SB3's replay buffer with a reward for each player."""
 
@@ -34,19 +44,35 @@ class JointBuffer(ReplayBuffer):
         self.rewards = np.zeros((self.buffer_size, self.n_envs, players), np.float32)
         self._scale = reward_scale
 
+    def sample_many(self, times: int, batch_size: int) -> Transitions:
+        """As many batches ``(times, n, size)`` as ``sample`` would draw one after the other."""
+        steps = self.buffer_size if self.full else self.pos
+        drawn = [
+            [np.random.randint(0, bound, batch_size) for bound in (steps, self.n_envs)]  # noqa: NPY002
+            for _ in range(times)
+        ]
+        return self._at(*np.array(drawn, int).reshape(times, 2, batch_size).swapaxes(0, 1))
+
     def _get_samples(self, batch_inds: np.ndarray, env: Any = None) -> ReplayBufferSamples:
         """As SB3's, but rewards are ``(batch, players)``."""
         games = np.random.randint(0, self.n_envs, len(batch_inds))  # noqa: NPY002
-        at = batch_inds, games
-        ended = self.dones[at] * (1 - self.timeouts[at])
-        data = (
-            self.observations[at],
-            self.actions[at],
-            self.next_observations[at],
-            ended[:, None],
-            self.rewards[at] * self._scale,
+        return ReplayBufferSamples(*map(self.to_torch, self._at(batch_inds, games)))
+
+    def _at(self, steps: np.ndarray, games: np.ndarray) -> Transitions:
+        """The transitions of these steps and games, arrays ``(...)``; only a round's own end ends it."""
+        at = steps * self.n_envs + games
+        seen, did, then, got, over, cut = (
+            each.reshape(self.buffer_size * self.n_envs, -1).take(at, axis=0)
+            for each in (
+                self.observations,
+                self.actions,
+                self.next_observations,
+                self.rewards,
+                self.dones,
+                self.timeouts,
+            )
         )
-        return ReplayBufferSamples(*map(self.to_torch, data))
+        return Transitions(seen, did, then, over * (1 - cut), got * self._scale)
 
 
 class WhiteNoise(VectorizedActionNoise):
