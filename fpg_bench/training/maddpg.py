@@ -25,6 +25,8 @@ from torch import nn
 
 from fpg_bench.training.maddpg_learner import Learner, Sizes, each_its_own
 
+_ROWS = ("observations", "actions", "next_observations", "rewards", "dones", "timeouts")  # of a buffer
+
 
 class Transitions(NamedTuple):
     """What was seen, done and got, float32: arrays ``(..., n, size)`` with a reward for each player."""
@@ -58,19 +60,23 @@ class JointBuffer(ReplayBuffer):
         games = np.random.randint(0, self.n_envs, len(batch_inds))  # noqa: NPY002
         return ReplayBufferSamples(*map(self.to_torch, self._at(batch_inds, games)))
 
+    def __getstate__(self) -> dict[str, Any]:
+        filled = self.buffer_size if self.full else self.pos
+        return self.__dict__ | {name: getattr(self, name)[:filled] for name in _ROWS}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        for name in _ROWS:
+            whole = np.zeros((self.buffer_size, *state[name].shape[1:]), state[name].dtype)
+            whole[: len(state[name])] = state[name]
+            setattr(self, name, whole)
+
     def _at(self, steps: np.ndarray, games: np.ndarray) -> Transitions:
         """The transitions of these steps and games, arrays ``(...)``; only a round's own end ends it."""
         at = steps * self.n_envs + games
         seen, did, then, got, over, cut = (
             each.reshape(self.buffer_size * self.n_envs, -1).take(at, axis=0)
-            for each in (
-                self.observations,
-                self.actions,
-                self.next_observations,
-                self.rewards,
-                self.dones,
-                self.timeouts,
-            )
+            for each in (getattr(self, name) for name in _ROWS)
         )
         return Transitions(seen, did, then, over * (1 - cut), got * self._scale)
 
