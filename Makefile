@@ -1,23 +1,48 @@
 # make benchmark: set up and run the main job. make test: set up and run the tests.
+# make test-fast: those that start nothing and are quick. make coverage: which lines and branches are tested.
+# make test-lowest: a small suite on the lowest versions that pyproject.toml allows.
 PYTHON ?= python3
 STEPS ?= 2000000
 RESULTS ?= results/benchmark$(if $(filter 2000000,$(STEPS)),,-$(STEPS))
 BIN = .venv/bin
+LOWEST = tests/envs/test_single.py tests/envs/test_vector.py tests/envs/test_multi_agent.py tests/envs/test_sb3.py \
+	tests/players/test_agent.py tests/training/test_export.py
 
-.PHONY: benchmark test clean
+PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-benchmark: .venv/.ready
+.PHONY: benchmark test test-fast test-lowest coverage clean
+
+benchmark: .venv/.train
 	$(BIN)/fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo-fast --restart
 	$(BIN)/fpg-bench evaluate all-scripted $(RESULTS)/ppo-fast/agent --field ally-v1 --out $(RESULTS)/ally-v1
 
-test: .venv/.ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=5
+test: .venv/.dev
+	$(PYTEST) --durations=20 --durations-min=5
 
-.venv/.ready: pyproject.toml constraints.txt
+test-fast: .venv/.dev
+	$(PYTEST) -m "not (browser or llama or postgres or process or ray or slow)"
+
+coverage: .venv/.dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pytest-cov>=6" "coverage>=7.10"
+	$(PYTEST) --cov --cov-report=term:skip-covered
+
+# One environment: what the benchmark needs (extra train), or all that the tests need (dev, which holds train).
+.venv/.train .venv/.dev: .venv/.%: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit("fpg-bench needs Python 3.11 or newer" if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[$*]"
+	touch $@ .venv/.train
+
+# The lowest versions that pyproject.toml allows, and a small suite on them.
+test-lowest: .venv-lowest/.ready
+	.venv-lowest/bin/python -m pytest $(LOWEST)
+
+.venv-lowest/.ready: pyproject.toml scripts/lowest.py
+	$(PYTHON) -m venv .venv-lowest
+	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check packaging
+	.venv-lowest/bin/python scripts/lowest.py > .venv-lowest/lowest.txt
+	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check -c .venv-lowest/lowest.txt -e ".[train,video]" pytest hypothesis
 	touch $@
 
 clean:
-	rm -rf .venv results
+	rm -rf .venv .venv-lowest results/benchmark*

@@ -14,8 +14,7 @@ import pettingzoo
 
 from fpg_bench.errors import UserError
 from fpg_bench.ids import DUEL, VIEWS
-
-__version__ = "0.1.0.dev0"
+from fpg_bench.version import __version__
 
 if TYPE_CHECKING:
     from fpg_bench.envs.duel import make_duel
@@ -61,8 +60,9 @@ def __getattr__(name: str) -> Any:
 
 
 def _register() -> None:
-    for kind in ("parallel", "aec"):
-        pettingzoo.register(kind, DUEL, f"fpg_bench.envs.multi_agent:{kind}_env")
+    if hasattr(pettingzoo, "register"):  # since PettingZoo 1.27
+        for kind in ("parallel", "aec"):
+            pettingzoo.register(kind, DUEL, f"fpg_bench.envs.multi_agent:{kind}_env")
     for view_id in VIEWS:
         gymnasium.register(
             id=view_id,

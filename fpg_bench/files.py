@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import glob
+import gzip
 import json
 import os
 import re
 import socket
 import tempfile
+import zlib
 from collections import Counter
 from itertools import chain
 from pathlib import Path
@@ -18,6 +20,7 @@ import yaml
 from fpg_bench.errors import UserError
 from fpg_bench.plain_json import read_plain
 
+PACKED = ".gz"
 _MOST_NODES = 100_000
 _DEEPEST = 50
 _BRACKET = re.compile(r"[\[\]{}]")
@@ -91,6 +94,24 @@ def read_json(path: Path, what: str) -> dict[str, Any]:
     except ValueError as error:
         raise UserError(f"{what} {path}: not valid JSON: {error}") from error
     return _mapping(content, path, what)
+
+
+def read_bounded(path: Path, what: str, most: int) -> bytes:
+    """What is in a file, unpacked where its name ends in ``.gz``; no more than ``most`` bytes are ever held.
+
+    Raises:
+        UserError: it can't be read or unpacked, or is longer; ``what`` begins the message.
+    """
+    try:
+        with gzip.open(path) if path.suffix == PACKED else path.open("rb") as file:
+            data: bytes = file.read(most + 1)
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise UserError(f"{what} {path}: cannot be unpacked: {error}") from error
+    except OSError as error:
+        raise UserError(f"{what} {path}: cannot be read: {error.strerror}") from error
+    if len(data) > most:
+        raise UserError(f"{what} {path}: is longer than {most:,} bytes, unpacked")
+    return data
 
 
 def write_whole(path: Path, content: str | bytes) -> None:

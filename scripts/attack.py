@@ -22,10 +22,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from fpg_bench.leaderboard.cases import case_of, result_file
-from fpg_bench.leaderboard.check import examine, problems
+from fpg_bench.leaderboard.check import examine, load_submission, problems
 from fpg_bench.leaderboard.fields import plain, read_fields
 from fpg_bench.leaderboard.onnx_contract import check_policies
-from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.leaderboard.trial import trial
 from fpg_bench.plain_json import read_object

@@ -21,9 +21,9 @@ from stable_baselines3 import PPO
 
 import fpg_bench
 from fpg_bench.envs.duel import make_duel
-from fpg_bench.envs.rounds import play_round, seated
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.planning.llm.background import Beside
+from fpg_bench.matches.rounds import play_round, seated
+from fpg_bench.planning.llm.background import BackgroundPlanner
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.servers import Endpoint, load_server
 
@@ -92,7 +92,10 @@ def training(quick: bool) -> list[Figure]:
     server = ThreadingHTTPServer(("127.0.0.1", 0), _Slow)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     endpoint = Endpoint(f"http://127.0.0.1:{server.server_port}/v1", "slow", None, load_server("generic"))
-    planners = {"slow": lambda scenario: Beside(LLMPlanner(scenario, endpoint)), "circle": "circle"}
+    planners = {
+        "slow": lambda scenario: BackgroundPlanner(LLMPlanner(scenario, endpoint)),
+        "circle": "circle",
+    }
     settings = PPO_SETTINGS | {"n_steps": 32} if quick else PPO_SETTINGS
     models = {
         name: PPO(

@@ -20,9 +20,9 @@ from typing import Any
 import yaml
 
 from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.check import load_submission
 from fpg_bench.leaderboard.result import fingerprint, read_result, verified_result, write_result
 from fpg_bench.leaderboard.site.build import build_site
-from fpg_bench.leaderboard.submission import load_submission
 
 
 def grow(source: Path, folder: Path, entries: int) -> None:

@@ -206,7 +206,8 @@ def learning(size: Size) -> list[Figure]:
     singles = DummyVecEnv([lambda: gymnasium.make(VIEW)] * PPO_GAMES)
     envs: dict[str, VecEnv] = {"ours": ours, "singles": singles, "zeros": Zeros(ours.core)}
     models = {name: PPO("MlpPolicy", env, seed=0, **settings) for name, env in envs.items()}
-    interleaved(1, {name: partial(ppo_rate, model, 1) for name, model in models.items()})  # warm up
+    if size is FULL:
+        interleaved(1, {name: partial(ppo_rate, model, 1) for name, model in models.items()})  # warm up
     ppo = interleaved(
         size.ppo_repeats,
         {name: partial(ppo_rate, model, size.ppo_rollouts) for name, model in models.items()},

@@ -57,7 +57,7 @@ def training(quick: bool) -> list[Figure]:
     repeats, rollouts = (1, 1) if quick else (3, 122)  # 122: the shipped budget
     steps = rollouts * 64 * 256
     runs = {"train": train_rate, "learn": learn_rate}
-    for rate in runs.values():
+    for rate in () if quick else runs.values():
         rate(64 * 256)  # compiles, loads
     rates = interleaved(repeats, {name: partial(rate, steps) for name, rate in runs.items()})
     asked = None if quick else 0.9  # what is done once, the export, would be most of a short run

@@ -16,11 +16,11 @@ from typing import Any
 import yaml
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.files import read_json, write_whole
 from fpg_bench.leaderboard.policies import seed_folders
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.scripted import SCRIPTED
+from fpg_bench.zoo.zoo import load_zoo
 
 AUTHORS = ["fpg-bench maintainers"]
 MADE = "trained by python scripts/"
@@ -47,6 +47,10 @@ VIEWS = {
     "opponent-pursuit": (
         "opponent",
         "four scripted allies (reactive, expert, expert-spread, always-hop), drawn anew every round",
+    ),
+    "opponent-population": (
+        "opponent, of a population",
+        "five scripted allies and those of the public population training-1, drawn anew every round",
     ),
     "opponent-learned": (
         "opponent that flies itself",

@@ -11,7 +11,7 @@ from pathlib import Path
 from matplotlib.image import imsave
 
 from fpg_bench import make_duel
-from fpg_bench.envs.rendering import Renderer
+from fpg_bench.pictures.rendering import Renderer
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.seat import Seat
 

@@ -13,10 +13,10 @@ import numpy as np
 
 from fpg_bench import make_duel
 from fpg_bench.envs.duel import Duel
-from fpg_bench.envs.rounds import play_round, seated
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.files import write_whole
 from fpg_bench.game.measures import measures, pool
+from fpg_bench.matches.rounds import play_round, seated
 from fpg_bench.players.scripted import SCRIPTED
 
 Measures = dict[str, float | None]

@@ -23,12 +23,12 @@ import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
 from taking_turns import train_together
 
-from fpg_bench.evaluation.canvas import blank_figure
 from fpg_bench.evaluation.field_file import field_of
 from fpg_bench.evaluation.seeds import training_seed
 from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.files import read_yaml, write_whole
 from fpg_bench.ids import find_view
+from fpg_bench.pictures.canvas import blank_figure
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.scripted import SCRIPTED

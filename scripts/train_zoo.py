@@ -14,10 +14,10 @@ import sys
 from pathlib import Path
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.zoo import Zoo, load_zoo
-from fpg_bench.evaluation.zoo_scores import add_missing_lines, check_member
-from fpg_bench.evaluation.zoo_table import write_page
-from fpg_bench.training.zoo import state, train_zoo
+from fpg_bench.zoo.scores import add_missing_lines, check_member
+from fpg_bench.zoo.table import write_page
+from fpg_bench.zoo.training import state, train_zoo
+from fpg_bench.zoo.zoo import Zoo, load_zoo
 
 
 def show(zoo: Zoo, runs: Path, only: str | None) -> bool:

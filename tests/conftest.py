@@ -1,10 +1,18 @@
 """Settings shared by all tests."""
 
+import os
 import re
 import signal
+from collections import Counter
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
+
+from tests.exporting import keep_operators
+
+# Workers share the cores, and networks as small as ours only wait for a second thread.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 HERE = Path(__file__).parent
 
@@ -23,6 +31,19 @@ def pytest_make_parametrize_id(val):
     return re.sub(r" at 0x[0-9a-f]+", "", name) if " at 0x" in name else None
 
 
+def pytest_runtest_setup(item):
+    """From the second test that exports on, exporting is quick."""
+    keep_operators()
+
+
+@pytest.hookimpl(tryfirst=True)  # before some are left out by their marks
 def pytest_collection_modifyitems(items):
-    """The files of this folder first, among them the longest: at the end two workers share short ones."""
-    items.sort(key=lambda item: item.path.parent != HERE)
+    """Mark who asks a real language model; the longest files first, so that workers share short ones last.
+
+    They are those of this folder, then those with most that is slow.
+    """
+    for item in items:
+        if "llama_server" in getattr(item, "fixturenames", ()):
+            item.add_marker("llama")
+    slow = Counter(item.path for item in items for _ in item.iter_markers("slow"))
+    items.sort(key=lambda item: (item.path.parent != HERE, -slow[item.path]))

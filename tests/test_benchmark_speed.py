@@ -1,11 +1,13 @@
 """The speed report runs and shows every figure; how fast anything is, no test asks."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.programs import python
+
+pytestmark = pytest.mark.process
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "benchmark_speed.py"
 
@@ -27,9 +29,8 @@ FIGURES = (
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     file = tmp_path_factory.mktemp("speed") / "speed.json"
-    done = subprocess.run(
-        [sys.executable, SCRIPT, "--quick", "--json", file], capture_output=True, text=True, check=True
-    )
+    done = python(SCRIPT, "--quick", "--json", file)
+    assert done.returncode == 0, done.stderr
     return done.stdout.splitlines(), json.loads(file.read_text())
 
 
@@ -63,12 +64,8 @@ def test_memory_keeps_its_bounds(report):
 @pytest.mark.parametrize(("name", "count"), [("planning", 6), ("training", 7)])
 def test_the_other_reports_show_every_figure(name, count, tmp_path):
     script = SCRIPT.with_name(f"benchmark_{name}.py")
-    done = subprocess.run(
-        [sys.executable, script, "--quick", "--json", tmp_path / "figures.json"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = python(script, "--quick", "--json", tmp_path / "figures.json")
+    assert done.returncode == 0, done.stderr
     figures = json.loads((tmp_path / "figures.json").read_text())["figures"]
     assert [line.split("  ")[0] for line in done.stdout.splitlines()[1:]] == [f["name"] for f in figures]
     assert len(figures) == count

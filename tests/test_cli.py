@@ -1,6 +1,7 @@
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,11 +12,13 @@ import typer
 
 from fpg_bench import __version__
 from fpg_bench.cli.options import whole_number
+from fpg_bench.game.compiling import cache_folder
 from fpg_bench.game.names import PATHS
 from fpg_bench.planning import PLANNERS
 from fpg_bench.players.agent import fields_folder
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.rows import RowFile
+from tests.programs import fpg, python
 
 TINY = """\
 FPG/AllyVsScripted-v0:
@@ -23,12 +26,7 @@ FPG/AllyVsScripted-v0:
 """
 
 
-def fpg(*words, folder=None):
-    return subprocess.run(
-        [sys.executable, "-m", "fpg_bench.cli", *map(str, words)], capture_output=True, text=True, cwd=folder
-    )
-
-
+@pytest.mark.process
 def test_help_names_every_verb_and_loads_nothing_heavy():
     code = (
         "import sys; from fpg_bench.cli import main; sys.argv = ['fpg-bench', '--help']\n"
@@ -43,6 +41,7 @@ def test_help_names_every_verb_and_loads_nothing_heavy():
         assert verb in found.stdout
 
 
+@pytest.mark.process
 def test_envs_lists_every_id():
     found = fpg("envs")
     assert found.returncode == 0
@@ -56,6 +55,7 @@ def test_envs_lists_every_id():
         assert f"FPG/{view_id}-v0" in found.stdout
 
 
+@pytest.mark.process
 def test_players_lists_all_that_can_be_named():
     found = fpg("players")
     assert found.returncode == 0, found.stderr
@@ -65,6 +65,7 @@ def test_players_lists_all_that_can_be_named():
     assert max(map(len, found.stdout.splitlines())) <= 90
 
 
+@pytest.mark.process
 def test_fields_lists_each_with_its_counterparts():
     found = fpg("fields")
     assert found.returncode == 0, found.stderr
@@ -73,11 +74,13 @@ def test_fields_lists_each_with_its_counterparts():
     assert "adaptive/interceptor" in found.stdout
 
 
+@pytest.mark.process
 def test_the_package_is_a_program(tmp_path):
-    found = subprocess.run([sys.executable, "-m", "fpg_bench", "--version"], capture_output=True, text=True)
+    found = python("-m", "fpg_bench", "--version")
     assert found.stdout.strip() == __version__
 
 
+@pytest.mark.process
 def test_play_prints_a_round_and_writes_a_page(tmp_path):
     found = fpg("play", "--ally", "expert-spread", "--opponent", "sweep", "--path", "circle", "--seed", 4)
     assert found.returncode == 0, found.stderr
@@ -87,6 +90,7 @@ def test_play_prints_a_round_and_writes_a_page(tmp_path):
     assert "<html" in (tmp_path / "round.html").read_text()
 
 
+@pytest.mark.process
 def test_train_evaluate_table(tmp_path):
     (tmp_path / "tiny.yml").write_text(TINY)
     words = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "run", "--hyperparams", "tiny.yml")
@@ -112,6 +116,7 @@ def test_train_evaluate_table(tmp_path):
     assert len(lines) == 2 * 10
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -162,10 +167,12 @@ def test_what_is_no_whole_number_is_refused(text):
         whole_number(text)
 
 
+@pytest.mark.process
 def test_version():
     assert fpg("--version").stdout.strip() == __version__
 
 
+@pytest.mark.process
 def test_a_field_of_ones_own_needs_a_file_and_no_more(tmp_path):
     content = "side: opponent\nscenario: standard\nmatches: 3\ncounterparts: [{ally: idle, path: circle}]\n"
     (tmp_path / "mine.yml").write_text(content)
@@ -175,6 +182,7 @@ def test_a_field_of_ones_own_needs_a_file_and_no_more(tmp_path):
     assert (tmp_path / "results" / "lines.jsonl").exists()
 
 
+@pytest.mark.process
 def test_a_player_that_fails_is_named(tmp_path):
     source = "class Bad:\n    def predict(self, *a, **k):\n        raise RuntimeError('no idea')\n"
     (tmp_path / "bad.py").write_text(source)
@@ -183,23 +191,29 @@ def test_a_player_that_fails_is_named(tmp_path):
     assert found.stderr.strip().endswith("ally Bad: its predict failed: RuntimeError: no idea")
 
 
+@pytest.mark.process
 def test_damaged_compiled_code_says_what_to_delete(tmp_path):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    words = [sys.executable, "-m", "fpg_bench.cli", "play", "--every", "300"]
-    assert subprocess.run(words, env=environment, capture_output=True).returncode == 0
+    words = ("play", "--every", "300")
+    assert fpg(*words).returncode == 0  # all that it needs is compiled now
+    folder = cache_folder()
+    shutil.copytree(folder, tmp_path / folder.parent.name / folder.name)
     for path in tmp_path.rglob("*.nbc"):
         path.write_bytes(path.read_bytes()[:100])
-    found = subprocess.run(words, env=environment, capture_output=True, text=True)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-m", "fpg_bench.cli", *words]
+    found = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert found.returncode == 1
     assert f"delete {tmp_path}" in found.stderr.splitlines()[-1]
 
 
+@pytest.mark.process
 def test_debug_shows_the_traceback(tmp_path):
     found = fpg("--debug", "table", "nowhere", folder=tmp_path)
     assert found.returncode != 0
     assert "Traceback" in found.stderr
 
 
+@pytest.mark.process
 def test_a_file_that_cannot_grow_is_one_line_and_keeps_what_it_holds(tmp_path):
     words = ("evaluate", "idle", "--matches", "400", "--out", "results")
     command = [sys.executable, "-m", "fpg_bench.cli", *words]
@@ -234,6 +248,7 @@ def started(*words, folder):
     )
 
 
+@pytest.mark.process
 def test_ctrl_c_while_training_saves_the_model(tmp_path):
     words = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "run", "--steps", "100000000")
     process = started(*words, folder=tmp_path)
@@ -251,6 +266,7 @@ def test_ctrl_c_while_training_saves_the_model(tmp_path):
     assert json.loads((tmp_path / "run" / "run.json").read_text())["finished"] is False
 
 
+@pytest.mark.process
 def test_ctrl_c_while_evaluating_keeps_finished_lines(tmp_path):
     words = ("evaluate", "all-scripted", "--matches", "500", "--out", "results")
     process = started(*words, folder=tmp_path)

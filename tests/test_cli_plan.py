@@ -11,6 +11,10 @@ import time
 import pytest
 from planning.llm.fault_server import FaultServer, error_object, late, ok, reject_field, status
 
+from tests.programs import fpg
+
+pytestmark = pytest.mark.process
+
 KEY = "sk-not-to-be-seen-7741"
 COMMAND = (sys.executable, "-m", "fpg_bench.cli", "plan")
 SHORT = "steps_per_round: 32\n"
@@ -34,9 +38,7 @@ def environment(server=None):
 
 
 def plan(*words, folder, server=None):
-    found = subprocess.run(
-        [*COMMAND, *map(str, words)], capture_output=True, text=True, cwd=folder, env=environment(server)
-    )
+    found = fpg("plan", *words, folder=folder, environment=environment(server))
     assert KEY not in found.stdout + found.stderr
     return found
 

@@ -43,6 +43,7 @@ def in_another_process(path):
     return subprocess.check_output([sys.executable, "-c", OTHER, str(path)], text=True)
 
 
+@pytest.mark.process
 def test_one_process_at_a_time(tmp_path):
     file, other = RowFile(tmp_path / "rows.jsonl"), RowFile(tmp_path / "rows.jsonl")
     with file.locked(), other.locked():
@@ -51,6 +52,7 @@ def test_one_process_at_a_time(tmp_path):
     assert file.read() == [{"a": 1}]
 
 
+@pytest.mark.process
 def test_a_file_stays_held_until_the_last_part_of_a_process_lets_go(tmp_path):
     first, second = RowFile(tmp_path / "rows.jsonl").locked(), RowFile(tmp_path / "rows.jsonl").locked()
     first.__enter__()

@@ -1,66 +1,233 @@
-"""The wheel holds all that is needed: it is built, installed beside nothing of the repository, and used."""
+"""The wheel with the core alone plays; each extra does what it is for, and is named where it is missing.
 
-import os
-import subprocess
-import sys
-import sysconfig
-import venv
+Each environment holds what the wheel asks for and nothing else, see :mod:`tests.environments`.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
+import typer
 
-ROOT = Path(__file__).parents[1]
-USE = """
-import pathlib, sys, fpg_bench
-assert pathlib.Path(fpg_bench.__file__).is_relative_to(sys.prefix), fpg_bench.__file__
+import fpg_bench
+from fpg_bench.cli import app
+from fpg_bench.matches.match import run_match
+from tests.environments import ROOT, environment, install_wheel, run
+
+pytestmark = pytest.mark.process
+
+AGENT = "ally-scripted/recurrent-ppo/seed_0"  # it has a memory
+CORE = """
+import pathlib, sys
+import gymnasium, pettingzoo
+import fpg_bench
 from fpg_bench.players.agent import baselines_folder
+from fpg_bench.testing import check_player
+
+assert pathlib.Path(fpg_bench.__file__).is_relative_to(sys.prefix), fpg_bench.__file__
 assert baselines_folder().is_relative_to(sys.prefix) and (baselines_folder() / "hyperparams/ppo.yml").exists()
 assert fpg_bench.preset("standard").knowledge_base.entries
-import fpg_bench.envs.replay
-from fpg_bench.training.hyperparameters import load_hyperparameters
-load_hyperparameters("ppo", "FPG/AllyVsScripted-v0")
+env = gymnasium.make("FPG/AllyVsScripted-v0")
+env.reset(seed=1)
+env.step(env.action_space.sample())
+pettingzoo.make("parallel", "FPG/duel_v0").reset(seed=1)
+check_player(fpg_bench.load_agent("ally-scripted/ppo/seed_0"), "ally")
+"""
+# Runs each line as a command or, where it has a bracket, as Python; prints the status and what was said.
+RUN = """
+import contextlib, io, json, os, shlex, sys
+import gymnasium
+import fpg_bench.cli
+os.environ |= {"FPG_LLM_BASE_URL": "http://127.0.0.1:9/v1", "FPG_LLM_MODEL": "none"}
+found = []
+for line in json.loads(sys.argv[1]):
+    said, status = io.StringIO(), 0
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        try:
+            if "(" in line:
+                eval(line)
+            else:
+                sys.argv[1:] = shlex.split(line)
+                fpg_bench.cli.main()
+        except SystemExit as end:
+            status = end.code or 0
+        except fpg_bench.UserError as error:
+            print(error)
+            status = 2
+    found.append((line, status, said.getvalue()))
+print("\\n" + json.dumps(found))
 """
 
 
+@dataclass(frozen=True)
+class Extra:
+    """An extra, and what it is for.
+
+    Attributes:
+        does: lines that work with it, each after those before it.
+        tries: lines that load what they need, and then refuse what they are given.
+        base: the extra that its lines need beside it, and with which alone they name it; None: the core.
+    """
+
+    does: tuple[str, ...] = ()
+    tries: tuple[str, ...] = ()
+    base: str | None = None
+
+
+EXTRAS = {
+    "evaluate": Extra(
+        (
+            "zoo",
+            f"evaluate expert {AGENT} --matches 1 --jobs 2 --out results",
+            "table results",
+            "plan compare circle --matches 1 --out planners",
+            f"submit check {ROOT}/leaderboard/submissions/opponent/adaptive",
+        ),
+        (
+            "submit run nowhere",
+            "submit verify --folder nowhere",
+            "submit crossplay --folder nowhere",
+            "fpg_bench.evaluate(['nobody'])",
+            "fpg_bench.write_agent('nowhere', b'')",
+        ),
+    ),
+    "leaderboard": Extra(("leaderboard build --folder board --out site",), ("leaderboard serve nowhere",)),
+    "video": Extra(
+        (
+            "play --every 100 --out round.gif",
+            "play --every 100 --out round.mp4",
+            "plan run --rounds 1 --out flown",
+            "gymnasium.make('FPG/AllyVsScripted-v0', render_mode='rgb_array').reset()",
+        )
+    ),
+    "llm": Extra(tries=("plan probe --deadline 1",)),
+    "train": Extra(
+        (
+            "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2).reset()",
+            "train ppo FPG/AllyVsScripted-v0 --steps 2000 --evaluations 1 --out run",
+            "export run --out exported/seed_0",
+            "fpg_bench.export_agent(__import__('stable_baselines3').PPO('MlpPolicy', "
+            "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2)), 'live', training_seed=0)",
+            "reproduce tables --seeds 1 --out reproduced",
+        ),
+        (
+            "selfplay nothing --out nowhere",
+            "exploit nobody --out nowhere",
+            "season show nothing",
+            "season audit nothing --work nowhere",
+            "season close ../nothing --work nowhere --board nowhere",
+        ),
+    ),
+    "tune": Extra(
+        (
+            "tune ppo FPG/AllyVsScripted-v0 --trials 1 --seeds 1 --steps 500 --rounds 2 --out study",
+            "tune-report study",
+        ),
+        ("tune-write nowhere mine.yml",),
+    ),
+    "supersuit": Extra(("fpg_bench.supersuit_vec_env(n_envs=2).reset()",), base="train"),
+    "ray": Extra(("evaluate expert --matches 1 --backend ray --out far",), base="evaluate"),
+    "postgres": Extra(
+        tries=(
+            "tune ppo FPG/AllyVsScripted-v0 --storage postgresql+psycopg://me@127.0.0.1:9/none --out study",
+        ),
+        base="tune",
+    ),
+}
+PLAYS = (
+    "envs",
+    "players",
+    "fields",
+    "play --every 100",
+    f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner cma-es --every 300",
+    "play --out round.html",
+    "plan replay match.jsonl",
+)
+
+
+def commands(group=None, head=()):
+    """All commands of the command line, as tuples of words."""
+    group = group or typer.main.get_command(app)
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, (*head, name))
+        else:
+            yield (*head, name)
+
+
 @pytest.fixture(scope="module")
-def python(tmp_path_factory):
-    """An environment with the wheel alone; what it depends on is seen through the present one."""
-    folder = tmp_path_factory.mktemp("wheel")
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT)]
-    subprocess.run(build, check=True, capture_output=True)
-    venv.create(folder / "env", with_pip=False, symlinks=True)
-    site = next((folder / "env" / "lib").glob("python3*")) / "site-packages"
-    (wheel,) = folder.glob("*.whl")
-    words = [
-        sys.executable,
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--no-deps",
-        "--target",
-        str(site),
-        str(wheel),
-    ]
-    subprocess.run(words, check=True, capture_output=True)
-    (site / "dependencies.pth").write_text(sysconfig.get_paths()["purelib"])
-    return folder / "env" / "bin" / "python"
+def wheel(tmp_path_factory):
+    return install_wheel(tmp_path_factory.mktemp("wheel"))
 
 
-def run(python, *words, cwd):
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    return subprocess.run([str(python), *words], cwd=cwd, env=environment, capture_output=True, text=True)
+def lines_in(python, folder, lines):
+    """The status and the words of each line, run in an environment."""
+    done = run(python, "-c", RUN, json.dumps(lines), cwd=folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
 
 
-def test_the_installed_package_finds_its_data(python, tmp_path):
-    found = run(python, "-c", USE, cwd=tmp_path)
-    assert found.returncode == 0, found.stderr
+def check_works(python, folder, extra):
+    for line, status, said in lines_in(python, folder, [*extra.does, *extra.tries]):
+        assert status == 0 or (line in extra.tries and status == 2), (line, said)
+        assert "not installed" not in said
+        assert "a bug" not in said
 
 
-def test_the_installed_command_plays_a_field(python, tmp_path):
-    words = ("-m", "fpg_bench.cli", "evaluate", "expert", "idle", "--matches", "1", "--out", "results")
-    found = run(python, *words, cwd=tmp_path)
-    assert found.returncode == 0, found.stderr
-    assert "expert" in found.stdout
-    page = run(python, "-m", "fpg_bench.cli", "play", "--out", "round.html", cwd=tmp_path)
-    assert page.returncode == 0, page.stderr
+def check_names_what_is_missing(python, folder, base):
+    missing = [(line, name) for name, e in EXTRAS.items() if e.base == base for line in (*e.does, *e.tries)]
+    found = lines_in(python, folder, [line for line, _ in missing])
+    for (line, name), (_, status, said) in zip(missing, found, strict=True):
+        assert status == 2, (line, said)
+        assert len(said.splitlines()) == 1, (line, said)
+        assert said.endswith(f'is not installed: pip install "fpg-bench[{name}]"\n'), (line, said)
+
+
+def test_every_command_is_tried():
+    lines = [*PLAYS, *(line for extra in EXTRAS.values() for line in (*extra.does, *extra.tries))]
+    assert not [words for words in commands() if not any(line.startswith(" ".join(words)) for line in lines)]
+
+
+def test_the_core_plays_and_names_the_extra_of_all_else(wheel, tmp_path):
+    python = environment(tmp_path / "env", wheel)
+    used = run(python, "-c", CORE, cwd=tmp_path)
+    assert used.returncode == 0, used.stderr
+    run_match("circle", "expert", "adaptive", seed=1, rounds=2, out=tmp_path / "match.jsonl")
+    check_works(python, tmp_path, Extra(PLAYS))
+    check_works(python, tmp_path, Extra(tuple(" ".join((*words, "--help")) for words in commands())))
+    check_names_what_is_missing(python, tmp_path, None)
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_an_extra_does_what_it_is_for(wheel, tmp_path, name):
+    extra = EXTRAS[name]
+    python = environment(tmp_path / "env", wheel, {name, extra.base} - {None})
+    entry = Path("submissions/opponent/adaptive")
+    shutil.copytree(ROOT / "leaderboard" / entry, tmp_path / "board" / entry)
+    check_works(python, tmp_path, extra)
+    if any(other.base == name for other in EXTRAS.values()):
+        check_names_what_is_missing(python, tmp_path, name)
+
+
+@pytest.mark.parametrize("agent", [AGENT, "ally-champion/ppo-stack8/seed_0"])
+def test_agents_play_the_same_without_onnx(monkeypatch, agent):
+    """Then each game is asked for itself."""
+    rng = np.random.default_rng(3)
+    seen = rng.uniform(-1, 1, (5, 16, 15)).astype(np.float32)
+    players = [fpg_bench.load_agent(agent)]
+    monkeypatch.setattr("fpg_bench.players.agent.has", lambda package: False)
+    players.append(fpg_bench.load_agent(agent))
+    assert [player.row_wise for player in players] == [True, False]
+    starts = np.zeros(16, bool)
+    states = [None, None]
+    for observations in seen:
+        found = [
+            player.predict(observations, state, starts) for player, state in zip(players, states, strict=True)
+        ]
+        assert found[0][0].tobytes() == found[1][0].tobytes()
+        states = [state for _, state in found]

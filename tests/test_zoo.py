@@ -7,8 +7,6 @@ nothing is shipped.
 import dataclasses
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -17,13 +15,14 @@ from fpg_bench import make_sb3
 from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.zoo import load_zoo
-from fpg_bench.evaluation.zoo_scores import add_missing_lines, member_entry, read_zoo_lines
-from fpg_bench.evaluation.zoo_table import page
 from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.champions import load_recipes
-from tests.evaluation.zoo_making import make_agent, make_zoo
+from fpg_bench.zoo.scores import add_missing_lines, member_entry, read_zoo_lines
+from fpg_bench.zoo.table import page
+from fpg_bench.zoo.zoo import load_zoo
+from tests.programs import fpg, python
+from tests.zoo.making import make_agent, make_zoo
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = load_zoo()
@@ -56,8 +55,7 @@ counterparts:
 
 
 def script(*words, folder):
-    run = [sys.executable, str(ROOT / "scripts" / "train_zoo.py"), *map(str, words)]
-    return subprocess.run(run, cwd=folder, capture_output=True, text=True)
+    return python(ROOT / "scripts" / "train_zoo.py", *words, folder=folder)
 
 
 def shipped_agents():
@@ -120,8 +118,9 @@ def test_the_page_is_what_the_lines_give():
         assert (SHIPPED.folder / link.partition("#")[0]).is_file(), link
 
 
+@pytest.mark.process
 def test_the_verb_lists_what_is_shipped():
-    found = subprocess.run([sys.executable, "-m", "fpg_bench.cli", "zoo"], capture_output=True, text=True)
+    found = fpg("zoo")
     assert found.returncode == 0, found.stderr
     names = [line.split()[0] for line in found.stdout.splitlines() if line.endswith("whole")]
     assert names == shipped_agents()
@@ -129,7 +128,7 @@ def test_the_verb_lists_what_is_shipped():
 
 def test_the_list_tells_scores_and_what_has_changed(tmp_path, monkeypatch, capsys):
     from fpg_bench.cli.zoo import zoo as verb
-    from fpg_bench.evaluation import zoo as zoos
+    from fpg_bench.zoo import zoo as zoos
 
     zoo = make_zoo(tmp_path)
     monkeypatch.setattr(zoos, "load_zoo", lambda: zoo)
@@ -159,11 +158,12 @@ def tiny(tmp_path_factory):
     (folder / "other-v1.yml").write_text(OTHER)
     zoo = TINY.replace("FIELD", str(folder / "small-v1.yml")).replace("OTHER", str(folder / "other-v1.yml"))
     (folder / "zoo.yml").write_text(zoo)
-    found = script("--zoo", folder, "--runs", folder / "runs", "--jobs", 2, folder=folder)
+    found = script("--zoo", folder, "--runs", folder / "runs", "--jobs", 1, folder=folder)
     assert found.returncode == 0, found.stdout + found.stderr
     return folder
 
 
+@pytest.mark.process
 def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
     found = script("--zoo", tiny, "--runs", tiny / "runs", "--list", folder=tiny)
     kinds = (("small/td3", "5,200"), ("duel-ally/maddpg", "2,400"), ("duel-opponent/maddpg", "2,400"))
@@ -181,6 +181,7 @@ def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
         assert played == [line.returns[:2] for line in lines]
 
 
+@pytest.mark.process
 def test_the_script_checks(tiny, tmp_path):
     shutil.copytree(tiny, tmp_path / "zoo")
     words = ("--zoo", tmp_path / "zoo", "--check", "--only", "small/td3/seed_1")
@@ -193,6 +194,7 @@ def test_the_script_checks(tiny, tmp_path):
     assert "small-v1, adaptive/pursuit: other returns; small-v1, sweep/circle: other returns" in found.stdout
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -58,7 +58,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from fpg_bench import __version__
+        from fpg_bench.version import __version__
 
         typer.echo(__version__)
         raise typer.Exit

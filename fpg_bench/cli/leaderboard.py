@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.options import say
+from fpg_bench.extras import need
 
 app = typer.Typer(help="Build and show the leaderboard's site.", no_args_is_help=True)
 SITE = Path("leaderboard/site")
@@ -23,6 +24,7 @@ def build(
     ] = True,
 ) -> None:
     """Write the site: it needs no network and no server."""
+    need("leaderboard", "jinja2", "plotly")
     from rich.progress import Progress
 
     from fpg_bench.leaderboard.board import make_board

@@ -20,9 +20,10 @@ from fpg_bench.cli.options import (
     llm_options,
 )
 from fpg_bench.errors import UserError, printable
+from fpg_bench.extras import need
 
 if TYPE_CHECKING:
-    from fpg_bench.envs.matches import Round
+    from fpg_bench.matches.match import Round
 
 app = typer.Typer(help="Plan the opponent's path between the rounds of a match.")
 
@@ -47,8 +48,9 @@ def run(
     deadline: DeadlineOption = None,
 ) -> None:
     """Play one match of a planner, draw its paths, and keep it in a file; a stopped one goes on."""
-    from fpg_bench.envs.match_picture import draw_match
-    from fpg_bench.envs.matches import run_match
+    need("video", "matplotlib")
+    from fpg_bench.matches.match import run_match
+    from fpg_bench.matches.match_picture import draw_match
 
     told = {"prompt": prompt, "control": control, "server": server}
     llm = llm_options(deadline, **told, calls=calls, tokens=tokens, seconds=seconds)
@@ -80,7 +82,7 @@ def replay(
     ] = None,
 ) -> None:
     """Repeat a match from its file, without network, and check that it is identical to the bit."""
-    from fpg_bench.envs.matches import replay_match
+    from fpg_bench.matches.match import replay_match
 
     match, played = replay_match(file, allow=allow or ())
     _print_table(played, f"{match.planner} against {match.ally}, seed {match.seed}")
@@ -93,6 +95,7 @@ def probe(
     deadline: Annotated[float, typer.Option(min=0.1, help="seconds that each question may take")] = 30,
 ) -> None:
     """Try the language model that the environment names: what its server honours."""
+    need("llm", "openai")
     from rich.console import Console
 
     from fpg_bench.planning.llm import probe as probing

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -38,9 +38,8 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
 
     A note is no fault.
     """
-    from fpg_bench.leaderboard.check import notes, problems
+    from fpg_bench.leaderboard.check import load_submission, notes, problems
     from fpg_bench.leaderboard.likeness import told_apart
-    from fpg_bench.leaderboard.submission import load_submission
     from fpg_bench.leaderboard.tracks import KNOWN
     from fpg_bench.leaderboard.trial import trial
 
@@ -130,7 +129,8 @@ def crossplay(
 
     trusted = None if since is None else pairs_at(folder, since)
     if check is None:
-        failed = play_missing(folder, trusted=trusted, jobs=jobs, backend=backend, address=address, say=say)
+        where: dict[str, Any] = {"jobs": jobs, "backend": backend, "address": address}
+        failed = play_missing(folder, trusted=trusted, say=say, **where)
     else:
         failed = check_pairs(folder, _share(check), sample_seed)
     for line in failed:

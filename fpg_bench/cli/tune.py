@@ -19,6 +19,7 @@ from fpg_bench.cli.options import (
     say,
     steps_option,
 )
+from fpg_bench.extras import need
 
 Folder = Annotated[Path, typer.Argument(help="the study's folder")]
 StorageOption = Annotated[
@@ -54,6 +55,7 @@ def tune(
     address: AddressOption = None,
 ) -> None:
     """Search hyper-parameters; run it again to go on, and on as many machines as there are."""
+    need("tune", "optuna", "plotly")
     from fpg_bench.training.tuning.tune import tune as tune_alone
     from fpg_bench.training.tuning.workers import tune_together
 
@@ -86,6 +88,7 @@ def tune(
 
 def tune_report(out: Folder, storage: StorageOption = None, name: NameOption = None) -> None:
     """Write a study's history, importances and slices as a page."""
+    need("tune", "optuna", "plotly")
     from fpg_bench.training.tuning.report import write_report
 
     typer.echo(f"written: {write_report(out, storage=storage, name=name, say=say)}")
@@ -103,6 +106,7 @@ def tune_write(
     patience: PatienceOption = 600,
 ) -> None:
     """Train a study's best trials again on fresh seeds, and write the best values into a file."""
+    need("tune", "optuna", "plotly")
     from fpg_bench.errors import UserError
     from fpg_bench.training.tuning.confirm import confirm
     from fpg_bench.training.tuning.write import check_file, shown, write_values

@@ -64,7 +64,7 @@ def play(
     overwrite: Annotated[bool, typer.Option(help="replace a file that is there already")] = False,
 ) -> None:
     """Watch one round of a pairing: as text, a film, or an interactive page."""
-    from fpg_bench.envs.watching import watch
+    from fpg_bench.matches.watching import watch
 
     watch(
         ally,
@@ -133,21 +133,11 @@ def train(
 ) -> None:
     """Train an algorithm of Stable-Baselines3's kind on an id and export the agent."""
     from fpg_bench.training.run_folder import RunFolder
-    from fpg_bench.training.several import parse_seeds, train_seeds
-    from fpg_bench.training.train import train as train_run
+    from fpg_bench.training.several import parse_seeds, train_runs
+    from fpg_bench.training.spec import RunSpec
+    from fpg_bench.training.train import train_run
 
-    words: dict[str, Any] = {
-        "steps": steps,
-        "hyperparams": hyperparams,
-        "field": field,
-        "evaluations": evaluations,
-        "restart": restart,
-        "transcript": transcript,
-        "llm": llm_options(
-            deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds
-        ),
-        "against": listed(against),
-        "start": start,
+    options = {
         "scenario": scenario,
         "opponent": listed(opponent),
         "ally": listed(ally),
@@ -157,14 +147,28 @@ def train(
         "jamming_types": listed(jamming_types),
         "reward": reward,
     }
+    llm = llm_options(deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds)
+    spec = RunSpec(
+        algorithm,
+        view_id,
+        seed or 0,
+        steps,
+        hyperparams,
+        field,
+        transcript,
+        llm,
+        listed(against),
+        start,
+        options,
+    )
     if seeds is None and (backend, address) != ("loky", None):
         raise UserError("backend, address: are for a list of runs; name its --seeds")
     if seed is not None and seeds is not None:
         raise UserError("seed, seeds: say one of them")
     if seeds is not None:
-        where: dict[str, Any] = {"workers": jobs, "backend": backend, "address": address}
+        where: dict[str, Any] = {"workers": jobs, "backend": backend, "address": address, "say": say}
         listed_seeds = parse_seeds(seeds)
-        train_seeds(algorithm, view_id, out, listed_seeds, **where, say=say, **words)
+        train_runs(spec, out, listed_seeds, evaluations=evaluations, restart=restart, **where)
         for each in listed_seeds:
             print_scores(RunFolder(out / f"seed_{each}"), f"seed {each}: ")
         typer.echo(f"agents: {out}/seed_*/agent\nlearning curves: tensorboard --logdir {out}")
@@ -172,7 +176,7 @@ def train(
     folder = RunFolder(out)
     already = folder.is_finished()
     try:
-        agent = train_run(algorithm, view_id, out, seed=seed or 0, resume=resume, **words)
+        agent = train_run(spec, out, evaluations=evaluations, resume=resume, restart=restart)
     except KeyboardInterrupt as stop:
         saved = str(stop) or "the last checkpoint is kept"
         typer.echo(f"{saved}; go on by the same command with --resume", err=True)

@@ -8,14 +8,17 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from fpg_bench.extras import need
+
 if TYPE_CHECKING:
     from fpg_bench.evaluation.field import Field
-    from fpg_bench.evaluation.zoo import Member, Zoo, ZooView
+    from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView
 
 
 def zoo() -> None:
     """List the shipped agents: algorithm, seed and steps, their score, and whether their files are whole."""
-    from fpg_bench.evaluation.zoo import load_zoo
+    need("evaluate", "scipy")
+    from fpg_bench.zoo.zoo import load_zoo
 
     shipped = load_zoo()
     members = [member for member in shipped.members() if member.shipped]
@@ -36,14 +39,14 @@ def _scores(shipped: Zoo, view: ZooView) -> dict[tuple[str, int | None], float]:
     """The score of each agent of a view over its public field, by algorithm and seed."""
     from fpg_bench.evaluation.field_file import load_field
     from fpg_bench.evaluation.summary import summarise
-    from fpg_bench.evaluation.zoo_scores import read_zoo_lines
+    from fpg_bench.zoo.scores import read_zoo_lines
 
     field = load_field(view.fields[0])
     summaries = summarise(read_zoo_lines(shipped, view, field), field)
     return {(s.entry, seed): score for s in summaries for seed, score in s.seed_scores().items()}
 
 
-def _line(member: Member, score: float | None) -> str:
+def _line(member: ZooAgent, score: float | None) -> str:
     whole = "whole" if member.is_whole() else "CHANGED: not the file that agent.json describes"
     told = "-" if score is None else f"{score:.1f}"
     return f"{member.name:36} {member.about()['training_steps']:12,} {told:>7}  {whole}"
@@ -51,10 +54,10 @@ def _line(member: Member, score: float | None) -> str:
 
 def players() -> None:
     """List who can be named as a player or planner, and the paths that an opponent flies."""
-    from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.game.names import PATHS
     from fpg_bench.players.player import SIDES
     from fpg_bench.players.scripted import SCRIPTED
+    from fpg_bench.zoo.zoo import load_zoo
 
     members = [member for member in load_zoo().members() if member.shipped]
     for side in SIDES:
@@ -86,7 +89,7 @@ def _described(field: Field) -> str:
     return f"measures the {field.side}, {met}\n    {field.scale.told}"
 
 
-def _agents(members: Iterable[Member]) -> list[str]:
+def _agents(members: Iterable[ZooAgent]) -> list[str]:
     """The agents' names, training seeds together."""
     seeds: dict[str, list[str]] = {}
     for member in members:

@@ -12,11 +12,12 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 from fpg_bench.envs.duel import make_duel
 from fpg_bench.envs.one_sided import action_space, first_seeds, observation_space
-from fpg_bench.envs.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen
 from fpg_bench.errors import UserError
 from fpg_bench.game.arena import ActionError
 from fpg_bench.game.full_state import FULL_STATE_SIZE
 from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.pictures.screen import RENDER_MODES, Screen
+from fpg_bench.pictures.window import FRAMES_PER_SECOND
 from fpg_bench.players.player import SIDES
 
 

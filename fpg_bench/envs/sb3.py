@@ -1,22 +1,25 @@
 """The Stable-Baselines3 view: a native ``VecEnv`` of N games, same-step autoreset."""
+# ruff: noqa: E402
 
 from __future__ import annotations
 
+from fpg_bench.extras import need
+
+need("train", "stable_baselines3")
+
 import time
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvStepReturn
 
 from fpg_bench.envs.one_sided import OneSided, first_seeds, staggered_horizons
-from fpg_bench.envs.screen import Screen
 from fpg_bench.envs.single import wants_new_match
+from fpg_bench.envs.two_sided import TwoSided
 from fpg_bench.errors import UserError
-
-if TYPE_CHECKING:
-    from fpg_bench.envs.both_sides import BothSides
+from fpg_bench.pictures.screen import Screen
 
 
 class SB3View(VecEnv):
@@ -36,7 +39,7 @@ class SB3View(VecEnv):
 
     def __init__(
         self,
-        core: OneSided | BothSides,
+        core: OneSided | TwoSided,
         seed: int | None = None,
         stagger: bool = False,
         render_mode: str | None = None,

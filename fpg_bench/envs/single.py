@@ -8,10 +8,11 @@ import gymnasium
 import numpy as np
 
 from fpg_bench.envs.one_sided import OneSided, action_space, first_seeds, observation_space
-from fpg_bench.envs.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen
 from fpg_bench.errors import UserError
 from fpg_bench.game.arena import ActionError, described
 from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.pictures.screen import RENDER_MODES, Screen
+from fpg_bench.pictures.window import FRAMES_PER_SECOND
 
 
 class SingleView(gymnasium.Env):

@@ -3,8 +3,13 @@
 For those who come from PettingZoo and want one policy to learn both sides. A single side at full speed
 is :func:`fpg_bench.make_sb3`.
 """
+# ruff: noqa: E402
 
 from __future__ import annotations
+
+from fpg_bench.extras import need
+
+need("supersuit", "supersuit", "stable_baselines3")
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,9 +19,9 @@ import supersuit
 from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
+from fpg_bench.checks import whole
 from fpg_bench.envs.multi_agent import DuelView, parallel_env
 from fpg_bench.envs.one_sided import first_seeds
-from fpg_bench.errors import UserError
 from fpg_bench.players.player import SIDES
 
 
@@ -103,8 +108,7 @@ def supersuit_vec_env(n_envs: int = 1, seed: int | None = None, **options: Any) 
     Raises:
         UserError: something unknown, out of range, or impossible together.
     """
-    if isinstance(n_envs, bool) or not isinstance(n_envs, int) or n_envs < 1:
-        raise UserError(f"n_envs: expected a whole number of at least 1, got {n_envs!r}")
+    whole(n_envs, "n_envs")
     copies = supersuit.pettingzoo_env_to_vec_env_v1(parallel_env(**options))
     venv = supersuit.concat_vec_envs_v1(copies, n_envs, base_class="stable_baselines3")
     return VecMonitor(SuperSuitView(venv, seed))

@@ -10,21 +10,23 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import Entry, check_kept, check_seeds, entries_of
 from fpg_bench.evaluation.field import Counterpart, Field
 from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.line import Line, read_lines
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.results import Results
 from fpg_bench.evaluation.summary import Summary, summarise
+from fpg_bench.evaluation.table import Results
 from fpg_bench.files import read_json, write_json
 from fpg_bench.jobs.job import Job, check_all_done
-from fpg_bench.jobs.run import run_jobs
+from fpg_bench.jobs.run import Workers, run_jobs
 from fpg_bench.rows import RowFile
 
 LINES, ABOUT = "lines.jsonl", "evaluation.json"  # the files of a results folder
 Progress = Callable[[Entry, Counterpart, int], None]  # told how many rounds of each match were played
+_ALONE = Workers()
 
 
 def evaluate(
@@ -35,10 +37,8 @@ def evaluate(
     matches: int | None = None,
     name: str | None = None,
     progress: Progress = lambda entry, counterpart, rounds: None,
-    jobs: int = 1,
-    backend: str = "loky",
-    address: str | None = None,
     say: Callable[[str], None] = print,
+    **workers: Any,
 ) -> Results:
     """Play players against a field; what is in the folder already is not played again.
 
@@ -51,10 +51,9 @@ def evaluate(
         matches: per counterpart and training seed; None: the field's own.
         name: what lines and tables call the agents given; None: their algorithm. Not a script's name.
         progress: called before each meeting and after each of its rounds, where they are played one by one.
-        jobs: how many meetings are played at once; the lines are the same, their order may differ.
-        backend: ``loky`` or ``ray``; see :func:`fpg_bench.jobs.run.run_jobs`.
-        address: of a Ray cluster.
         say: told a line per meeting that begins or ends, where several are played at once.
+        **workers: ``jobs``, how many meetings are played at once (the lines are the same, their order may
+            differ), ``backend`` and ``address``; see :class:`fpg_bench.jobs.run.Workers`.
 
     Returns:
         The summaries of all entries in the folder, best first, with ``table()`` and ``dataframe()``.
@@ -69,10 +68,9 @@ def evaluate(
     entries = entries_of(players, played, name)
     if out is not None:
         check_kept(entries)
-    workers: dict[str, Any] = {"workers": jobs, "backend": backend, "address": address, "say": say}
-    alone = (jobs, backend, address) == (1, "loky", None)
+    crew = Workers(**workers)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
-        found = play_into(Path(folder), field, played, entries, progress, None if alone else workers)
+        found = play_into(Path(folder), field, played, entries, progress, crew, say)
     return Results(found)
 
 
@@ -82,7 +80,8 @@ def play_into(
     field: Field,
     entries: Sequence[Entry],
     progress: Progress = lambda entry, counterpart, rounds: None,
-    workers: dict[str, Any] | None = None,
+    workers: Workers = _ALONE,
+    say: Callable[[str], None] = print,
 ) -> list[Summary]:
     """Play entries against a field into a results folder; raises as :func:`evaluate` does.
 
@@ -92,7 +91,8 @@ def play_into(
         field: that field.
         entries: who is measured.
         progress: see :func:`evaluate`.
-        workers: how to play several meetings at once (:func:`fpg_bench.jobs.run.run_jobs`); None: one by one.
+        workers: how many meetings are played at once, and where.
+        say: see :func:`evaluate`.
     """
     check_seeds(entries)
     claim(out, name, field)
@@ -100,7 +100,7 @@ def play_into(
     with file.locked():
         _claim_names(out, entries)
         missing = list(_missing(entries, field, file))
-        if workers is None:
+        if workers.alone:
             for entry, counterpart in missing:
                 progress(entry, counterpart, 0)
                 file.append(
@@ -108,7 +108,7 @@ def play_into(
                 )
         else:
             jobs = [_job(entry, field, counterpart, file) for entry, counterpart in missing]
-            check_all_done(run_jobs(jobs, **workers))
+            check_all_done(run_jobs(jobs, workers.jobs, workers.backend, workers.address, say))
     return summarise(lines_of(file), field)
 
 
@@ -133,9 +133,7 @@ def read_results(folder: str | Path) -> tuple[list[Summary], Field]:
 
 def with_matches(field: Field, matches: int | None) -> Field:
     """The same field over another number of matches; raises UserError where it is none."""
-    if matches is not None and matches < 1:
-        raise UserError(f"matches: expected a whole number above 0, got {matches}")
-    return field if matches is None else dataclasses.replace(field, matches=matches)
+    return field if matches is None else dataclasses.replace(field, matches=whole(matches, "matches"))
 
 
 def claim(out: Path, name: str, field: Field) -> None:

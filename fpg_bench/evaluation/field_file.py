@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from fpg_bench.checks import check_keys, whole
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.evaluation.field import PLANNER, Counterpart, Field, Scale, identity
 from fpg_bench.evaluation.seeds import SEASON
@@ -78,7 +79,7 @@ def load_field(name: str, side: str | None = None, shipped: bool = False) -> Fie
     """
     path = field_file(name)
     content = read_yaml(path, "field")
-    _check_keys(content, _KEYS, _OPTIONAL, f"field {path}")
+    check_keys(content, _KEYS | _OPTIONAL, f"field {path}", sorted(_KEYS))
     if content["side"] not in (*SIDES, PLANNER):
         raise UserError(f"field {path}: side: expected ally, opponent or planner, got {content['side']!r}")
     if side not in (None, content["side"]):
@@ -101,11 +102,14 @@ def _verb(side: str) -> str:
 
 
 def _field(name: str, content: dict[str, Any]) -> Field:
-    whole = {key: _whole_number(content, key) for key in ("matches", "rounds_per_match", "last_rounds")}
+    counts: dict[str, int | None] = {
+        key: None if content.get(key) is None else whole(content[key], key)
+        for key in ("matches", "rounds_per_match", "last_rounds")
+    }
     planned = content["side"] == PLANNER
     scenario = as_scenario(
         content["scenario"],
-        rounds_per_match=whole["rounds_per_match"],
+        rounds_per_match=counts["rounds_per_match"],
         opponent_path="waypoints" if planned else None,
     )
     items = content["counterparts"]
@@ -115,17 +119,17 @@ def _field(name: str, content: dict[str, Any]) -> Field:
     names = [counterpart.name for counterpart in counterparts]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise UserError(f"counterparts: {twice!r} stands there twice; give one a name of its own")
-    if (whole["last_rounds"] or 1) > scenario.rounds_per_match:
+    if (counts["last_rounds"] or 1) > scenario.rounds_per_match:
         raise UserError(f"last_rounds: at most the match's {scenario.rounds_per_match} rounds")
     return Field(
         name,
         content["side"],
         scenario,
-        whole["matches"] or 1,
+        counts["matches"] or 1,
         counterparts,
         scale=_scale(content.get("scale")),
         opponent=str(content.get("opponent", "adaptive")),
-        last_rounds=whole["last_rounds"],
+        last_rounds=counts["last_rounds"],
         season=str(content.get("season", SEASON)),
     )
 
@@ -134,7 +138,7 @@ def _counterpart(item: Any, side: str, scenario: Scenario) -> Counterpart:
     other = "opponent" if side == "ally" else "ally"
     if not isinstance(item, dict) or other not in item:
         raise UserError(f"counterparts: expected mappings with {other}, got {item!r}")
-    _check_keys(item, {other}, _COUNTERPART, "counterparts")
+    check_keys(item, _COUNTERPART, "counterparts")
     if "path" in item and "planner" in item:
         raise UserError(f"counterparts: {item!r}: say path or planner, not both")
     players = tuple(map(str, item[other])) if isinstance(item[other], list) else (str(item[other]),)
@@ -142,8 +146,7 @@ def _counterpart(item: Any, side: str, scenario: Scenario) -> Counterpart:
     path = "waypoints" if planned else item.get("path")
     path = tuple(path) if isinstance(path, list) else path
     changes = item.get("changes") or {}
-    if not isinstance(changes, dict):
-        raise UserError(f"counterparts: changes: expected a mapping, got {changes!r}")
+    check_keys(changes, Scenario.__dataclass_fields__, "counterparts: changes")
     played = _changed(as_scenario(scenario, opponent_path=path), changes)
     flown = str(item.get("planner", item.get("path", "")))
     name = str(item.get("name") or "/".join(filter(None, ("+".join(players), flown))))
@@ -151,13 +154,10 @@ def _counterpart(item: Any, side: str, scenario: Scenario) -> Counterpart:
 
 
 def _changed(scenario: Scenario, changes: dict[str, Any]) -> Scenario:
-    for key in changes:
-        if key in _SAME_FOR_ALL:
-            raise UserError(
-                f"changes: {key} is the same for all counterparts of a field; say it in the scenario"
-            )
-        if key not in Scenario.__dataclass_fields__:
-            raise UserError(f"changes: unknown key {key!r}{nearest(str(key), Scenario.__dataclass_fields__)}")
+    if same := [key for key in _SAME_FOR_ALL if key in changes]:
+        raise UserError(
+            f"changes: {same[0]} is the same for all counterparts of a field; say it in the scenario"
+        )
     return as_scenario(scenario, **changes)
 
 
@@ -188,19 +188,3 @@ def _check(field: Field, counterpart: Counterpart) -> None:
         as_player(field.opponent, "opponent", counterpart.scenario)
     if counterpart.planner is not None:
         as_planner(counterpart.planner, counterpart.scenario)
-
-
-def _whole_number(content: dict[str, Any], key: str) -> int | None:
-    """The whole number above 0 under a key, None where there is none; raises UserError for all else."""
-    value = content.get(key)
-    if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
-        raise UserError(f"{key}: expected a whole number above 0, got {value!r}")
-    return value
-
-
-def _check_keys(content: dict[Any, Any], keys: set[str], optional: set[str], where: str) -> None:
-    for key in content:
-        if key not in keys | optional:
-            raise UserError(f"{where}: unknown key {key!r}{nearest(str(key), keys | optional)}")
-    if missing := sorted(keys - set(content)):
-        raise UserError(f"{where}: lacks {', '.join(missing)}")

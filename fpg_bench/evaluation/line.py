@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.checks import is_whole
 from fpg_bench.errors import UserError
 from fpg_bench.game.measures import GREATEST, measures
 from fpg_bench.game.state import TALLY
@@ -167,7 +168,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _is_count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < _ENDLESS
+    return is_whole(value, 0) and value < _ENDLESS
 
 
 def _is_word(value: Any) -> bool:

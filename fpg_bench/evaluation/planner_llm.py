@@ -11,11 +11,10 @@ from typing import Any
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import Entry
 from fpg_bench.evaluation.field import Counterpart, Field
-from fpg_bench.files import read_json, write_json, write_whole
+from fpg_bench.files import PACKED, read_json, write_json, write_whole
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.planning.llm.budget import Budget
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
-from fpg_bench.planning.llm.packed import PACKED
 from fpg_bench.planning.llm.prompts import load_prompt, prompt_file
 from fpg_bench.planning.llm.servers import endpoint_from_environment
 from fpg_bench.planning.llm.transcript import Transcript

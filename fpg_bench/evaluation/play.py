@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.envs.duel import Duel
-from fpg_bench.envs.rounds import Table, play_round, seated
 from fpg_bench.evaluation.entry import Entry
 from fpg_bench.evaluation.field import PLANNER, Counterpart, Field
 from fpg_bench.evaluation.line import TALLIES, Line, Plans
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.game.measures import pool as pooled_tally
+from fpg_bench.matches.rounds import Table, play_round, seated
 from fpg_bench.planning import as_planner
 from fpg_bench.rows import Row
 

@@ -12,6 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fpg_bench.extras import need
+
+need("evaluate", "scipy", "matplotlib")  # here, so that nothing is played before
+
 FEW_SEEDS = 3  # fewer training seeds are marked: their spread is hardly known
 TRAINING_SEEDS, MATCHES, ROUNDS = "training seeds", "matches", "rounds"
 
@@ -81,3 +85,39 @@ def _better(samples: Sequence[np.ndarray]) -> np.ndarray:
         p = 2 * stdtr(error**2 / (each[:, None] + each), -np.abs(apart) / np.sqrt(error))
     found: np.ndarray = (apart > 0) & ((error == 0) | (p < level))
     return found
+
+
+def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
+    """The share of runs that score more than each threshold.
+
+    Args:
+        scores: ``(..., training seeds, counterparts)``.
+        thresholds: ``(t,)``.
+
+    Returns:
+        ``(..., t)``, in [0, 1].
+    """
+    return (scores[..., None] > thresholds).mean(axis=(-3, -2))
+
+
+def probability_of_improvement(better: np.ndarray, other: np.ndarray) -> Interval:
+    """How likely a new training of the one earns more than one of the other, whomever both meet.
+
+    The mean over counterparts of the Mann-Whitney statistic, ties half. Its variance is that of a U statistic
+    (the spread of each seed's own share of wins, DeLong et al. 1988), with Student's t of the smaller
+    number of seeds; a script, which has one row, does not vary. In simulations with five seeds it covered
+    93 to 98 % up to a probability of 0.7; where nearly all seeds agree it is too narrow.
+
+    Args:
+        better: ``(m, counterparts)`` returns a step of the one's training seeds.
+        other: ``(n, counterparts)`` returns a step of the other's.
+    """
+    above = better[:, None] > other[None]
+    wins = (above + 0.5 * (better[:, None] == other[None])).mean(axis=2)
+    value = float(wins.mean())
+    shares = [share for share in (wins.mean(axis=1), wins.mean(axis=0)) if len(share) > 1]
+    if not shares:
+        return Interval(value, 0.0, 1.0, "nothing: one run each")
+    error = np.sqrt(sum(share.var(ddof=1) / len(share) for share in shares))
+    half = student_t(min(map(len, shares))) * float(error)
+    return Interval(value, max(value - half, 0.0), min(value + half, 1.0), "training seeds")

@@ -8,12 +8,13 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.evaluation.canvas import blank_figure
+from fpg_bench.errors import UserError
 from fpg_bench.evaluation.columns import columns, learning_curve
 from fpg_bench.evaluation.field import PLANNER, Field
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.files import write_whole
+from fpg_bench.pictures.canvas import blank_figure
 
 _TRAINED, _SCRIPT = "#0072b2", "#7f7f7f"
 # Okabe and Ito's colours, told apart by the colour-blind too; each round of them has its marker.
@@ -161,3 +162,23 @@ def write_table(summaries: Sequence[Summary], field: Field, folder: Path) -> Non
     write_whole(folder / "table.md", markdown(summaries, field))
     write_whole(folder / "table.csv", as_csv(summaries))
     picture(summaries, field, folder / "table.png")
+
+
+class Results(list[Summary]):
+    """The summaries of all entries that met a field, best first."""
+
+    def table(self) -> str:
+        """A table of Markdown with all columns, and what its numbers are."""
+        return markdown(self, self[0].field) if self else ""
+
+    def dataframe(self) -> Any:
+        """A ``pandas.DataFrame`` with one row per entry, unrounded, the columns of ``table.csv``.
+
+        Raises:
+            UserError: pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise UserError("dataframe: needs pandas (pip install pandas)") from error
+        return pandas.DataFrame([flat(summary) for summary in self])

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.envs.rounds import Table, play_round
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.field import PLANNER, Field, Scale
 from fpg_bench.evaluation.field_file import load_field
@@ -17,6 +16,7 @@ from fpg_bench.evaluation.play import table_of
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.game.measures import pool
 from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.matches.rounds import Table, play_round
 from fpg_bench.players.player import Player
 from fpg_bench.players.scripted import player_seeds
 

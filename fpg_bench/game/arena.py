@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
 from fpg_bench.game import step as kernel
 from fpg_bench.game.flight import LEARNED, PURSUIT
@@ -48,8 +49,7 @@ class Arena:
     def __init__(self, scenario: Scenario, games: int = 1, threads: int | None = None) -> None:
         threads = min(2, os.cpu_count() or 1) if threads is None else threads
         for name, value in (("games", games), ("threads", threads)):
-            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-                raise UserError(f"{name}: expected a whole number of at least 1, got {value!r}")
+            whole(value, name)
         self.scenario = scenario
         self.count = int(games)
         self.threads = int(threads)

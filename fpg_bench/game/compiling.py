@@ -15,7 +15,8 @@ from typing import Any
 
 import numba
 import platformdirs
-from numba.core import config, event
+from numba import config
+from numba.core import event  # a private door, opened here alone: Numba tells nobody else that it compiles
 
 _PACKAGE = Path(__file__).parents[1]
 _SOURCES = ("game", "players", "planning")

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from fpg_bench.checks import is_whole
 from fpg_bench.errors import UserError
 from fpg_bench.files import read_yaml
 
@@ -82,9 +83,7 @@ def _entry(where: str, content: Any) -> Entry:
     if not isinstance(spectrum, dict) or set(spectrum) != {"half_width_mhz", "spacing_mhz"}:
         raise KnowledgeError(f"{where}: spectrum: expected half_width_mhz and spacing_mhz, got {spectrum!r}")
     candidates = content["candidates"]
-    if candidates != "all" and (
-        isinstance(candidates, bool) or not isinstance(candidates, int) or candidates < 1
-    ):
+    if candidates != "all" and not is_whole(candidates):
         raise KnowledgeError(
             f"{where}: candidates: expected 'all' or a whole number above 0, got {candidates!r}"
         )

@@ -11,13 +11,13 @@ from typing import Any
 
 import yaml
 
+from fpg_bench.checks import check_keys
 from fpg_bench.errors import nearest
 from fpg_bench.files import read_yaml, write_whole
 from fpg_bench.game.knowledge import KnowledgeBase, load_knowledge
 from fpg_bench.game.names import DETECTIONS, JAMMING_TYPES, SNR_MODELS
+from fpg_bench.game.released import RELEASED, RULES_VERSION
 from fpg_bench.game.validation import ScenarioError, check_mix, checked
-
-RULES_VERSION = 1
 
 
 def _number(default: float, low: float, high: float, doc: str) -> Any:
@@ -158,13 +158,14 @@ class Scenario:
     def hash(self) -> str:
         """SHA-256 of what is played, as 64 hexadecimal digits; two equal hashes play the same game.
 
-        Only fields that differ from ``standard`` enter it, so a new field with a neutral default
-        keeps every hash.
+        Only fields that differ from the released rules (:mod:`fpg_bench.game.released`) enter it, so a new
+        field with a neutral default keeps every hash, and a changed default changes it.
         """
+        released = {spec.name: spec.default for spec in fields(self)} | RELEASED[RULES_VERSION]
         changed = {
-            spec.name: getattr(self, spec.name)
-            for spec in fields(self)
-            if spec.name != "knowledge" and getattr(self, spec.name) != spec.default
+            name: getattr(self, name)
+            for name in released
+            if name != "knowledge" and getattr(self, name) != released[name]
         }
         base = self.knowledge_base
         content = {
@@ -185,10 +186,7 @@ class Scenario:
         """
         path = Path(path)
         changes = read_yaml(path, "scenario")
-        known = [spec.name for spec in fields(cls)]
-        for key in changes:
-            if key not in (*known, "preset"):
-                raise ScenarioError(f"scenario {path}: unknown key {key!r}{nearest(str(key), known)}")
+        check_keys(changes, [*(spec.name for spec in fields(cls)), "preset"], f"scenario {path}")
         knowledge = changes.get("knowledge")
         if (
             isinstance(knowledge, str)

@@ -6,15 +6,12 @@ import dataclasses
 import numbers
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.names import JAMMING_TYPES, MOST_PATHS, PATHS
-
-if TYPE_CHECKING:
-    from fpg_bench.game.scenario import Scenario
 
 
 class ScenarioError(UserError):
@@ -111,8 +108,8 @@ _OTHER_CHECKS = {
 }
 
 
-def check_mix(scenario: Scenario) -> None:
-    """Refuse fields that are fine alone and impossible together; the message names both values."""
+def check_mix(scenario: Any) -> None:
+    """Refuse fields of a ``Scenario`` that are fine alone and impossible together; both are named."""
     s = scenario
     if s.band_low_mhz >= s.band_high_mhz:
         raise ScenarioError(f"band_low_mhz {s.band_low_mhz} must lie below band_high_mhz {s.band_high_mhz}")

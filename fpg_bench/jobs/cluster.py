@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from typing import Any
 
 from fpg_bench.errors import UserError
+from fpg_bench.extras import need
 from fpg_bench.jobs.job import Outcome
 
 _ANSWER_S = 5.0
@@ -27,7 +28,10 @@ class RayPool:
     """
 
     def __init__(self, address: str | None, workers: int) -> None:
-        self._ray = ray = _ray()
+        need("ray", "ray", "grpc")
+        import ray
+
+        self._ray = ray
         self._joined = not ray.is_initialized()
         if self._joined:
             _join(ray, address or os.environ.get("RAY_ADDRESS"), workers)
@@ -71,14 +75,6 @@ class RayPool:
 
 def _run(call: Callable[[], Outcome]) -> Outcome:
     return call()
-
-
-def _ray() -> Any:
-    try:
-        import ray
-    except ImportError as error:
-        raise UserError('backend ray: is not installed; pip install "fpg-bench[ray]"') from error
-    return ray
 
 
 def _join(ray: Any, address: str | None, workers: int) -> None:

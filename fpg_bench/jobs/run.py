@@ -7,11 +7,13 @@ import functools
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError, nearest
+from fpg_bench.extras import need
 from fpg_bench.jobs.job import Job, Outcome, Pool, attempt
 
 BACKENDS = ("loky", "ray")
@@ -86,9 +88,37 @@ def run_jobs(
     return {job.name: failed[job.name] for job in jobs if job.name in failed}
 
 
+@dataclass(frozen=True)
+class Workers:
+    """How many jobs run at once, and where; see :func:`run_jobs`."""
+
+    jobs: int = 1
+    backend: str = "loky"
+    address: str | None = None
+
+    @property
+    def alone(self) -> bool:
+        """Whether a single local one is asked for: this process does as well."""
+        return self == Workers()
+
+
+def run_quietly(jobs: Sequence[Job], workers: Workers) -> dict[str, str]:
+    """As :func:`run_jobs`, saying nothing; in this process where a single local worker is asked for."""
+    if not workers.alone:
+        return run_jobs(jobs, workers.jobs, workers.backend, workers.address, say=lambda line: None)
+    failed: dict[str, str] = {}
+    for job in jobs:
+        if not job.done():
+            outcome = attempt(job.run, os.getcwd())
+            if outcome.error is None:
+                job.keep(outcome.result)
+            else:
+                failed[job.name] = outcome.error
+    return failed
+
+
 def _check(workers: int, backend: str, address: str | None) -> None:
-    if workers < 1:
-        raise UserError(f"jobs: expected a whole number above 0, got {workers}")
+    whole(workers, "jobs")
     if backend not in BACKENDS:
         raise UserError(f"backend: unknown {backend!r}{nearest(backend, BACKENDS)}")
     if address is not None and backend != "ray":
@@ -100,6 +130,7 @@ def _pool(backend: str, address: str | None, workers: int) -> Pool:
         from fpg_bench.jobs.cluster import RayPool
 
         return RayPool(address, workers)
+    need("evaluate", "joblib")
     from fpg_bench.jobs.local import LocalPool
 
     return LocalPool()

@@ -16,11 +16,11 @@ import platformdirs
 
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.evaluation.field import Field
-from fpg_bench.leaderboard.check import taken
+from fpg_bench.leaderboard.check import load_submission, taken
 from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.playing import Key, Meeting, Part, key_of, meetings_of, parts_of
 from fpg_bench.leaderboard.result import Result, differing, fingerprint, read_result
-from fpg_bench.leaderboard.submission import TRACKS, Submission, load_submission
+from fpg_bench.leaderboard.submission import TRACKS, Submission
 from fpg_bench.rows import Row, RowFile
 
 _SUBMITTED = {"submission", "policies", "planner"}  # what of a fingerprint comes from the submission's folder

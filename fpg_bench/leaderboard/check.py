@@ -59,6 +59,22 @@ def _outside(folder: Path, board: Path) -> Iterator[str]:
         yield f"does not lie in {board}/submissions; submit run writes its result to {written}"
 
 
+def load_submission(folder: str | Path, contract: bool = True) -> Submission:
+    """The submission of a folder, checked wholly; nothing of it is run.
+
+    Args:
+        folder: the submission's.
+        contract: whether to check what its policies hold, too; needless where they are only told of.
+
+    Raises:
+        UserError: the first of its problems (see :func:`problems`).
+    """
+    submission, found = examine(Path(folder), contract)
+    if submission is None or found:
+        raise UserError(f"submission {folder}: {found[0]}")
+    return submission
+
+
 def examine(folder: Path, contract: bool = True) -> tuple[Submission | None, list[str]]:
     """The submission of a folder, None where it cannot be read, and all that is wrong with it alone.
 

@@ -12,11 +12,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-import fpg_bench  # noqa: F401  its ids are registered by it
 from fpg_bench.errors import UserError
 from fpg_bench.leaderboard import host
+from fpg_bench.leaderboard.check import load_submission
 from fpg_bench.leaderboard.policies import Policy
-from fpg_bench.leaderboard.submission import Submission, load_submission
+from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.players import agent
 from fpg_bench.players.player import Player
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from fpg_bench.evaluation.field import Field
 from fpg_bench.evaluation.play import rounds, table_of
+from fpg_bench.leaderboard.check import load_submission
 from fpg_bench.leaderboard.planner_track import TRACK
-from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import KNOWN, TRACKS
 from fpg_bench.planning import BatchPlanner, Plan, Planner, Request, as_planner, plan_all
 from fpg_bench.planning.llm.prompts import controlled

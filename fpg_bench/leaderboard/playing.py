@@ -15,7 +15,7 @@ from fpg_bench.evaluation.field import Counterpart, Field
 from fpg_bench.evaluation.line import Line, read_line
 from fpg_bench.evaluation.play import play
 from fpg_bench.leaderboard.planner_track import TRACK, replaying
-from fpg_bench.leaderboard.sandbox import missing_here
+from fpg_bench.leaderboard.sandbox import PolicyFailed, missing_here
 from fpg_bench.leaderboard.submission import Policy, Submission
 from fpg_bench.leaderboard.transcripts import local
 from fpg_bench.rows import RowFile
@@ -114,8 +114,6 @@ def fill(part: Part, meetings: Sequence[Meeting], folder: Path) -> None:
 
     A policy that cannot be played on leaves a row that says why.
     """
-    from fpg_bench.leaderboard.host import PolicyFailed
-
     file, there = RowFile(folder / LINES), lines_in(folder)
     missing = [meeting for meeting in meetings if key_of(*meeting) not in there]
     try:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fpg_bench.checks import is_whole
 from fpg_bench.errors import UserError
 from fpg_bench.files import read_json
 from fpg_bench.leaderboard.fields import MOST_STEPS
@@ -122,7 +123,7 @@ def _about(path: Path, seed: int, side: str | None) -> tuple[dict[str, Any], lis
 
 def _is_steps(value: Any) -> bool:
     """Whether a number of training steps is one."""
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= MOST_STEPS
+    return is_whole(value, 0) and value <= MOST_STEPS
 
 
 def _finite(value: Any) -> bool:

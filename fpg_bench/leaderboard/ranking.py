@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fpg_bench.evaluation.profiles import performance_profile, probability_of_improvement
-from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.evaluation.statistics import Interval, performance_profile, probability_of_improvement
 from fpg_bench.evaluation.summary import Summary
 
 _THRESHOLDS = 81  # of a profile

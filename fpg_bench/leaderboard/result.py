@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fpg_bench import __version__
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.field import Field
 from fpg_bench.evaluation.line import Line, read_line
@@ -22,6 +21,7 @@ from fpg_bench.leaderboard.planner_track import planner_facts
 from fpg_bench.leaderboard.tracks import KNOWN
 from fpg_bench.plain_json import read_object
 from fpg_bench.rows import Row
+from fpg_bench.version import __version__
 
 if TYPE_CHECKING:
     from fpg_bench.leaderboard.submission import Submission

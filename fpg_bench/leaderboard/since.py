@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fpg_bench.errors import UserError
-from fpg_bench.leaderboard.crossplay import crossplay_file
+from fpg_bench.leaderboard.pairs import crossplay_file
 from fpg_bench.leaderboard.submission import TRACKS
 from fpg_bench.plain_json import read_object
 from fpg_bench.rows import Row

@@ -8,13 +8,15 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from fpg_bench.errors import UserError
 from fpg_bench.evaluation.field import Field
+from fpg_bench.extras import need
 from fpg_bench.leaderboard.fields import TRACKS, Training
 from fpg_bench.leaderboard.policies import Policy
 from fpg_bench.leaderboard.tracks import track_of
 
-__all__ = ["TRACKS", "Policy", "Submission", "Training", "load_submission"]
+need("evaluate", "onnx", "scipy", "matplotlib", "joblib")
+
+__all__ = ["TRACKS", "Policy", "Submission", "Training"]
 
 
 @dataclass(frozen=True)
@@ -78,21 +80,3 @@ class Submission:
         }
         text = json.dumps({"slug": self.slug, **told}, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
-
-
-def load_submission(folder: str | Path, contract: bool = True) -> Submission:
-    """The submission of a folder, checked wholly; nothing of it is run.
-
-    Args:
-        folder: the submission's.
-        contract: whether to check what its policies hold, too; needless where they are only told of.
-
-    Raises:
-        UserError: the first of its problems (see :func:`fpg_bench.leaderboard.check.problems`).
-    """
-    from fpg_bench.leaderboard.check import examine
-
-    submission, found = examine(Path(folder), contract)
-    if submission is None or found:
-        raise UserError(f"submission {folder}: {found[0]}")
-    return submission

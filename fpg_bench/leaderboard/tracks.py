@@ -9,8 +9,7 @@ from types import MappingProxyType
 
 from fpg_bench.evaluation.field import Field
 from fpg_bench.evaluation.field_file import load_field
-from fpg_bench.evaluation.season import SeasonKey, current_season
-from fpg_bench.evaluation.seeds import SEASON
+from fpg_bench.evaluation.seeds import SEASON, SeasonKey, current_season
 from fpg_bench.players.agent import fields_folder
 
 KNOWN, PUBLIC, UNSEEN, SHIFTED, RESPONSES = "known", "public", "unseen", "shifted", "responses"

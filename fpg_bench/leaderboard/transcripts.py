@@ -14,11 +14,11 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation.field import Field
 from fpg_bench.evaluation.planner_llm import ABOUT, PROMPT, transcript_file, transcript_name
 from fpg_bench.evaluation.seeds import evaluation_seeds
-from fpg_bench.files import read_json
+from fpg_bench.files import PACKED, read_json
 from fpg_bench.leaderboard.folder import names
 from fpg_bench.leaderboard.tracks import KNOWN, TRACKS
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Where
-from fpg_bench.planning.llm.packed import PACKED, packed_rows
+from fpg_bench.planning.llm.packed import packed_rows
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt
 from fpg_bench.rows import Row
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.evaluation.summary import Summary
+from fpg_bench.leaderboard.pairs import Pair
 from fpg_bench.leaderboard.tracks import PUBLIC, SHIFTED
-from fpg_bench.rows import Row
+from fpg_bench.players.player import SIDES
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class Worst:
     where: str
 
 
-def worst(slug: str, side: str, summaries: Mapping[str, Summary], pairs: Iterable[Row] = ()) -> Worst:
+def worst(slug: str, side: str, summaries: Mapping[str, Summary], pairs: Iterable[Pair] = ()) -> Worst:
     """The lowest return a step of an entry over all fields under its own rules, and over cross-play.
 
     It bounds the worst from above alone: somebody who has not met the entry may take more.
@@ -31,7 +32,7 @@ def worst(slug: str, side: str, summaries: Mapping[str, Summary], pairs: Iterabl
         slug: the entry's name.
         side: ``ally``, ``opponent`` or ``planner``.
         summaries: over each field, by what it says; changed rules don't count.
-        pairs: rows of cross-play.
+        pairs: of cross-play.
     """
     found = [*_of_fields(summaries), *_of_pairs(slug, side, pairs)]
     return min(found, key=lambda met: met.reward.value)
@@ -44,9 +45,9 @@ def _of_fields(summaries: Mapping[str, Summary]) -> Iterator[Worst]:
             yield Worst(summary.by_counterpart[name], name, summary.field.name)
 
 
-def _of_pairs(slug: str, side: str, pairs: Iterable[Row]) -> Iterator[Worst]:
+def _of_pairs(slug: str, side: str, pairs: Iterable[Pair]) -> Iterator[Worst]:
     other = "opponent" if side == "ally" else "ally"
-    for row in pairs:
-        if row.get(side) == slug:
-            reward = mean_interval(np.array(row[f"{side}_rewards"]), TRAINING_SEEDS)
-            yield Worst(reward, str(row[other]), "cross-play")
+    for pair in pairs:
+        if side in SIDES and getattr(pair, side) == slug:
+            reward = mean_interval(np.array(pair.rewards(side)), TRAINING_SEEDS)
+            yield Worst(reward, getattr(pair, other), "cross-play")

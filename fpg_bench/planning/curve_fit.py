@@ -20,91 +20,12 @@ from __future__ import annotations
 import math
 
 from fpg_bench.game.compiling import compiled
+from fpg_bench.planning.curve_flight import differentiate, trace
 
-CHORDS = 32
 PARAMETERS = 13  # four control points, and the speed
-SPEED = 12
 _BLUR_M = 30.0  # a part's mean reward does not come from its middle alone
 _LEAST_VARIANCE = 1e-4
 _FIRST_DAMPING, _LAST_DAMPING = 0.01, 1e6
-
-
-@compiled
-def _measure(parameters, bernstein, corners, lengths):
-    """Fill the ends of the chords of a curve, and the curve's lengths up to them."""
-    lengths[0] = 0.0
-    for c in range(CHORDS + 1):
-        for axis in range(3):
-            place = 0.0
-            for point in range(4):
-                place += bernstein[c, point] * parameters[3 * point + axis]
-            corners[c, axis] = place
-        if c > 0:
-            squares = 0.0
-            for axis in range(3):
-                squares += (corners[c, axis] - corners[c - 1, axis]) ** 2
-            lengths[c] = lengths[c - 1] + math.sqrt(squares) + 1e-9  # no chord has no length
-
-
-@compiled
-def _locate(metres, lengths):
-    """After so many metres there and back: how often it has turned, its chord, and the share of that."""
-    turns = int(metres / lengths[CHORDS])
-    flown = metres - turns * lengths[CHORDS]
-    if turns % 2 == 1:
-        flown = lengths[CHORDS] - flown
-    low, high = 0, CHORDS
-    while high - low > 1:
-        middle = (low + high) // 2
-        if lengths[middle] <= flown:
-            low = middle
-        else:
-            high = middle
-    return turns, low, (flown - lengths[low]) / (lengths[high] - lengths[low])
-
-
-@compiled
-def trace(parameters, times, bernstein, places, corners, lengths):
-    """Fill ``places`` (K, 3) with where the ally is at ``times`` (K,), in s, on the curve of some parameters.
-
-    ``bernstein`` (CHORDS + 1, 4) holds the control points' weights at the ends of the chords;
-    ``corners`` (CHORDS + 1, 3) and ``lengths`` (CHORDS + 1,) are filled with those ends.
-    """
-    _measure(parameters, bernstein, corners, lengths)
-    for k in range(times.shape[0]):
-        _, c, share = _locate(parameters[SPEED] * times[k], lengths)
-        for axis in range(3):
-            places[k, axis] = corners[c, axis] + share * (corners[c + 1, axis] - corners[c, axis])
-
-
-@compiled
-def _differentiate(parameters, times, bernstein, corners, lengths, growth, slopes):
-    """Fill ``slopes`` (n, 3, 13) with the derivatives of the places on a curve that was just traced.
-
-    ``growth`` (CHORDS + 1, 12) is filled with those of the lengths.
-    """
-    growth[0] = 0.0
-    for c in range(CHORDS):
-        length = lengths[c + 1] - lengths[c]
-        for point in range(4):
-            weight = (bernstein[c + 1, point] - bernstein[c, point]) / length
-            for axis in range(3):
-                p = 3 * point + axis
-                growth[c + 1, p] = growth[c, p] + weight * (corners[c + 1, axis] - corners[c, axis])
-    for k in range(times.shape[0]):
-        turns, c, share = _locate(parameters[SPEED] * times[k], lengths)
-        back = turns % 2 == 1
-        length = lengths[c + 1] - lengths[c]
-        for axis in range(3):
-            along = (corners[c + 1, axis] - corners[c, axis]) / length  # the place's change per metre flown
-            for p in range(SPEED):
-                flown = (turns + 1) * growth[CHORDS, p] if back else -turns * growth[CHORDS, p]
-                flown -= growth[c, p] + share * (growth[c + 1, p] - growth[c, p])
-                slopes[k, axis, p] = flown * along
-            for point in range(4):
-                weight = bernstein[c, point] + share * (bernstein[c + 1, point] - bernstein[c, point])
-                slopes[k, axis, 3 * point + axis] += weight
-            slopes[k, axis, SPEED] = -along * times[k] if back else along * times[k]
 
 
 @compiled
@@ -240,7 +161,7 @@ def refine(parameters, measured, times, bernstein, rules, prior, bounds, steps, 
     best, damping, improved = misfit(squares, m, parameters, prior), _FIRST_DAMPING, True
     for _ in range(steps):
         if improved:
-            _differentiate(parameters, times, bernstein, corners, lengths, growth, slopes)
+            differentiate(parameters, times, bernstein, corners, lengths, growth, slopes)
             _normal_equations(
                 parameters, places, slopes, measured, rules, ratios, rewards, line,
                 squares / m + _LEAST_VARIANCE, prior, gradient, sums, matrix, vector,

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.planning import curve_fit
+from fpg_bench.planning import curve_fit, curve_flight
 from fpg_bench.planning.interception import chase_waypoints
 from fpg_bench.planning.patterns import Patrol
 from fpg_bench.planning.planner import BatchPlanner, Plan, Request
@@ -49,7 +49,7 @@ class Interceptor(BatchPlanner):
         self._rules = np.array(
             [*scenario.base_station_m, scenario.distance_reward, max(scenario.distance_reward_m, 1.0)]
         )
-        share = np.linspace(0, 1, curve_fit.CHORDS + 1)[:, None]
+        share = np.linspace(0, 1, curve_flight.CHORDS + 1)[:, None]
         self._bernstein = np.array([1, 3, 3, 1]) * share ** np.arange(4) * (1 - share) ** np.arange(3, -1, -1)
         self._set_prior(scenario)
         self._room = _room(self._n)
@@ -63,13 +63,13 @@ class Interceptor(BatchPlanner):
         high = np.append(np.tile([*scenario.box_m[:2], altitudes[1]], 4), fast)
         self._bounds = np.stack([low, high])
         self._prior = np.stack([(low + high) / 2, np.maximum(high - low, 1.0) / np.sqrt(12)])
-        self._prior[:, curve_fit.SPEED] = fast, SPEED_SD_M_S
+        self._prior[:, curve_flight.SPEED] = fast, SPEED_SD_M_S
 
     def _draw_library(self) -> None:
         """Curves as the rules draw them, three in four at full speed."""
         rng = np.random.default_rng(0)
         self._library = rng.uniform(self._bounds[0], self._bounds[1], (LIBRARY, curve_fit.PARAMETERS))
-        self._library[LIBRARY // 4 :, curve_fit.SPEED] = self._bounds[1, curve_fit.SPEED]
+        self._library[LIBRARY // 4 :, curve_flight.SPEED] = self._bounds[1, curve_flight.SPEED]
         self._library_places = np.stack([self._trace(curve, self._times) for curve in self._library])
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
@@ -136,13 +136,13 @@ class Interceptor(BatchPlanner):
 
     def _trace(self, curve: np.ndarray, times: np.ndarray) -> np.ndarray:
         places = np.empty((len(times), 3))
-        curve_fit.trace(curve, times, self._bernstein, places, *self._room[-2:])
+        curve_flight.trace(curve, times, self._bernstein, places, *self._room[-2:])
         return places
 
 
 def _room(n: int) -> tuple[np.ndarray, ...]:
     """What a fit works in, after the two arrays that depend on the number of measurements."""
-    p, chords = curve_fit.PARAMETERS, curve_fit.CHORDS
+    p, chords = curve_fit.PARAMETERS, curve_flight.CHORDS
     fit = [3, (p, p), (p, p), p, p, p, (2, p), (3, 6)]
     shapes = [*fit, (n, 3), (chords + 1, p - 1), (n, 3, p), (chords + 1, 3), chords + 1]
     return tuple(np.zeros(shape) for shape in shapes)

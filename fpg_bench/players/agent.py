@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.errors import UserError
+from fpg_bench.extras import has
 from fpg_bench.files import read_json
 from fpg_bench.ids import DUEL, VIEWS, sides_of
 from fpg_bench.players.keyed import Keyed
@@ -26,7 +27,8 @@ _FIELDS = ("format", "algorithm", "id", "scenario", "training_seed", "training_s
 class OnnxPlayer(Keyed):
     """Plays a policy through onnxruntime, one thread, the same bits whatever the batch size.
 
-    One whose operators do not show that each game is answered for itself is asked one game at a time.
+    One whose operators do not show that each game is answered for itself is asked one game at a time; so is
+    every one where ``onnx`` (extra ``evaluate``), which reads the operators, is not installed.
 
     Inputs ``observation`` (n, 15), optional ``state`` (n, S), optional ``noise`` (n, k), standard normal
     numbers of the round's own stream; outputs ``action`` (n, 9) and, with a state, ``next_state``
@@ -48,11 +50,7 @@ class OnnxPlayer(Keyed):
         import onnxruntime
 
         self.model, self.about = model, about
-        try:
-            plain = plain_model(model)
-        except UserError as error:
-            raise UserError(f"policy.onnx: {error}") from error
-        read = plain.SerializeToString(deterministic=True)
+        read, self.row_wise = _read(model) if has("onnx") else (model, False)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4
@@ -67,7 +65,6 @@ class OnnxPlayer(Keyed):
         self.state_size = inputs["state"][1] if "state" in inputs else 0
         self.noise_size = inputs["noise"][1] if "noise" in inputs else 0
         self._outputs = ["action", "next_state"] if self.state_size else ["action"]
-        self.row_wise = row_wise(plain)
 
     def predict(
         self,
@@ -200,6 +197,15 @@ def baselines_folder() -> Path:
 def fields_folder() -> Path:
     """Where fields lie, and the trained counterparts of those that have some."""
     return baselines_folder() / "fields"
+
+
+def _read(model: bytes) -> tuple[bytes, bool]:
+    """What a session is made of, and whether it may be asked many games at once."""
+    try:
+        plain = plain_model(model)
+    except UserError as error:
+        raise UserError(f"policy.onnx: {error}") from error
+    return plain.SerializeToString(deterministic=True), row_wise(plain)
 
 
 def _first_line(error: Exception) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
+from fpg_bench.extras import need
 from fpg_bench.files import write_json, write_whole
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer, check_about
@@ -44,8 +45,9 @@ def stripped(model: bytes) -> bytes:
     """A policy without what an exporter noted of this machine: paths, stack traces, names of modules.
 
     Raises:
-        UserError: no ONNX.
+        UserError: no ONNX, or the package ``onnx`` is not installed.
     """
+    need("evaluate", "onnx")
     import onnx
 
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -17,7 +17,6 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 
-import fpg_bench
 from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
 from fpg_bench.ids import DUEL
@@ -25,11 +24,13 @@ from fpg_bench.players.player import SIDES
 from fpg_bench.reproduce.conditions import Condition
 from fpg_bench.reproduce.keeping import Checkpoint
 from fpg_bench.reproduce.recorded import Recorded
-from fpg_bench.reproduce.windows import FINAL, window_row, windows_of, write_windows
+from fpg_bench.reproduce.runs import Run
+from fpg_bench.reproduce.windows import FINAL, window_row, windows_of
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.language_model import training_planner
 from fpg_bench.training.maddpg_seeds import Together
 from fpg_bench.training.models import make_model
+from fpg_bench.version import __version__
 
 ALGORITHM = "maddpg"
 _POSITIONS = 50  # of a round that is drawn
@@ -81,11 +82,12 @@ def run_experiment(
     condition: Condition,
     preset: str,
     budget: Budget,
-    paths: Mapping[int, Path],
+    seeds: Iterable[int],
+    place: Path,
     llm: Mapping[str, Any] | None = None,
     learner: str = "torch",
-) -> None:
-    """Train both sides under a condition, play the last policies without noise, and write what happened.
+) -> list[Run]:
+    """Train both sides under a condition, and play the last policies without noise.
 
     All seeds are trained at once, which takes little longer than one; each by its own games and chance, so
     that the others make no difference to it beyond the rounding of sums. Every ten minutes all is kept beside
@@ -95,56 +97,57 @@ def run_experiment(
         condition: under which.
         preset: the scenario, ``paper`` or ``standard``.
         budget: how long.
-        paths: the CSV file of each training seed (see :mod:`fpg_bench.reproduce.windows`). The same seed
-            begins with the same networks and matches under every condition.
+        seeds: of training. The same seed begins with the same networks and matches under every condition.
+        place: a folder for the transcripts of a language model.
         llm: options of a language model's planner, and ``transcript`` to replay one.
         learner: who updates the networks; see :func:`fpg_bench.training.maddpg_seeds.learn_together`.
+
+    Returns:
+        What happened under each seed.
 
     Raises:
         UserError: a checkpoint that cannot be read, or of another run.
     """
     torch.set_num_threads(1)
-    steps = condition.budgets * budget.steps
-    names = ", ".join(map(str, paths))
-    about = {
-        "condition": condition.name,
+    seeds, steps = list(seeds), condition.budgets * budget.steps
+    about: dict[str, Any] = {
         "scenario": f"{preset}, {condition.scenario(preset).hash}",
-        "trained at once": names,
+        "trained at once": ", ".join(map(str, seeds)),
         "versions": _versions(learner),
     }
-    place = next(iter(paths.values())).parent
     checkpoint = Checkpoint(
-        place / f"seeds_{names.replace(', ', '_')}.checkpoint", about | {"budget": budget}
+        about | {"condition": condition.name, "budget": repr(budget), "place": str(place)}
     )
     begun = time.monotonic()
-    runs, together, spent_s = checkpoint.read() or (None, None, 0.0)
-    if runs is None:
-        runs = {seed: _Run(condition, preset, budget, seed, path, llm) for seed, path in paths.items()}
-        together = Together({seed: run.model for seed, run in runs.items()}, steps, learner)
+    state = checkpoint.read()
+    if state is None:
+        runs = {
+            seed: _Training(condition, preset, budget, seed, place / f"seed_{seed}", llm) for seed in seeds
+        }
+        state = runs, Together({seed: run.model for seed, run in runs.items()}, steps, learner), 0.0
+    runs, together, spent_s = state
     while not together.done:
         together.go_on()
         if condition.options.get("planner") != "llm":  # it goes on by its transcript
             checkpoint.keep((runs, together, spent_s + time.monotonic() - begun))
     finals = {seed: played_without_noise(run.model, run.games(None)) for seed, run in runs.items()}
-    seconds = round((spent_s + time.monotonic() - begun) / len(runs))
+    about["seconds"] = round((spent_s + time.monotonic() - begun) / len(runs))
+    told = []
     for seed, run in runs.items():
-        own = {
-            "budget": f"{budget.name}, {steps} steps, {run.model._n_updates} updates",
-            "seed": seed,
-            "seconds": seconds,
-        }
-        rows = windows_of(run.core.rounds, steps)
-        write_windows(paths[seed], about | own, [*rows, window_row(FINAL, steps, *finals[seed])])
+        made = f"{budget.name}, {steps} steps, {run.model.updates} updates"
+        rows = [*windows_of(run.core.rounds, steps), window_row(FINAL, steps, *finals[seed])]
+        told.append(Run(condition.name, seed, about | {"budget": made}, rows))
     checkpoint.remove()
+    return told
 
 
 def _versions(learner: str) -> str:
     """Of what the numbers hang on."""
     names = ("torch", "numpy", *(["jax"] if learner == "jax" else []))
-    return ", ".join([f"fpg-bench {fpg_bench.__version__}", *(f"{name} {version(name)}" for name in names)])
+    return ", ".join([f"fpg-bench {__version__}", *(f"{name} {version(name)}" for name in names)])
 
 
-class _Run:
+class _Training:
     """One training seed under a condition: its games, which keep what was played, and its model."""
 
     def __init__(
@@ -153,13 +156,13 @@ class _Run:
         preset: str,
         budget: Budget,
         seed: int,
-        path: Path,
+        place: Path,
         llm: Mapping[str, Any] | None,
     ) -> None:
         self.scenario, options = condition.scenario(preset), dict(condition.options)
         words = dict(llm or {}) if options.get("planner") == "llm" else {}
         options["planner"] = training_planner(
-            options.get("planner"), path.with_suffix(""), words.pop("transcript", None), words
+            options.get("planner"), place, words.pop("transcript", None), words
         )
         self._make = partial(Recorded, budget.games, scenario=self.scenario, **options)
         games = self.games(training_seed(seed))

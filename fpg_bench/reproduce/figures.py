@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.evaluation.canvas import blank_figure
 from fpg_bench.files import write_whole
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import preset as scenario_of
+from fpg_bench.pictures.canvas import blank_figure
 from fpg_bench.reproduce.conditions import BASE, FIXED_PATHS, LLM, NO_KNOWLEDGE, NO_PLANNER, PLANNERS
 from fpg_bench.reproduce.results import Results
 from fpg_bench.reproduce.windows import FIFTH, STAGES, WINDOWS

@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.envs.both_sides import BothSides
+from fpg_bench.envs.two_sided import TwoSided
 
 _KNOWLEDGE_GATE = 4
 
 
-class Recorded(BothSides):
+class Recorded(TwoSided):
     """Both sides of N games; the ally asks the knowledge base whenever it hops (Algorithm 1, line 6).
 
     Args:
-        games, **options: as for :class:`fpg_bench.envs.both_sides.BothSides`.
+        games, **options: as for :class:`fpg_bench.envs.two_sided.TwoSided`.
 
     Attributes:
         played: steps so far, over all games.

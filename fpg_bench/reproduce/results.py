@@ -1,20 +1,16 @@
-"""The runs of an experiment, read from their files: one series or one number a seed."""
+"""The runs of an experiment: one series or one number a seed."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fpg_bench.game.measures import spectrum_overlap
-from fpg_bench.reproduce.windows import FINAL, STAGES, WINDOWS, Row, read_windows
-
-
-def run_file(folder: Path, preset: str, budget: str, condition: str, seed: int) -> Path:
-    """Where a run's rows lie."""
-    return folder / "rows" / f"{preset}-{budget}" / condition / f"seed_{seed}.csv"
+from fpg_bench.reproduce.runs import RunFile
+from fpg_bench.reproduce.windows import FINAL, STAGES, WINDOWS, Row
 
 
 @dataclass(frozen=True)
@@ -27,7 +23,7 @@ class Results:
     """
 
     runs: Mapping[str, Mapping[int, list[Row]]]
-    about: Mapping[str, Mapping[int, Mapping[str, str]]]
+    about: Mapping[str, Mapping[int, Mapping[str, Any]]]
 
     def seeds(self, *conditions: str) -> list[int]:
         """The seeds that all of these conditions have, in order; none where one is missing."""
@@ -71,19 +67,17 @@ class Results:
         return np.array(found, float)
 
 
-def read_results(folder: Path, preset: str, budget: str, wanted: Mapping[str, Iterable[int]]) -> Results:
-    """The runs of a folder, of those conditions and seeds that are wanted and there.
+def read_results(file: RunFile, wanted: Mapping[str, Iterable[int]]) -> Results:
+    """The runs of a file, of those conditions and seeds that are wanted and there.
 
     Raises:
-        UserError: a file that is no run's.
+        UserError: a file that holds no runs.
     """
+    there = file.read()
+    found = [there[name, seed] for name, seeds in wanted.items() for seed in seeds if (name, seed) in there]
     runs: dict[str, dict[int, list[Row]]] = {}
-    about: dict[str, dict[int, dict[str, str]]] = {}
-    for condition, seeds in wanted.items():
-        for seed in seeds:
-            path = run_file(folder, preset, budget, condition, seed)
-            if path.is_file():
-                heading, rows = read_windows(path)
-                runs.setdefault(condition, {})[seed] = rows
-                about.setdefault(condition, {})[seed] = heading
+    about: dict[str, dict[int, Mapping[str, Any]]] = {}
+    for run in found:
+        runs.setdefault(run.condition, {})[run.seed] = run.rows
+        about.setdefault(run.condition, {})[run.seed] = run.about
     return Results(runs, about)

@@ -1,17 +1,12 @@
-"""A run in forty windows of its budget: a row each, in a CSV file whose heading says how it was made."""
+"""A run in forty windows of its budget: a row each."""
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fpg_bench.errors import UserError
-from fpg_bench.files import write_whole
 from fpg_bench.game.measures import measures, pool
 from fpg_bench.game.state import TALLY
 
@@ -41,8 +36,8 @@ MEASURES = (
 )
 _HISTOGRAMS = ("ally_points", "jam_points")
 _PATHS = ("ally_path", "opponent_path")
-_LISTS = (*_HISTOGRAMS, *_PATHS)
-COLUMNS = ("window", "steps", "rounds", *_REWARDS, *MEASURES, *_LISTS)
+LISTS = (*_HISTOGRAMS, *_PATHS)
+COLUMNS = ("window", "steps", "rounds", *_REWARDS, *MEASURES, *LISTS)
 Row = dict[str, Any]
 
 
@@ -87,58 +82,3 @@ def windows_of(rounds: Iterable[tuple[int, np.void, np.ndarray]], budget: int) -
         window_row(window, budget * (window + 1) // WINDOWS, by_window[window])
         for window in sorted(by_window)
     ]
-
-
-def write_windows(path: Path, about: dict[str, Any], rows: Iterable[Row]) -> None:
-    """Write a run's file, whole.
-
-    Args:
-        path: the CSV file.
-        about: what its heading says, a line ``# name: value`` each.
-        rows: see :func:`window_row`; numbers are kept to five digits.
-    """
-    text = io.StringIO()
-    for name, value in about.items():
-        text.write(f"# {name}: {value}\n")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows([_written(row[name]) for name in COLUMNS] for row in rows)
-    write_whole(path, text.getvalue())
-
-
-def read_windows(path: Path) -> tuple[dict[str, str], list[Row]]:
-    """The heading and the rows of a run's file.
-
-    Raises:
-        UserError: it cannot be read, or is no such file.
-    """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"run {path}: cannot be read: {error}") from error
-    heading = [line[2:].partition(": ") for line in lines if line.startswith("# ")]
-    about = {name: value for name, _, value in heading}
-    table = csv.DictReader(line for line in lines if not line.startswith("# "))
-    try:
-        rows = [{name: _read(name, row[name]) for name in COLUMNS} for row in table]
-    except (KeyError, ValueError, TypeError, AttributeError) as error:
-        raise UserError(f"run {path}: is no table of a run: {error}") from error
-    if not rows or rows[-1]["window"] != FINAL:
-        raise UserError(f"run {path}: is not whole; remove it, and it is run again")
-    return about, rows
-
-
-def _written(value: Any) -> str:
-    if isinstance(value, list):
-        return " ".join(map(str, value))
-    if value is None:
-        return ""
-    return str(value) if isinstance(value, int) else f"{value:.5g}"
-
-
-def _read(name: str, text: str) -> Any:
-    if name in _LISTS:
-        return [int(number) for number in text.split()]
-    if name in ("window", "steps", "rounds"):
-        return int(text)
-    return float(text) if text else None

@@ -9,7 +9,8 @@ from typing import Any
 from fpg_bench.files import read_json
 from fpg_bench.ids import policy_view
 from fpg_bench.seasons.recipe import Recipe
-from fpg_bench.training.train import train
+from fpg_bench.training.spec import RunSpec
+from fpg_bench.training.train import train_run
 
 _PPO = {
     "policy": "MlpPolicy",
@@ -38,7 +39,7 @@ _TD3 = {
 
 
 def hyperparameters(recipe: Recipe) -> dict[str, Any]:
-    """Those of a recipe, as :func:`fpg_bench.training.train.train` takes them."""
+    """Those of a recipe, as :class:`fpg_bench.training.spec.RunSpec` takes them."""
     networks: dict[str, Any] = {"net_arch": [64, 64]}
     own: dict[str, Any] = {"n_timesteps": recipe.steps, "gamma": recipe.gamma, "policy_kwargs": networks}
     if recipe.algorithm == "td3":
@@ -61,20 +62,16 @@ def train_candidate(recipe: Recipe, folder: Path) -> Path:
     Raises:
         UserError: the folder holds another run, or training diverged.
     """
-    return train(
+    run = RunSpec(
         recipe.algorithm,
         policy_view(recipe.side).id,
-        folder,
-        seed=recipe.training_seed,
-        steps=recipe.steps,
-        hyperparams=hyperparameters(recipe),
-        evaluations=0,
-        progress=False,
-        restart=True,
+        recipe.training_seed,
+        recipe.steps,
+        hyperparameters(recipe),
         against=list(recipe.targets),
-        reward=recipe.reward,
-        path=recipe.path,
+        options={"reward": recipe.reward, "path": recipe.path},
     )
+    return train_run(run, folder, evaluations=0, progress=False, restart=True)
 
 
 def is_trained(folder: Path) -> bool:

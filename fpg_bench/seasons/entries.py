@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.season import seed_from
+from fpg_bench.evaluation.seeds import seed_from
 from fpg_bench.leaderboard.check import examine
 from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.submission import Submission

@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from fpg_bench.evaluation.season import SeasonKey
+from fpg_bench.evaluation.seeds import SeasonKey
 from fpg_bench.files import read_yaml, write_whole
 from fpg_bench.players.agent import fields_folder
 from fpg_bench.seasons.season import Season

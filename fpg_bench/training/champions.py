@@ -11,15 +11,17 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.checks import check_keys
 from fpg_bench.envs.one_sided import OneSided
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.errors import UserError
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.files import read_json, read_yaml, write_json, write_whole
 from fpg_bench.ids import find_view, policy_view
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.population import with_members
-from fpg_bench.training.train import train
+from fpg_bench.training.spec import RunSpec
+from fpg_bench.training.train import train_run
 
 RESPONDER_SEED = 1_000_000  # training seeds that nobody else takes
 ROUNDS, LOOKS = 48, 4
@@ -33,7 +35,7 @@ class Recipe:
     Attributes:
         name: what the agents' folder is called.
         id: the environment id, one against any player.
-        algorithm, hyperparams: what trains it, as :func:`fpg_bench.training.train.train` takes them.
+        algorithm, hyperparams: what trains it, as :class:`fpg_bench.training.spec.RunSpec` takes them.
         against: the population, fields included; one is drawn per round.
         stages: of each, ``steps`` and the ``hyperparams`` that differ. Each begins with the weights of the
             one before.
@@ -79,13 +81,7 @@ def load_recipes(file: Path) -> dict[str, Recipe]:
 def _recipe(name: str, content: Any, where: str) -> Recipe:
     fields = {f.name: f for f in dataclasses.fields(Recipe) if f.name != "name"}
     needed = {key for key, f in fields.items() if f.default_factory is f.default is dataclasses.MISSING}
-    if not isinstance(content, Mapping):
-        raise UserError(f"{where}: expected a mapping, got {content!r}")
-    for key in [*content, *needed]:
-        if key not in fields:
-            raise UserError(f"{where}: unknown key {key!r}{nearest(str(key), fields)}")
-        if key not in content:
-            raise UserError(f"{where}: lacks {key!r}")
+    check_keys(content, fields, where, sorted(needed))
     recipe = Recipe(name, **content)
     for key in ("against", "stages", "responders"):
         if not isinstance(getattr(recipe, key), list) or not (getattr(recipe, key) or key == "responders"):
@@ -134,20 +130,17 @@ def train_champion(
     for number, stage in enumerate(recipe.stages):
         here = folder / f"stage_{number}"
         drawn = population if number == 0 else _drawn(recipe, agent, population, here / "population.json")
-        agent = train(
+        run = RunSpec(
             recipe.algorithm,
             recipe.id,
-            here / "run",
-            seed=seed,
-            steps=stage["steps"],
-            hyperparams={**recipe.hyperparams, "n_timesteps": stage["steps"], **stage.get("hyperparams", {})},
+            seed,
+            stage["steps"],
+            {**recipe.hyperparams, "n_timesteps": stage["steps"], **stage.get("hyperparams", {})},
             against=drawn,
             start=folder / f"stage_{number - 1}" / "run" if number else None,
-            evaluations=LOOKS,
-            progress=progress,
-            resume=True,
-            **recipe.options,
+            options=recipe.options,
         )
+        agent = train_run(run, here / "run", evaluations=LOOKS, progress=progress, resume=True)
         say(f"{recipe.name}/seed_{seed}: stage {number} trained, against {len(population)} players")
         if number + 1 < len(recipe.stages):
             population += respond(recipe, agent, here, RESPONDER_SEED + 1000 * seed + 100 * number, progress)
@@ -169,20 +162,17 @@ def respond(recipe: Recipe, agent: str | Path, folder: Path, seed: int, progress
     """
     found = []
     for index, responder in enumerate(recipe.responders):
-        response = train(
+        run = RunSpec(
             responder["algorithm"],
             policy_view(recipe.other_side).id,
-            folder / f"responder_{index}",
-            seed=seed + index,
-            steps=responder["steps"],
-            hyperparams=responder.get("hyperparams"),
+            seed + index,
+            responder["steps"],
+            responder.get("hyperparams"),
             against=str(agent),
-            evaluations=0,
-            progress=progress,
-            resume=True,
-            **responder.get("options", {}),
+            options=responder.get("options", {}),
         )
-        found.append(str(response))
+        where = folder / f"responder_{index}"
+        found.append(str(train_run(run, where, evaluations=0, progress=progress, resume=True)))
     return found
 
 

@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import logging
 import tempfile
+import threading
 import warnings
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
+from torch.distributions import Distribution
 
 from fpg_bench.errors import UserError
 from fpg_bench.files import write_json, write_whole
 from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.imports import reason
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer
 from fpg_bench.players.writing import stripped
 from fpg_bench.training.actor import Actor, ActorPlayer
 
 GREATEST_DIFFERENCE = 1e-4
 _OPSET = 20
+_EXPORTED: set[str] = set()  # shapes of networks that this process has exported
 
 
 def export_onnx(model: BaseAlgorithm) -> bytes:
@@ -31,8 +37,9 @@ def export_onnx(model: BaseAlgorithm) -> bytes:
     :class:`fpg_bench.training.actor.Actor`.
 
     Raises:
-        UserError: a policy of another kind.
+        UserError: a policy of another kind, or one that the versions at hand can't write as ONNX.
     """
+    _keep_tqdm_in_this_process()
     actor = Actor(model)
     examples = [torch.zeros(2, OBSERVATION_SIZE)]
     names = ["observation", "action"]
@@ -44,19 +51,39 @@ def export_onnx(model: BaseAlgorithm) -> bytes:
         logging.getLogger("torch.onnx").setLevel(logging.ERROR)
         logging.getLogger("onnxscript").setLevel(logging.ERROR)
         path = Path(folder) / "policy.onnx"
-        torch.onnx.export(
-            actor,
-            tuple(examples),
-            str(path),
-            input_names=names[::2],
-            output_names=names[1::2],
-            dynamic_shapes=tuple({0: torch.export.Dim("n")} for _ in examples),
-            opset_version=_OPSET,
-            dynamo=True,
-            external_data=False,
-            verbose=False,
-        )
+        try:
+            torch.onnx.export(
+                actor,
+                tuple(examples),
+                str(path),
+                input_names=names[::2],
+                output_names=names[1::2],
+                dynamic_shapes=tuple({0: torch.export.Dim("n")} for _ in examples),
+                opset_version=_OPSET,
+                dynamo=True,
+                external_data=False,
+                verbose=False,
+            )
+        except Exception as error:  # the exporters have many kinds, none documented
+            kind = type(model.policy).__name__
+            at_hand = ", ".join(f"{name} {version(name)}" for name in ("torch", "onnx", "onnxscript"))
+            raise UserError(
+                f"export: {kind} can't be written as ONNX by {at_hand}: {reason(error)}"
+            ) from error
+        finally:
+            Distribution.set_default_validate_args(True)  # the exporter turns torch's checks off
         return stripped(path.read_bytes())
+
+
+def _keep_tqdm_in_this_process() -> None:
+    """Give tqdm a lock of threads; its own is one of processes, which a worker that is stopped leaves behind.
+
+    The exporter makes a bar, hidden, where tqdm is installed.
+    """
+    with contextlib.suppress(ImportError):
+        from tqdm import tqdm
+
+        tqdm.set_lock(threading.RLock())
 
 
 def export_agent(model: BaseAlgorithm, folder: Path, about: dict[str, Any]) -> float:
@@ -82,8 +109,15 @@ def export_agent(model: BaseAlgorithm, folder: Path, about: dict[str, Any]) -> f
 
 
 def check_exportable(model: BaseAlgorithm) -> None:
-    """Raise UserError where the model's policy could not be exported once it is trained."""
-    _checked(largest_difference(model, ActorPlayer(model), steps=20), model)
+    """Raise UserError where the model's policy could not be exported once it is trained.
+
+    It is exported as it is, by the versions at hand; once a process for networks of one shape.
+    """
+    normalize = model.get_vec_normalize_env()
+    shape = f"{type(model)} {model.observation_space} {normalize is None} {model.policy}"
+    player = ActorPlayer(model) if shape in _EXPORTED else OnnxPlayer(export_onnx(model), {})
+    _checked(largest_difference(model, player, steps=20), model)
+    _EXPORTED.add(shape)
 
 
 def _checked(difference: float, model: BaseAlgorithm) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fpg_bench.checks import mapping, whole
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.files import read_yaml
 from fpg_bench.ids import VIEWS
@@ -95,21 +96,16 @@ def _shipped(algorithm: Algorithm, view_id: str, path: Any) -> Path:
 
 def _parsed(algorithm: Algorithm, values: dict[str, Any], where: str) -> Hyperparameters:
     for key in ("n_envs", "n_timesteps"):
-        _check_whole(values.get(key), f"{where}: {key}")
+        whole(values.get(key), f"{where}: {key}")
     normalize = values.pop("normalize", None)
-    if normalize is not None and not isinstance(normalize, dict):
-        raise UserError(f"{where}: normalize: expected a mapping, got {normalize!r}")
+    if normalize is not None:
+        mapping(normalize, f"{where}: normalize")
     named, frames = algorithm.frame_stack, values.pop("frame_stack", algorithm.frame_stack)
     if frames is not None:
-        _check_whole(frames, f"{where}: frame_stack")
+        whole(frames, f"{where}: frame_stack")
     if named is not None and frames != named:
         raise UserError(f"{where}: frame_stack: {algorithm.name} has {named}, got {frames}")
     imitate = values.pop("imitate", None)
     imitation = None if imitate is None else parse_imitation(imitate, f"{where}: imitate")
     games, steps = values.pop("n_envs"), values.pop("n_timesteps")
     return Hyperparameters(games, steps, normalize, values, frames, imitation)
-
-
-def _check_whole(value: Any, where: str) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise UserError(f"{where}: expected a whole number above 0")

@@ -14,8 +14,9 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
 from torch.nn.functional import mse_loss
 
+from fpg_bench.checks import check_keys, whole
 from fpg_bench.envs.sb3 import SB3View
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import Player
@@ -56,14 +57,10 @@ def parse_imitation(content: Any, where: str) -> Imitation:
     known = Imitation.__dataclass_fields__
     if not isinstance(content, Mapping) or not isinstance(content.get("teacher"), str):
         raise UserError(f"{where}: expected a mapping with a teacher, a player's name; got {content!r}")
-    for key in content:
-        if key not in known:
-            raise UserError(f"{where}: unknown key {key!r}{nearest(str(key), known)}")
+    check_keys(content, known, where)
     found = Imitation(**content)
     for key, least in _LEAST.items():
-        value = getattr(found, key)
-        if isinstance(value, bool) or not isinstance(value, int) or value < least:
-            raise UserError(f"{where}: {key}: expected a whole number of {least} or more, got {value!r}")
+        whole(getattr(found, key), f"{where}: {key}", least)
     rate = found.learning_rate
     if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0 < rate < 1:
         raise UserError(f"{where}: learning_rate: expected a number between 0 and 1, got {rate!r}")

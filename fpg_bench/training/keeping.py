@@ -46,7 +46,7 @@ class Clock:
         self._start += time.monotonic() - begin
 
 
-class Keeping(BaseCallback):
+class EvalCheckpointCallback(BaseCallback):
     """Scores the present policy at even parts of the budget, and saves a checkpoint then and every minute.
 
     Both happen where SB3 begins to collect: all that was collected before is learned from, so that nothing

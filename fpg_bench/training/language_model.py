@@ -40,14 +40,14 @@ def training_planner(
     server = options.pop("server", None)
 
     def make(scenario: Scenario) -> Any:
-        from fpg_bench.planning.llm.background import Beside
+        from fpg_bench.planning.llm.background import BackgroundPlanner
         from fpg_bench.planning.llm.llm_planner import LLMPlanner
         from fpg_bench.planning.llm.servers import endpoint_from_environment
 
         if replayed is not None:
-            return Beside(LLMPlanner(scenario, transcript=replayed, mode="replay", **options))
+            return BackgroundPlanner(LLMPlanner(scenario, transcript=replayed, mode="replay", **options))
         endpoint = endpoint_from_environment(server)
-        return Beside(LLMPlanner(scenario, endpoint, transcript=out / TRANSCRIPT, **options))
+        return BackgroundPlanner(LLMPlanner(scenario, endpoint, transcript=out / TRANSCRIPT, **options))
 
     return make
 

@@ -7,23 +7,21 @@ what all of them observe, one after the other, and gives all their actions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
-import torch
 from gymnasium import spaces
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
-from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.td3.policies import Actor
-from torch import nn
 
-from fpg_bench.training.maddpg_learner import Learner, Sizes, each_its_own
+from fpg_bench.training.maddpg_learner import Learner
+from fpg_bench.training.maddpg_policy import JointPolicy
 
 _ROWS = ("observations", "actions", "next_observations", "rewards", "dones", "timeouts")  # of a buffer
 
@@ -99,81 +97,6 @@ class WhiteNoise(VectorizedActionNoise):
 
     def reset(self, indices: Iterable[int] | None = None) -> None:
         """Do nothing: it remembers nothing."""
-
-
-class JointPolicy(BasePolicy):
-    """All players' actors, and a critic of each that sees what all of them see and do.
-
-    Args:
-        observation_space, action_space: of all players, one after the other; boxes.
-        lr_schedule: the learning rate.
-        sizes: of each player's observation and action.
-        net_arch: the hidden layers of all networks.
-        activation_fn: between them.
-        optimizer_class, optimizer_kwargs: one optimiser for all actors, one for all critics.
-    """
-
-    def __init__(
-        self,
-        observation_space: spaces.Box,
-        action_space: spaces.Box,
-        lr_schedule: Callable[[float], float],
-        sizes: Sizes,
-        net_arch: list[int] | None = None,
-        activation_fn: type[nn.Module] = nn.ReLU,
-        optimizer_class: type[torch.optim.Optimizer] = torch.optim.Adam,
-        optimizer_kwargs: dict[str, Any] | None = None,
-    ) -> None:
-        super().__init__(
-            observation_space,
-            action_space,
-            optimizer_class=optimizer_class,
-            optimizer_kwargs=optimizer_kwargs,
-            squash_output=True,
-        )
-        self.sizes: Sizes = tuple((seen, acts) for seen, acts in sizes)
-        self.net_arch, self.activation_fn = net_arch or [64, 64], activation_fn
-        own = list(
-            zip(*map(_parts, (observation_space, action_space), zip(*sizes, strict=True)), strict=True)
-        )
-        joint = [(observation_space, action_space)] * len(sizes)
-        self.actors, self.actor_targets = (self._each(Actor, own) for _ in range(2))
-        self.critics, self.critic_targets = (
-            self._each(ContinuousCritic, joint, n_critics=1) for _ in range(2)
-        )
-        for networks, targets in ((self.actors, self.actor_targets), (self.critics, self.critic_targets)):
-            targets.load_state_dict(networks.state_dict())
-        rate = {"lr": lr_schedule(1), **self.optimizer_kwargs}
-        self.actor_optimizer = self.optimizer_class(self.actors.parameters(), **rate)
-        self.critic_optimizer = self.optimizer_class(self.critics.parameters(), **rate)
-
-    def _each(
-        self, kind: Callable[..., nn.Module], spaces_of: list[tuple[spaces.Box, spaces.Box]], **more: Any
-    ) -> nn.ModuleList:
-        """One network for each player, by the spaces of what it sees and of what is done."""
-        arguments: dict[str, Any] = {"net_arch": self.net_arch, "activation_fn": self.activation_fn, **more}
-        return nn.ModuleList(
-            kind(
-                observation_space=seen,
-                action_space=acts,
-                features_extractor=FlattenExtractor(seen),
-                features_dim=seen.shape[0],
-                **arguments,
-            )
-            for seen, acts in spaces_of
-        )
-
-    def set_training_mode(self, mode: bool) -> None:
-        """As SB3's, which walks through all networks at every step even where nothing changes."""
-        if mode != self.training:
-            super().set_training_mode(mode)
-
-    def _predict(self, observation: torch.Tensor, deterministic: bool = False) -> torch.Tensor:  # type: ignore[override]
-        return torch.cat(each_its_own(self.sizes, list(self.actors), observation), 1)
-
-    def forward(self, observation: torch.Tensor, deterministic: bool = False) -> torch.Tensor:
-        """All players' actions in [-1, 1]."""
-        return self._predict(observation, deterministic)
 
 
 class MADDPG(OffPolicyAlgorithm):
@@ -270,6 +193,29 @@ class MADDPG(OffPolicyAlgorithm):
         """Each player as a model of its own."""
         return [OnePlayer(self, player) for player in range(len(self.policy.sizes))]
 
+    @property
+    def updates(self) -> int:
+        """How often its networks were updated."""
+        return self._n_updates
+
+    def begin_learning(self, steps: int) -> None:
+        """Prepare for so many steps, as ``learn`` does."""
+        self._setup_learn(steps)
+
+    def play_on(self) -> int:
+        """Play as many steps as there are between updates; gives how many updates follow, which it counts."""
+        self.collect_rollouts(
+            self.env,  # type: ignore[arg-type]
+            self._init_callback(None),
+            self.train_freq,  # type: ignore[arg-type]
+            self.replay_buffer,  # type: ignore[arg-type]
+            self.action_noise,
+            self.learning_starts,
+        )
+        updates = self.gradient_steps if self.num_timesteps > self.learning_starts else 0
+        self._n_updates += updates
+        return updates
+
     def train(self, gradient_steps: int, batch_size: int = 32) -> None:
         """Update all critics and actors, as often as asked."""
         self.policy.set_training_mode(True)
@@ -331,12 +277,3 @@ class OnePlayer:
 
     def get_vec_normalize_env(self) -> None:
         """There is none."""
-
-
-def _parts(space: spaces.Box, sizes: Sequence[int]) -> list[spaces.Box]:
-    """Each player's part of a box that holds all of them one after the other."""
-    ends = np.cumsum(sizes)[:-1]
-    return [
-        spaces.Box(low, high)
-        for low, high in zip(np.split(space.low, ends), np.split(space.high, ends), strict=True)
-    ]

@@ -20,8 +20,9 @@ import torch
 from torch import nn
 
 from fpg_bench.errors import UserError
-from fpg_bench.training.maddpg import MADDPG, JointPolicy, Transitions
+from fpg_bench.training.maddpg import MADDPG, Transitions
 from fpg_bench.training.maddpg_learner import Sizes
+from fpg_bench.training.maddpg_policy import JointPolicy
 
 Shapes = tuple[tuple[tuple[int, int], ...], ...]  # inputs and outputs of each network's layers
 Network = list[tuple[jax.Array, jax.Array]]  # a matrix (inputs, outputs) and a bias (outputs,) a layer

@@ -17,6 +17,7 @@ from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from torch import nn
 
 from fpg_bench.errors import UserError, nearest
+from fpg_bench.extras import need
 from fpg_bench.training.maddpg import MADDPG, Transitions
 from fpg_bench.training.maddpg_learner import Learner
 
@@ -56,7 +57,7 @@ class Together:
         self._learning = find_learner(learner)(self._models)
         self._chances = [_Chance(seed) for seed in seeded]
         for model in self._models:
-            model._setup_learn(steps)
+            model.begin_learning(steps)
 
     @property
     def done(self) -> bool:
@@ -75,17 +76,7 @@ class Together:
     def _played(self, model: MADDPG, chance: _Chance) -> Transitions:
         """The batches of the updates that follow what is played now."""
         with chance.of_its_own():
-            model.collect_rollouts(
-                model.env,  # type: ignore[arg-type]
-                model._init_callback(None),
-                model.train_freq,  # type: ignore[arg-type]
-                model.replay_buffer,  # type: ignore[arg-type]
-                model.action_noise,
-                model.learning_starts,
-            )
-            updates = model.gradient_steps if model.num_timesteps > model.learning_starts else 0
-            model._n_updates += updates
-            return model.replay_buffer.sample_many(updates, model.batch_size)  # type: ignore[union-attr]
+            return model.replay_buffer.sample_many(model.play_on(), model.batch_size)  # type: ignore[union-attr]
 
 
 def find_learner(name: str) -> type[TorchLearner] | type[JaxLearner]:
@@ -98,10 +89,9 @@ def find_learner(name: str) -> type[TorchLearner] | type[JaxLearner]:
         raise UserError(f"learner: expected torch or jax, got {name!r}{nearest(name, LEARNERS)}")
     if name == "torch":
         return TorchLearner
-    try:
-        from fpg_bench.training.maddpg_jax import JaxLearner
-    except ImportError as error:
-        raise UserError('learner jax: is not installed; pip install "fpg-bench[fast]"') from error
+    need("fast", "jax", "optax")
+    from fpg_bench.training.maddpg_jax import JaxLearner
+
     return JaxLearner
 
 

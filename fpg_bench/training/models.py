@@ -14,9 +14,10 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.utils import LinearSchedule, set_random_seed
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
 
+from fpg_bench.checks import check_keys, flag, mapping
 from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.envs.sb3 import SB3View, make_sb3
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.errors import UserError
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.ids import sides_of
 from fpg_bench.imports import reason
@@ -99,19 +100,17 @@ def check_arguments(
     arguments = inspect.signature(function).parameters
     known = set(arguments) - {"self"} - hidden
     anything = any(argument.kind == argument.VAR_KEYWORD for argument in arguments.values())
-    for name, value in values.items():
-        if name in known:
-            _check_value(value, arguments[name], f"{where}: {name}")
-        elif not anything:
-            raise UserError(f"{where}: unknown key {name!r}{nearest(str(name), known)}")
+    if not anything:
+        check_keys(values, known, where)
+    for name in known & set(values):
+        _check_value(values[name], arguments[name], f"{where}: {name}")
 
 
 def _check_value(value: Any, argument: inspect.Parameter, where: str) -> None:
     """Raise UserError where an argument's default is a number or a truth value, and the value is none."""
     default, words = argument.default, "str" in str(argument.annotation) or argument.name in _SCHEDULED
     if isinstance(default, bool):
-        if not isinstance(value, bool):
-            raise UserError(f"{where}: expected true or false, got {value!r}")
+        flag(value, where)
     elif isinstance(default, int | float) and not (words and isinstance(value, str | list)):
         whole = argument.annotation in (int, "int")
         if isinstance(value, bool) or not isinstance(value, int if whole else int | float):
@@ -129,9 +128,7 @@ def _arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict
         sds = _per_action(sd, f"{where}: noise_std")
         arguments["action_noise"] = NormalActionNoise(np.zeros(ACTION_SIZE), np.array(sds))
     check_arguments(arguments, algorithm.kind.__init__, where, _OURS)
-    policy = arguments.get("policy_kwargs", {})
-    if not isinstance(policy, dict):
-        raise UserError(f"{where}: policy_kwargs: expected a mapping, got {policy!r}")
+    policy: Any = mapping(arguments.get("policy_kwargs", {}), f"{where}: policy_kwargs")
     if isinstance(policy.get("log_std_init"), list):  # one for each action
         policy["log_std_init"] = torch.tensor(_per_action(policy["log_std_init"], f"{where}: log_std_init"))
     if "activation_fn" in policy:

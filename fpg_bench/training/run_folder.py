@@ -3,39 +3,21 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
-import json
 import os
-import platform
 import shlex
 import shutil
 import subprocess
 from collections.abc import Iterator, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import fpg_bench
 from fpg_bench.errors import UserError
 from fpg_bench.files import read_json, write_json
-from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.rows import RowFile
 from fpg_bench.training.checkpoints import MODEL, NORMALIZE
-from fpg_bench.training.hyperparameters import Hyperparameters
 from fpg_bench.training.language_model import set_aside
 
 EVALUATIONS = "evaluations.jsonl"
-_PACKAGES = (
-    "fpg-bench",
-    "stable-baselines3",
-    "sb3-contrib",
-    "torch",
-    "gymnasium",
-    "numpy",
-    "numba",
-    "onnx",
-    "onnxruntime",
-)
 # What tells two runs apart; the command and the versions may differ where one goes on.
 _SAME = (
     "algorithm",
@@ -139,70 +121,21 @@ def _is_of_a_start(name: str) -> bool:
     return name == EVALUATIONS or name.startswith(".run.json.")
 
 
-def described(
-    algorithm: str,
-    view_id: str,
-    side: str,
-    scenario: Scenario,
-    *,
-    seed: int,
-    steps: int,
-    field: str,
-    parameters: Hyperparameters,
-    file: Any,
-    options: dict[str, Any],
-    policies: dict[str, str],
-) -> dict[str, Any]:
-    """How a run is made: everything needed to make it again.
-
-    ``file`` is that of the hyper-parameters, if one was named; ``policies`` are the SHA-256 of the agents
-    that it is trained against.
-    """
-    named = {"hyperparams": file} if isinstance(file, str | Path) else {}
-    options = {name: value for name, value in options.items() if value is not None}
-    stack = {} if parameters.frame_stack is None else {"frame_stack": parameters.frame_stack}
-    start = {} if parameters.imitate is None else {"imitate": parameters.imitate.words()}
-    games = {"n_envs": parameters.n_envs, "normalize": parameters.normalize, **stack, **start}
-    about = {
-        "command": command_line("train", algorithm, view_id, seed=seed, steps=steps, **options, **named),
-        "algorithm": algorithm,
-        "id": view_id,
-        "side": side,
-        "field": field,
-        "scenario": scenario.hash,
-        "scenario_fields": _changed(scenario),
-        "options": {name: _words(value) for name, value in options.items()},
-        "training_seed": seed,
-        "training_steps": steps,
-        "hyperparameters": {**games, **parameters.algorithm},
-        **({"policies": policies} if policies else {}),
-        "versions": {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()},
-        "revision": _revision(),
-    }
-    content: dict[str, Any] = json.loads(json.dumps(about, default=str))  # as it is read again
-    return content
-
-
 def command_line(*words: str, **options: Any) -> str:
     """The command of these words and options, as it is typed."""
     for name, value in options.items():
-        words += (f"--{name.replace('_', '-')}", _words(value))
+        words += (f"--{name.replace('_', '-')}", words_of(value))
     return shlex.join(("fpg-bench", *words))
 
 
-def _words(value: Any) -> str:
+def words_of(value: Any) -> str:
+    """An option as it is typed, a list separated by commas."""
     return ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
 
 
-def _changed(scenario: Scenario) -> dict[str, Any]:
-    """The fields that differ from the standard scenario."""
-    values = {field.name: getattr(scenario, field.name) for field in dataclasses.fields(scenario)}
-    return {name: value for name, value in values.items() if value != getattr(STANDARD, name)}
-
-
-def _revision() -> str | None:
+def revision() -> str | None:
     """The git revision that this code is at, with a + where it has changed; None outside a checkout."""
-    root = Path(fpg_bench.__file__).parents[1]
+    root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None
     try:

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.encounters import met, told
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.files import read_json, write_json, write_whole
 from fpg_bench.game.names import JAMMING_TYPES
@@ -25,9 +25,11 @@ from fpg_bench.ids import policy_view
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.rows import Row, RowFile
+from fpg_bench.training.encounters import met, told
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder, command_line
-from fpg_bench.training.train import train
+from fpg_bench.training.spec import RunSpec
+from fpg_bench.training.train import train_run
 
 GENERATIONS, STEPS, POOL = 10, 500_000, 5
 ROWS, ABOUT = "selfplay.jsonl", "selfplay.json"
@@ -39,17 +41,10 @@ def selfplay(
     out: str | Path,
     *,
     generations: int = GENERATIONS,
-    steps: int = STEPS,
-    pool: int = POOL,
-    seed: int = 0,
-    hyperparams: str | Path | Mapping[str, Any] | None = None,
     evaluations: int = 1,
     progress: bool = True,
     say: Callable[[str], None] = print,
-    scenario: Scenario | str | Path | None = None,
-    path: Any = None,
-    knowledge: str | None = None,
-    jamming_types: Any = None,
+    **words: Any,
 ) -> dict[str, Path]:
     """Train both sides against each other's past, generation by generation.
 
@@ -62,14 +57,12 @@ def selfplay(
         out: a folder: ``generations/<side>_<g>``, a run's folder each; ``selfplay.jsonl``, a row each;
             ``ally`` and ``opponent``, the agents of the last generation.
         generations: how many, of each side.
-        steps: the budget of a generation of a side.
-        pool: at most so many past generations of the other side, drawn anew for each.
-        seed: decides the draws and the matches.
-        hyperparams: see :func:`fpg_bench.training.train.train`; ids of both sides stand in the file.
         evaluations: how often each generation is scored on its field on the way, besides its start; 0: never.
         progress: whether to show how training goes.
         say: told a line per row.
-        scenario, path, knowledge, jamming_types: the game; see :class:`fpg_bench.envs.one_sided.OneSided`.
+        **words: the others of :class:`Selfplay` (``steps``, ``pool``, ``seed``, ``hyperparams``), and the
+            game: ``scenario``, ``path``, ``knowledge``, ``jamming_types``, as for
+            :class:`fpg_bench.envs.one_sided.OneSided`.
 
     Returns:
         The folders of both agents.
@@ -79,20 +72,19 @@ def selfplay(
             generation that is not whole.
         KeyboardInterrupt: stopped by the user.
     """
-    for name, value in (("generations", generations), ("pool", pool)):
-        if value < 1:
-            raise UserError(f"{name}: expected a whole number above 0, got {value}")
-    game = {"scenario": scenario, "path": path, "knowledge": knowledge, "jamming_types": jamming_types}
-    options = {name: value for name, value in game.items() if value is not None}
-    made = _Selfplay(algorithm, Path(out), steps, pool, seed, options)
-    about, file = made.described(hyperparams), RowFile(made.folder / ROWS, {"generation": int, "side": str})
+    own = {name: words.pop(name) for name in ("steps", "pool", "seed", "hyperparams") if name in words}
+    options = {name: value for name, value in words.items() if value is not None}
+    made = Selfplay(algorithm, Path(out), **own, options=options)
+    for name, value in (("generations", generations), ("pool", made.pool)):
+        whole(value, name)
+    about, file = made.described(), RowFile(made.folder / ROWS, {"generation": int, "side": str})
     with file.locked():
         done = {(row["generation"], row["side"]) for row in file.read()}
         made.claim(about, begun=bool(done))
         for generation in range(generations):
             for side in SIDES:
                 if (generation, side) not in done:
-                    made.learn(side, generation, hyperparams, evaluations, progress)
+                    made.learn(side, generation, evaluations, progress)
                     file.append([row := made.row(side, generation)])
                     say(_line(row))
         last = {row["side"]: row["generation"] for row in file.read()}
@@ -100,15 +92,25 @@ def selfplay(
 
 
 @dataclass(frozen=True)
-class _Selfplay:
-    """What is trained, and where; see :func:`selfplay`."""
+class Selfplay:
+    """What is trained, and where.
+
+    Attributes:
+        algorithm, folder: see :func:`selfplay`.
+        steps: the budget of a generation of a side.
+        pool: at most so many past generations of the other side, drawn anew for each.
+        seed: decides the draws and the matches.
+        hyperparams: as for :class:`fpg_bench.training.spec.RunSpec`; ids of both sides stand in the file.
+        options: the game.
+    """
 
     algorithm: str
     folder: Path
-    steps: int
-    pool: int
-    seed: int
-    options: dict[str, Any]
+    steps: int = STEPS
+    pool: int = POOL
+    seed: int = 0
+    hyperparams: str | Path | Mapping[str, Any] | None = None
+    options: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     @property
     def scenario(self) -> Scenario:
@@ -116,11 +118,11 @@ class _Selfplay:
         changes = dict(self.options)
         return as_scenario(changes.pop("scenario", None), opponent_path=changes.pop("path", None), **changes)
 
-    def described(self, hyperparams: Any) -> dict[str, Any]:
+    def described(self) -> dict[str, Any]:
         """What tells it apart from another, as it is read again."""
         parameters = {
             side: load_hyperparameters(
-                self.algorithm, policy_view(side).id, hyperparams, path=self.options.get("path")
+                self.algorithm, policy_view(side).id, self.hyperparams, path=self.options.get("path")
             )
             for side in SIDES
         }
@@ -158,22 +160,20 @@ class _Selfplay:
         drawn = draw_past(side, generation, self.pool, self.seed)
         return {f"{other}_{past}": str(self.run(other, past).agent) for past in drawn}
 
-    def learn(self, side: str, generation: int, hyperparams: Any, evaluations: int, progress: bool) -> None:
+    def learn(self, side: str, generation: int, evaluations: int, progress: bool) -> None:
         """Train a generation of a side, or go on with it."""
-        train(
+        run = RunSpec(
             self.algorithm,
             policy_view(side).id,
-            self.run(side, generation).path,
-            seed=SEED_STRIDE * self.seed + generation,
-            steps=self.steps,
-            hyperparams=hyperparams,
-            evaluations=evaluations,
-            progress=progress,
-            resume=True,
+            SEED_STRIDE * self.seed + generation,
+            self.steps,
+            self.hyperparams,
             against=list(self.others(side, generation).values()),
             start=self.run(side, generation - 1).path if generation else None,
-            **self.options,
+            options=self.options,
         )
+        where = self.run(side, generation).path
+        train_run(run, where, evaluations=evaluations, progress=progress, resume=True)
 
     def row(self, side: str, generation: int) -> Row:
         """What a generation of a side scored: on its field, and against those it was trained against."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -13,7 +14,10 @@ from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.job import check_all_done
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.planning import LLM_CONTROLS
-from fpg_bench.training.train import LOOKS, is_finished, train
+from fpg_bench.training.spec import RunSpec
+from fpg_bench.training.train import LOOKS, is_finished, train_run
+
+_HOW = ("workers", "backend", "address", "evaluations", "restart", "say")
 
 
 def train_seeds(
@@ -21,50 +25,56 @@ def train_seeds(
     view_id: str,
     out: str | Path,
     seeds: Iterable[int],
+    **words: Any,
+) -> None:
+    """Train several seeds of an algorithm on an id; see :func:`train_runs`.
+
+    Args:
+        algorithm: as for :class:`fpg_bench.training.spec.RunSpec`.
+        view_id: as there.
+        out, seeds: as for :func:`train_runs`.
+        **words: the others of ``train_runs``, of ``RunSpec``, and the games' options, by their names.
+    """
+    how = {name: words.pop(name) for name in _HOW if name in words}
+    train_runs(RunSpec.of(algorithm, view_id, **words), out, seeds, **how)
+
+
+def train_runs(
+    spec: RunSpec,
+    out: str | Path,
+    seeds: Iterable[int],
     *,
-    workers: int = 2,
-    backend: str = "loky",
-    address: str | None = None,
     evaluations: int = LOOKS,
     restart: bool = False,
     say: Callable[[str], None] = print,
-    **words: Any,
+    **workers: Any,
 ) -> None:
     """Train several seeds, some of them at once; what was finished before is not repeated.
 
     Args:
-        algorithm: as for :func:`fpg_bench.training.train.train`.
-        view_id: as there.
+        spec: the run of each seed, but for that.
         out: seed k is trained into its folder ``seed_k``.
         seeds: the training seeds.
-        workers: how many are trained at once, one thread each.
-        backend: ``loky`` or ``ray``; see :func:`fpg_bench.jobs.run.run_jobs`.
-        address: of a Ray cluster.
         evaluations: how many times each is scored on the way.
         restart: begin unfinished runs again, from the start; otherwise they go on.
         say: told a line per run that begins or ends.
-        **words: the others of ``train``.
+        **workers: ``workers``, ``backend``, ``address``: how many are trained at once, one thread each, and
+            where; see :func:`fpg_bench.jobs.run.run_jobs`.
 
     Raises:
         UserError: something unknown or out of range, folders that hold other runs, a planner that is a
             language model, or a run that failed (the others are not held up by it).
         KeyboardInterrupt: stopped by the user; the runs have saved where they were.
     """
-    if words.get("planner") in LLM_CONTROLS:
+    if spec.options.get("planner") in LLM_CONTROLS:
         raise UserError("seeds: a language model plans for one run at a time; train each seed by itself")
-    how = {"evaluations": evaluations, "restart": restart, "resume": not restart, "progress": False}
+    how = {"evaluations": evaluations, "restart": restart, "resume": not restart}
     jobs = []
     for seed in seeds:
-        run, folder = words | {"seed": seed}, Path(out) / f"seed_{seed}"
-        jobs.append(
-            folder_job(
-                folder.name,
-                folder,
-                partial(_train, algorithm, view_id, run | how),
-                partial(is_finished, algorithm, view_id, folder, **run),
-            )
-        )
-    check_all_done(run_jobs(jobs, workers, backend, address, say))
+        run, folder = dataclasses.replace(spec, seed=seed), Path(out) / f"seed_{seed}"
+        done = partial(is_finished, run, folder)
+        jobs.append(folder_job(folder.name, folder, partial(_train, run, how), done))
+    check_all_done(run_jobs(jobs, say=say, **workers))
 
 
 def parse_seeds(text: str) -> list[int]:
@@ -84,5 +94,5 @@ def parse_seeds(text: str) -> list[int]:
     return seeds
 
 
-def _train(algorithm: str, view_id: str, words: dict[str, Any], folder: Path) -> None:
-    train(algorithm, view_id, folder, **words)
+def _train(spec: RunSpec, how: dict[str, Any], folder: Path) -> None:
+    train_run(spec, folder, progress=False, **how)

@@ -13,8 +13,8 @@ from onnx import ModelProto, TensorProto, defs, helper, numpy_helper
 from fpg_bench.leaderboard.onnx_rules import OPERATORS
 from tests.attacks.batch_readers import batch_readers
 from tests.attacks.costly import costly
-from tests.evaluation.zoo_making import policy
 from tests.leaderboard.making import model, node, value, weights
+from tests.zoo.making import policy
 
 ALL_OPERATORS = sorted({schema.name for schema in defs.get_all_schemas() if not schema.domain})
 _FORBIDDEN = sorted(set(ALL_OPERATORS) - OPERATORS)

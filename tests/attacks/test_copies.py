@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from fpg_bench.leaderboard import likeness
+from fpg_bench.leaderboard.check import load_submission
 from fpg_bench.leaderboard.likeness import alike, apart, trace
-from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.verify import verify
 from fpg_bench.players.agent import OnnxPlayer, agent_folder
 from tests.attacks.copies import copies
-from tests.evaluation.zoo_making import policy
 from tests.leaderboard.entering import enter
 from tests.leaderboard.making import as_policy, write_seed, write_submission
+from tests.zoo.making import policy
 
 SHIPPED = "ally-scripted/recurrent-ppo/seed_{}"
 

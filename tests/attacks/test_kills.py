@@ -52,6 +52,7 @@ def python(code, *words, **how):
     return subprocess.Popen([sys.executable, "-c", code, *map(str, words)], env=env, text=True, **how)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(("name", "status"), [("SIGTERM", 143), ("SIGINT", 130)])
 def test_who_is_stopped_says_what_is_kept(name, status):
     stopped = python(WAITS.format(name=name), stderr=subprocess.PIPE)
@@ -60,6 +61,7 @@ def test_who_is_stopped_says_what_is_kept(name, status):
     assert stopped.returncode == status
 
 
+@pytest.mark.process
 def test_what_is_killed_while_it_writes_leaves_nothing_for_long(tmp_path):
     file = tmp_path / "agent" / "agent.json"
     write_whole(file, "whole")
@@ -81,6 +83,7 @@ def test_what_another_process_is_writing_stays(tmp_path):
     assert sorted(os.listdir(tmp_path)) == sorted([begun, "file"])
 
 
+@pytest.mark.process
 def test_two_at_work_on_one_board_are_told(board, in_process, tmp_path):
     enter(board, "ally", "wise", script="expert")
     other = python(HOLDS, board, tmp_path / "cache", stdin=subprocess.PIPE, stdout=subprocess.PIPE)

@@ -61,6 +61,7 @@ print(json.dumps([int(standing), attempted(int(os.environ["PARENT"]))]))
 """
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("kept", "wall", "open_still"),
     [
@@ -111,6 +112,7 @@ print(dict(os.environ), Path("/proc/self/environ").read_bytes())
 """
 
 
+@pytest.mark.process
 def test_keys_are_forgotten_before_anything_is_played():
     secrets = {
         "FPG_LLM_API_KEY": "sk-first-secret",

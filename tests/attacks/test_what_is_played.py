@@ -11,8 +11,8 @@ from fpg_bench.errors import UserError
 from fpg_bench.leaderboard.onnx_contract import check_policy
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.onnx_file import plain_bytes
-from tests.evaluation.zoo_making import policy
 from tests.leaderboard.making import model, node, value, weights
+from tests.zoo.making import policy
 
 SEEN = np.random.default_rng(0).uniform(-1, 1, (4, 15)).astype(np.float32)
 UNKNOWN = b"\x7a\x0a" + b"\0\0ORTM\0\0\0\0"  # a field that ONNX does not have; ORTM comes at byte 4
@@ -51,7 +51,9 @@ def test_what_nobody_checks_does_not_reach_who_plays(data):
 
 def test_a_session_takes_no_other_format_whatever_the_bytes_say(monkeypatch, tmp_path):
     other = in_own_format(policy(1), tmp_path)
-    read = SimpleNamespace(SerializeToString=lambda deterministic: other)
+    read = SimpleNamespace(
+        SerializeToString=lambda deterministic: other, opset_import=[SimpleNamespace(version=1)]
+    )
     monkeypatch.setattr("fpg_bench.players.agent.plain_model", lambda data: read)
     with pytest.raises(UserError, match="onnxruntime cannot read it"):
         OnnxPlayer(policy(0), {})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
 
 import gymnasium
 import numpy as np
@@ -58,9 +57,3 @@ def same(first: list[tuple], second: list[tuple]) -> bool:
         np.array_equal(x, y) and (r is None) == (s is None) and (r is None or np.float32(r) == np.float32(s))
         for (x, r), (y, s) in zip(first, second, strict=True)
     )
-
-
-def unwritten(steps: Iterable[tuple]) -> bool:
-    """Whether the arrays of every step are still as they were handed out when all have been played."""
-    kept = [(array, array.copy()) for step in steps for array in step]
-    return all(np.array_equal(array, then) for array, then in kept)

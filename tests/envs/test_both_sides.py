@@ -33,17 +33,6 @@ def test_it_is_the_same_game_as_a_duel():
     assert rounds == 1
 
 
-def test_what_is_handed_out_is_kept():
-    games = make_sb3_duel(2, seed=0)
-    seen = games.reset()
-    kept = seen.copy()
-    _, rewards, _, _ = games.step(np.ones((2, 18), np.float32))
-    was = rewards.copy()
-    games.step(-np.ones((2, 18), np.float32))
-    assert np.array_equal(seen, kept)
-    assert np.array_equal(rewards, was)
-
-
 def test_it_says_what_it_does_not_know():
     with pytest.raises(UserError, match="unknown option 'paht'; did you mean 'path'"):
         make_sb3_duel(1, paht="circle")

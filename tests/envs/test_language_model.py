@@ -10,7 +10,7 @@ import fpg_bench
 from fpg_bench.envs.sb3 import make_sb3
 from fpg_bench.errors import UserError
 from fpg_bench.planning import LLM_CONTROLS, Plan, as_planner
-from fpg_bench.planning.llm.background import Beside
+from fpg_bench.planning.llm.background import BackgroundPlanner
 from tests.planning.llm.fault_server import FaultServer, ok, status
 from tests.planning.llm.playing import path, path_text
 
@@ -76,7 +76,7 @@ def test_it_has_ten_rounds_a_match_and_takes_every_planner_that_asks_a_model(mon
     monkeypatch.setenv("FPG_LLM_MODEL", "none")
 
     def beside(scenario):
-        return Beside(as_planner(spec, scenario))
+        return BackgroundPlanner(as_planner(spec, scenario))
 
     for planner in (spec, beside):
         core = gymnasium.make(LLM, planner=planner).unwrapped.core
@@ -87,7 +87,9 @@ def test_it_has_ten_rounds_a_match_and_takes_every_planner_that_asks_a_model(mon
 @pytest.mark.parametrize(
     "make", [gymnasium.make, gymnasium.make_vec, make_sb3], ids=lambda make: make.__name__
 )
-@pytest.mark.parametrize("spec", ["interceptor", Circling, lambda scenario: Beside(Circling(), scenario)])
+@pytest.mark.parametrize(
+    "spec", ["interceptor", Circling, lambda scenario: BackgroundPlanner(Circling(), scenario)]
+)
 def test_it_refuses_a_planner_that_asks_no_language_model(make, spec):
     with pytest.raises(UserError, match="asks none; FPG/AllyVsPlanner-v0 takes any planner") as caught:
         make(LLM, planner=spec)

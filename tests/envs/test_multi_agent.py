@@ -22,6 +22,8 @@ pytestmark = pytest.mark.filterwarnings("error", "ignore:We recommend agents to 
 
 
 def registered(kind):
+    if not hasattr(pettingzoo, "make"):  # before 1.27
+        return {"parallel": parallel_env, "aec": aec_env}[kind](scenario=SHORT)
     return pettingzoo.make(kind, "FPG/duel_v0", scenario=SHORT)
 
 
@@ -38,12 +40,8 @@ def test_seeds():
     seed_test(lambda: aec_env(scenario=SHORT), 2 * STEPS)
 
 
-def test_spaces_are_always_the_same_objects():
-    env = registered("parallel")
-    for side in ("ally", "opponent"):
-        assert env.observation_space(side) is env.observation_space(side)
-        assert env.action_space(side) is env.action_space(side)
-    assert env.possible_agents == ["ally", "opponent"]
+def test_its_agents_are_the_two_sides():
+    assert registered("parallel").possible_agents == ["ally", "opponent"]
 
 
 def test_a_round_ends_by_truncation_with_the_measures_of_both_sides():
@@ -138,9 +136,3 @@ def test_an_action_that_cannot_be_played_is_refused_by_its_side(actions, message
 def test_what_cannot_be_is_refused(options, message):
     with pytest.raises(UserError, match=message):
         parallel_env(**options)
-
-
-@pytest.mark.parametrize("seed", [-1, 0.5, "1"])
-def test_a_seed_is_a_whole_number_from_0_on(seed):
-    with pytest.raises(UserError, match="seed: expected"):
-        parallel_env().reset(seed=seed)

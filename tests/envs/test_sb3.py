@@ -37,7 +37,6 @@ from .playing import (
     same,
     single_game,
     tape,
-    unwritten,
 )
 
 GAMES = 3
@@ -105,25 +104,6 @@ def test_a_rounds_end_is_a_truncation_with_its_last_observation_and_a_monitors_i
         assert {"t", "outage", "jamming_success_rate", "hop_rate", "snr_db"} <= info["episode"].keys()
 
 
-def test_what_is_handed_out_is_a_copy():
-    spoilt, clean = make(seed=2), make(seed=2)
-    spoilt.reset()
-    clean.reset()
-    for action in tape(GAMES, 2 * STEPS):
-        here, there = spoilt.step(action), clean.step(action)
-        for x, y in zip(here[:3], there[:3], strict=True):
-            assert np.array_equal(x, y)
-            x[...] = 1
-        for info in here[3]:
-            info.get("terminal_observation", np.empty(0))[...] = 1
-
-
-def test_what_is_handed_out_is_never_written_again():
-    env = make(seed=2)
-    env.reset()
-    assert unwritten(env.step(action)[:3] for action in tape(GAMES, STEPS + 2))
-
-
 def test_a_staggered_batch_mixes_phases_by_truncations_of_its_first_rounds():
     env = make(games=4, seed=0, stagger=True)
     env.reset()
@@ -185,6 +165,7 @@ def test_attributes_and_methods_are_within_reach():
 # SB3's own wrappers and helpers
 
 
+@pytest.mark.slow
 def test_evaluate_policy_reads_whole_rounds_behind_normalisation():
     env = VecNormalize(make(seed=0), training=False)
     model = PPO("MlpPolicy", env, n_steps=STEPS, batch_size=32, **small())
@@ -216,6 +197,7 @@ def test_a_monitor_of_sb3_writes_what_this_view_writes():
         assert there["episode"]["l"] == here["episode"]["l"]
 
 
+@pytest.mark.slow
 def test_evaluation_during_training_keeps_the_best_model(tmp_path):
     callback = EvalCallback(
         make(seed=9), n_eval_episodes=2, eval_freq=STEPS, best_model_save_path=str(tmp_path), verbose=0
@@ -225,6 +207,7 @@ def test_evaluation_during_training_keeps_the_best_model(tmp_path):
     assert (tmp_path / "best_model.zip").is_file()
 
 
+@pytest.mark.process
 def test_single_views_in_processes_play_the_same_game():
     theirs = make_vec_env(
         ALLY,
@@ -244,6 +227,7 @@ def test_single_views_in_processes_play_the_same_game():
         theirs.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view_id", IDS)
 def test_ppo_learns_a_few_steps_of_every_id(view_id):
     model = PPO("MlpPolicy", make(view_id), n_steps=STEPS, batch_size=32, n_epochs=2, **small())
@@ -253,6 +237,7 @@ def test_ppo_learns_a_few_steps_of_every_id(view_id):
     assert model.ep_info_buffer[0]["l"] == STEPS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", [SAC, TD3])
 def test_off_policy_algorithms_learn_a_few_steps(algorithm):
     model = algorithm("MlpPolicy", make(), learning_starts=100, batch_size=32, buffer_size=1000, **small())
@@ -264,6 +249,7 @@ def test_off_policy_algorithms_learn_a_few_steps(algorithm):
     assert np.array_equal(model.replay_buffer.timeouts[: model.replay_buffer.pos].astype(bool), ends)
 
 
+@pytest.mark.slow
 def test_training_is_the_same_for_the_same_seed():
     def weights():
         model = PPO("MlpPolicy", make(stagger=True), n_steps=STEPS, batch_size=32, n_epochs=1, **small())
@@ -272,6 +258,7 @@ def test_training_is_the_same_for_the_same_seed():
     assert torch.equal(weights(), weights())
 
 
+@pytest.mark.slow
 def test_rewards_changed_in_place_by_ppo_do_not_reach_the_game():
     """PPO adds the bootstrapped value to the rewards it is handed, at every truncation."""
     env = make(seed=0)
@@ -319,7 +306,7 @@ def test_an_unknown_id_suggests_the_nearest():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"n_envs": 0}, "at least 1, got 0"),
+        ({"n_envs": 0}, "above 0, got 0"),
         ({"seed": -1}, "seed: expected"),
         ({"seed": "3"}, "seed: expected"),
         ({"planner": "none"}, "unknown planner 'none'"),
@@ -328,22 +315,6 @@ def test_an_unknown_id_suggests_the_nearest():
 def test_what_cannot_be_is_refused(options, message):
     with pytest.raises(UserError, match=message):
         make_sb3(PLANNED, **options)
-
-
-def test_actions_that_cannot_be_played_are_refused_by_their_game():
-    env = make(seed=0)
-    env.reset()
-    actions = rest()
-    actions[2, 8] = np.nan
-    with pytest.raises(UserError, match="ally action of game 2: index 8 is nan"):
-        env.step(actions)
-    with pytest.raises(UserError, match=r"expected a float array of shape \(3, 9\), got int64"):
-        env.step(np.zeros((GAMES, 9), int))
-
-
-def test_playing_before_the_first_reset_is_refused():
-    with pytest.raises(UserError, match="reset before its first step"):
-        make().step(rest())
 
 
 def test_the_first_game_can_be_filmed(tmp_path):

@@ -10,7 +10,7 @@ from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatist
 
 from fpg_bench.errors import UserError
 
-from .playing import ALLY, ALLY_POLICY, IDS, REST, SHORT, STEPS, same, single_game, tape, unwritten
+from .playing import ALLY, ALLY_POLICY, IDS, REST, SHORT, STEPS, same, single_game, tape
 
 GAMES = 3
 
@@ -98,23 +98,6 @@ def test_a_staggered_batch_mixes_phases_by_truncations_of_its_first_rounds():
         assert not env.step(np.zeros((4, 9), np.float32))[3].any()
 
 
-def test_what_is_handed_out_is_a_copy():
-    spoilt, clean = make(), make()
-    spoilt.reset(seed=2)
-    clean.reset(seed=2)
-    for action in tape(GAMES, 2 * STEPS):
-        here, there = spoilt.step(action), clean.step(action)
-        for x, y in zip(here[:4], there[:4], strict=True):
-            assert np.array_equal(x, y)
-            x[...] = 1
-
-
-def test_what_is_handed_out_is_never_written_again():
-    env = make()
-    env.reset(seed=2)
-    assert unwritten(env.step(action)[:4] for action in tape(GAMES, STEPS + 2))
-
-
 def test_rounds_can_be_begun_in_some_games_alone():
     env = make()
     before = env.reset(seed=2)[0]
@@ -176,6 +159,7 @@ def test_gymnasiums_vector_wrappers_take_it():
     assert infos["episode"]["r"] == pytest.approx(infos["measures"]["ally_return"], rel=1e-5)
 
 
+@pytest.mark.process
 def test_games_in_processes_of_their_own_play_the_same():
     makers = [lambda: gymnasium.make(ALLY, scenario=SHORT)] * 2
     theirs, ours = AsyncVectorEnv(makers), make(games=2)
@@ -189,16 +173,6 @@ def test_games_in_processes_of_their_own_play_the_same():
 
 
 # Bad input
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_an_action_that_is_not_finite_is_refused_by_its_game_and_index(bad):
-    env = make()
-    env.reset(seed=0)
-    actions = np.zeros((GAMES, 9), np.float32)
-    actions[1, 4] = bad
-    with pytest.raises(UserError, match=f"ally action of game 1: index 4 is {bad}"):
-        env.step(actions)
 
 
 @pytest.mark.parametrize(
@@ -226,16 +200,11 @@ def test_a_seed_that_cannot_be_is_refused(seed):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"num_envs": 0}, "expected a whole number of at least 1, got 0"),
-        ({"num_envs": 2.5}, "expected a whole number of at least 1"),
+        ({"num_envs": 0}, "expected a whole number above 0, got 0"),
+        ({"num_envs": 2.5}, "expected a whole number above 0"),
         ({"render_mode": "rgb_array"}, "a batch is not rendered"),
     ],
 )
 def test_a_batch_that_cannot_be_is_refused(options, message):
     with pytest.raises(UserError, match=message):
         gymnasium.make_vec(ALLY, **options)
-
-
-def test_playing_before_the_first_reset_is_refused():
-    with pytest.raises(UserError, match="reset before its first step"):
-        make().step(np.zeros((GAMES, 9), np.float32))

@@ -3,8 +3,6 @@
 import csv
 import json
 import shutil
-import subprocess
-import sys
 from collections import Counter
 
 import pytest
@@ -15,6 +13,7 @@ from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.evaluate import read_results
 from fpg_bench.evaluation.table import write_table
 from fpg_bench.rows import RowFile
+from tests.programs import fpg
 
 KEY = "sk-never-to-be-seen-3141592653"
 MATCHES, ROUNDS, ALLIES = 2, 3, ("idle", "expert")
@@ -328,12 +327,7 @@ def test_the_key_is_nowhere(folder, asks):
 # The command
 
 
-def fpg(*words, folder):
-    return subprocess.run(
-        [sys.executable, "-m", "fpg_bench.cli", *map(str, words)], capture_output=True, text=True, cwd=folder
-    )
-
-
+@pytest.mark.process
 def test_the_command_prints_and_writes_the_table(folder):
     found = fpg(
         "plan", "compare", "circle", "--field", "mine.yml", "--matches", 1, "--out", "out", folder=folder
@@ -344,6 +338,7 @@ def test_the_command_prints_and_writes_the_table(folder):
     assert {"table.md", "table.csv", "table.png"} <= {path.name for path in (folder / "out").iterdir()}
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("words", "message"),
     [

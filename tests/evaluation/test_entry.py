@@ -7,7 +7,7 @@ from fpg_bench.evaluation.entry import entries_of
 from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.scripted import SCRIPTED, Scripted
-from tests.evaluation.zoo_making import make_agent, make_zoo
+from tests.zoo.making import make_agent, make_zoo
 
 
 @pytest.fixture(scope="module")

@@ -17,9 +17,10 @@ from fpg_bench.evaluation.evaluate import evaluate, play_into, read_results
 from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.table import write_table
+from fpg_bench.jobs.run import Workers
 from fpg_bench.players.scripted import Scripted
 from fpg_bench.rows import RowFile
-from tests.evaluation.zoo_making import FIELD, make_agent, make_zoo
+from tests.zoo.making import FIELD, make_agent, make_zoo
 
 
 @pytest.fixture
@@ -268,8 +269,8 @@ def test_an_agent_travels_to_the_worker(field, agents, tmp_path):
     entries = entries_of(agents[:1], load_field(field))
     expected = play_into(tmp_path / "one", field, load_field(field), entries)
     shutil.rmtree(agents[0])
-    workers = {"workers": 2, "say": lambda line: None}
-    found = play_into(tmp_path / "many", field, load_field(field), entries, workers=workers)
+    many = tmp_path / "many"
+    found = play_into(many, field, load_field(field), entries, workers=Workers(2), say=lambda line: None)
     assert found[0].lines == expected[0].lines
 
 

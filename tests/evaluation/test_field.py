@@ -176,7 +176,7 @@ def test_the_hash_speaks_of_everything_that_decides():
 
 
 def test_an_agent_counts_by_its_policy_and_not_by_its_name(tmp_path, monkeypatch):
-    from tests.evaluation.zoo_making import make_agent, make_zoo
+    from tests.zoo.making import make_agent, make_zoo
 
     member = make_zoo(tmp_path).members()[0]
     hashes = set()

@@ -3,7 +3,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fpg_bench.envs.rounds import play_round
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import planner_entry, player_entry
 from fpg_bench.evaluation.field_file import load_field
@@ -11,6 +10,7 @@ from fpg_bench.evaluation.play import LOST_SCORE, play, rounds, table_of
 from fpg_bench.evaluation.seeds import evaluation_seeds, tuning_seeds
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.game.scenario import as_scenario
+from fpg_bench.matches.rounds import play_round
 from fpg_bench.planning import Plan
 from fpg_bench.players.scripted import Scripted
 

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from fpg_bench.evaluation.profiles import performance_profile, probability_of_improvement
-from fpg_bench.evaluation.statistics import student_t
+from fpg_bench.evaluation.statistics import performance_profile, probability_of_improvement, student_t
 
 # Two training seeds (down) on three entries (across).
 SCORES = np.array([[10.0, 50.0, 90.0], [20.0, 50.0, 120.0]])

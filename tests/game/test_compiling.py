@@ -90,6 +90,7 @@ def test_a_folder_in_use_is_never_old(package, root):
     assert time.time() - folder.stat().st_mtime < 3600
 
 
+@pytest.mark.process
 def test_compiling_is_announced_once_and_only_when_it_happens(tmp_path):
     first, second = use(tmp_path), use(tmp_path)
     assert first.stderr.count(NOTICE) == 1
@@ -98,6 +99,7 @@ def test_compiling_is_announced_once_and_only_when_it_happens(tmp_path):
     assert first.stdout == second.stdout
 
 
+@pytest.mark.process
 def test_an_unwritable_cache_still_plays_and_says_so(tmp_path):
     (tmp_path / "file").touch()
     done = use(tmp_path / "file")

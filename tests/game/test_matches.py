@@ -172,5 +172,5 @@ def test_an_arena_is_reset_before_its_first_step():
 
 @pytest.mark.parametrize("games", [0, -1, 1.5, True, "3"])
 def test_a_bad_number_of_games_is_refused(games):
-    with pytest.raises(UserError, match="games: expected a whole number of at least 1"):
+    with pytest.raises(UserError, match="games: expected a whole number above 0"):
         Arena(TEN, games)

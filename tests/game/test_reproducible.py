@@ -97,6 +97,7 @@ def summary() -> str:
     return digest.hexdigest()
 
 
+@pytest.mark.process
 def test_another_process_plays_the_same_game():
     code = "from game.test_reproducible import summary; print(summary())"
     tests = Path(__file__).parents[1]

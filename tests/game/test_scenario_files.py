@@ -13,6 +13,7 @@ import yaml
 from fpg_bench.errors import UserError
 from fpg_bench.game import scenario as module
 from fpg_bench.game.knowledge import EXPERT_FILE
+from fpg_bench.game.released import RELEASED, RULES_VERSION
 from fpg_bench.game.scenario import PAPER, STANDARD, Scenario
 from fpg_bench.game.validation import ScenarioError
 
@@ -43,6 +44,7 @@ def test_the_hashes_of_the_presets_are_pinned(name, expected):
     assert module.preset(name).hash == expected
 
 
+@pytest.mark.process
 def test_the_hash_is_the_same_in_another_process():
     code = "from fpg_bench.game.scenario import PAPER; print(PAPER.hash)"
     environment = {**os.environ, "PYTHONHASHSEED": "7"}
@@ -57,6 +59,43 @@ def test_a_changed_field_changes_the_hash():
     for changes in ({"hop_cost": 41}, {"hop_cost": 42}, {"fading_sd_db": 41}, {"knowledge": "none"}):
         seen.add(dataclasses.replace(STANDARD, **changes).hash)
     assert len(seen) == 6
+
+
+# A value that each field could have as its default; numbers are moved a little by themselves.
+OTHER = {
+    "snr_model": "paper",
+    "spread_capacity": True,
+    "jamming_types": ("comb",),
+    "detection": "link",
+    "ally_path_m": PAPER.ally_path_m,
+    "reselect_on_despread": True,
+    "knowledge": "none",
+    "opponent_path": "circle",
+    "snr_cap_db": None,
+}
+
+
+def other(spec: dataclasses.Field):
+    """A value of a field that is not its default, and that can be played beside all other defaults."""
+    if spec.name in OTHER:
+        return OTHER[spec.name]
+    if isinstance(spec.default, tuple):
+        return (*spec.default[:-1], spec.default[-1] + 1)
+    return spec.default + 1 if isinstance(spec.default, int) else spec.default * 0.9
+
+
+@pytest.mark.parametrize("spec", dataclasses.fields(Scenario), ids=lambda spec: spec.name)
+def test_a_changed_default_changes_the_hash(spec):
+    default = dataclasses.field(default=other(spec), metadata=spec.metadata)
+    field = (spec.name, object, default)
+    changed = dataclasses.make_dataclass("Changed", [field], bases=(Scenario,), frozen=True)
+    assert changed().hash != STANDARD.hash
+    assert changed(**{spec.name: spec.default}).hash == STANDARD.hash  # the game of before
+
+
+def test_every_field_has_its_number_in_the_released_rules():
+    names = {spec.name for spec in dataclasses.fields(Scenario)} - {"knowledge"}  # that is hashed whole
+    assert set(RELEASED[RULES_VERSION]) == names
 
 
 def test_a_neutral_new_field_keeps_the_hash():

@@ -9,7 +9,10 @@ import sys
 import pytest
 
 from tests.jobs.working import wait_for
-from tests.test_cli import TINY, fpg
+from tests.programs import fpg
+from tests.test_cli import TINY
+
+pytestmark = pytest.mark.process
 
 TRAIN = ("train", "ppo", "FPG/AllyVsScripted-v0", "--hyperparams", "tiny.yml", "--evaluations", "0")
 

@@ -17,6 +17,8 @@ from fpg_bench.jobs.run import run_jobs
 from tests.jobs import working
 from tests.jobs.working import begun, wait_for
 
+pytestmark = pytest.mark.ray
+
 if "CI" not in os.environ:
     pytest.importorskip("ray", reason="the extra ray is not installed")
 

@@ -2,10 +2,12 @@
 
 import re
 import subprocess
-import sys
 from pathlib import Path
 
+import pytest
+
 from fpg_bench.cli import app
+from tests.programs import python
 
 TEXT = (Path(__file__).parents[2] / "docs" / "cluster.md").read_text()
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", TEXT, re.DOTALL)
@@ -32,10 +34,11 @@ def test_scripts_for_the_shell_are_some():
             subprocess.run(["bash", "-n"], input=code, text=True, check=True)
 
 
+@pytest.mark.process
 def test_a_list_of_ones_own_is_run_once(tmp_path):
     code = [code for language, code in BLOCKS if language == "python"][-1]
     for said in (["idle: begins", "expert: begins"], []):
-        words = [sys.executable, "-c", code]
-        found = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True)
+        found = python("-c", code, folder=tmp_path)
+        assert found.returncode == 0, found.stderr
         assert [line for line in found.stdout.splitlines() if "begins" in line] == said
     assert len((tmp_path / "lines.jsonl").read_text().splitlines()) == 2

@@ -16,6 +16,8 @@ from fpg_bench.jobs.run import MOST_TRIES, run_jobs
 from tests.jobs import working
 from tests.jobs.working import begun, wait_for
 
+pytestmark = pytest.mark.process
+
 
 def held(folder, name):
     return Job(name, partial(working.hold, folder, name), done=(folder / f"finished_{name}").exists)

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from fpg_bench.evaluation.season import seed_from
-from fpg_bench.evaluation.seeds import PROTOCOL
+from fpg_bench.evaluation.seeds import PROTOCOL, seed_from
 from fpg_bench.leaderboard.host import PolicyFailed
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from tests.leaderboard.making import policy

@@ -1,14 +1,13 @@
 import os
 import subprocess
-import sys
 
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.leaderboard.check import notes, problems
-from fpg_bench.leaderboard.submission import load_submission
+from fpg_bench.leaderboard.check import load_submission, notes, problems
 from fpg_bench.leaderboard.tracks import KNOWN
 from tests.leaderboard.making import FIELDS, policy, write_seed, write_submission
+from tests.programs import fpg
 
 TRAINED = FIELDS["training"]
 NOWHERE = "lies on no leaderboard; submit run takes <leaderboard>/submissions/<track>/<name>"
@@ -312,18 +311,18 @@ def test_notes_tell_of_few_seeds_and_of_other_boards(tmp_path, monkeypatch):
     assert notes(load_submission(few)) == ["the board marks fewer than 3 training seeds, this has 1", NOWHERE]
 
 
+@pytest.mark.process
 def test_the_verb_says_line_by_line(tmp_path):
     folder = write_submission(tmp_path / "mine", name="")
-    words = [sys.executable, "-m", "fpg_bench.cli", "submit", "check"]
-    found = subprocess.run([*words, str(folder)], capture_output=True, text=True)
+    found = fpg("submit", "check", folder)
     assert found.returncode == 1
     assert found.stdout == f"{folder}: submission.yaml: name: expected 1 to 60 characters, got 0\n"
     sound = write_submission(tmp_path / "sound")
-    found = subprocess.run([*words, str(sound)], capture_output=True, text=True)
+    found = fpg("submit", "check", sound)
     said = [
         "note: the board marks fewer than 3 training seeds, this has 2",
         f"note: {NOWHERE}",
         "nothing is wrong",
     ]
     assert (found.returncode, found.stdout) == (0, "".join(f"{sound}: {line}\n" for line in said))
-    assert subprocess.run([*words, str(tmp_path / "none")], capture_output=True, text=True).returncode == 1
+    assert fpg("submit", "check", tmp_path / "none").returncode == 1

@@ -9,15 +9,14 @@ from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.play import LOST_SCORE, play
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.leaderboard.crossplay import (
-    Entrant,
-    check_pairs,
+from fpg_bench.leaderboard.crossplay import check_pairs, play_missing, play_pair
+from fpg_bench.leaderboard.pairs import (
+    BoardEntry,
+    Pairs,
     crossplay_file,
-    entrants,
     fully_played,
     pair_key,
-    play_missing,
-    play_pair,
+    players_of_board,
 )
 from fpg_bench.leaderboard.playing import Part
 from fpg_bench.leaderboard.submission import Policy
@@ -31,7 +30,7 @@ from tests.leaderboard.making import policy
 ROUNDS = 6
 
 
-def entrant(field, slug, *plays, shipped=True):
+def entry(field, slug, *plays, shipped=True):
     field = load_field(field)
     parts = tuple(
         Part(slug, None, p)
@@ -40,7 +39,7 @@ def entrant(field, slug, *plays, shipped=True):
         for p in plays
     )
     scenario = field.counterparts[0].scenario
-    return Entrant(slug, field.side, parts, scenario, field.scale, field.season)
+    return BoardEntry(slug, field.side, parts, scenario, field.scale, field.season)
 
 
 def line_of(player, field, counterpart):
@@ -52,29 +51,30 @@ def line_of(player, field, counterpart):
 @pytest.mark.parametrize("spec", ["reactive", 3])
 def test_a_pair_plays_as_an_evaluation_does(spec):
     """Both sides' returns a step, and how much was jammed."""
-    found = play_pair(entrant("ally-v1", "a", spec), entrant("opponent-v1", "o", "adaptive"), rounds=ROUNDS)
+    found = play_pair(entry("ally-v1", "a", spec), entry("opponent-v1", "o", "adaptive"), rounds=ROUNDS)
     player = spec if isinstance(spec, str) else OnnxPlayer(policy(spec), {})
     tally = line_of(player, "ally-v1", "adaptive/pursuit").tally
     expected = {
-        "ally_rewards": pytest.approx([tally["ally_return"] / tally["steps"]], rel=1e-5),
-        "opponent_rewards": pytest.approx([tally["opponent_return"] / tally["steps"]], rel=1e-5),
+        "ally_rewards": pytest.approx((tally["ally_return"] / tally["steps"],), rel=1e-5),
+        "opponent_rewards": pytest.approx((tally["opponent_return"] / tally["steps"],), rel=1e-5),
         "jamming_success_rate": pytest.approx(tally["jammed"] / tally["steps"], rel=1e-5),
     }
-    assert found == expected | {"rounds": ROUNDS, "lost": [0, 0]}
+    assert {name: getattr(found, name) for name in expected} == expected
+    assert (found.rounds, found.lost) == (ROUNDS, (0, 0))
 
 
 def test_every_training_seed_has_its_own_return():
-    pair = entrant("ally-v1", "a", 0, 1), entrant("opponent-v1", "o", "adaptive", "tone", "comb")
+    pair = entry("ally-v1", "a", 0, 1), entry("opponent-v1", "o", "adaptive", "tone", "comb")
     found = play_pair(*pair, rounds=12)
-    assert [len(found[f"{side}_rewards"]) for side in ("ally", "opponent")] == [2, 3]
-    assert len(set(found["ally_rewards"])) == 2
-    assert len(set(found["opponent_rewards"])) == 3
+    assert [len(found.rewards(side)) for side in ("ally", "opponent")] == [2, 3]
+    assert len(set(found.ally_rewards)) == 2
+    assert len(set(found.opponent_rewards)) == 3
 
 
 def test_the_opponents_table_says_how_it_flies():
-    ally = entrant("ally-v1", "a", "expert")
+    ally = entry("ally-v1", "a", "expert")
     found = [
-        play_pair(ally, entrant(field, "o", 1), rounds=ROUNDS)["jamming_success_rate"]
+        play_pair(ally, entry(field, "o", 1), rounds=ROUNDS).jamming_success_rate
         for field in ("opponent-v1", "opponent-learned-v1")
     ]
     assert found[0] != found[1]
@@ -102,17 +102,17 @@ def test_a_team_plays_each_game_as_its_member_alone_would():
 
 def test_lost_rounds_go_to_the_other_side(in_process):
     in_process.loses = (0,)
-    opponent = entrant("opponent-v1", "o", "tone")
-    lost = play_pair(ally := entrant("ally-v1", "a", 0, shipped=False), opponent, rounds=2)
-    assert lost["lost"] == [1, 0]
-    assert lost["jamming_success_rate"] >= 0.5
-    scale, (reward,) = ally.scale, lost["ally_rewards"]
+    opponent = entry("opponent-v1", "o", "tone")
+    lost = play_pair(ally := entry("ally-v1", "a", 0, shipped=False), opponent, rounds=2)
+    assert lost.lost == (1, 0)
+    assert lost.jamming_success_rate >= 0.5
+    scale, (reward,) = ally.scale, lost.ally_rewards
     worst = scale.zero + LOST_SCORE / 100 * (scale.top - scale.zero)
     assert reward <= (worst + scale.top) / 2
-    ally = entrant("ally-v1", "a", "idle")
-    lost = play_pair(ally, entrant("opponent-v1", "o", 0, shipped=False), rounds=2)
-    assert lost["lost"] == [0, 1]
-    assert lost["jamming_success_rate"] <= 0.5
+    ally = entry("ally-v1", "a", "idle")
+    lost = play_pair(ally, entry("opponent-v1", "o", 0, shipped=False), rounds=2)
+    assert lost.lost == (0, 1)
+    assert lost.jamming_success_rate <= 0.5
 
 
 @pytest.fixture
@@ -163,15 +163,15 @@ def test_only_new_pairs_are_played(entered):
     ],
 )
 def test_who_lacks_pairs_is_taken_out(played, left):
-    opponents = [entrant("opponent-v1", str(k), *["tone"] * (k + 1)) for k in range(3)]
-    allies = [entrant("ally-v1", str(k), *["idle"] * (k + 1)) for k in range(len(played))]
+    opponents = [entry("opponent-v1", str(k), *["tone"] * (k + 1)) for k in range(3)]
+    allies = [entry("ally-v1", str(k), *["idle"] * (k + 1)) for k in range(len(played))]
     known = {
-        pair_key(ally, opponent, ROUNDS)
+        pair_key(ally, opponent, ROUNDS): None
         for ally, row in zip(allies, played, strict=True)
         for opponent, there in zip(opponents, row, strict=True)
         if there == "1"
     }
-    found = fully_played(allies, opponents, known, ROUNDS)
+    found = fully_played(Pairs(allies, opponents, known, rounds=ROUNDS))
     assert tuple("".join(player.slug for player in side) for side in found) == left
 
 
@@ -224,7 +224,7 @@ def test_a_new_season_wants_new_pairs(entered, small_fields):
 def test_who_is_not_verified_does_not_play(entered):
     path = entered / "results/ally/expert.jsonl"
     path.write_text(path.read_text().replace(f'"protocol":"{PROTOCOL}"', '"protocol":"0"'))
-    assert [a.slug for a in entrants(entered)[0]] == ["idle"]
+    assert [a.slug for a in players_of_board(entered)[0]] == ["idle"]
 
 
 @pytest.mark.parametrize(

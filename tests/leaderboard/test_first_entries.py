@@ -1,16 +1,15 @@
 """The board as it is committed: who stands on it, and what a small sample of it says when played again."""
 
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import make_case, submission_folders
 from fpg_bench.players.scripted import SCRIPTED
+from fpg_bench.zoo.zoo import load_zoo
+from tests.programs import fpg, python
 
 ROOT = Path(__file__).parents[2]
 BOARD = ROOT / "leaderboard"
@@ -44,9 +43,10 @@ def _slugs(track):
     return {row["slug"] for row in track["rows"]}
 
 
+@pytest.mark.process
 def test_the_script_enters_what_stands_there_and_no_half_of_an_algorithm(tmp_path):
-    run = [sys.executable, str(ROOT / "scripts/enter_zoo.py"), "--folder", str(tmp_path)]
-    assert subprocess.run(run, capture_output=True).returncode == 0
+    run = (ROOT / "scripts/enter_zoo.py", "--folder", tmp_path)
+    assert python(*run).returncode == 0
     written = {path.relative_to(tmp_path): path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
     assert written == {
         name: (BOARD / name).read_text() if (BOARD / name).exists() else "run scripts/enter_zoo.py"
@@ -55,7 +55,7 @@ def test_the_script_enters_what_stands_there_and_no_half_of_an_algorithm(tmp_pat
     for member in load_zoo().members():
         entered = [name for name in written if name.parent.name == f"{member.view.name}-{member.algorithm}"]
         assert member.shipped or not entered, member.name
-    again = subprocess.run(run, capture_output=True, text=True)
+    again = python(*run)
     assert (again.returncode, again.stdout) == (0, "")
 
 
@@ -83,10 +83,10 @@ def test_crossplay_has_all_pairs(board):
 
 
 def submit(*words):
-    run = [sys.executable, "-m", "fpg_bench.cli", "submit", *words]
-    return subprocess.run(run, capture_output=True, text=True)
+    return fpg("submit", *words)
 
 
+@pytest.mark.process
 def test_the_verbs_play_compare_and_say_so(tmp_path):
     folder = tmp_path / "submissions" / "ally" / "expert"
     shutil.copytree(BOARD / "submissions/ally/expert", folder)
@@ -105,6 +105,7 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
     assert (crossed.returncode, crossed.stdout) == (0, "crossplay: 0 of 0 pairs to play\n")
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -25,7 +25,7 @@ def git(board, *words):
 @pytest.fixture
 def trusted(board, in_process, monkeypatch):
     """A board with one honest entry of each side, its results and pairs, all committed."""
-    monkeypatch.setattr("fpg_bench.leaderboard.verify.told_apart", lambda submission, board: [])
+    monkeypatch.setattr("fpg_bench.leaderboard.verdicts.told_apart", lambda submission, board: [])
     enter(board, "ally", "honest", seeds=(0, 1))
     enter(board, "opponent", "script", script="adaptive")
     assert all(verdict.good for verdict in verify(board, say=lambda line: None))
@@ -87,7 +87,7 @@ def test_an_honest_result_that_came_along_is_good(trusted):
 def test_what_was_claimed_is_not_forgotten_when_playing_is_broken_off(trusted, monkeypatch):
     forged(trusted, "ally/honest")
     with monkeypatch.context() as broken:
-        broken.setattr("fpg_bench.leaderboard.verify._play", lambda *how: 1 / 0)
+        broken.setattr("fpg_bench.leaderboard.verify.run_quietly", lambda *how: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             verify(trusted, since="HEAD", say=lambda line: None)
     verdicts = {v.name: v for v in verify(trusted, since="HEAD", say=lambda line: None)}

@@ -16,8 +16,10 @@ from fpg_bench.errors import UserError
 from fpg_bench.leaderboard.site.build import DOCS, build_site
 from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.leaderboard.site.serve import make_server
+from fpg_bench.leaderboard.site.shown import Score
 from fpg_bench.leaderboard.site.wording import interval_text, rank_text, safe_link, signed, written
 from tests.leaderboard.example_board import HOSTILE, example_board
+from tests.programs import fpg
 
 LEADS_AWAY = {"src", "srcset", "poster", "action", "formaction", "data", "background", "ping"}
 
@@ -347,8 +349,8 @@ def test_numbers_are_written_alike_and_missing_ones_as_a_dash():
     assert told == ["12.3 %", "12,346", "2.0 dB", "−2.00"]
     assert [signed(value) for value in (1.26, -3, None)] == ["+1.3", "−3.0", "–"]
     assert [rank_text(rank) for rank in ([1, 1], [2, 5], None, [None, 2])] == ["1", "2–5", "–", "–"]
-    assert interval_text({"low": -1.0, "high": 2}) == "−1.0 to 2.0"
-    assert interval_text({"low": None, "high": 2}) == ""
+    assert interval_text(Score(0.0, -1.0, 2.0)) == "−1.0 to 2.0"
+    assert interval_text(Score(0.0, None, 2.0)) == ""
 
 
 def test_serving_needs_a_site_and_a_free_port(site, tmp_path):
@@ -358,19 +360,19 @@ def test_serving_needs_a_site_and_a_free_port(site, tmp_path):
         make_server(site, server.server_port)
 
 
+@pytest.mark.process
 def test_the_verbs_build_and_say_what_is_wrong(tmp_path):
     (tmp_path / "board" / "submissions").mkdir(parents=True)
     out = tmp_path / "out"
-    words = [sys.executable, "-m", "fpg_bench.cli", "leaderboard"]
-    built = [*words, "build", "--folder", str(tmp_path / "board"), "--out", str(out)]
-    found = subprocess.run(built, capture_output=True, text=True, check=True)
+    found = fpg("leaderboard", "build", "--folder", tmp_path / "board", "--out", out)
     assert found.stdout.startswith("0 entries, 0 rounds to watch")
     assert (out / "index.html").is_file()
-    served = subprocess.run([*words, "serve", str(tmp_path / "none")], capture_output=True, text=True)
+    served = fpg("leaderboard", "serve", tmp_path / "none")
     assert (served.returncode, served.stderr.count("\n")) == (2, 1)
     assert "leaderboard build" in served.stderr
 
 
+@pytest.mark.process
 def test_ctrl_c_ends_serving_with_one_line(site):
     import signal
 

@@ -22,6 +22,8 @@ if CHROMIUM is None and not os.environ.get("CI"):
 from axe_playwright_python.sync_playwright import Axe  # noqa: E402
 from playwright.sync_api import expect, sync_playwright  # noqa: E402
 
+pytestmark = pytest.mark.browser
+
 ENTRIES = 27
 WATCHED = "entries/ally/player-3.html"
 PAGES = ("index.html", WATCHED, "crossplay.html", "statistics.html", "compare.html", "submit.html")

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
@@ -14,15 +10,16 @@ from fpg_bench.leaderboard import onnx_contract, onnx_rules, policies
 from fpg_bench.leaderboard.check import problems
 from fpg_bench.leaderboard.fields import read_fields
 from fpg_bench.leaderboard.host import Limits
+from tests.pages import Reader, blocks, broken_links, small_baselines
+from tests.programs import ROOT
 
-ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "submitting.md").read_text()
-BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL)
+FILE = ROOT / "docs" / "submitting.md"
+PAGE = FILE.read_text()
 ENTRY = "leaderboard/submissions/ally/my-agent"
 
 
 def small(code):
-    code = re.sub(r"(--steps |\bsteps: |timesteps=|steps\": )[\d_]+", r"\g<1>5000", code)
+    code = re.sub(r"(--steps |\bsteps: |timesteps=|steps\": )[\d_]+", r"\g<1>2000", code)
     code = code.replace("(0, 1, 2)", "(0,)").replace("seeds: [0, 1, 2, 3, 4]", "seeds: [0, 3, 4]")
     return code.replace("fpg-bench train ", "fpg-bench train --evaluations 0 ")
 
@@ -31,26 +28,16 @@ def small(code):
 def entered(tmp_path_factory):
     """What has come of the page's snippets, but for the verdict, which has tests of its own."""
     folder = tmp_path_factory.mktemp("page")
-    command = folder / "bin" / "fpg-bench"
-    command.parent.mkdir()
-    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m fpg_bench.cli "$@"\n')
-    command.chmod(0o755)
-    environment = os.environ | {"PATH": f"{command.parent}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
-    said = ""
-    for language, code in BLOCKS:
+    reader = Reader(folder / "here", small_baselines(folder / "baselines"))
+    for language, code in blocks(PAGE):
         if language == "yaml":
-            (folder / ENTRY / "submission.yaml").write_text(small(code))
-        if language == "yaml" or "submit run" in code:
-            continue
-        words = [sys.executable, "-c"] if language == "python" else ["sh", "-e", "-c"]
-        found = subprocess.run(
-            [*words, small(code)], cwd=folder, env=environment, capture_output=True, text=True
-        )
-        assert found.returncode == 0, f"{code}\n{found.stdout}\n{found.stderr}"
-        said += found.stdout
-    return folder, said
+            reader.writes(f"{ENTRY}/submission.yaml", small(code))
+        elif "submit run" not in code:
+            reader.does(language, small(code))
+    return folder / "here", reader.said
 
 
+@pytest.mark.process
 def test_the_page_s_snippets_make_a_sound_submission(entered):
     folder, said = entered
     assert problems(folder / ENTRY) == []
@@ -77,9 +64,4 @@ def test_the_page_s_limits_are_the_code_s():
 
 
 def test_links_lead_somewhere():
-    for link in re.findall(r"\]\(([^)]+)\)", PAGE):
-        file, _, anchor = link.partition("#")
-        target = ROOT / "docs" / file
-        assert target.exists(), link
-        headings = re.findall(r"^#+ (.+)$", target.read_text(), re.MULTILINE) if anchor else []
-        assert not anchor or anchor in [heading.lower().replace(" ", "-") for heading in headings], link
+    assert broken_links(FILE) == []

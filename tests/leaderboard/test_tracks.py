@@ -5,8 +5,7 @@ import dataclasses
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.season import SeasonKey, current_season, seed_from
-from fpg_bench.evaluation.seeds import PROTOCOL, SEASON
+from fpg_bench.evaluation.seeds import PROTOCOL, SEASON, SeasonKey, current_season, seed_from
 from fpg_bench.leaderboard.tracks import PUBLIC_MATCHES, TRACKS, TRANSCRIPT_MATCHES, ranked_by
 from tests.leaderboard.entering import FIELD, close_season, write_field
 

@@ -14,8 +14,8 @@ from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.play import LOST_SCORE, play
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.leaderboard.cases import make_case, sampled, work_folder
+from fpg_bench.leaderboard.check import load_submission
 from fpg_bench.leaderboard.playing import part_lines, parts_of
-from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import KNOWN
 from fpg_bench.leaderboard.verify import run_one, verify
 from fpg_bench.players.agent import OnnxPlayer
@@ -321,6 +321,7 @@ def command(board):
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
+@pytest.mark.process
 def test_what_is_killed_goes_on_and_gives_the_same(tmp_path):
     board = tmp_path / "board"
     for slug in ("expert", "reactive"):

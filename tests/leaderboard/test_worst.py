@@ -6,6 +6,7 @@ import pytest
 from fpg_bench.evaluation.field import Counterpart, Field
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.game.scenario import STANDARD
+from fpg_bench.leaderboard.pairs import Pair
 from fpg_bench.leaderboard.worst import worst
 
 
@@ -19,12 +20,7 @@ def over(name, **means):
 
 
 def pair(ally, opponent, ally_rewards, opponent_rewards=(0.0,)):
-    return {
-        "ally": ally,
-        "opponent": opponent,
-        "ally_rewards": list(ally_rewards),
-        "opponent_rewards": list(opponent_rewards),
-    }
+    return Pair(ally, opponent, "", 2, tuple(ally_rewards), tuple(opponent_rewards), 0.0, (0, 0))
 
 
 SUMMARIES = {

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.game.scenario import STANDARD, preset
-from fpg_bench.planning import curve_fit, interceptor
+from fpg_bench.planning import curve_fit, curve_flight, interceptor
 from fpg_bench.planning.interceptor import Interceptor
 from tests.planning.playing import LIMITS, PLANNED, play, request
 
@@ -81,11 +81,11 @@ def test_the_regression_finds_the_line_that_made_the_rewards():
 
 @pytest.mark.parametrize("curve", curves(3), ids=range(3))
 def test_the_derivatives_are_those_of_differences(planner, curve):
-    n, chords = 16, curve_fit.CHORDS
+    n, chords = 16, curve_flight.CHORDS
     corners, lengths = np.zeros((chords + 1, 3)), np.zeros(chords + 1)
     growth, slopes, places = np.zeros((chords + 1, 12)), np.zeros((n, 3, 13)), np.zeros((n, 3))
-    curve_fit.trace(curve, planner._times, planner._bernstein, places, corners, lengths)
-    curve_fit._differentiate(curve, planner._times, planner._bernstein, corners, lengths, growth, slopes)
+    curve_flight.trace(curve, planner._times, planner._bernstein, places, corners, lengths)
+    curve_flight.differentiate(curve, planner._times, planner._bernstein, corners, lengths, growth, slopes)
     for p in range(13):
         step = np.zeros(13)
         step[p] = 1e-4

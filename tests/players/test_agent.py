@@ -159,6 +159,7 @@ def test_truncated_agent_folders(agent):
         load_agent(agent / "nowhere")
 
 
+@pytest.mark.process
 def test_playing_needs_no_torch(agent):
     code = (
         f"import sys, fpg_bench; fpg_bench.load_agent({str(agent)!r}); "

@@ -10,8 +10,10 @@ from fpg_bench.reproduce.experiment import BUDGETS
 from fpg_bench.reproduce.figures import FIGURES
 from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.results import read_results
+from fpg_bench.reproduce.runs import RunFile
 
 COMMITTED = Path(__file__).parents[2] / "docs/reproduction"
+RUNS = Path(__file__).parents[2] / "results/reproduction"
 FULL = BUDGETS["full"]
 
 
@@ -20,7 +22,7 @@ def committed(request):
     """A scenario and its committed runs."""
     preset = request.param
     wanted = {condition.name: range(FULL.seeds) for condition in conditions_of(ALL, preset, full=True)}
-    return preset, read_results(COMMITTED, preset, FULL.name, wanted)
+    return preset, read_results(RunFile(RUNS, preset, FULL.name), wanted)
 
 
 def test_every_condition_was_run_as_often_as_announced_and_in_the_game_as_it_is(committed):
@@ -35,8 +37,8 @@ def test_every_condition_was_run_as_often_as_announced_and_in_the_game_as_it_is(
 def test_the_report_is_what_the_runs_say(committed, tmp_path):
     preset, results = committed
     command = f"fpg-bench reproduce all --scenario {preset} --budget full --seeds {FULL.seeds}"
-    for made in write_report(results, preset, FULL, FIGURES, tmp_path, command):
-        assert made.read_text() == (COMMITTED / made.name).read_text(), made.name
+    made, _ = write_report(results, preset, FULL, FIGURES, tmp_path, command)
+    assert made.read_text() == (COMMITTED / made.name).read_text()
     for figure in FIGURES:
         for form in ("png", "svg"):
             assert (COMMITTED / f"figures/{figure}-{preset}.{form}").is_file()

@@ -1,8 +1,7 @@
 """The paper's experiments with a tiny budget: what is run, kept, drawn, written, and gone on with."""
 
+import gzip
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -13,8 +12,10 @@ from fpg_bench.reproduce.conditions import ALL, BASE, LONG, TARGETS, conditions_
 from fpg_bench.reproduce.experiment import BUDGETS, Budget, run_experiment
 from fpg_bench.reproduce.recorded import Recorded
 from fpg_bench.reproduce.reproduce import reproduce
+from fpg_bench.reproduce.runs import RunFile
 from fpg_bench.reproduce.tables import tables
-from fpg_bench.reproduce.windows import FINAL, STAGES, WINDOWS, read_windows, windows_of
+from fpg_bench.reproduce.windows import FINAL, STAGES, WINDOWS, windows_of
+from tests.programs import fpg
 
 # Enough for a round in each of the forty windows, and for some updates.
 TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
@@ -29,6 +30,7 @@ def made(tmp_path_factory):
     return out, written, said
 
 
+@pytest.mark.slow
 def test_runs_become_rows_figures_and_a_report(made):
     out, written, _ = made
     names = [path.name for path in written]
@@ -50,12 +52,13 @@ def test_runs_become_rows_figures_and_a_report(made):
     assert "<table>" in (out / "report-paper.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_run_says_how_it_was_made_and_what_happened(made):
     out, *_ = made
-    about, rows = read_windows(out / "rows/paper-tiny" / BASE / "seed_0.csv")
-    assert about["condition"] == BASE
-    assert about["scenario"].startswith("paper, ")
-    assert about["budget"].startswith("tiny, 8000 steps, ")
+    run = RunFile(out, "paper", "tiny").read()[BASE, 0]
+    assert run.about["scenario"].startswith("paper, ")
+    assert run.about["budget"].startswith("tiny, 8000 steps, ")
+    rows = run.rows
     assert [row["window"] for row in rows] == [*range(WINDOWS), FINAL]
     assert rows[-1]["rounds"] == 8 * 10
     for row in rows:
@@ -71,6 +74,7 @@ def test_a_run_says_how_it_was_made_and_what_happened(made):
         assert 0 < moved.max() <= 2 * PAPER.opponent_speed_m_s + 2  # whole metres
 
 
+@pytest.mark.slow
 def test_what_was_run_is_not_run_again(made):
     out, _, first = made
     assert sum("begins" in line for line in first) == 3
@@ -79,25 +83,39 @@ def test_what_was_run_is_not_run_again(made):
     assert said == []
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_rows(made, tmp_path):
     out, *_ = made
     (base,) = conditions_of("fig4", "paper", full=False)
-    run_experiment(base, "paper", TINY, {0: tmp_path / "again.csv"})
-    first, again = (
-        read_windows(path)[1]
-        for path in (out / "rows/paper-tiny" / BASE / "seed_0.csv", tmp_path / "again.csv")
-    )
-    assert first == again
+    again = RunFile(tmp_path, "paper", "tiny")
+    again.add(run_experiment(base, "paper", TINY, [0], tmp_path))
+    assert again.read()[BASE, 0].rows == RunFile(out, "paper", "tiny").read()[BASE, 0].rows
 
 
+def test_runs_are_added_beside_those_that_are_there(made, tmp_path):
+    out, *_ = made
+    there, file = RunFile(out, "paper", "tiny").read(), RunFile(tmp_path, "paper", "tiny")
+    for run in reversed(there.values()):
+        file.add([run])
+    assert file.path.read_bytes() == RunFile(out, "paper", "tiny").path.read_bytes()
+
+
+@pytest.mark.slow
 def test_a_file_that_was_cut_off_is_named(made, tmp_path):
     out, *_ = made
-    whole = (out / "rows/paper-tiny" / BASE / "seed_0.csv").read_text()
-    broken = tmp_path / "seed_0.csv"
-    for text in (whole[: len(whole) // 2], "", "window,steps\n1,2\n"):
-        broken.write_text(text)
-        with pytest.raises(UserError, match=r"seed_0\.csv"):
-            read_windows(broken)
+    whole = RunFile(out, "paper", "tiny").path.read_bytes()
+    lines = gzip.decompress(whole).splitlines()
+    other = lines[0].replace(b'"rounds":[', b'"rounds":["many",', 1)
+    short = lines[0].replace(b'"window":[0,', b'"window":[', 1)
+    broken = RunFile(tmp_path, "paper", "tiny")
+    for data in (
+        whole[: len(whole) // 2],
+        b"no gzip",
+        *map(gzip.compress, (b"{}", b"no JSON", other, short)),
+    ):
+        broken.path.write_bytes(data)
+        with pytest.raises(UserError, match=r"paper-tiny\.jsonl\.gz"):
+            broken.read()
 
 
 def test_the_ally_asks_the_knowledge_base_where_it_is():
@@ -184,6 +202,7 @@ def test_tables_speak_of_what_is_in_use():
     assert [line[2] for line in algorithm if line[0] == "batch size"] == ["32"]
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -193,16 +212,15 @@ def test_tables_speak_of_what_is_in_use():
     ],
 )
 def test_the_verb_refuses_what_it_does_not_know(words, said, tmp_path):
-    command = [sys.executable, "-m", "fpg_bench.cli", "reproduce", *words, "--out", str(tmp_path)]
-    found = subprocess.run(command, capture_output=True, text=True)
+    found = fpg("reproduce", *words, "--out", tmp_path)
     assert found.returncode == 2
     assert said in found.stderr
     assert len(found.stderr.strip().splitlines()) == 1
 
 
+@pytest.mark.process
 def test_the_verb_writes_the_tables_at_once(tmp_path):
-    command = [sys.executable, "-m", "fpg_bench.cli", "reproduce", "tables", "--out", str(tmp_path)]
-    found = subprocess.run(command, capture_output=True, text=True)
+    found = fpg("reproduce", "tables", "--out", tmp_path)
     assert found.returncode == 0, found.stderr
     headings = re.findall("^## (.+)$", (tmp_path / "report-paper.md").read_text(), re.MULTILINE)
     assert [heading.partition(":")[0] for heading in headings] == [

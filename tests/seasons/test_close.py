@@ -19,8 +19,8 @@ from fpg_bench.seasons.profiles import played
 from fpg_bench.seasons.season import FILE, load_season
 from fpg_bench.seasons.show import told
 from tests.leaderboard.making import model, node, weights
+from tests.programs import fpg
 from tests.seasons.closing import TINY, close_tiny, in_this_process, make_board
-from tests.test_cli import fpg
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +49,7 @@ def policies(season):
     return [(side, member.name, member.policy_sha256) for side, member in season.everyone()]
 
 
+@pytest.mark.slow
 def test_a_season_holds_members_of_both_sides_and_how_each_was_made(closed):
     season, _ = closed
     found = load_season(season.folder)
@@ -61,6 +62,7 @@ def test_a_season_holds_members_of_both_sides_and_how_each_was_made(closed):
         assert agent.about["options"]["reward"] == member.recipe.reward
 
 
+@pytest.mark.slow
 def test_what_is_finished_is_not_done_again(closed, board, copied):
     season, _ = closed
     shutil.rmtree(copied / "season-1")
@@ -69,6 +71,7 @@ def test_what_is_finished_is_not_done_again(closed, board, copied):
     assert said == [f"season-1, seed {season.seed[:16]}: 4 candidates, 4 of them done"]
 
 
+@pytest.mark.slow
 def test_a_candidate_that_was_killed_is_trained_anew_and_comes_out_the_same(closed, board, copied):
     season, _ = closed
     (copied / "season-1" / FILE).unlink()  # killed while it was published
@@ -85,6 +88,7 @@ def test_a_candidate_that_was_killed_is_trained_anew_and_comes_out_the_same(clos
     assert {line.split(":")[0] for line in said[1:]} == {"opponent/o00", "ally/a01"}
 
 
+@pytest.mark.slow
 def test_one_side_can_be_trained_first(closed, board, copied):
     (copied / "season-1" / FILE).unlink()
     shutil.rmtree(copied / "work" / "ally")
@@ -93,12 +97,14 @@ def test_one_side_can_be_trained_first(closed, board, copied):
     assert said[-1] == "season-1: candidates of the ally are not there yet; it is not closed"
 
 
+@pytest.mark.slow
 def test_a_season_is_closed_once(closed, board):
     season, work = closed
     with pytest.raises(UserError, match="is closed already; the next one has another number"):
         close_tiny(board, work, season.folder)
 
 
+@pytest.mark.slow
 def test_candidates_of_another_closing_are_not_taken(closed, board, tmp_path):
     _, work = closed
     with pytest.raises(UserError, match=r"holds candidates of another closing .seed"):
@@ -132,6 +138,7 @@ def test_an_entry_that_is_not_sound_is_named(board, tmp_path):
         read_entries(tmp_path / "board")
 
 
+@pytest.mark.slow
 def test_an_entry_that_is_missing_or_came_later_is_named(closed, board):
     season, _ = closed
     entries = read_entries(board)
@@ -148,6 +155,7 @@ def test_an_entry_that_is_missing_or_came_later_is_named(closed, board):
         season.entries["ally/expert"] = ["script ally expert"]
 
 
+@pytest.mark.slow
 def test_a_policy_that_is_another_or_missing_is_named(copied):
     policy = copied / "season-1" / "opponent" / "o00" / "policy.onnx"
     policy.write_bytes(policy.read_bytes()[:-1])
@@ -158,6 +166,7 @@ def test_a_policy_that_is_another_or_missing_is_named(copied):
         load_season(copied / "season-1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -181,6 +190,7 @@ def test_an_unknown_season_is_refused():
         load_season("season-99")
 
 
+@pytest.mark.slow
 def test_a_member_that_answers_nan_is_named(closed, tmp_path):
     season, _ = closed
     member = season.members["opponent"][0]
@@ -194,6 +204,7 @@ def test_a_member_that_answers_nan_is_named(closed, tmp_path):
         played("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed", 2)
 
 
+@pytest.mark.slow
 def test_a_season_is_told_in_words(closed, board):
     season, _ = closed
     text = "\n".join(told(season.folder, board))
@@ -204,6 +215,7 @@ def test_a_season_is_told_in_words(closed, board):
         assert re.search(rf"{member.name} +{member.recipe.reward} +{member.recipe.algorithm} ", text)
 
 
+@pytest.mark.slow
 def test_an_audit_trains_a_member_again(closed, board, tmp_path, monkeypatch):
     season, _ = closed
     monkeypatch.setattr("fpg_bench.seasons.audit.run_jobs", in_this_process)
@@ -213,6 +225,8 @@ def test_an_audit_trains_a_member_again(closed, board, tmp_path, monkeypatch):
         audit(season, read_entries(board), tmp_path, ["o99"])
 
 
+@pytest.mark.slow
+@pytest.mark.process
 def test_the_verbs_answer_in_lines(closed, board, tmp_path):
     season, work = closed
     shown = fpg("season", "show", season.folder, "--board", board)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
+import pytest
 
 from fpg_bench.rows import RowFile
+from tests.programs import python
 from tests.seasons.closing import REPOSITORY
+
+pytestmark = pytest.mark.process
 
 
 def make_closing(folder, seed, noise):
@@ -28,8 +29,7 @@ def make_closing(folder, seed, noise):
 
 
 def told(*folders):
-    command = [sys.executable, str(REPOSITORY / "scripts/measure_fields.py"), *folders, "--side", "opponent"]
-    found = subprocess.run(command, capture_output=True, text=True)
+    found = python(REPOSITORY / "scripts/measure_fields.py", *folders, "--side", "opponent")
     assert found.returncode == 0, found.stderr
     return found.stdout.splitlines()
 

@@ -48,6 +48,7 @@ def test_none_of_them_has_weights_or_chance():
         assert torch.equal(made(seen), made(seen))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["ppo", "td3"])
 def test_a_name_in_the_hyperparameters_is_what_is_trained_and_exported(algorithm, tmp_path):
     agent = train_tiny(algorithm, tmp_path / "run", with_activation(algorithm, "ELU"))

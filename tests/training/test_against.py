@@ -36,6 +36,7 @@ def respond(out, against, view_id=AGAINST_ALLIES, **options):
     return train("ppo", view_id, out, against=against, **(given | options))
 
 
+@pytest.mark.slow
 def test_a_run_against_somebody_says_so_and_is_made_again_by_what_it_says(ally, tmp_path):
     agent = str(ally / "agent")
     respond(tmp_path / "run", [agent, "expert"])
@@ -47,6 +48,7 @@ def test_a_run_against_somebody_says_so_and_is_made_again_by_what_it_says(ally, 
         respond(tmp_path / "run", agent)
 
 
+@pytest.mark.slow
 def test_an_agent_that_is_another_one_by_now_is_not_taken_for_the_same(ally, tmp_path):
     shutil.copytree(ally / "agent", tmp_path / "other")
     respond(tmp_path / "run", str(tmp_path / "other"))
@@ -58,15 +60,17 @@ def test_an_agent_that_is_another_one_by_now_is_not_taken_for_the_same(ally, tmp
         respond(tmp_path / "run", str(tmp_path / "other"))
 
 
+@pytest.mark.slow
 def test_every_player_named_is_met(ally, tmp_path, monkeypatch):
     met = []
-    monkeypatch.setattr("fpg_bench.training.train.make_games", lambda *a, **k: met.append(k) or 1 / 0)
+    monkeypatch.setattr("fpg_bench.training.run.make_games", lambda *a, **k: met.append(k) or 1 / 0)
     for view_id, other in ((AGAINST_ALLIES, "ally"), (AGAINST_OPPONENTS, "opponent")):
         with pytest.raises(ZeroDivisionError):
             respond(tmp_path / "run", ["one", "another"], view_id)
         assert met.pop()[other] == ["one", "another"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("view_id", "against", "message"),
     [
@@ -104,6 +108,7 @@ def test_somebody_named_twice_or_where_both_sides_learn(tmp_path):
         train("maddpg", DUEL, tmp_path / "run", against="expert")
 
 
+@pytest.mark.slow
 def test_a_run_that_starts_from_another_begins_as_good_as_that_ended(ally, tmp_path):
     train_tiny("ppo", tmp_path / "next", REWARDS, steps=400, evaluations=1, start=ally, seed=1)
     rows = RowFile(tmp_path / "next" / "evaluations.jsonl").read()
@@ -114,6 +119,7 @@ def test_a_run_that_starts_from_another_begins_as_good_as_that_ended(ally, tmp_p
     assert (about["steps_done"], about["options"]) == (400, {"start": str(ally)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["ppo", "sac", "recurrent-ppo"])
 def test_all_that_was_learned_is_taken_over(algorithm, tmp_path):
     parameters = load_hyperparameters(algorithm, ALLY, settings(algorithm))
@@ -135,6 +141,7 @@ def flat(model):
     return json.dumps(model.get_parameters(), default=lambda x: np.asarray(x.detach()).tolist())
 
 
+@pytest.mark.slow
 def test_a_start_that_does_not_fit(ally, tmp_path):
     for changes, options, message in (
         (REWARDS, {"start": tmp_path / "nowhere"}, "start .*run.json: cannot be read"),

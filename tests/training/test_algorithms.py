@@ -103,6 +103,7 @@ def test_an_opponent_that_flies_itself_is_trained_with_values_of_its_own(algorit
     assert load_hyperparameters("sac", "FPG/OpponentVsPolicy-v0", path="learned") == sac  # has no such file
 
 
+@pytest.mark.slow
 def test_an_algorithm_of_ones_own_is_trained_by_its_name(tmp_path):
     agent = train_tiny("tests.training.own:Mine", tmp_path / "run", hyperparams=None, steps=3200)
     about = load_agent(agent, "ally").about
@@ -111,6 +112,7 @@ def test_an_algorithm_of_ones_own_is_trained_by_its_name(tmp_path):
     assert json.loads((tmp_path / "run" / "run.json").read_text())["steps_done"] == 3200
 
 
+@pytest.mark.slow
 def test_or_by_its_class_with_hyperparameters_of_its_own(tmp_path):
     values = {"n_envs": 4, "n_timesteps": 200, "policy": "MlpPolicy", "bonus": 0.5, "normalize": None}
     agent = train(Mine, ALLY, tmp_path / "run", hyperparams=values, progress=False, evaluations=0)

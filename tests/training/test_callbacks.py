@@ -21,6 +21,7 @@ def lines_of(capsys):
     return [line for line in capsys.readouterr().out.splitlines() if line.startswith("training: ")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["ppo", "td3"])
 def test_a_line_is_printed_for_each_tenth(algorithm, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(callbacks.time, "monotonic", Clock(1e-6))
@@ -30,6 +31,7 @@ def test_a_line_is_printed_for_each_tenth(algorithm, tmp_path, monkeypatch, caps
     assert 3 <= len(found) <= 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["ppo", "td3"])
 def test_and_wherever_thirty_seconds_went_by_without_one(algorithm, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(callbacks.time, "monotonic", Clock(callbacks.LINE_EVERY_S))

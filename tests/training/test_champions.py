@@ -30,6 +30,7 @@ def written(folder, **changes):
     return file
 
 
+@pytest.mark.slow
 def test_each_stage_begins_with_the_last_and_meets_who_beat_it(tmp_path):
     recipe = load_recipes(written(tmp_path))["brave"]
     said = []
@@ -49,11 +50,12 @@ def test_each_stage_begins_with_the_last_and_meets_who_beat_it(tmp_path):
     assert len(said) == 2
 
 
+@pytest.mark.slow
 def test_what_is_done_is_not_done_again_and_what_was_stopped_goes_on(tmp_path, monkeypatch):
     from fpg_bench.training import champions
 
     recipe = load_recipes(written(tmp_path))["brave"]
-    real, calls = champions.train, []
+    real, calls = champions.train_run, []
 
     def stopped(*words, **options):
         calls.append(words)
@@ -61,7 +63,7 @@ def test_what_is_done_is_not_done_again_and_what_was_stopped_goes_on(tmp_path, m
             raise KeyboardInterrupt
         return real(*words, **options)
 
-    monkeypatch.setattr(champions, "train", stopped)
+    monkeypatch.setattr(champions, "train_run", stopped)
     with pytest.raises(KeyboardInterrupt):
         train_champion(recipe, 0, tmp_path / "runs")
     made = {path: path.stat().st_mtime_ns for path in (tmp_path / "runs").rglob("policy.onnx")}
@@ -76,6 +78,7 @@ def test_what_is_done_is_not_done_again_and_what_was_stopped_goes_on(tmp_path, m
     assert agent.is_dir()
 
 
+@pytest.mark.slow
 def test_a_shipped_champion_says_how_all_of_it_was_made(tmp_path):
     recipe = load_recipes(written(tmp_path, stages=[{"steps": 400}]))["brave"]
     ship_champion(train_champion(recipe, 0, tmp_path / "runs"), tmp_path / "out", recipe, 0, "make brave")

@@ -39,6 +39,7 @@ def a_model(algorithm, normalized=False, frames=1, **options):
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("algorithm", "options", "normalized"),
     [
@@ -66,6 +67,7 @@ def test_exported_agents_play_as_the_model_predicts(algorithm, options, normaliz
 SHARED = {"lstm_hidden_size": 6, "shared_lstm": True, "enable_critic_lstm": False}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("algorithm", "frames", "normalized", "options"),
     [
@@ -100,6 +102,7 @@ def test_agents_with_memory_play_as_the_model_does_in_its_own_games(
     assert np.ptp(spread, axis=0).max() > 0.01
 
 
+@pytest.mark.slow
 def test_memory_gives_the_same_bits_in_a_batch_and_alone():
     model = a_model(RecurrentPPO, True, 3, policy_kwargs={"lstm_hidden_size": 6})
     player = OnnxPlayer(export_onnx(model), {})
@@ -113,6 +116,7 @@ def test_memory_gives_the_same_bits_in_a_batch_and_alone():
     assert (memory[0][7] == alone[0][0]).all()
 
 
+@pytest.mark.slow
 def test_nothing_of_this_machine_is_exported(tmp_path):
     data = export_onnx(a_model(PPO))
     assert b"site-packages" not in data

@@ -1,8 +1,6 @@
 import json
 import pickle
 import shutil
-import subprocess
-import sys
 import zipfile
 
 import numpy as np
@@ -16,6 +14,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.live import export_agent
 from fpg_bench.training.sb3_zip import load_zip
+from tests.programs import fpg
 from tests.training.tiny import train_tiny
 
 ID = "FPG/OpponentVsScripted-v0"
@@ -24,9 +23,7 @@ SEEN = np.random.default_rng(0).uniform(-1, 1, (5, 15)).astype(np.float32)
 
 
 def export(*words):
-    return subprocess.run(
-        [sys.executable, "-m", "fpg_bench.cli", "export", *map(str, words)], capture_output=True, text=True
-    )
+    return fpg("export", *words)
 
 
 def games(frames=1, view=ID):
@@ -40,6 +37,7 @@ def saved(kind, folder, frames=1, **options):
     return model
 
 
+@pytest.mark.slow
 def test_a_live_model_is_an_agent(tmp_path):
     model = PPO("MlpPolicy", VecNormalize(games()), policy_kwargs=SMALL, device="cpu")
     assert fpg_bench.export_agent(model, tmp_path / "seed_4", training_seed=4, hours=0.1) < 1e-5
@@ -51,6 +49,7 @@ def test_a_live_model_is_an_agent(tmp_path):
         fpg_bench.export_agent(model, tmp_path / "seed_5", training_seed=5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "algorithm", "frames", "options"),
     [
@@ -102,6 +101,8 @@ def test_what_is_no_zip_of_a_model_is_told(tmp_path):
             load_zip(tmp_path / name, "ppo", ID)
 
 
+@pytest.mark.slow
+@pytest.mark.process
 def test_the_verb_reads_runs_and_zips(tmp_path):
     train_tiny("ppo", tmp_path / "run", seed=3)
     found = export(tmp_path / "run", "--out", tmp_path / "mine" / "seed_3")

@@ -35,6 +35,7 @@ def lines(path, kind):
     return [row for row in map(json.loads, path.read_text().splitlines()) if row["kind"] == kind]
 
 
+@pytest.mark.slow
 def test_a_run_keeps_what_each_round_flew_and_is_repeated_from_that_without_a_server(
     tmp_path, tiny, monkeypatch
 ):
@@ -70,6 +71,7 @@ def test_a_transcript_belongs_to_a_language_model(tmp_path, tiny):
         train("ppo", "FPG/AllyVsPlanner-v0", tmp_path / "run", transcript=tmp_path / "x.jsonl", **tiny)
 
 
+@pytest.mark.slow
 def test_caps_hold_in_training_and_what_was_paid_for_is_kept_at_a_restart(tmp_path, tiny, monkeypatch):
     with FaultServer([ok(path_text())]) as server:
         monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)

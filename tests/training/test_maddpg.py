@@ -57,11 +57,13 @@ def model():
     return model.learn(5000)
 
 
+@pytest.mark.slow
 def test_it_finds_the_equilibrium_of_a_strongly_monotone_game(model):
     acts = model.predict(np.zeros(4, np.float32))[0][[0, 2]]
     assert acts == pytest.approx(EQUILIBRIUM, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("limit", "least", "most"), [(0.0, 0.0, 0.3), (0.15, 0.3, 0.7), (1.0, 0.9, 1.1)])
 def test_a_penalty_keeps_actions_near_its_limit(limit, least, most):
     """The equilibrium's actions are 0.34 and 0.18: 0.35 and 0.18 before tanh."""
@@ -72,6 +74,7 @@ def test_a_penalty_keeps_actions_near_its_limit(limit, least, most):
     assert least * EQUILIBRIUM[0] <= act <= most * EQUILIBRIUM[0]
 
 
+@pytest.mark.slow
 def test_critics_know_what_everybody_does_and_whose_reward_it_is(model):
     seen, acts = torch.zeros(2, 4), torch.tensor([[0.5, 0.0, 0.5], [-0.5, 0.0, 0.5]])
     with torch.no_grad():
@@ -81,6 +84,7 @@ def test_critics_know_what_everybody_does_and_whose_reward_it_is(model):
     assert found == pytest.approx(rewards, abs=0.1)
 
 
+@pytest.mark.slow
 def test_an_actor_sees_its_own_part_alone(model):
     rng = np.random.default_rng(0)
     seen = rng.uniform(-1, 1, (5, 4)).astype(np.float32)
@@ -91,6 +95,7 @@ def test_an_actor_sees_its_own_part_alone(model):
     assert not np.allclose(ours[:, 2], theirs[:, 2])
 
 
+@pytest.mark.slow
 def test_it_is_saved_loaded_and_gone_on_with(model, tmp_path):
     model.save(tmp_path / "model.zip")
     model.save_replay_buffer(tmp_path / "buffer.pkl")
@@ -109,6 +114,7 @@ def test_it_is_saved_loaded_and_gone_on_with(model, tmp_path):
     assert again.replay_buffer.rewards.shape[1:] == (4, 2)
 
 
+@pytest.mark.slow
 def test_the_same_seed_learns_the_same():
     found = [
         MADDPG("JointPolicy", QuadraticGame(2), seed=seed, learning_starts=20)
@@ -120,6 +126,7 @@ def test_the_same_seed_learns_the_same():
     assert not np.array_equal(found[0], found[2])
 
 
+@pytest.mark.slow
 def test_it_plays_both_sides_of_the_game():
     games = make_sb3_duel(4, seed=0)
     model = MADDPG("JointPolicy", games, learning_starts=40, policy_kwargs={"net_arch": [16]}).learn(1240)

@@ -75,7 +75,7 @@ def test_training_is_the_same_by_both_learners(jax_learner):
         learn_together(models, 120, learner)
         found.append(models)
     for ours, theirs in zip(*(models.values() for models in found), strict=True):
-        assert ours._n_updates == theirs._n_updates == 60
+        assert ours.updates == theirs.updates == 60
         assert np.allclose(ours.replay_buffer.actions, theirs.replay_buffer.actions, atol=1e-4)
         assert np.allclose(weights_of(ours, "critics"), weights_of(theirs, "critics"), atol=1e-4)
 

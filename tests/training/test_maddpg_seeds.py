@@ -39,6 +39,7 @@ def together():
     return models
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_each_learns_what_it_learns_alone(together, seed):
     alone, found = model_of(seed), together[seed]
@@ -61,6 +62,7 @@ def test_whom_a_seed_learns_with_makes_no_difference(together):
     assert np.allclose(weights_of(models[2]), weights_of(together[2]), atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_penalty_s_limit_counts_as_it_does_alone():
     alone, found = (model_of(0, limit=0.01) for _ in range(2))
     begun = weights_of(alone)

@@ -16,7 +16,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from fpg_bench.errors import UserError
 from fpg_bench.players.agent import load_agent
 from fpg_bench.rows import RowFile
-from fpg_bench.training import checkpoints, train
+from fpg_bench.training import checkpoints, run
 from fpg_bench.training.checkpoints import newest_checkpoint
 from tests.training.tiny import settings, train_tiny
 
@@ -63,13 +63,13 @@ def snapshot(model):
 def watched(monkeypatch, at=None):
     """What the next runs are seen by."""
     watch = Watched(at)
-    monkeypatch.setattr(train, "TrainingBar", lambda budget: watch)
+    monkeypatch.setattr(run, "TrainingBar", lambda budget: watch)
     return watch
 
 
 def stopped(algorithm, out, monkeypatch, at=600, **options):
     """A run that is stopped at a step, right after its checkpoint was written; it will export nothing."""
-    monkeypatch.setattr(train, "export_agent", lambda *a: 0.0)
+    monkeypatch.setattr(run, "export_agent", lambda *a: 0.0)
     monkeypatch.setattr("fpg_bench.training.keeping.SAVE_EVERY_S", -1.0)
     watch = watched(monkeypatch, at)
     with pytest.raises(KeyboardInterrupt):
@@ -77,6 +77,7 @@ def stopped(algorithm, out, monkeypatch, at=600, **options):
     return watch
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_a_run_goes_on_where_it_was_and_ends_with_the_steps_asked_for(algorithm, tmp_path, monkeypatch):
     policy = settings(algorithm)["policy_kwargs"] | {"activation_fn": "ELU"}
@@ -108,6 +109,7 @@ def test_runs_of_neighbouring_seeds_play_other_matches(tmp_path, monkeypatch):
     assert seeds == [[0, 1, 2, 3], [10**6 + k for k in range(4)]]
 
 
+@pytest.mark.slow
 def test_a_truncated_checkpoint_is_one_clear_line(tmp_path, monkeypatch):
     stopped("sac", tmp_path / "run", monkeypatch)
     for name in ("model.zip", "normalize.pkl", "replay_buffer.pkl", "progress.json"):
@@ -121,6 +123,7 @@ def test_a_truncated_checkpoint_is_one_clear_line(tmp_path, monkeypatch):
     train_tiny("sac", tmp_path / "run", resume=True)
 
 
+@pytest.mark.slow
 def test_a_checkpoint_that_is_not_written_to_its_end_leaves_the_one_before(tmp_path, monkeypatch):
     real = checkpoints.write_json
     written = []
@@ -158,6 +161,7 @@ def test_a_folder_in_use_by_another_process_is_refused(tmp_path, monkeypatch):
             train_tiny("ppo", tmp_path / "run", resume=True)
 
 
+@pytest.mark.slow
 def test_scores_of_a_run_that_goes_on_stand_once(tmp_path, monkeypatch):
     stopped("ppo", tmp_path / "run", monkeypatch, at=800, evaluations=3)
     train_tiny("ppo", tmp_path / "run", resume=True, evaluations=3)
@@ -197,6 +201,8 @@ def wait_for_steps(folder, steps, process):
     raise AssertionError(process.communicate()[1])
 
 
+@pytest.mark.slow
+@pytest.mark.process
 def test_killed_once_and_stopped_once_it_still_ends_with_the_steps_asked_for(tmp_path):
     out, budget, reached = tmp_path / "run", 2000, 0
     for stop in (signal.SIGKILL, signal.SIGINT):
@@ -216,6 +222,7 @@ def test_killed_once_and_stopped_once_it_still_ends_with_the_steps_asked_for(tmp
     assert (steps[0], steps[-1]) == (0, budget)
 
 
+@pytest.mark.slow
 def test_ctrl_c_is_heard_in_the_main_thread_only(tmp_path):
     ended = []
 

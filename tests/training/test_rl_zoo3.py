@@ -2,12 +2,11 @@
 
 import importlib.util
 import os
-import subprocess
-import sys
 
 import pytest
 
 from fpg_bench.players.agent import baselines_folder
+from tests.programs import python
 from tests.training.tiny import ALLY
 
 pytestmark = pytest.mark.skipif(
@@ -16,6 +15,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("name", "theirs", "small"),
     [
@@ -29,11 +29,6 @@ def test_rl_zoo3_trains_with_our_file(name, theirs, small, tmp_path):
     file = baselines_folder() / "hyperparams" / f"{name}.yml"
     words = ["--algo", theirs, "--env", ALLY, "--gym-packages", "fpg_bench", "--conf-file", str(file)]
     words += ["--n-timesteps", "32", "--eval-freq", "-1", "--log-folder", str(tmp_path), "--num-threads", "1"]
-    done = subprocess.run(
-        [sys.executable, "-m", "rl_zoo3.train", *words, "-params", *small.split()],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-    )
+    done = python("-m", "rl_zoo3.train", *words, "-params", *small.split(), folder=tmp_path)
     assert done.returncode == 0, done.stderr[-2000:]
     assert list(tmp_path.rglob("best_model.zip")) or list(tmp_path.rglob(f"{theirs}/*/*.zip")), done.stdout

@@ -1,8 +1,6 @@
 """Self-play: who is trained against whom, from which weights, and that nothing is lost or done twice."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 import yaml
@@ -14,7 +12,8 @@ from fpg_bench.rows import RowFile
 from fpg_bench.training import selfplay as playing
 from fpg_bench.training.callbacks import GameMeasures
 from fpg_bench.training.selfplay import draw_past, selfplay
-from fpg_bench.training.train import train
+from fpg_bench.training.train import train_run
+from tests.programs import fpg
 from tests.training.tiny import settings
 
 TINY = settings("ppo", normalize={"norm_obs": False})
@@ -41,6 +40,7 @@ def played(tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 def test_each_generation_has_a_row(played):
     rows = read(played)
     assert [(row["generation"], row["side"]) for row in rows] == [
@@ -63,6 +63,7 @@ def test_each_generation_has_a_row(played):
         assert (row["field"], row["field_score"]) == (f"{row['side']}-v1", looks[-1]["score"])
 
 
+@pytest.mark.slow
 def test_a_generation_goes_on_from_the_one_before_against_the_others_past(played):
     for side, other in (("ally", "opponent"), ("opponent", "ally")):
         options = about(played, side, 1)["options"]
@@ -73,6 +74,7 @@ def test_a_generation_goes_on_from_the_one_before_against_the_others_past(played
         assert [about(played, side, k)["training_seed"] for k in range(2)] == [3000, 3001]
 
 
+@pytest.mark.slow
 def test_the_last_generation_is_shipped_and_says_how_all_was_made(played):
     for side in ("ally", "opponent"):
         agent = load_agent(played / side, side)
@@ -94,9 +96,10 @@ def test_the_past_is_drawn_by_the_seed_and_from_all_of_it():
     assert draw_past("ally", 2, 3, 0) == [0, 1]
 
 
+@pytest.mark.slow
 def test_once_finished_it_does_nothing_and_more_generations_go_on(played, monkeypatch):
     trained = []
-    monkeypatch.setattr(playing, "train", lambda *a, **k: trained.append(a[2].name) or train(*a, **k))
+    monkeypatch.setattr(playing, "train_run", lambda *a, **k: trained.append(a[1].name) or train_run(*a, **k))
     before = read(played)
     play(played, evaluations=1, seed=3)
     assert (read(played), trained) == (before, [])
@@ -108,6 +111,7 @@ def test_once_finished_it_does_nothing_and_more_generations_go_on(played, monkey
     assert load_agent(played / "ally").about["training_steps"] == 1200
 
 
+@pytest.mark.slow
 def test_stopped_anywhere_it_goes_on(tmp_path, monkeypatch):
     """In a training, before a row, before an agent is shipped: as if killed, nothing is saved on the way."""
 
@@ -138,6 +142,7 @@ def test_stopped_anywhere_it_goes_on(tmp_path, monkeypatch):
     assert steps == {"ally": 800, "opponent": 400}
 
 
+@pytest.mark.slow
 def test_an_agent_of_the_past_that_is_not_whole_is_one_line(tmp_path):
     play(tmp_path, 1)
     policy = tmp_path / "generations" / "opponent_0" / "agent" / "policy.onnx"
@@ -150,6 +155,7 @@ def test_an_agent_of_the_past_that_is_not_whole_is_one_line(tmp_path):
         play(tmp_path, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -165,6 +171,7 @@ def test_another_self_play_needs_another_folder(played, changes, message):
         play(played, **({"seed": 3} | changes))
 
 
+@pytest.mark.slow
 def test_words_that_can_t_be_meant(tmp_path):
     for changes, message in (
         ({"generations": 0}, "generations"),
@@ -178,12 +185,12 @@ def test_words_that_can_t_be_meant(tmp_path):
     play(tmp_path, 1)  # nothing of all this is left behind
 
 
+@pytest.mark.process
 def test_from_the_command_line(tmp_path):
     entries = dict.fromkeys(("FPG/AllyVsPolicy-v0", "FPG/OpponentVsPolicy-v0"), TINY)
     (tmp_path / "tiny.yml").write_text(yaml.safe_dump(entries))
     words = ["--generations", "1", "--steps", "400", "--path", "learned", "--evaluations", "0"]
-    program = [sys.executable, "-m", "fpg_bench.cli", "selfplay", "ppo", "--hyperparams", "tiny.yml", *words]
-    done = subprocess.run([*program, "--out", "out"], cwd=tmp_path, capture_output=True, text=True)
+    done = fpg("selfplay", "ppo", "--hyperparams", "tiny.yml", *words, "--out", "out", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "agents: out/ally, out/opponent"
     assert load_agent(tmp_path / "out" / "opponent").about["options"] == {"path": "learned"}

@@ -15,6 +15,7 @@ def train(out, seeds, **words):
     return said
 
 
+@pytest.mark.process
 def test_each_seed_is_trained_once_and_one_that_fails_does_not_hold_up_the_others(tmp_path):
     (tmp_path / "seed_2").mkdir()
     (tmp_path / "seed_2" / "mine.txt").touch()
@@ -29,6 +30,7 @@ def test_each_seed_is_trained_once_and_one_that_fails_does_not_hold_up_the_other
         train(tmp_path, [0, 2], steps=2400)
 
 
+@pytest.mark.process
 def test_words_are_checked_before_anything_begins(tmp_path):
     with pytest.raises(UserError, match="unknown id 'FPG/AllyVsScripted-v9'"):
         train_seeds("ppo", "FPG/AllyVsScripted-v9", tmp_path, [0, 1])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from stable_baselines3 import PPO
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 import fpg_bench
@@ -17,6 +18,7 @@ from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.rows import RowFile
 from fpg_bench.training.algorithms import ALGORITHMS
 from fpg_bench.training.checkpoints import newest_checkpoint
+from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model
 from fpg_bench.training.train import train
@@ -51,6 +53,7 @@ def run(tmp_path_factory):
     return folder / "run"
 
 
+@pytest.mark.slow
 def test_a_run_says_how_it_was_made(run):
     about = json.loads((run / "run.json").read_text())
     assert about["finished"]
@@ -67,6 +70,7 @@ def test_a_run_says_how_it_was_made(run):
     assert not (run / "checkpoints").exists()
 
 
+@pytest.mark.slow
 def test_its_git_revision_is_that_of_the_code(run):
     root = Path(fpg_bench.__file__).parents[1]
     if not (root / ".git").exists():
@@ -75,6 +79,7 @@ def test_its_git_revision_is_that_of_the_code(run):
     assert json.loads((run / "run.json").read_text())["revision"].rstrip("+") == head
 
 
+@pytest.mark.slow
 def test_it_says_how_good_its_policy_was_on_the_way(run):
     rows = RowFile(run / "evaluations.jsonl").read()
     assert [row["steps"] for row in rows] == [0, 1200, 2400]
@@ -87,11 +92,13 @@ def test_it_says_how_good_its_policy_was_on_the_way(run):
     assert rows[0]["score"] != rows[-1]["score"]
 
 
+@pytest.mark.slow
 def test_the_last_score_is_the_agents(run):
     found = Yardstick("ally-v1").score(load_agent(run / "agent"))
     assert found["score"] == pytest.approx(RowFile(run / "evaluations.jsonl").read()[-1]["score"], abs=2)
 
 
+@pytest.mark.slow
 def test_the_agent_plays_without_torch_or_sb3(run):
     player = load_agent(run / "agent", "ally")
     about = json.loads((run / "agent" / "agent.json").read_text())
@@ -99,6 +106,7 @@ def test_the_agent_plays_without_torch_or_sb3(run):
     assert (about["algorithm"], about["training_seed"], about["training_steps"]) == ("ppo", 3, 2400)
 
 
+@pytest.mark.slow
 def test_tensorboard_shows_the_game(run):
     events = EventAccumulator(str(run))
     events.Reload()
@@ -113,6 +121,7 @@ def test_tensorboard_shows_the_game(run):
     assert all(0 <= event.value <= 1 for event in events.Scalars("game/jamming_success_rate"))
 
 
+@pytest.mark.slow
 def test_a_finished_run_is_not_repeated_and_no_other_overwritten(run, tmp_path):
     before = (run / "run.json").read_text()
     arguments = ("ppo", "FPG/AllyVsScripted-v0", run)
@@ -135,6 +144,7 @@ def test_a_finished_run_is_not_repeated_and_no_other_overwritten(run, tmp_path):
         train("ppo", "FPG/AllyVsScripted-v0", run.parent, seed=3, **options)
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_before_it_said_anything_begins_again(tmp_path):
     (tmp_path / "tiny.yml").write_text(TINY)
     (tmp_path / "run").mkdir()
@@ -254,6 +264,26 @@ def test_a_policy_that_cannot_act_is_refused_before_anything_is_written(spread, 
     with pytest.raises(UserError, match="hyper-parameters of ppo: the new policy draws no finite actions"):
         train_tiny("ppo", tmp_path / "run", changes)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_policy_that_the_exporter_refuses_is_refused_before_anything_is_written(tmp_path, monkeypatch):
+    def broken(*args, **kwargs):
+        raise RuntimeError("no such pass")
+
+    monkeypatch.setattr("fpg_bench.training.export._EXPORTED", set())
+    monkeypatch.setattr(torch.onnx, "export", broken)
+    with pytest.raises(UserError, match=r"by torch .*, onnx .*, onnxscript .*: RuntimeError: no such pass$"):
+        train_tiny("ppo", tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_trial_export_leaves_chance_and_checks_as_they_are():
+    model = PPO("MlpPolicy", make_sb3("FPG/AllyVsScripted-v0", n_envs=2, seed=0), n_steps=4, batch_size=8)
+    before = torch.get_rng_state()
+    export_onnx(model)
+    assert torch.equal(torch.get_rng_state(), before)
+    with pytest.raises(ValueError, match="Expected parameter"):
+        torch.distributions.Normal(0.0, -1.0)
 
 
 def test_an_opponent_that_answers_nan_is_not_called_divergence(tmp_path):

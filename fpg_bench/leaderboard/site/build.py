@@ -9,10 +9,11 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fpg_bench.envs.replay import replay_markup, replay_part
 from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
 from fpg_bench.leaderboard.site import entry_page, scripts_data, views
+from fpg_bench.leaderboard.site.shown import names_of, read_tracks
+from fpg_bench.pictures.replay import replay_markup, replay_part
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -47,7 +48,7 @@ def build_site(
         UserError: the folder holds something else, or the board a name that can't be a file's.
         OSError: a file cannot be written.
     """
-    views.check_board(board)
+    read_tracks(board)  # all of it is checked before anything is written
     folder = Path(out)
     check_folder(folder)
     board = _with_replays(board, replays or {})
@@ -88,9 +89,9 @@ def _with_replays(board: Row, replays: Replays) -> Row:
 
 def _pages(board: Row, replays: Replays) -> dict[str, str]:
     """All HTML pages by their names."""
-    environment = _environment(board)
-    names = views.names_of(board)
-    tracks = [views.track_view(track, names) for track in board["tracks"]]
+    environment, read = _environment(board), read_tracks(board)
+    names = names_of(read)
+    tracks = [views.track_view(track, names) for track in read]
     crossplay = scripts_data.crossplay_data(board)
     shown: list[tuple[str, str, Row]] = [
         ("index.html", "index.html", {"tracks": tracks}),
@@ -99,11 +100,11 @@ def _pages(board: Row, replays: Replays) -> dict[str, str]:
         ("crossplay.html", "crossplay.html", {"crossplay": crossplay}),
         ("submit.html", "submit.html", {}),
     ]
-    for track in board["tracks"]:
-        for row in track["rows"]:
-            rounds = replays.get((track["key"], row["slug"]), [])
-            entry = {"entry": entry_page.entry_view(track, row, names), "replays": rounds}
-            shown.append((views.page_of(track, row), "entry.html", entry))
+    for track in read:
+        for entry in track.entries:
+            rounds = replays.get((track.key, entry.slug), [])
+            content = {"entry": entry_page.entry_view(track, entry, names), "replays": rounds}
+            shown.append((entry.page, "entry.html", content))
     return {
         name: environment.get_template(template).render(page=name, root="../" * name.count("/"), **content)
         for name, template, content in shown

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from fpg_bench.leaderboard.site.shown import Score
 from fpg_bench.leaderboard.site.wording import finite
 
 WIDTH = 130  # of an interval's picture
@@ -13,12 +14,12 @@ HEAT_STEPS = 9
 Domain = tuple[float, float]
 
 
-def domain_of(intervals: Sequence[Any]) -> Domain:
+def domain_of(intervals: Sequence[Score | None]) -> Domain:
     """The scores that a column of pictures spans: 0 and 100, and all that is shown."""
     numbers = [0.0, 100.0]
     for interval in intervals:
-        if isinstance(interval, dict) and finite(interval.get("value")) is not None:
-            found = (finite(interval.get(key)) for key in ("value", "low", "high"))
+        if interval is not None and interval.value is not None:
+            found = (interval.value, interval.low, interval.high)
             numbers += [number for number in found if number is not None]
     return min(numbers), max(numbers)
 
@@ -29,12 +30,12 @@ def place(value: float, domain: Domain) -> float:
     return round(MARGIN + (value - low) / (high - low) * (WIDTH - 2 * MARGIN), 1)
 
 
-def interval_picture(interval: Any, domain: Domain) -> dict[str, float] | None:
+def interval_picture(interval: Score | None, domain: Domain) -> dict[str, float] | None:
     """Where an interval's dot and ends stand, and the marks of 0 and 100; None without a value."""
-    value = finite(interval.get("value")) if isinstance(interval, dict) else None
-    if value is None:
+    value = None if interval is None else interval.value
+    if interval is None or value is None:
         return None
-    low, high = finite(interval.get("low")), finite(interval.get("high"))
+    low, high = interval.low, interval.high
     ends = (value, value) if low is None or high is None else (low, high)
     drawn = {"zero": 0.0, "hundred": 100.0, "dot": value, "low": ends[0], "high": ends[1]}
     return {name: place(number, domain) for name, number in drawn.items()}

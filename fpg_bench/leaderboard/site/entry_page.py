@@ -5,112 +5,100 @@ from __future__ import annotations
 from typing import Any
 
 from fpg_bench.leaderboard.site import drawing, wording
-from fpg_bench.leaderboard.site.views import (
+from fpg_bench.leaderboard.site.shown import (
     Names,
-    axis_of,
-    entry_head,
-    fields_of,
-    gap_of,
-    is_verified,
-    met,
-    planner_marks,
+    Row,
+    Score,
+    ShownEntry,
+    ShownField,
+    ShownTrack,
     score_of,
-    seeds_gap_text,
     value_of,
-    worst_view,
 )
+from fpg_bench.leaderboard.site.views import axis_of, entry_head, planner_marks, seeds_gap_text, worst_view
 from fpg_bench.leaderboard.site.wording import finite, written
 
-Row = dict[str, Any]
 
-
-def entry_view(track: Row, row: Row, names: Names) -> Row:
+def entry_view(track: ShownTrack, entry: ShownEntry, names: Names) -> Row:
     """What an entry's own page shows.
 
     Args:
         track: of a board.
-        row: the entry's, of that track.
-        names: see :func:`fpg_bench.leaderboard.site.views.names_of`.
+        entry: of that track.
+        names: see :func:`fpg_bench.leaderboard.site.shown.names_of`.
     """
-    fields, score = fields_of(track), row.get("score") or {}
-    ranked_by = track.get("ranked_by") or "known"
-    role = ranked_by if score_of(row, ranked_by) else "known"  # that its score is over
-    domain = drawing.domain_of(_intervals(row))
+    score, gap = entry.score, entry.gap
+    role = track.ranked_by if track.ranked_by in entry.scores else "known"  # that its score is over
+    domain = drawing.domain_of(_scores(entry))
     return {
-        **entry_head(track, row),
-        "track": track["title"],
-        "key": track["key"],
-        "entrants": sum(is_verified(other) and bool(other.get("rank")) for other in track["rows"]),
-        "ranked_by": wording.role_of(ranked_by).label.lower(),
+        **entry_head(entry),
+        "track": track.title,
+        "key": track.key,
+        "ranked": sum(other.verified and bool(other.rank) for other in track.entries),
+        "ranked_by": wording.role_of(track.ranked_by).label.lower(),
         "role": wording.role_of(role).label.lower(),
-        "scale": wording.scale_text(track.get("scale"), track.get("side")),
-        "score": written(score.get("value")),
+        "scale": wording.scale_text(track.scale, track.side),
+        "score": written(value_of(score)),
         "interval": wording.interval_text(score),
-        "over": score.get("over") or "",
-        "gap": "" if gap_of(row) is None else wording.signed(gap_of(row)),
-        "seeds_gap": seeds_gap_text(row),
+        "over": "" if score is None else score.over,
+        "gap": "" if gap is None else wording.signed(gap),
+        "seeds_gap": seeds_gap_text(entry),
         "worst": {
-            **worst_view(track, row, names),
-            "picture": drawing.interval_picture(row.get("worst"), domain),
+            **worst_view(track, entry, names),
+            "picture": drawing.interval_picture(entry.worst, domain),
         },
         "axis": axis_of(domain),
-        "scores": [_over_field(field, row, domain) for field in fields if score_of(row, field["role"])],
-        "fields": [
-            field
-            | {
-                "rows": [
-                    _scored(name, met(row, field["role"]).get(name), domain) for name in field["counterparts"]
-                ]
-            }
-            for field in fields
-            if field["role"] != "public" and met(row, field["role"])
+        "scores": [
+            {**_scored(field.label, over, domain), "about": field.about, "field": field.name}
+            for field in track.fields
+            if (over := entry.scores.get(field.role)) is not None
         ],
-        "seeds": _seeds(row, domain),
-        "measures": _measures(row.get("measures") or {}),
-        "histograms": _histograms(row.get("histograms")),
-        "planner": _planner(row, domain),
-        **_about(row),
+        "fields": [
+            _one_by_one(field, entry, domain)
+            for field in track.fields
+            if field.role != "public" and entry.met.get(field.role)
+        ],
+        "seeds": _seeds(entry, domain),
+        "measures": _measures(entry.measures),
+        "histograms": _histograms(entry.row.get("histograms")),
+        "planner": _planner(entry, domain),
+        **_about(entry.row),
     }
 
 
-def _intervals(row: Row) -> list[Any]:
+def _scores(entry: ShownEntry) -> list[Score | None]:
     """All scores that the page draws."""
-    planner = row.get("planner") if isinstance(row.get("planner"), dict) else {}
-    seeds = [{"value": value} for value in (row.get("seeds") or {}).values()]
-    of_fields = [one for role in row.get("counterparts") or {} for one in met(row, role).values()]
-    scores = [score_of(row, role) for role in row.get("scores") or {}]
-    return [row.get("worst"), *scores, *of_fields, *seeds, *((planner or {}).get("curve") or [])]
+    seeds = [Score(finite(value)) for value in entry.seeds.values()]
+    met = [one for of in entry.met.values() for one in of.values()]
+    return [entry.worst, *entry.scores.values(), *met, *seeds, *_curve(entry)]
 
 
-def _over_field(field: Row, row: Row, domain: drawing.Domain) -> Row:
-    found = score_of(row, field["role"])
-    return {**_scored(field["label"], found, domain), "about": field["about"], "field": field["name"]}
+def _curve(entry: ShownEntry) -> list[Score | None]:
+    return [score_of(found) for found in entry.planner.get("curve") or []]
 
 
-def _one_by_one(field: Row, found: Row, domain: drawing.Domain) -> Row:
-    return field | {"rows": [_scored(name, found.get(name), domain) for name in field["counterparts"]]}
+def _one_by_one(field: ShownField, entry: ShownEntry, domain: drawing.Domain) -> Row:
+    found = entry.met[field.role]
+    rows = [_scored(name, found.get(name), domain) for name in field.counterparts]
+    return {"role": field.role, "name": field.name, "label": field.label, "rows": rows}
 
 
-def _scored(name: str, interval: Any, domain: drawing.Domain) -> Row:
+def _scored(name: str, score: Score | None, domain: drawing.Domain) -> Row:
     return {
         "name": name,
-        "score": written(value_of(interval)),
-        "interval": wording.interval_text(interval),
-        "picture": drawing.interval_picture(interval, domain),
+        "score": written(value_of(score)),
+        "interval": wording.interval_text(score),
+        "picture": drawing.interval_picture(score, domain),
     }
 
 
-def _seeds(row: Row, domain: drawing.Domain) -> list[Row]:
+def _seeds(entry: ShownEntry, domain: drawing.Domain) -> list[Row]:
     """The score of each training seed; none for scripts."""
-    seeds = row.get("seeds") or {}
+    scores = {seed: finite(value) for seed, value in entry.seeds.items() if seed != "None"}
     return [
-        {
-            "seed": seed,
-            "score": written(value),
-            "picture": drawing.interval_picture({"value": value}, domain),
-        }
-        for seed, value in seeds.items()
-        if finite(value) is not None and seed != "None"
+        {"seed": seed, "score": written(value), "picture": drawing.interval_picture(Score(value), domain)}
+        for seed, value in scores.items()
+        if value is not None
     ]
 
 
@@ -125,18 +113,18 @@ def _measures(found: Row) -> list[Row]:
     ]
 
 
-def _planner(row: Row, domain: drawing.Domain) -> Row | None:
+def _planner(entry: ShownEntry, domain: drawing.Domain) -> Row | None:
     """What is told of planners alone: how the score grows over a match's rounds, and what they asked."""
-    found = row.get("planner")
-    if not isinstance(found, dict):
+    found = entry.planner
+    if not isinstance(entry.row.get("planner"), dict):
         return None
-    curve = [_scored(str(k), score, domain) for k, score in enumerate(found.get("curve") or [], 1)]
+    curve = [_scored(str(k), score, domain) for k, score in enumerate(_curve(entry), 1)]
     facts = [
         ("Knows", str(found.get("tier") or wording.NONE)),
-        ("Score over all rounds", written(value_of(found.get("score_all")))),
+        ("Score over all rounds", written(value_of(score_of(found.get("score_all"))))),
         ("Plans of its own", written(found.get("valid"), "share")),
         ("Tokens a plan", written(found.get("tokens"), "whole")),
-        *((label, says) for label, says, _ in planner_marks(row)),
+        *((label, says) for label, says, _ in planner_marks(entry)),
     ]
     return {"curve": curve, "facts": [fact for fact in facts if fact[1] != wording.NONE]}
 

@@ -12,25 +12,25 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench import __version__
-from fpg_bench.envs.recording import Recording
-from fpg_bench.envs.replay import FORMAT, replay_data, script_json
-from fpg_bench.envs.rounds import begin, play_round
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.field import Counterpart, Field
 from fpg_bench.evaluation.play import table_of
 from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.leaderboard.check import load_submission
 from fpg_bench.leaderboard.planner_track import TRACK as PLANNERS
 from fpg_bench.leaderboard.playing import Meeting, parts_of, seated
 from fpg_bench.leaderboard.sandbox import PolicyFailed
-from fpg_bench.leaderboard.site.views import met, value_of
+from fpg_bench.leaderboard.site.shown import Row, ShownEntry, read_tracks, value_of
 from fpg_bench.leaderboard.site.wording import role_of, written
-from fpg_bench.leaderboard.submission import Submission, load_submission
+from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import KNOWN, RESPONSES, UNSEEN
+from fpg_bench.matches.rounds import begin, play_round
+from fpg_bench.pictures.recording import Recording
+from fpg_bench.pictures.replay import FORMAT, replay_data, script_json
 from fpg_bench.plain_json import read_object
 from fpg_bench.players.player import SIDES
+from fpg_bench.version import __version__
 
-Row = dict[str, Any]
 STRONG = ("adaptive/pursuit", "expert/pursuit", "expert/learned", "expert")  # of any track's known field
 _FORM = 3  # of labels and texts; another number has all rounds made anew
 _ROLES = (KNOWN, UNSEEN, RESPONSES)  # of fields that are played under the game's own rules
@@ -75,32 +75,32 @@ def make_replays(
         simulate: whether to play the rounds that are not there.
     """
     found = {}
-    for track in board["tracks"]:
-        for row in track["rows"]:
-            progress(f"{track['key']}/{row['slug']}")
-            replays = _entry_replays(track["key"], row, Path(folder), Path(out), simulate)
+    for track in read_tracks(board):
+        for entry in track.entries:
+            progress(f"{track.key}/{entry.slug}")
+            replays = _entry_replays(track.key, entry, Path(folder), Path(out), simulate)
             if replays:
-                found[track["key"], row["slug"]] = replays
+                found[track.key, entry.slug] = replays
     return found
 
 
-def _entry_replays(key: str, row: Row, folder: Path, out: Path, simulate: bool) -> list[Replay]:
+def _entry_replays(key: str, entry: ShownEntry, folder: Path, out: Path, simulate: bool) -> list[Replay]:
     """An entry's rounds; none where it is not verified or can't be played."""
-    if row["status"] != "verified":
+    if not entry.verified:
         return []
     try:
-        home = folder / "submissions" / key.partition("-")[0] / row["slug"]
+        home = folder / "submissions" / key.partition("-")[0] / entry.slug
         submission = load_submission(home, contract=simulate)
-        return list(_rounds(submission, _chosen(submission.fields, row), key, out, simulate))
+        return list(_rounds(submission, _chosen(submission.fields, entry), key, out, simulate))
     except (PolicyFailed, UserError):
         return []  # submit verify says what is wrong
 
 
-def _chosen(fields: Mapping[str, Field], row: Row) -> dict[str, Meeting]:
+def _chosen(fields: Mapping[str, Field], entry: ShownEntry) -> dict[str, Meeting]:
     """What is played, by what it is called: a strong counterpart, and that of the lowest score."""
     meetings = [(role, one) for role in _ROLES if role in fields for one in fields[role].counterparts]
     strong = next((m for m in meetings if m[1].name in STRONG), meetings[0])
-    scores = [value_of(met(row, role).get(one.name)) for role, one in meetings]
+    scores = [value_of(entry.met.get(role, {}).get(one.name)) for role, one in meetings]
     known = [(score, m) for score, m in zip(scores, meetings, strict=True) if score is not None]
     lowest = min(known, key=lambda item: item[0])[1] if known else strong
     return {_label(role, one): (fields[role], one) for role, one in (strong, lowest)}

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
-from fpg_bench.envs.replay import script_json
 from fpg_bench.leaderboard.crossplay import WITHIN
-from fpg_bench.leaderboard.site.views import (
-    entry_head,
-    fields_of,
-    gap_of,
-    is_verified,
-    met,
+from fpg_bench.leaderboard.site.shown import (
+    Row,
+    Score,
+    ShownEntry,
+    ShownField,
+    ShownTrack,
     names_of,
-    ordered,
-    score_of,
+    read_tracks,
+    value_of,
 )
+from fpg_bench.leaderboard.site.views import entry_head
 from fpg_bench.leaderboard.site.wording import MEASURES, finite, measure_of
+from fpg_bench.pictures.replay import script_json
 from fpg_bench.players.player import SIDES
-
-Row = dict[str, Any]
 
 
 def data_file(content: Any) -> str:
@@ -30,48 +29,47 @@ def data_file(content: Any) -> str:
 def compare_data(board: Row) -> Row:
     """Per track all ranked entries, for two of them to be laid side by side."""
     measures = {name: measure_of(name)._asdict() for name in MEASURES}
-    return {"measures": measures, "tracks": [_compared(track) for track in board["tracks"]]}
+    return {"measures": measures, "tracks": [_compared(track) for track in read_tracks(board)]}
 
 
-def _compared(track: Row) -> Row:
-    rows = [row for row in ordered(track["rows"]) if is_verified(row)]
-    fields = [field for field in fields_of(track) if field["role"] != "public"]
+def _compared(track: ShownTrack) -> Row:
+    fields = [field for field in track.fields if field.role != "public"]
     kept = ("role", "label", "about", "counterparts")
     return {
-        "key": track["key"],
-        "title": track["title"],
-        "ranked_by": track.get("ranked_by") or "known",
-        "fields": [{name: field[name] for name in kept} for field in fields],
-        "rows": [_entry(track, fields, row) for row in rows],
+        "key": track.key,
+        "title": track.title,
+        "ranked_by": track.ranked_by,
+        "fields": [{name: getattr(field, name) for name in kept} for field in fields],
+        "rows": [_entry(fields, entry) for entry in track.entries if entry.verified],
         "improvement": _improvement(track),
     }
 
 
-def _entry(track: Row, fields: list[Row], row: Row) -> Row:
-    head = entry_head(track, row)
+def _entry(fields: list[ShownField], entry: ShownEntry) -> Row:
+    head, training = entry_head(entry), entry.row.get("training")
     kept = ("slug", "name", "page", "rank", "kind", "algorithm", "authors", "few_seeds")
     return {
         **{name: head[name] for name in kept},
-        "score": interval_list(row.get("score")),
-        "gap": rounded(gap_of(row), 1),
-        "worst": rounded((row.get("worst") or {}).get("value"), 1),
-        "scores": {field["role"]: interval_list(score_of(row, field["role"])) for field in fields},
-        "met": {field["role"]: _met(field, row) for field in fields},
-        "measures": {name: rounded(value, 4) for name, value in (row.get("measures") or {}).items()},
-        "training": row.get("training") if isinstance(row.get("training"), dict) else None,
+        "score": interval_list(entry.score),
+        "gap": rounded(entry.gap, 1),
+        "worst": rounded(value_of(entry.worst), 1),
+        "scores": {field.role: interval_list(entry.scores.get(field.role)) for field in fields},
+        "met": {field.role: _met(field, entry) for field in fields},
+        "measures": {name: rounded(value, 4) for name, value in entry.measures.items()},
+        "training": training if isinstance(training, dict) else None,
     }
 
 
-def _met(field: Row, row: Row) -> list[list[float | None]]:
+def _met(field: ShownField, entry: ShownEntry) -> list[list[float | None]]:
     """The score against each counterpart of a field, in its order."""
-    found = met(row, field["role"])
-    return [interval_list(found.get(name)) for name in field["counterparts"]]
+    found = entry.met.get(field.role, {})
+    return [interval_list(found.get(name)) for name in field.counterparts]
 
 
-def interval_list(interval: Any) -> list[float | None]:
-    """``[value, low, high]`` of an interval, each None where it is missing."""
-    found = interval if isinstance(interval, dict) else {}
-    return [rounded(found.get(key), 1) for key in ("value", "low", "high")]
+def interval_list(score: Score | None) -> list[float | None]:
+    """``[value, low, high]`` of a score, each None where it is missing."""
+    ends = (None,) * 3 if score is None else (score.value, score.low, score.high)
+    return [rounded(end, 1) for end in ends]
 
 
 def rounded(value: Any, digits: int) -> float | None:
@@ -83,15 +81,14 @@ def rounded(value: Any, digits: int) -> float | None:
 def statistics_data(board: Row) -> Row:
     """Per track the performance profiles and the probability of improvement."""
     tracks = []
-    for track in board["tracks"]:
-        names = {row["slug"]: row["name"] for row in track["rows"]}
-        profiles = track.get("profiles") or {}
+    for row, track in zip(board["tracks"], read_tracks(board), strict=True):
+        names, profiles = {of["slug"]: of["name"] for of in row["rows"]}, track.profiles
         share = {slug: _numbers(line, 3) for slug, line in (profiles.get("share") or {}).items()}
-        order = [row["slug"] for row in ordered(track["rows"])]
+        order = [entry.slug for entry in track.entries]
         tracks.append(
             {
-                "key": track["key"],
-                "title": track["title"],
+                "key": track.key,
+                "title": track.title,
                 "names": names,
                 "order": order,
                 "thresholds": _numbers(profiles.get("thresholds") or [], 1),
@@ -102,10 +99,10 @@ def statistics_data(board: Row) -> Row:
     return {"tracks": tracks}
 
 
-def _improvement(track: Row, order: list[str] | None = None) -> Row | None:
+def _improvement(track: ShownTrack, order: list[str] | None = None) -> Row | None:
     """The matrices of the probability of improvement, with their entries in another order if one is given."""
-    found = track.get("improvement")
-    if not isinstance(found, dict) or not found.get("names"):
+    found = track.improvement
+    if not found.get("names"):
         return None
     names = list(found["names"])
     places = [names.index(slug) for slug in order if slug in names] if order else range(len(names))
@@ -128,7 +125,7 @@ def crossplay_data(board: Row) -> Row | None:
     found = board.get("crossplay")
     if not isinstance(found, dict) or not found.get("allies") or not found.get("opponents"):
         return None
-    names, missing = names_of(board), found.get("missing") or {}
+    names, missing = names_of(read_tracks(board)), found.get("missing") or {}
     matrices = {**found["returns"], "jammed": found["jamming_success_rate"]}
     twins = _twins(found, matrices)
     left = [j for j, slug in enumerate(found["opponents"]) if slug not in twins]

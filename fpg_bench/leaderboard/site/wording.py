@@ -4,13 +4,25 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from fpg_bench.errors import UserError
 
 NONE = "–"
 _SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
 _LINK = re.compile(r"https://[A-Za-z0-9.-]+(:\d+)?(/[^\s\"'<>\\]*)?")
+
+
+class Bounded(Protocol):
+    """What has a lower and an upper end, each a number or None."""
+
+    @property
+    def low(self) -> float | None:
+        """The lower one."""
+
+    @property
+    def high(self) -> float | None:
+        """The upper one."""
 
 
 class Measure(NamedTuple):
@@ -104,12 +116,11 @@ def measure_of(name: str) -> Measure:
     return Measure(label, "share" if name.endswith(("_ratio", "_rate")) else "score", "")
 
 
-def interval_text(interval: Any) -> str:
+def interval_text(interval: Bounded | None) -> str:
     """``low to high`` of an interval; empty where it has none."""
-    if not isinstance(interval, dict):
+    if interval is None or interval.low is None or interval.high is None:
         return ""
-    low, high = finite(interval.get("low")), finite(interval.get("high"))
-    return "" if low is None or high is None else f"{written(low)} to {written(high)}"
+    return f"{written(interval.low)} to {written(interval.high)}"
 
 
 def signed(value: Any) -> str:

@@ -19,7 +19,7 @@ from fpg_bench.planning.planner import BatchPlanner, Plan, Request, plan_all
 from fpg_bench.rows import Row
 
 
-class Beside(BatchPlanner):
+class BackgroundPlanner(BatchPlanner):
     """Lets a planner plan in a thread of its own, while the game goes on.
 
     When a round starts, a game flies the plan that has come in for its match since the last round; if there
@@ -63,7 +63,7 @@ class Beside(BatchPlanner):
         self._error: Exception | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Beside, (self.planner, self.scenario)
+        return BackgroundPlanner, (self.planner, self.scenario)
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
         """What each game flies now; gives an answer at once.

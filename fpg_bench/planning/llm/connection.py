@@ -10,7 +10,7 @@ import threading
 from collections.abc import AsyncIterator
 from typing import Any
 
-from fpg_bench.errors import UserError
+from fpg_bench.extras import need
 from fpg_bench.planning.llm.replies import LONGEST_BODY, Received
 from fpg_bench.planning.llm.servers import Endpoint
 
@@ -78,10 +78,9 @@ class Connection:
 
 
 def _openai() -> Any:
-    try:
-        import openai
-    except ImportError:
-        raise UserError("the planner llm needs the package openai: pip install 'fpg-bench[llm]'") from None
+    need("llm", "openai")
+    import openai
+
     return openai
 
 

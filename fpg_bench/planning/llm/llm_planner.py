@@ -25,6 +25,7 @@ from fpg_bench.planning.llm.servers import Endpoint, endpoint_from_environment
 from fpg_bench.planning.llm.transcript import Transcript, place_of
 from fpg_bench.planning.patterns import Patrol
 from fpg_bench.planning.planner import BatchPlanner, Limits, Plan, Request
+from fpg_bench.version import __version__
 
 DEADLINE_S = 30.0
 
@@ -258,6 +259,4 @@ def _bounded(raw: Any) -> Any:
 
 @cache
 def _versions() -> dict[str, str]:
-    from fpg_bench import __version__
-
     return {"fpg_bench": __version__, "openai": version("openai")}

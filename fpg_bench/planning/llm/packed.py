@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import gzip
-import zlib
 from pathlib import Path
-from typing import BinaryIO, cast
 
 from fpg_bench.errors import UserError
+from fpg_bench.files import read_bounded
 from fpg_bench.plain_json import read_object
 from fpg_bench.rows import Row
 
-PACKED = ".gz"
 MOST_BYTES = 16_000_000  # of one transcript, unpacked; that of 20 matches is about 1.4 MB
 MOST_LINES = 20_000
 LONGEST_LINE = 1_000_000  # bytes
@@ -27,30 +24,13 @@ def packed_rows(path: Path) -> list[Row]:
         UserError: it can't be read or unpacked, is too long, has a line that is too long or no row, or ends
             in the middle of one.
     """
-    data = _bounded(path)
+    data = read_bounded(path, "transcript", MOST_BYTES)
     if data.count(b"\n") > MOST_LINES:
         raise UserError(f"transcript {path}: has more than {MOST_LINES:,} lines")
     *lines, rest = data.split(b"\n")
     if rest:
         raise UserError(f"transcript {path}: is cut off in its last line")
     return [_row(line, f"transcript {path}: line {number}") for number, line in enumerate(lines, 1)]
-
-
-def _bounded(path: Path) -> bytes:
-    try:
-        with _opened(path) as file:
-            data = file.read(MOST_BYTES + 1)
-    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise UserError(f"transcript {path}: cannot be unpacked: {error}") from error
-    except OSError as error:
-        raise UserError(f"transcript {path}: cannot be read: {error.strerror}") from error
-    if len(data) > MOST_BYTES:
-        raise UserError(f"transcript {path}: is longer than {MOST_BYTES:,} bytes, unpacked")
-    return data
-
-
-def _opened(path: Path) -> BinaryIO:
-    return cast(BinaryIO, gzip.open(path)) if path.suffix == PACKED else path.open("rb")
 
 
 def _row(line: bytes, where: str) -> Row:

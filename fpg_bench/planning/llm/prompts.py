@@ -7,7 +7,6 @@ import hashlib
 import itertools
 import json
 import math
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from string import Template
@@ -15,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.checks import check_keys, whole
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.files import read_yaml
 from fpg_bench.planning.planner import Limits, Request
@@ -140,7 +140,7 @@ def load_prompt(name: str | Path) -> Prompt:
     """
     path = prompt_file(name)
     content = read_yaml(path, "prompt")
-    _check_keys(content, path)
+    check_keys(content, _NEEDED | set(_NAMES), f"prompt {path}", sorted(_NEEDED))
     rounds = content.pop("rounds")
     for key, text in content.items():
         _check_text(text, _NAMES.get(key), f"prompt {path}: {key}")
@@ -160,15 +160,6 @@ def prompt_file(name: str | Path) -> Path:
 # Checks of a profile
 
 
-def _check_keys(content: Mapping[Any, Any], path: Path) -> None:
-    known = _NEEDED | set(_NAMES)
-    for key in content:
-        if key not in known:
-            raise UserError(f"prompt {path}: unknown key {key!r}{nearest(str(key), known)}")
-    for key in sorted(_NEEDED - set(content)):
-        raise UserError(f"prompt {path}: the key {key} is missing")
-
-
 def _check_text(text: Any, names: tuple[str, ...] | None, where: str) -> None:
     if not isinstance(text, str):
         raise UserError(f"{where}: expected text, got {text!r}")
@@ -186,10 +177,7 @@ def _rounds(content: Any, path: Path) -> dict[str, Any]:
     if not isinstance(content, dict) or set(content) != set(keys):
         raise UserError(f"prompt {path}: rounds: expected the keys {', '.join(keys)}, got {content!r}")
     for key, value in content.items():
-        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-            raise UserError(
-                f"prompt {path}: rounds: {key}: expected a whole number, 0 or more, got {value!r}"
-            )
+        whole(value, f"prompt {path}: rounds: {key}", 0)
     return content
 
 

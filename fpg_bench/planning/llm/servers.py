@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from fpg_bench.checks import check_keys, flag, whole
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.files import read_yaml
 
@@ -66,11 +67,9 @@ def load_server(name: str) -> Server:
         raise UserError(f"unknown server {name!r}{nearest(name, SERVERS)}")
     content = read_yaml(path, "server")
     known = [spec.name for spec in dataclasses.fields(Server) if spec.name != "name"]
-    for key in content:
-        if key not in known:
-            raise UserError(f"server {path}: unknown key {key!r}{nearest(str(key), known)}")
+    check_keys(content, known, f"server {path}")
     try:
-        checked: dict[str, Any] = {key: _CHECKS[key](key, value) for key, value in content.items()}
+        checked: dict[str, Any] = {key: _CHECKS[key](value, key) for key, value in content.items()}
         return Server(path.stem, **checked)
     except UserError as error:
         raise UserError(f"server {path}: {error}") from error
@@ -89,7 +88,7 @@ class Endpoint:
     server: Server = field(default_factory=lambda: load_server("generic"))
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "base_url", _checked_url("base_url", self.base_url))
+        object.__setattr__(self, "base_url", _checked_url(self.base_url, "base_url"))
         if self.key and not (self.key.isascii() and self.key.isprintable() and " " not in self.key):
             raise UserError(f"{KEY}: holds a space, a line break or a letter that no key holds; copy it anew")
 
@@ -132,7 +131,7 @@ def endpoint_from_environment(server: str | None = None) -> Endpoint:
         missing.append(f"{BASE_URL} (e.g. http://127.0.0.1:8080/v1, or {SERVER}=spark)")
     if model is None:
         missing.append(MODEL)
-    known = Endpoint(_checked_url(BASE_URL, base_url), model or "", server=profile) if base_url else None
+    known = Endpoint(_checked_url(base_url, BASE_URL), model or "", server=profile) if base_url else None
     if not _value(KEY) and not (known and known.on_this_machine):
         missing.append(KEY if known else f"{KEY} (none is needed on this machine)")
     if known is None or missing:
@@ -148,7 +147,7 @@ def _value(variable: str) -> str | None:
 # The messages below never hold the value of a variable: somebody may have put the key there
 
 
-def _checked_url(name: str, value: Any) -> str:
+def _checked_url(value: Any, name: str) -> str:
     """A base URL without a slash at its end, and without the path that the client adds itself."""
     try:
         url = urlsplit(value.strip())
@@ -165,44 +164,32 @@ def _checked_url(name: str, value: Any) -> str:
 # Entries of a profile
 
 
-def _checked_word(name: str, value: Any) -> str:
+def _checked_word(value: Any, name: str) -> str:
     if not isinstance(value, str) or not value:
         raise UserError(f"{name}: expected a word, got {value!r}")
     return value
 
 
-def _checked_flag(name: str, value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise UserError(f"{name}: expected true or false, got {value!r}")
-    return value
-
-
-def _checked_choice(name: str, value: Any) -> str:
+def _checked_choice(value: Any, name: str) -> str:
     choices = TOKEN_FIELDS if name == "max_tokens_field" else RESPONSE_FORMATS
     if value not in choices:
         raise UserError(f"{name}: expected one of {', '.join(choices)}, got {value!r}")
     return value
 
 
-def _checked_number(name: str, value: Any) -> float:
+def _checked_number(value: Any, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 2:
         raise UserError(f"{name}: expected a number from 0 to 2, got {value!r}")
     return float(value)
 
 
-def _checked_range(name: str, value: Any) -> tuple[float, float]:
+def _checked_range(value: Any, name: str) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
         raise UserError(f"{name}: expected [lowest, highest], got {value!r}")
-    return _checked_number(name, value[0]), _checked_number(name, value[1])
+    return _checked_number(value[0], name), _checked_number(value[1], name)
 
 
-def _checked_count(name: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise UserError(f"{name}: expected a whole number above 0, got {value!r}")
-    return value
-
-
-def _checked_codes(name: str, value: Any) -> tuple[int | str, ...]:
+def _checked_codes(value: Any, name: str) -> tuple[int | str, ...]:
     if not isinstance(value, list) or not all(isinstance(item, int | str) for item in value):
         raise UserError(f"{name}: expected a list of codes, got {value!r}")
     return tuple(value)
@@ -212,11 +199,11 @@ _CHECKS = {
     "about": _checked_word,
     "base_url": _checked_url,
     "model": _checked_word,
-    "seed": _checked_flag,
+    "seed": flag,
     "response_format": _checked_choice,
     "temperature": _checked_number,
     "temperature_range": _checked_range,
-    "max_tokens": _checked_count,
+    "max_tokens": whole,
     "max_tokens_field": _checked_choice,
     "refusal_codes": _checked_codes,
 }

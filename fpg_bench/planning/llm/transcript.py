@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
+from fpg_bench.files import PACKED
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where, alike
-from fpg_bench.planning.llm.packed import PACKED, packed_rows
+from fpg_bench.planning.llm.packed import packed_rows
 from fpg_bench.planning.planner import Request
 from fpg_bench.rows import Row, RowFile
 

@@ -12,10 +12,11 @@ import numpy as np
 import optuna
 from optuna.trial import FrozenTrial, TrialState
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.training.tuning import claim
-from fpg_bench.training.tuning.storage import PATIENCE_S, Storage, open_storage
+from fpg_bench.training.tuning.storage import Storage, open_storage
 from fpg_bench.training.tuning.study import AGAIN, best_trials, find_study, finished, open_study
 from fpg_bench.training.tuning.task import FRESH_SEED, Task
 from fpg_bench.training.tuning.trial import Objective
@@ -55,8 +56,8 @@ def confirm(
     storage: str | None = None,
     name: str | None = None,
     lost: Collection[str] = (),
-    patience_s: float = PATIENCE_S,
     say: Callable[[str], None] = print,
+    **of_storage: Any,
 ) -> list[Confirmed]:
     """Train the best trials of a study again, each on the same fresh seeds; what is there is not repeated.
 
@@ -65,7 +66,8 @@ def confirm(
         best: how many trials.
         seeds: fresh training seeds of each.
         steps: the budget of one training seed; None: that of the study's trials.
-        storage, name, lost, patience_s, say: as in :func:`fpg_bench.training.tuning.tune.tune`.
+        storage, name, lost, say: as in :func:`fpg_bench.training.tuning.tune.tune`.
+        **of_storage: ``patience_s``, as there.
 
     Returns:
         The trials, best on fresh seeds first.
@@ -74,11 +76,9 @@ def confirm(
         UserError: no study, one without complete trials, or a storage that is down.
     """
     for word, value in (("best", best), ("seeds", seeds), ("steps", steps)):
-        if value is not None and value < 1:
-            raise UserError(f"{word}: expected a whole number above 0, got {value}")
-    opened = open_storage(
-        Path(out), storage, stale=claim.try_again, say=say, patience_s=patience_s, there=True
-    )
+        if value is not None:
+            whole(value, word)
+    opened = open_storage(Path(out), storage, stale=claim.try_again, say=say, there=True, **of_storage)
     study, searched = find_study(opened, name)
     chosen = opened.patient(best_trials, study, best)
     if not chosen:

@@ -11,6 +11,7 @@ from typing import Any
 
 import optuna
 
+from fpg_bench.checks import check_keys, flag
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.files import read_yaml
 from fpg_bench.players.agent import baselines_folder
@@ -109,11 +110,8 @@ def _check(wanted: Any, where: str) -> None:
     """Raise UserError where a range is not of its kind."""
     if not isinstance(wanted, dict) or wanted.get("kind") not in _KEYS:
         raise UserError(f"{where}: expected a mapping with kind {', '.join(_KEYS)}, got {wanted!r}")
-    keys, kind = set(wanted) - {"kind"}, wanted["kind"]
-    for key in keys - _KEYS[kind]:
-        raise UserError(f"{where}: unknown key {key!r}{nearest(str(key), _KEYS[kind])}")
-    for key in sorted(_NEEDED[kind] - keys):
-        raise UserError(f"{where}: {key} is missing")
+    kind = wanted["kind"]
+    check_keys(wanted, _KEYS[kind] | {"kind"}, where, sorted(_NEEDED[kind]))
     if kind == "choice":
         if not isinstance(wanted["choices"], list) or not wanted["choices"]:
             raise UserError(f"{where}: choices: expected a list, got {wanted['choices']!r}")
@@ -126,8 +124,7 @@ def _check_range(wanted: dict[str, Any], kind: str, where: str) -> None:
         if not _is_number(wanted[key], whole=kind == "int"):
             number = "a whole number" if kind == "int" else "a number (1.0e-4, not 1e-4)"
             raise UserError(f"{where}: {key}: expected {number}, got {wanted[key]!r}")
-    if not isinstance(wanted.get("log", False), bool):
-        raise UserError(f"{where}: log: expected true or false, got {wanted['log']!r}")
+    flag(wanted.get("log", False), f"{where}: log")
     if wanted["low"] > wanted["high"]:
         raise UserError(f"{where}: low {wanted['low']} lies above high {wanted['high']}")
     if wanted.get("log") and wanted["low"] <= 0:

@@ -19,6 +19,7 @@ from optuna.storages import JournalStorage, RDBStorage, fail_stale_trials
 from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 
 from fpg_bench.errors import UserError
+from fpg_bench.extras import need
 
 JOURNAL = "journal.log"
 HEARTBEAT_S = 60
@@ -109,10 +110,11 @@ class Storage:
 
     def beating(self, trial: optuna.Trial) -> Heartbeat:
         """A context in which a database is told that the trial's worker lives; the first time at once."""
+        number = trial._trial_id  # a private door, opened here alone: heartbeats know trials by no other name
         if isinstance(self.optuna, JournalStorage):
-            return Heartbeat(None, trial._trial_id)
-        self.patient(self.optuna.record_heartbeat, trial._trial_id)
-        return Heartbeat(self.optuna, trial._trial_id)
+            return Heartbeat(None, number)
+        self.patient(self.optuna.record_heartbeat, number)
+        return Heartbeat(self.optuna, number)
 
     def fail_stale(self, study: optuna.Study) -> None:
         """Fail the trials whose worker has not been heard of for long (a database's only)."""
@@ -124,8 +126,8 @@ class Storage:
 class Heartbeat:
     """Tells a database every now and then that a trial's worker lives; a beat that fails is left out."""
 
-    def __init__(self, storage: Any, trial_id: int) -> None:
-        self._storage, self._trial_id = storage, trial_id
+    def __init__(self, storage: Any, trial: int) -> None:
+        self._storage, self._trial = storage, trial
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._beat, daemon=True)
 
@@ -143,7 +145,7 @@ class Heartbeat:
     def _beat(self) -> None:
         while not self._stop.wait(self._storage.heartbeat_interval):
             with contextlib.suppress(*_DOWN):  # the next one may be heard
-                self._storage.record_heartbeat(self._trial_id)
+                self._storage.record_heartbeat(self._trial)
 
 
 def open_storage(
@@ -168,7 +170,7 @@ def open_storage(
         there: whether the journal must be there already.
 
     Raises:
-        UserError: it cannot be opened.
+        UserError: it cannot be opened, or the extra ``postgres`` is not installed.
     """
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     if url is None:
@@ -176,6 +178,8 @@ def open_storage(
             raise UserError(f"{out}: holds no study")
         return _journal(out.resolve() / JOURNAL, say, patience_s)
     where = f"storage {_without_password(url)}"
+    if url.startswith("postgresql+psycopg:"):
+        need("postgres", "psycopg")
     return Storage(where, _database(url, where, stale, heartbeat_s), Patience(where, patience_s, say))
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.field_file import field_of, load_field
 from fpg_bench.ids import find_view
@@ -90,22 +91,22 @@ def make_task(
     *,
     seeds: int,
     steps: int | None = None,
-    space: Path | None = None,
-    hyperparams: Path | None = None,
+    space: str | Path | None = None,
+    hyperparams: str | Path | None = None,
     field: str | None = None,
     rounds: int = ROUNDS,
-    options: dict[str, Any] | None = None,
+    **options: Any,
 ) -> Task:
-    """What a study is to tune, from words as the command line takes them.
+    """What a study is to tune, from words as the command line takes them; ``options`` are of the games.
 
     Raises:
         UserError: something unknown or out of range.
     """
     for name, value in (("seeds", seeds), ("steps", steps), ("rounds", rounds)):
-        if value is not None and value < 1:
-            raise UserError(f"{name}: expected a whole number above 0, got {value}")
+        if value is not None:
+            whole(value, name)
     view = find_view(view_id)
-    options = {name: value for name, value in (options or {}).items() if value is not None}
+    options = {name: value for name, value in options.items() if value is not None}
     found = find_algorithm(algorithm)
     values = _entry(found, view.id, hyperparams, steps, options.get("path"))
     for what, given in (("options", options), ("hyper-parameters", values)):
@@ -127,13 +128,13 @@ def make_task(
         field=name,
         field_hash=measured.hash,
         rounds=rounds,
-        space=load_space(found.base, space).ranges,
+        space=load_space(found.base, Path(space) if space else None).ranges,
         hyperparameters=values,
     )
 
 
 def _entry(
-    algorithm: Algorithm, view_id: str, file: Path | None, steps: int | None, path: Any
+    algorithm: Algorithm, view_id: str, file: str | Path | None, steps: int | None, path: Any
 ) -> dict[str, Any]:
     """What the hyper-parameter file says for the id; a class of the user's may have none."""
     found = load_hyperparameters(algorithm, view_id, file, path=path)

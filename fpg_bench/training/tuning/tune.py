@@ -8,11 +8,11 @@ from typing import Any
 
 import optuna
 
-from fpg_bench.errors import UserError
+from fpg_bench.checks import whole
 from fpg_bench.training.tuning import claim
-from fpg_bench.training.tuning.storage import HEARTBEAT_S, PATIENCE_S, open_storage
+from fpg_bench.training.tuning.storage import open_storage
 from fpg_bench.training.tuning.study import finished, open_study
-from fpg_bench.training.tuning.task import ROUNDS, make_task
+from fpg_bench.training.tuning.task import make_task
 from fpg_bench.training.tuning.trial import PARTS, Objective
 from fpg_bench.training.tuning.worker import Worker
 
@@ -28,19 +28,11 @@ def tune(
     out: str | Path,
     *,
     trials: int = TRIALS,
-    seeds: int = SEEDS,
-    steps: int | None = None,
-    space: str | Path | None = None,
-    hyperparams: str | Path | None = None,
-    field: str | None = None,
-    rounds: int = ROUNDS,
     storage: str | None = None,
     name: str | None = None,
     lost: Collection[str] = (),
-    patience_s: float = PATIENCE_S,
-    heartbeat_s: int = HEARTBEAT_S,
     say: Callable[[str], None] = print,
-    **options: Any,
+    **words: Any,
 ) -> optuna.Study:
     """Run trials of a study in this process until enough are finished; any number may run beside it.
 
@@ -52,19 +44,16 @@ def tune(
         view_id: ``FPG/AllyVsScripted-v0`` and the like.
         out: the study's folder; holds its journal where no other storage is named.
         trials: how many are to be finished, by all workers together.
-        seeds: training seeds of a trial.
-        steps: the budget of one training seed; None: half of the hyper-parameter file's.
-        space: a search space of one's own, a YAML file; None: the shipped one.
-        hyperparams: where the other values come from, a YAML file; None: the shipped one.
-        field: what a policy is scored on; None: the id's.
-        rounds: per counterpart.
         storage: a database's URL; None: the journal.
         name: of the study; None: the algorithm and the id.
         lost: machines that are gone: their trials are tried again.
-        patience_s: how long to wait for a storage that has gone down.
-        heartbeat_s: how often a database is told that the worker lives.
         say: prints a line.
-        **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
+        **words: what is tuned, ``seeds`` (training seeds of a trial), ``steps`` (the budget of one of them;
+            None: half of the hyper-parameter file's), ``space`` and ``hyperparams`` (a search space and where
+            the other values come from, YAML files; None: the shipped ones), ``field`` (what a policy is
+            scored on; None: the id's) and ``rounds`` (per counterpart); of the storage ``patience_s`` (how
+            long to wait for one that has gone down) and ``heartbeat_s`` (how often a database is told that
+            the worker lives); and the options of :class:`fpg_bench.envs.one_sided.OneSided`.
 
     Returns:
         The study, as Optuna knows it.
@@ -74,24 +63,12 @@ def tune(
             down at the start or does not come up again.
         KeyboardInterrupt: stopped by the user; the trial is tried again by the next worker.
     """
-    if trials < 1:
-        raise UserError(f"trials: expected a whole number above 0, got {trials}")
-    task = make_task(
-        algorithm,
-        view_id,
-        seeds=seeds,
-        steps=steps,
-        space=Path(space) if space else None,
-        hyperparams=Path(hyperparams) if hyperparams else None,
-        field=field,
-        rounds=rounds,
-        options=options,
-    )
+    whole(trials, "trials")
+    of_storage = {key: words.pop(key) for key in ("patience_s", "heartbeat_s") if key in words}
+    task = make_task(algorithm, view_id, **{"seeds": SEEDS, **words})
     objective, ranges = Objective(task), task.ranges()
     objective.check(ranges.first())
-    opened = open_storage(
-        Path(out), storage, stale=claim.try_again, say=say, patience_s=patience_s, heartbeat_s=heartbeat_s
-    )
+    opened = open_storage(Path(out), storage, stale=claim.try_again, say=say, **of_storage)
     halving = optuna.pruners.SuccessiveHalvingPruner(min_resource=FIRST_RUNG, reduction_factor=2)
     study = open_study(opened, name or f"{algorithm} {task.view_id}", task, halving)
     training_seeds = [task.first_seed + index for index in range(task.seeds)]

@@ -16,7 +16,7 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.planning import Plan
-from fpg_bench.planning.llm.background import Beside
+from fpg_bench.planning.llm.background import BackgroundPlanner
 
 from .fault_server import FaultServer, answer, ok, status
 from .playing import BAD, ROUNDS, SHORT, endpoint, path, path_text, planner, play, request
@@ -68,7 +68,7 @@ def told(plan):
 
 def test_the_plan_that_is_ready_is_flown_and_until_then_the_present_path():
     slow = Slow()
-    beside = Beside(slow)
+    beside = BackgroundPlanner(slow)
     (first,) = beside.plan_batch([request(0)])
     begin(slow)
     (second,) = beside.plan_batch([request(1)])
@@ -86,7 +86,7 @@ def test_the_plan_that_is_ready_is_flown_and_until_then_the_present_path():
 
 def test_only_the_newest_request_of_a_game_waits_and_the_game_that_waited_longest_is_first():
     slow = Slow(concurrency=1)
-    beside = Beside(slow)
+    beside = BackgroundPlanner(slow)
     beside.plan_batch([request(0, game=0)])
     begin(slow)
     beside.plan_batch([request(0, game=1)])
@@ -99,7 +99,7 @@ def test_only_the_newest_request_of_a_game_waits_and_the_game_that_waited_longes
 @pytest.mark.parametrize(("attributes", "sizes"), [({}, [1, 4]), ({"concurrency": 3}, [1, 3, 1])])
 def test_a_planner_gets_as_many_games_as_it_plans_at_once(attributes, sizes):
     slow = Slow(**attributes)
-    beside = Beside(slow)
+    beside = BackgroundPlanner(slow)
     beside.plan_batch([request(0)])
     begin(slow)
     beside.plan_batch([request(0, game=game) for game in range(1, 5)])
@@ -110,7 +110,7 @@ def test_a_planner_gets_as_many_games_as_it_plans_at_once(attributes, sizes):
 @pytest.mark.parametrize("change", [{"match": 1}, {"seed": 2}])
 def test_what_was_planned_for_a_match_that_has_ended_is_not_flown(change):
     slow = Slow()
-    beside = Beside(slow)
+    beside = BackgroundPlanner(slow)
     beside.plan_batch([request(0)])
     begin(slow)
     beside.plan_batch([request(1)])  # waits, and is dropped
@@ -126,7 +126,7 @@ def test_what_was_planned_for_a_match_that_has_ended_is_not_flown(change):
 
 def test_a_plan_that_comes_after_its_match_is_not_flown():
     slow = Slow()
-    beside = Beside(slow)
+    beside = BackgroundPlanner(slow)
     beside.plan_batch([request(0)])
     finish(beside, slow)
     (plan,) = beside.plan_batch([request(0, match=1)])
@@ -136,7 +136,7 @@ def test_a_plan_that_comes_after_its_match_is_not_flown():
 
 def test_nothing_is_asked_for_after_a_match_s_last_round():
     slow = Slow()
-    beside = Beside(slow)
+    beside = BackgroundPlanner(slow)
     beside.plan_batch([request(ROUNDS - 1)])
     settle(beside)
     assert slow.batches == []
@@ -145,7 +145,7 @@ def test_nothing_is_asked_for_after_a_match_s_last_round():
 @pytest.mark.parametrize("error", [UserError("no such thing"), OSError("disk full"), KeyError("a bug")])
 def test_an_error_of_the_planner_comes_up_at_the_next_round(error):
     slow = Slow(error)
-    beside = Beside(slow)
+    beside = BackgroundPlanner(slow)
     beside.plan_batch([request(0)])
     finish(beside, slow)
     for _ in range(2):
@@ -155,15 +155,15 @@ def test_an_error_of_the_planner_comes_up_at_the_next_round(error):
 
 
 def test_it_has_the_planner_s_tier_and_says_that_it_cannot_be_repeated():
-    beside = Beside(Slow())
+    beside = BackgroundPlanner(Slow())
     assert (beside.name, beside.tier, beside.repeatable) == ("slow-beside", "history", False)
     with pytest.raises(UserError, match="needs the scenario"):
-        Beside(Slow(scenario=None))
+        BackgroundPlanner(Slow(scenario=None))
 
 
 def test_copies_begin_anew_and_go_on_by_themselves(tmp_path):
     with FaultServer([ok(path_text())]) as server:
-        first = Beside(planner(server))
+        first = BackgroundPlanner(planner(server))
         first.plan_batch([request(0)])
         settle(first)
         for beside in (copy.deepcopy(first), pickle.loads(pickle.dumps(first))):
@@ -210,12 +210,12 @@ def flown(file):
 def test_a_replay_flies_the_same_without_a_server_or_a_thread(tmp_path, seed):
     file = tmp_path / "transcript.jsonl"
     with FaultServer([answer(Uneven(seed))]) as server:
-        beside = Beside(planner(server, transcript=file, concurrency=2))
+        beside = BackgroundPlanner(planner(server, transcript=file, concurrency=2))
         played = play(Settled(beside, 0.3), rounds=3 * ROUNDS, games=3)
         settle(beside)
     assert len(flown(file)) == 9 * ROUNDS
     before = file.read_bytes()
-    again = Beside(planner(transcript=file, mode="replay"))
+    again = BackgroundPlanner(planner(transcript=file, mode="replay"))
     assert again.repeatable
     threads = threading.active_count()
     replayed = play(again, rounds=3 * ROUNDS, games=3)
@@ -243,11 +243,11 @@ def test_a_plan_that_was_never_flown_may_be_held(tmp_path):
             return super().plan_batch(requests)
 
     with FaultServer([answer(said)]) as server:
-        played = play(Third(Beside(planner(server, transcript=file))), rounds=3)
+        played = play(Third(BackgroundPlanner(planner(server, transcript=file))), rounds=3)
     assert [plan.source for plan in played[0]] == ["circle", "circle", "held"]
     assert np.array_equal(played[0][2].waypoints, path(9))
     assert [line["planned_round"] for line in flown(file)] == [None, None, 1]
-    replayed = play(Beside(planner(transcript=file, mode="replay")), rounds=3)
+    replayed = play(BackgroundPlanner(planner(transcript=file, mode="replay")), rounds=3)
     assert np.array_equal(played[1], replayed[1])
 
 
@@ -256,7 +256,7 @@ def recorded(tmp_path):
     """A transcript in which round 0 flew the circle, and each round after it the plan of the one before."""
     file = tmp_path / "transcript.jsonl"
     with FaultServer([ok(path_text(index)) for index in range(ROUNDS)]) as server:
-        beside = Beside(planner(server, transcript=file))
+        beside = BackgroundPlanner(planner(server, transcript=file))
         played = play(Settled(beside))
     return file, played
 
@@ -286,7 +286,7 @@ def test_a_replay_of_a_missing_or_changed_line_is_refused_by_name(recorded, chan
     lines = change([json.loads(line) for line in file.read_text().splitlines()])
     file.write_text("".join(json.dumps(line) + "\n" for line in lines))
     with pytest.raises(UserError, match=f"seed 5, match 0, {named}"):
-        play(Beside(planner(transcript=file, mode="replay")))
+        play(BackgroundPlanner(planner(transcript=file, mode="replay")))
 
 
 def test_a_transcript_of_planning_between_rounds_is_refused(tmp_path):
@@ -294,15 +294,15 @@ def test_a_transcript_of_planning_between_rounds_is_refused(tmp_path):
     with FaultServer([ok(path_text())]) as server:
         play(planner(server, transcript=file))
     with pytest.raises(UserError, match="no line that says what was flown"):
-        play(Beside(planner(transcript=file, mode="replay")))
+        play(BackgroundPlanner(planner(transcript=file, mode="replay")))
 
 
 RUN = """
 import sys, time
 from tests.planning.llm.playing import SHORT, play
-from fpg_bench.planning.llm.background import Beside
+from fpg_bench.planning.llm.background import BackgroundPlanner
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
-beside = Beside(LLMPlanner(SHORT, transcript=sys.argv[1] if len(sys.argv) > 1 else None))
+beside = BackgroundPlanner(LLMPlanner(SHORT, transcript=sys.argv[1] if len(sys.argv) > 1 else None))
 """
 
 
@@ -311,6 +311,7 @@ def environment(monkeypatch, server):
     monkeypatch.setenv("FPG_LLM_MODEL", "tiny")
 
 
+@pytest.mark.process
 def test_a_killed_run_flies_what_it_flew_and_goes_on(tmp_path, monkeypatch):
     file, rounds, reached, go = (
         tmp_path / "transcript.jsonl",
@@ -341,9 +342,10 @@ def test_a_killed_run_flies_what_it_flew_and_goes_on(tmp_path, monkeypatch):
     assert 0 < len(before) < rounds
     assert flown(file)[: len(before)] == before
     assert len(flown(file)) == rounds
-    play(Beside(planner(transcript=file, mode="replay")), rounds=rounds)
+    play(BackgroundPlanner(planner(transcript=file, mode="replay")), rounds=rounds)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("ending", ["end", "error", "interrupt"])
 def test_a_program_ends_while_a_call_is_under_way(monkeypatch, ending):
     asked, go = threading.Event(), threading.Event()
@@ -371,7 +373,7 @@ def test_a_program_ends_while_a_call_is_under_way(monkeypatch, ending):
 
 def test_a_server_that_is_of_no_use_comes_up_at_the_next_round(tmp_path):
     with FaultServer([status(401)]) as server:
-        beside = Beside(planner(server, transcript=tmp_path / "transcript.jsonl"))
+        beside = BackgroundPlanner(planner(server, transcript=tmp_path / "transcript.jsonl"))
         beside.plan_batch([request(0)])
         settle(beside)
         with pytest.raises(UserError, match=r"HTTP 401, the key is refused \(FPG_LLM_API_KEY\)"):

@@ -259,7 +259,7 @@ def test_the_key_is_in_no_reply_no_log_and_no_repr(behaviour, caplog):
 
 def test_without_the_package_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "openai", None)
-    with pytest.raises(UserError, match=r"pip install 'fpg-bench\[llm\]'"):
+    with pytest.raises(UserError, match=r'pip install "fpg-bench\[llm\]"'):
         client("http://127.0.0.1:1/v1")
 
 

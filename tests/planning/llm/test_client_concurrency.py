@@ -92,6 +92,7 @@ def test_it_can_be_copied_and_pickled_after_use(monkeypatch):
     assert keys == [KEY, KEY, "another-key"]
 
 
+@pytest.mark.process
 def test_it_works_in_a_forked_process():
     with FaultServer([ok("Hello.")]) as fake:
         asked = client(fake.url)
@@ -114,6 +115,7 @@ bodies = [client.request_body([{"role": "user", "content": "hi"}], 0)] * 3
 """
 
 
+@pytest.mark.process
 def test_ctrl_c_ends_a_call_at_once():
     with FaultServer([faults.late(60, "late")]) as fake:
         code = SLOW_CALL + "client.complete_all(bodies)"
@@ -129,6 +131,7 @@ def test_ctrl_c_ends_a_call_at_once():
     assert len(fake.requests) == 1
 
 
+@pytest.mark.process
 def test_a_process_ends_while_a_call_is_under_way():
     with FaultServer([faults.late(60, "late")]) as fake:
         code = (

@@ -254,7 +254,7 @@ def test_the_hash_follows_what_is_asked_alone(own):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("about: mine", "", "own.yml: the key about is missing"),
+        ("about: mine", "", "own.yml: lacks about"),
         ("heading:", "headings:", "unknown key 'headings'; did you mean 'heading'"),
         ("about: mine", "about: 3", "about: expected text, got 3"),
         ("Go from $x", "Go from $position", r"user: unknown placeholder \$position; known: box_x"),

@@ -38,7 +38,7 @@ def test_a_replay_is_identical_without_a_server_or_a_key(recorded):
 def test_a_replay_needs_no_openai_package(recorded, monkeypatch):
     monkeypatch.setitem(sys.modules, "openai", None)
     assert_same(recorded[1], play(planner(transcript=recorded[0], mode="replay")))
-    with FaultServer([GOOD]) as server, pytest.raises(UserError, match=r"pip install 'fpg-bench\[llm\]'"):
+    with FaultServer([GOOD]) as server, pytest.raises(UserError, match=r'pip install "fpg-bench\[llm\]"'):
         planner(server)
 
 
@@ -110,6 +110,7 @@ play(LLMPlanner(SHORT, transcript=sys.argv[1], concurrency=int(sys.argv[2])), ga
 """
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("games", [1, 3])
 def test_a_killed_run_goes_on_and_calls_nothing_twice(tmp_path, monkeypatch, games):
     file, reached, go = tmp_path / "transcript.jsonl", threading.Event(), threading.Event()

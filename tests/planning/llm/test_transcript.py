@@ -7,14 +7,13 @@ import dataclasses
 import gzip
 import json
 import pickle
-import subprocess
-import sys
 
 import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.planning.llm.attempt import Attempt, alike
 from fpg_bench.planning.llm.transcript import Transcript
+from tests.programs import python
 
 from .playing import path, request
 
@@ -229,6 +228,7 @@ def test_a_copy_is_the_same_transcript_and_a_pickle_opens_it_again(recorded):
     assert len(pickle.loads(pickle.dumps(transcript)).attempts()) == 2
 
 
+@pytest.mark.process
 def test_two_processes_do_not_record_into_one_file(recorded):
     code = "import sys; from fpg_bench.planning.llm.transcript import Transcript as T;"
     code += "print(len(T(sys.argv[1], sys.argv[2]).attempts()))"
@@ -236,9 +236,7 @@ def test_two_processes_do_not_record_into_one_file(recorded):
     first.attempts()
 
     def other(mode):
-        return subprocess.run(
-            [sys.executable, "-c", code, str(recorded), mode], capture_output=True, text=True
-        ).stderr
+        return python("-c", code, recorded, mode).stderr
 
     assert "another process is writing" in other("record")
     assert other("replay") == ""

@@ -8,6 +8,7 @@ import yaml
 from fpg_bench.cli import main
 from fpg_bench.training.tuning.storage import open_storage
 from fpg_bench.training.tuning.study import find_study
+from tests.programs import fpg as program
 from tests.training.tuning.test_tune import HYPERPARAMS, SPACE, VIEW
 
 TUNE = f"tune ppo {VIEW} --out study --space space.yml --hyperparams mine.yml --rounds 2 --seeds 1"
@@ -38,9 +39,9 @@ def fpg(folder, monkeypatch, capfd):
     return run
 
 
+@pytest.mark.process
 def test_search_look_and_write(folder, fpg):
-    words = command(f"{TUNE} --trials 2 --steps 600")
-    found = subprocess.run(words, cwd=folder, capture_output=True, text=True)
+    found = program(*f"{TUNE} --trials 2 --steps 600".split(), folder=folder)
     assert found.returncode == 0, found.stderr
     assert "2 of 2 finished" in found.stdout
     assert fpg("tune-report study") == (0, "written: study/report.html\n", "")
@@ -57,6 +58,7 @@ def test_search_look_and_write(folder, fpg):
     assert yaml.safe_load(text)[VIEW]["n_timesteps"] == 2400
 
 
+@pytest.mark.process
 def test_ctrl_c_leaves_a_study_that_goes_on(folder, fpg):
     process = subprocess.Popen(
         command(f"{TUNE} --trials 2 --steps 100000000"),

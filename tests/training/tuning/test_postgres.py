@@ -11,10 +11,13 @@ from fpg_bench.errors import UserError
 from tests.training.tuning.fake import fake_worker, highest_x
 from tests.training.tuning.postgres import Server, programs
 
-pytestmark = pytest.mark.skipif(
-    programs() is None and not os.environ.get("CI"),
-    reason="needs the programs of PostgreSQL (Debian: apt-get install postgresql)",
-)
+pytestmark = [
+    pytest.mark.postgres,
+    pytest.mark.skipif(
+        programs() is None and not os.environ.get("CI"),
+        reason="needs the programs of PostgreSQL (Debian: apt-get install postgresql)",
+    ),
+]
 
 
 @pytest.fixture(scope="module")

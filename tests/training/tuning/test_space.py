@@ -66,7 +66,7 @@ def test_two_spaces_of_the_same_ranges_are_the_same(space):
     [
         ("gamma: 0.9", "gamma: expected a mapping with kind float, int, choice, got 0.9"),
         ("gamma: {kind: flaot, low: 0, high: 1}", "expected a mapping with kind"),
-        ("gamma: {kind: float, low: 0.1}", "gamma: high is missing"),
+        ("gamma: {kind: float, low: 0.1}", "gamma: lacks high"),
         ("gamma: {kind: float, low: 0.1, hihg: 1}", "unknown key 'hihg'; did you mean 'high'"),
         ("gamma: {kind: float, low: 1e-4, high: 1}", r"low: expected a number \(1.0e-4, not 1e-4\)"),
         ("gamma: {kind: int, low: 0.5, high: 1}", "low: expected a whole number, got 0.5"),

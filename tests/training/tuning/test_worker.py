@@ -39,6 +39,7 @@ def test_a_study_that_was_closed_goes_on_as_one_that_was_not(tmp_path):
     assert len({trial.params["x"] for trial in parts.trials}) == 14
 
 
+@pytest.mark.process
 def test_a_killed_workers_trial_is_tried_again_with_its_values(tmp_path, at_work):
     process = at_work(tmp_path)
     lines = []
@@ -52,6 +53,7 @@ def test_a_killed_workers_trial_is_tried_again_with_its_values(tmp_path, at_work
     assert study.trials[1].user_attrs["tries"] == 2
 
 
+@pytest.mark.process
 def test_a_trial_that_takes_its_worker_with_it_is_given_up(tmp_path, at_work):
     for _ in range(claim.MOST_TRIES):
         process = at_work(tmp_path)
@@ -63,6 +65,7 @@ def test_a_trial_that_takes_its_worker_with_it_is_given_up(tmp_path, at_work):
     assert study.trials[3].params != study.trials[0].params
 
 
+@pytest.mark.process
 def test_a_worker_waits_for_the_others_and_takes_over_what_they_leave(tmp_path, at_work, monkeypatch):
     process = at_work(tmp_path, trials=1)
     monkeypatch.setattr("fpg_bench.training.tuning.worker.POLL_S", 0.01)
@@ -80,6 +83,7 @@ def test_a_worker_waits_for_the_others_and_takes_over_what_they_leave(tmp_path, 
     assert states(study) == ["FAIL", "COMPLETE"]
 
 
+@pytest.mark.process
 def test_another_machines_trial_is_left_alone_until_that_machine_is_said_to_be_lost(tmp_path, at_work):
     at_work(tmp_path, host="elsewhere").kill()
     lines = []
@@ -91,6 +95,7 @@ def test_another_machines_trial_is_left_alone_until_that_machine_is_said_to_be_l
     assert states(study) == ["FAIL", "COMPLETE", "COMPLETE"]
 
 
+@pytest.mark.process
 def test_two_workers_share_a_study(tmp_path, started):
     both = [started(tmp_path, trials=12, seconds=0.1) for _ in range(2)]
     said = [process.communicate(timeout=60) for process in both]
@@ -101,6 +106,7 @@ def test_two_workers_share_a_study(tmp_path, started):
     assert len({trial.user_attrs["worker"]["pid"] for trial in trials}) == 2
 
 
+@pytest.mark.process
 def test_ctrl_c_gives_the_trial_back(tmp_path, at_work):
     process = at_work(tmp_path)
     process.send_signal(signal.SIGINT)

@@ -18,6 +18,7 @@ def words(tmp_path):
     return {"workers": 2, "seeds": 1, "steps": 600, "rounds": 2} | files
 
 
+@pytest.mark.slow
 def test_two_workers_share_the_trials(tmp_path, words, capsys):
     tune_together("ppo", VIEW, tmp_path / "study", trials=2, **words)
     storage = open_storage(tmp_path / "study", None, stale=lambda *_: None, say=print)

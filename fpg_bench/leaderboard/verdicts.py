@@ -1,0 +1,114 @@
+"""What becomes of a submission that was played: its result is written, or compared with the kept one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from fpg_bench.evaluation.line import Line
+from fpg_bench.jobs.job import outcome_of
+from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
+from fpg_bench.leaderboard.cases import (
+    Case,
+    again,
+    result_at,
+)
+from fpg_bench.leaderboard.likeness import told_apart
+from fpg_bench.leaderboard.playing import failure_in, key_of, lines_in, open_in
+from fpg_bench.leaderboard.result import Result, failed_result, verified_result, write_result
+from fpg_bench.leaderboard.tracks import ranked_by
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of one submission: all is well or not, and the line that says so."""
+
+    name: str
+    good: bool
+    line: str
+
+
+def judge(case: Case) -> tuple[bool, str]:
+    """Whether all is well, and what is to be said; writes the result where there is none."""
+    folders = [(case.work / part.name, meetings) for part, meetings in case.wanted]
+    why = next((said for folder, _ in folders if (said := failure_in(folder))), None)
+    lines: list[Line] = []
+    for folder, meetings in folders if why is None else ():
+        there = lines_in(folder)
+        lines += [there[key_of(*meeting)] for meeting in meetings]
+    if case.whole and lines and all(line.lost == len(line.returns) for line in lines):
+        why = "all of its rounds are lost by rule: its answers are no valid actions"
+    if case.known is None:
+        return _first(case, lines, why)
+    if not case.known.verified:
+        return _still_failed(case, why)
+    if why is not None:
+        return False, f"the result is verified, but now: {why}"
+    found = disagreements(lines, case.known.lines, case.fields)
+    if found:
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        return False, f"the result does not hold: {found[0]}{more}"
+    same = same_to_the_bit(lines, case.known.lines)
+    return True, f"holds: {same} of {len(lines)} lines played again are the same to the bit"
+
+
+def open_walls(case: Case) -> str:
+    """What the processes of a case's policies could not be kept from, in words; nothing where all is well."""
+    found = dict.fromkeys(name for part, _ in case.wanted for name in open_in(case.work / part.name))
+    return f"; this machine cannot keep a policy from {', '.join(found)}" if found else ""
+
+
+def copied(case: Case) -> str:
+    """Who of a new entry plays like whom, in words; of one that has a result it was said before."""
+    if case.known is not None:
+        return ""
+    told = outcome_of(partial(told_apart, case.submission, case.submission.folder.parents[2]))
+    lines = [told.error] if told.error is not None else told.result
+    return "".join(f"; {line}" for line in lines)
+
+
+def _first(case: Case, lines: list[Line], why: str | None) -> tuple[bool, str]:
+    whose = (case.submission.slug, case.submission.track, case.printed)
+    if why is not None:
+        write_result(case.path, failed_result(*whose, why))
+        return False, f"not verified: {why}"
+    result = verified_result(*whose, lines, case.fields)
+    write_result(case.path, result)
+    wrong = None if case.claimed is None else _wrong(case, case.claimed, lines)
+    if wrong is not None:
+        return False, f"replaced: the result that came along {wrong}; commit this one: {told(result)}"
+    return True, told(result)
+
+
+def _wrong(case: Case, claimed: Path, lines: list[Line]) -> str | None:
+    """What is wrong with a result that came along, None where it holds or there was none."""
+    read = outcome_of(partial(result_at, claimed, case.submission, case.fields))
+    if read.error is not None:
+        return "is none of this entry's, or was edited"
+    claim: Result | None = read.result
+    if claim is None:
+        return None
+    if not claim.verified:
+        return "says that it is not verified"
+    found = disagreements(lines, claim.lines, case.fields)
+    return f"does not hold: {found[0]}" if found else None
+
+
+def _still_failed(case: Case, why: str | None) -> tuple[bool, str]:
+    if not case.wanted:
+        return True, "not verified; not part of a sample"
+    if why is None:
+        return False, f"the result is not verified, but it plays; {again(case.submission)}"
+    return True, f"not verified, as before: {why}"
+
+
+def told(result: Result) -> str:
+    """What a result says, in a line."""
+    if not result.verified:
+        return f"not verified: {result.head['reason']}"
+    summary = result.head["summary"]
+    role = ranked_by(summary["scores"])
+    score = summary["scores"][role]
+    lost = f", {summary['lost']:,} of {summary['rounds']:,} rounds lost by rule" if summary["lost"] else ""
+    return f"verified: {role} {score['value']:.1f} [{score['low']:.1f}, {score['high']:.1f}]{lost}"

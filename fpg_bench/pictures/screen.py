@@ -1,0 +1,55 @@
+"""What a view shows of its game: pictures, a window, or nothing and at no cost."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.errors import UserError
+from fpg_bench.extras import need
+from fpg_bench.game.arena import Arena
+
+RENDER_MODES = ("rgb_array", "human")
+
+
+class Screen:
+    """The rendering of one game in a view's render mode.
+
+    Args:
+        arena: the games; the first one is shown.
+        mode: None (nothing is recorded), ``rgb_array`` or ``human``.
+
+    Raises:
+        UserError: another mode, or the extra ``video`` is not installed.
+    """
+
+    def __init__(self, arena: Arena, mode: str | None) -> None:
+        if mode is not None and mode not in RENDER_MODES:
+            raise UserError(f"render_mode: expected None, 'rgb_array' or 'human', got {mode!r}")
+        if mode is not None:
+            need("video", "matplotlib")
+        self._arena, self._mode = arena, mode
+        self._renderer: Any = None
+
+    def record(self, begin: bool = False) -> None:
+        """Take the present step down, after a reset (``begin``) and after each step."""
+        if self._mode is None:
+            return
+        if self._renderer is None:
+            from fpg_bench.pictures.rendering import Renderer
+
+            self._renderer = Renderer(self._arena, human=self._mode == "human")
+        self._renderer.record(begin)
+        if self._mode == "human":
+            self._renderer.show()
+
+    def picture(self) -> np.ndarray | None:
+        """The present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``; else None."""
+        return self._renderer.draw() if self._mode == "rgb_array" and self._renderer else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None

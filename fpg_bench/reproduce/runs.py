@@ -1,0 +1,101 @@
+"""The runs of one scenario and budget in one compressed file: a JSON line each, with how it was made."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.errors import UserError
+from fpg_bench.files import read_bounded, write_whole
+from fpg_bench.plain_json import read_object
+from fpg_bench.reproduce.windows import COLUMNS, FINAL, LISTS, Row
+
+_LARGEST = 2**28  # bytes of all lines; those of the committed files are a few million
+_HEADS = {"condition": str, "seed": int, "about": dict, "columns": dict}
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run.
+
+    Attributes:
+        condition, seed: which.
+        about: how it was made: scenario, budget, versions, seconds.
+        rows: its windows in order; the last is without noise.
+    """
+
+    condition: str
+    seed: int
+    about: Mapping[str, Any]
+    rows: list[Row]
+
+    def line(self) -> str:
+        """As JSON; numbers are kept to five digits, so that reading gives what was written."""
+        columns = {name: [_rounded(row[name]) for row in self.rows] for name in COLUMNS}
+        head = {"condition": self.condition, "seed": self.seed, "about": dict(self.about)}
+        return json.dumps(head | {"columns": columns}, separators=(",", ":"))
+
+
+class RunFile:
+    """The file ``<folder>/<scenario>-<budget>.jsonl.gz``, which is only ever written whole.
+
+    Args:
+        folder: where it lies.
+        preset, budget: the names of its scenario and budget.
+    """
+
+    def __init__(self, folder: Path, preset: str, budget: str) -> None:
+        self.path = folder / f"{preset}-{budget}.jsonl.gz"
+
+    def read(self) -> dict[tuple[str, int], Run]:
+        """All runs, by condition and seed; none where there is no file.
+
+        Raises:
+            UserError: it cannot be read, was cut off, or a line is no run.
+        """
+        if not self.path.exists():
+            return {}
+        lines = read_bounded(self.path, "runs", _LARGEST).splitlines()
+        runs = [self._run(number, line) for number, line in enumerate(lines, 1)]
+        return {(run.condition, run.seed): run for run in runs}
+
+    def add(self, runs: Iterable[Run]) -> None:
+        """Put runs beside those that are there, or in their place."""
+        every = self.read() | {(run.condition, run.seed): run for run in runs}
+        text = "".join(every[key].line() + "\n" for key in sorted(every))
+        write_whole(self.path, gzip.compress(text.encode(), mtime=0))
+
+    def _run(self, number: int, line: bytes) -> Run:
+        try:
+            found = read_object(line)
+            if wrong := [name for name, kind in _HEADS.items() if not isinstance(found.get(name), kind)]:
+                raise ValueError(f"{wrong[0]} is missing or changed")
+            columns = [found["columns"][name] for name in COLUMNS]
+            rows = [
+                dict(zip(COLUMNS, map(_read, COLUMNS, row), strict=True))
+                for row in zip(*columns, strict=True)
+            ]
+        except (KeyError, ValueError, TypeError) as error:
+            raise UserError(f"runs {self.path}: line {number} is no run: {error}") from error
+        if not rows or rows[-1]["window"] != FINAL:
+            raise UserError(f"runs {self.path}: line {number} is not whole")
+        return Run(found["condition"], found["seed"], found["about"], rows)
+
+
+def _rounded(value: Any) -> Any:
+    return float(f"{value:.5g}") if isinstance(value, float) else value
+
+
+def _read(name: str, value: Any) -> Any:
+    """A cell as the code expects it: lists of whole numbers, whole numbers, and numbers or None."""
+    if name in LISTS:
+        if not isinstance(value, list):
+            raise ValueError(f"{name}: expected a list")
+        return [int(number) for number in value]
+    if name in ("window", "steps", "rounds"):
+        return int(value)
+    return None if value is None else float(value)

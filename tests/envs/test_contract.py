@@ -1,0 +1,161 @@
+"""One contract for all views, as it is shipped in ``fpg_bench.testing``; and that it finds what is wrong."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import gymnasium
+import numpy as np
+import pytest
+
+from fpg_bench import make_duel, make_sb3
+from fpg_bench.envs.both_sides import make_sb3_duel
+from fpg_bench.envs.multi_agent import parallel_env
+from fpg_bench.errors import UserError
+from fpg_bench.testing import VIEW_CHECKS, check_view
+
+from .playing import ALLY, IDS, SHORT
+
+GAMES = 3
+VIEWS = {
+    **{f"single {name}": partial(gymnasium.make, name, scenario=SHORT) for name in IDS},
+    **{f"batch {name}": partial(gymnasium.make_vec, name, GAMES, scenario=SHORT) for name in IDS},
+    **{f"sb3 {name}": partial(make_sb3, name, GAMES, scenario=SHORT) for name in IDS},
+    "sb3 of both sides": partial(make_sb3_duel, GAMES, scenario=SHORT),
+    "duel": partial(make_duel, GAMES, scenario=SHORT),
+    "duel with a planner": partial(make_duel, GAMES, scenario=SHORT, planner="random"),
+    "pettingzoo": partial(parallel_env, scenario=SHORT),
+}
+
+
+@pytest.mark.parametrize("check", VIEW_CHECKS)
+@pytest.mark.parametrize("kind", VIEWS)
+def test_the_contract_holds(kind, check):
+    VIEW_CHECKS[check](VIEWS[kind])
+
+
+def test_what_is_no_view_is_refused():
+    with pytest.raises(UserError, match="view: expected one of Gymnasium, SB3 or PettingZoo, or a duel"):
+        check_view(object)
+
+
+# A view of one game that is spoilt in one place; ``sound`` is what it did before
+
+
+def _too_wide(view, sound):
+    def step(action):
+        observation, *rest = sound.step(action)
+        return observation + 1.5, *rest
+
+    view.step = step
+
+
+def _deaf(view, sound):
+    view.reset = lambda seed=None, options=None: sound.reset(seed=3)
+
+
+def _terminating(view, sound):
+    def step(action):
+        observation, reward, _, over, info = sound.step(action)
+        return observation, reward, over, False, info
+
+    view.step = step
+
+
+def _mistaken(view, sound):
+    def step(action):
+        observation, reward, *rest = sound.step(action)
+        return observation, 2 * reward, *rest
+
+    view.step = step
+
+
+def _lending(view, sound):
+    view.step = lambda action: (view.core.observations[0], *sound.step(action)[1:])
+
+
+def _clipping(view, sound):
+    view.step = lambda action: sound.step(np.clip(action, -1, 1, out=action))
+
+
+def _uncopied(view, sound):
+    view.__deepcopy__ = lambda memory: begun(8)
+
+
+def _eager(view, sound):
+    def step(action):
+        if not view._begun:
+            view.reset()
+        return sound.step(action)
+
+    view.step = step
+
+
+def _tolerant(view, sound):
+    view.step = lambda action: sound.step(np.nan_to_num(action))
+
+
+def _rounding(view, sound):
+    view.reset = lambda seed=None, options=None: sound.reset(
+        seed=None if seed is None else abs(int(seed)) % 99
+    )
+
+
+def begun(seed):
+    view = gymnasium.make(ALLY, scenario=SHORT).unwrapped
+    view.reset(seed=seed)
+    return view
+
+
+class Sound:
+    """The methods of a view as they were."""
+
+    def __init__(self, view):
+        self.reset, self.step = view.reset, view.step
+
+
+def spoilt(spoil):
+    def make():
+        view = gymnasium.make(ALLY, scenario=SHORT).unwrapped
+        spoil(view, Sound(view))
+        return view
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("spoil", "check", "message"),
+    [
+        (_too_wide, "spaces", "observations of step 1 are not in their space"),
+        (_deaf, "seeds", "another seed gave the same game"),
+        (_terminating, "rounds", "a game was terminated in step 32; rounds are truncated"),
+        (_mistaken, "rounds", "a round earned .*, but its measures say"),
+        (_lending, "arrays", "hand out copies"),
+        (_clipping, "actions", "it changed its actions; work on a copy"),
+        (_uncopied, "copies", "a copy plays another game"),
+        (_eager, "first reset", "nothing was refused; expected a UserError that says reset"),
+        (_tolerant, "bad actions", "expected a UserError that says ally action: index 7 is nan"),
+        (_rounding, "bad seeds", "nothing was refused"),
+    ],
+)
+def test_each_fault_is_found_by_its_check(spoil, check, message):
+    with pytest.raises(AssertionError, match=message) as caught:
+        VIEW_CHECKS[check](spoilt(spoil))
+    assert "\n" not in str(caught.value)
+
+
+def test_games_of_a_batch_must_be_those_of_their_seeds():
+    def make():
+        view = gymnasium.make_vec(ALLY, GAMES, scenario=SHORT).unwrapped
+        sound = view.reset
+        view.reset = lambda seed=None, options=None: sound(seed=None if seed is None else [seed, 0, seed + 2])
+        return view
+
+    with pytest.raises(AssertionError, match="game i of a batch of seed s is not game i - 1 of seed s"):
+        VIEW_CHECKS["batch"](make)
+
+
+def test_all_checks_are_made_of_a_view():
+    check_view(partial(gymnasium.make, ALLY, scenario=SHORT))
+    with pytest.raises(AssertionError, match="the observations of step 1"):
+        check_view(spoilt(_too_wide))

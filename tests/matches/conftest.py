@@ -1,0 +1,10 @@
+"""Where the tests of matches keep a match."""
+
+from __future__ import annotations
+
+import pytest
+
+
+@pytest.fixture
+def file(tmp_path):
+    return tmp_path / "somewhere" / "match.jsonl"

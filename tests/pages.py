@@ -1,0 +1,118 @@
+"""Pages of the docs, done in a folder as a reader would, in their order.
+
+A block of code whose first line is ``# NAME`` is a file, too. Commands play fields with few matches.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+from pathlib import Path
+
+from fpg_bench.players.agent import baselines_folder
+from tests.programs import ROOT, python
+
+_FPG_BENCH = """\
+from pathlib import Path
+from fpg_bench.players import agent
+agent.baselines_folder = lambda: Path({baselines!r})
+from fpg_bench.cli import main
+main()
+"""
+
+
+def blocks(text: str) -> list[tuple[str, str]]:
+    """The (language, code) of each block."""
+    return re.findall(r"```(\w+)\n(.*?)```", text, re.DOTALL)
+
+
+def small_baselines(folder: Path) -> Path:
+    """A folder like ``baselines``: fields of all their counterparts and few matches, agents of two seeds."""
+    whole = baselines_folder()
+    for path in (*whole.iterdir(), *whole.glob("fields/*"), *whole.glob("agents/*/*/seed_[01]")):
+        target = folder / path.relative_to(whole)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if path.match("fields/*.yml"):
+            text = path.read_text()
+            matches = 1 if "rounds_per_match" in text else 2
+            target.write_text(re.sub(r"(?m)^matches: \d+", f"matches: {matches}", text))
+        elif path.name not in ("fields", "agents"):
+            target.symlink_to(path)
+    return folder
+
+
+class Reader:
+    """Somebody who does what a page says.
+
+    Args:
+        folder: where.
+        baselines: what is played in place of the package's own.
+        variables: of the environment, whatever the page says of them.
+
+    Attributes:
+        ran: what was done: commands, and code in Python.
+        said: what all of it printed.
+    """
+
+    def __init__(self, folder: Path, baselines: Path, **variables: str) -> None:
+        folder.mkdir(exist_ok=True)
+        models = ("FPG_LLM_", "OPENAI_")
+        kept = {name: text for name, text in os.environ.items() if not name.startswith(models)}
+        self._folder, self._given = folder, variables
+        self._environment = kept | {"PYTHONPATH": str(ROOT)} | variables
+        self._command = _FPG_BENCH.format(baselines=str(baselines))
+        self.ran: list[str] = []
+        self.said = ""
+
+    def does(self, language: str, code: str) -> None:
+        """Do what a block says."""
+        if named := re.match(r"# ([\w/-]+\.(?:py|ya?ml))\n", code):
+            self.writes(named[1], code)
+        if language == "python":
+            self._runs(code, python("-c", code, **self._where))
+        for line in code.strip().splitlines() if language == "bash" else ():
+            self._enters(line)
+
+    def writes(self, name: str, text: str) -> None:
+        """Write a file."""
+        file = self._folder / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+
+    @property
+    def _where(self) -> dict[str, object]:
+        return {"folder": self._folder, "environment": self._environment}
+
+    def _enters(self, line: str) -> None:
+        verb, *words = shlex.split(line, comments=True)
+        if verb == "export":
+            name, _, value = words[0].partition("=")
+            self._environment[name] = self._given.get(name, value)
+        elif verb == "fpg-bench":
+            self._runs(line, python("-c", self._command, *words, **self._where))
+        elif verb != "make":  # which test_make_targets is for
+            where = {"cwd": self._folder, "env": self._environment}
+            self._runs(line, subprocess.run(["sh", "-c", line], capture_output=True, text=True, **where))
+
+    def _runs(self, what: str, done: subprocess.CompletedProcess[str]) -> None:
+        assert done.returncode == 0, f"{what}\n{done.stdout}\n{done.stderr}"
+        self.ran.append(what)
+        self.said += done.stdout
+
+
+def broken_links(file: Path) -> list[str]:
+    """The links of a page that lead nowhere, in this repository."""
+    return [
+        link for link in re.findall(r"\]\(([^)]+)\)", file.read_text()) if not _leads_somewhere(link, file)
+    ]
+
+
+def _leads_somewhere(link: str, page: Path) -> bool:
+    name, _, anchor = link.partition("#")
+    target = page.parent / name if name else page
+    if not target.exists() or not anchor:
+        return target.exists()
+    headings = re.findall(r"^#+ (.+)$", target.read_text(), re.MULTILINE)
+    return anchor in [heading.lower().replace(" ", "-") for heading in headings]

@@ -1,0 +1,63 @@
+"""Programs as a user starts them, but without the seconds that each spends on importing torch and the like.
+
+Each is a process of its own, with a status and with files for what it prints; see ``program_server.py``.
+What a program imports, how it is stopped and what it may use are tested with ``subprocess`` instead.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+def python(
+    *words: Any, folder: Path | None = None, environment: dict[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """What comes of ``python WORDS``.
+
+    Args:
+        words: a script, ``-m`` and a module, or ``-c`` and code; then its own words.
+        folder: where it is started; None: here.
+        environment: None: that of the tests.
+    """
+    with tempfile.NamedTemporaryFile("r") as out, tempfile.NamedTemporaryFile("r") as error:
+        request = {
+            "words": list(map(str, words)),
+            "folder": str(folder or Path.cwd()),
+            "environment": dict(os.environ if environment is None else environment),
+            "stdout": out.name,
+            "stderr": error.name,
+        }
+        status = _ask(request)
+        return subprocess.CompletedProcess(request["words"], status, out.read(), error.read())
+
+
+def fpg(*words: Any, **where: Any) -> subprocess.CompletedProcess[str]:
+    """What comes of ``fpg-bench WORDS``; ``where``: see :func:`python`."""
+    return python("-m", "fpg_bench.cli", *words, **where)
+
+
+def _ask(request: dict[str, Any]) -> int:
+    server = _server()
+    print(json.dumps(request), file=server.stdin, flush=True)
+    return int(server.stdout.readline())
+
+
+@cache
+def _server() -> subprocess.Popen[str]:
+    """One for all tests of this process."""
+    command = [sys.executable, "-m", "tests.program_server"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    server = subprocess.Popen(command, cwd=ROOT, env=os.environ | _ONE_THREAD, text=True, **pipes)
+    atexit.register(server.communicate)
+    return server
