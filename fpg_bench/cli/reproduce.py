@@ -11,7 +11,9 @@ from fpg_bench.cli.options import say
 
 
 def reproduce(
-    target: Annotated[str, typer.Argument(help="fig3, fig4, fig5, fig6, fig7, tables or all")] = "all",
+    target: Annotated[
+        str, typer.Argument(help="fig3, fig4, fig5, fig6, fig7, tables, screen or all")
+    ] = "all",
     scenario: Annotated[str, typer.Option(help="paper or standard")] = "paper",
     seeds: Annotated[int | None, typer.Option(min=1, help="runs a condition; default: the budget's")] = None,
     budget: Annotated[str, typer.Option(help="quick (minutes), full (hours), tenth or paper")] = "quick",
@@ -27,7 +29,13 @@ def reproduce(
 ) -> None:
     """Run the paper's experiments over seeds, draw its figures and say what holds; run it again to go on."""
     from fpg_bench.reproduce.reproduce import reproduce as run
+    from fpg_bench.reproduce.screen_report import reproduce_screen
 
+    if target == "screen":  # of all readings; nobody learns
+        where = {"jobs": jobs, "backend": backend, "address": address, "say": say}
+        for path in reproduce_screen(out, budget, **where):
+            say(f"written: {path}")
+        return
     asked = llm or transcript is not None
     words = {} if transcript is None else {"transcript": str(transcript)}
     written = run(

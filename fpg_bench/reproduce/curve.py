@@ -9,8 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from fpg_bench.pictures.canvas import blank_figure
 from fpg_bench.reproduce.claims import CLAIMS, LEVEL
 from fpg_bench.reproduce.readings import POINTS, Reading, as_reading
@@ -39,6 +37,11 @@ class Spot:
     against: int
 
     @property
+    def size(self) -> float:
+        """The mean in half widths of its interval: claims have different units, readings different scales."""
+        return self.mean / max((self.high - self.low) / 2, 1e-9)
+
+    @property
     def holds(self) -> bool:
         """Whether all parts of the claim do."""
         return self.p < LEVEL / 2
@@ -47,7 +50,7 @@ class Spot:
 def spots(rows: Sequence[Row], claim: str) -> list[Spot]:
     """A claim under the readings of a screen's rows, those first under which it is furthest from holding."""
     found = [_spot(row, claim) for row in rows]
-    return sorted(found, key=lambda spot: (spot.mean, spot.reading.name))
+    return sorted(found, key=lambda spot: (spot.size, spot.reading.name))
 
 
 def _spot(row: Row, claim: str) -> Spot:
@@ -107,12 +110,8 @@ def _colour(spot: Spot) -> str:
 
 
 def _draw_effects(axes: Any, found: Sequence[Spot], claim: str) -> None:
-    """Claims have different units and readings different scales: what is drawn is mean / half width."""
-    held = sum(spot.holds for spot in found)
-    halves = np.array([max((spot.high - spot.low) / 2, 1e-9) for spot in found])
-    sizes = np.array([spot.mean for spot in found]) / halves
-    order = np.argsort(sizes, kind="stable")
-    axes.scatter(range(len(found)), sizes[order], s=4, c=[_colour(found[i]) for i in order], linewidths=0)
+    held, colours = sum(spot.holds for spot in found), [_colour(spot) for spot in found]
+    axes.scatter(range(len(found)), [spot.size for spot in found], s=4, c=colours, linewidths=0)
     axes.axhline(0, color="black", lw=0.8)
     axes.axhspan(-1, 1, color="#000000", alpha=0.08, lw=0)
     axes.set_yscale("symlog", linthresh=1)
@@ -121,10 +120,12 @@ def _draw_effects(axes: Any, found: Sequence[Spot], claim: str) -> None:
 
 def _draw_settings(axes: Any, found: Sequence[Spot], settings: Sequence[tuple[str, str]]) -> None:
     rank = {setting: line for line, setting in enumerate(settings)}
-    halves = [max((spot.high - spot.low) / 2, 1e-9) for spot in found]
-    order = sorted(range(len(found)), key=lambda i: found[i].mean / halves[i])
-    for place, index in enumerate(order):
-        chosen = [rank[each] for each in zip(POINTS, found[index].reading.settings, strict=True)]
-        axes.scatter([place] * len(chosen), chosen, s=2, color=_colour(found[index]), linewidths=0)
+    dots = [
+        (place, rank[each], _colour(spot))
+        for place, spot in enumerate(found)
+        for each in zip(POINTS, spot.reading.settings, strict=True)
+    ]
+    across, down, colours = zip(*dots, strict=True)
+    axes.scatter(across, down, s=2, c=colours, linewidths=0)
     axes.set_xlabel("readings, sorted")
     axes.grid(axis="y", alpha=0.2)

@@ -184,11 +184,12 @@ def _rendered(content: Mapping[str, Any]) -> str:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
-    environment.filters["table"] = _table
+    environment.filters["table"] = markdown_table
     return environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(content)
 
 
-def _table(lines: Lines) -> str:
+def markdown_table(lines: Lines) -> str:
+    """A table in Markdown."""
     head, *rest = lines
     rows = [head, ["---"] * len(head), *rest]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in rows)
