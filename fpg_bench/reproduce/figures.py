@@ -191,7 +191,7 @@ FIGURES: Mapping[str, Callable[[Results, str], Any]] = MappingProxyType(
 
 
 def save_figure(figure: Any, stem: Path) -> list[Path]:
-    """Write a figure as PNG and SVG, the same bytes for the same picture; ``stem``: the path without suffix."""
+    """Write ``<stem>.png`` and ``<stem>.svg``, the same bytes for the same picture."""
     from matplotlib import rc_context
 
     paths = []

@@ -20,10 +20,10 @@ _GAMES = 96
 _HEAD = """\
 # The paper's claims under every reading: scripted players
 
-{count} readings of the paper were played, every combination of the settings below. Nobody learns here: scripts stand
-for both sides (`fpg_bench/reproduce/screen.py` says which). So this page says what the *game* rewards under a
-reading, and where a training is worth its hours. A claim holds under a reading where all its parts do, each with
-p below 0.05 (two-sided, Welch; parts of one claim need no correction, as all have to hold).
+{count} readings of the paper were played, every combination of the settings below. Nobody learns here:
+scripts stand for both sides (`fpg_bench/reproduce/screen.py` says which). So this page says what the *game*
+rewards under a reading, and where a training is worth its hours. A claim holds under a reading where all its
+parts do, each with p below 0.05 (two-sided, Welch; parts of one claim need no correction, as all have to hold).
 
 ![Each claim under each reading: blue holds, orange has a part that is the opposite](figures/screen.png)
 
