@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fpg_bench.pictures.canvas import blank_figure
-from fpg_bench.reproduce.claims import CLAIMS, LEVEL
+from fpg_bench.reproduce.claims import LEVEL
 from fpg_bench.reproduce.readings import POINTS, Reading, as_reading
 from fpg_bench.rows import Row
 
@@ -45,6 +45,11 @@ class Spot:
     def holds(self) -> bool:
         """Whether all parts of the claim do."""
         return self.p < LEVEL / 2
+
+
+def claims_of(rows: Sequence[Row]) -> list[str]:
+    """The claims that rows speak of, in order."""
+    return sorted({part["claim"] for row in rows for part in row["parts"]})
 
 
 def spots(rows: Sequence[Row], claim: str) -> list[Spot]:
@@ -89,9 +94,10 @@ def draw_curve(rows: Sequence[Row]) -> Any:
         A matplotlib ``Figure``.
     """
     settings = [(point, setting) for point, known in POINTS.items() for setting in known]
-    figure = blank_figure(4.2 * len(CLAIMS), 8)
-    above, below = figure.subplots(2, len(CLAIMS), sharex="col", sharey="row", height_ratios=(2, 3))
-    for column, claim in enumerate(CLAIMS):
+    claims = claims_of(rows)
+    figure = blank_figure(4.2 * len(claims), 8)
+    above, below = figure.subplots(2, len(claims), sharex="col", sharey="row", height_ratios=(2, 3))
+    for column, claim in enumerate(claims):
         found = spots(rows, claim)
         _draw_effects(above[column], found, claim)
         _draw_settings(below[column], found, settings)

@@ -21,7 +21,7 @@ from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
 from fpg_bench.ids import DUEL
 from fpg_bench.players.player import SIDES
-from fpg_bench.reproduce.conditions import Condition
+from fpg_bench.reproduce.conditions import Condition, swapped
 from fpg_bench.reproduce.keeping import Checkpoint
 from fpg_bench.reproduce.recorded import Recorded
 from fpg_bench.reproduce.runs import Run
@@ -135,8 +135,13 @@ def run_experiment(
     told = []
     for seed, run in runs.items():
         made = f"{budget.name}, {steps} steps, {run.model.updates} updates"
+        made_so = about | {"budget": made}
         rows = [*windows_of(run.core.rounds, steps), window_row(FINAL, steps, *finals[seed])]
-        told.append(Run(condition.name, seed, about | {"budget": made}, rows))
+        told.append(Run(condition.name, seed, made_so, rows))
+        for path in condition.swaps:
+            on_it = played_without_noise(run.model, run.games(None, path=path, planner=None))
+            row = window_row(FINAL, steps, *on_it)
+            told.append(Run(swapped(condition.name, path), seed, made_so, [row]))
     checkpoint.remove()
     return told
 
@@ -170,9 +175,9 @@ class _Training:
         self.model: Any = make_model(ALGORITHM, games, hyperparameters(budget), seed)
         self.model.set_logger(configure(None, []))
 
-    def games(self, first_seed: int | None) -> SB3View:
+    def games(self, first_seed: int | None, **instead: Any) -> SB3View:
         """Games to train in, whose rounds end at different times; without a seed: to be played together."""
-        return SB3View(self._make(), first_seed, stagger=first_seed is not None)
+        return SB3View(self._make(**instead), first_seed, stagger=first_seed is not None)
 
 
 def played_without_noise(

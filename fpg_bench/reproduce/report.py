@@ -98,7 +98,7 @@ def _claims(verdicts: Mapping[str, str]) -> Lines:
 
 def _tests(comparisons: Sequence[Comparison]) -> Lines:
     lines = [["claim", "claimed to be positive", "measured", "95 % interval", "d_z", "p", "p (Holm)"]]
-    lines[0] += ["without noise", "verdict"]
+    lines[0] += ["with noise", "by itself"]
     for each in comparisons:
         found = each.found
         effect = "-" if found.effect is None else f"{round(found.effect, 1) + 0.0:.1f}"

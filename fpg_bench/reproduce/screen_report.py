@@ -8,7 +8,7 @@ from typing import Any
 
 from fpg_bench.files import write_whole
 from fpg_bench.reproduce.claims import CLAIMS
-from fpg_bench.reproduce.curve import Spot, draw_curve, shares, spots
+from fpg_bench.reproduce.curve import Spot, claims_of, draw_curve, shares, spots
 from fpg_bench.reproduce.figures import save_figure
 from fpg_bench.reproduce.readings import POINTS, every_reading
 from fpg_bench.reproduce.report import markdown_table
@@ -23,7 +23,7 @@ _HEAD = """\
 {count} readings of the paper were played, every combination of the settings below. Nobody learns here:
 scripts stand for both sides (`fpg_bench/reproduce/screen.py` says which). So this page says what the *game*
 rewards under a reading, and where a training is worth its hours. A claim holds under a reading where all its
-parts do, each with p below 0.05 (two-sided, Welch; parts of one claim need no correction, as all have to hold).
+parts do, each with p below 0.05 (two-sided, Welch; parts of one claim need no correction: all have to hold).
 
 ![Each claim under each reading: blue holds, orange has a part that is the opposite](figures/screen.png)
 
@@ -52,7 +52,7 @@ def reproduce_screen(out: Path, budget: str, points: Iterable[str] = POINTS, **w
 
 
 def _tables(rows: Sequence[Row]) -> str:
-    found = {claim: spots(rows, claim) for claim in CLAIMS}
+    found = {claim: spots(rows, claim) for claim in claims_of(rows)}
     parts = {
         "How often each claim holds": _held(found),
         "What hangs on each point": _by_setting(found),
