@@ -11,10 +11,12 @@ from fpg_bench.cli.options import say
 
 
 def reproduce(
-    target: Annotated[str, typer.Argument(help="fig3, fig4, fig5, fig6, fig7, tables or all")] = "all",
+    target: Annotated[
+        str, typer.Argument(help="fig3, fig4, fig5, fig6, fig7, tables, screen or all")
+    ] = "all",
     scenario: Annotated[str, typer.Option(help="paper or standard")] = "paper",
     seeds: Annotated[int | None, typer.Option(min=1, help="runs a condition; default: the budget's")] = None,
-    budget: Annotated[str, typer.Option(help="quick (minutes) or full (hours)")] = "quick",
+    budget: Annotated[str, typer.Option(help="quick (minutes), full (hours), tenth or paper")] = "quick",
     out: Annotated[Path, typer.Option(help="the folder of rows, figures and reports")] = Path("reproduced"),
     jobs: Annotated[int, typer.Option(min=1, help="runs at once, one thread each")] = 2,
     backend: Annotated[str, typer.Option(help="loky (this machine) or ray (a cluster)")] = "loky",
@@ -23,10 +25,17 @@ def reproduce(
     transcript: Annotated[
         Path | None, typer.Option(help="replay this language model's transcript; no server is asked")
     ] = None,
+    learner: Annotated[str, typer.Option(help="torch, or jax, which is faster (extra fast)")] = "torch",
 ) -> None:
     """Run the paper's experiments over seeds, draw its figures and say what holds; run it again to go on."""
     from fpg_bench.reproduce.reproduce import reproduce as run
+    from fpg_bench.reproduce.screen_report import reproduce_screen
 
+    if target == "screen":  # of all readings; nobody learns
+        where = {"jobs": jobs, "backend": backend, "address": address, "say": say}
+        for path in reproduce_screen(out, budget, **where):
+            say(f"written: {path}")
+        return
     asked = llm or transcript is not None
     words = {} if transcript is None else {"transcript": str(transcript)}
     written = run(
@@ -39,6 +48,7 @@ def reproduce(
         backend=backend,
         address=address,
         llm=words if asked else None,
+        learner=learner,
         say=say,
     )
     for path in written:

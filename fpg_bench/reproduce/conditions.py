@@ -32,6 +32,7 @@ class Condition:
         changes: fields of the scenario that are other ones.
         tested: whether a claim rests on it, so that it needs all seeds.
         budgets: how many times the budget of the others it is trained.
+        swaps: paths on which the trained pair is played once more, with nothing else exchanged.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Condition:
     changes: Mapping[str, Any] = field(default_factory=dict)
     tested: bool = False
     budgets: int = 1
+    swaps: tuple[str, ...] = ()
 
     def scenario(self, preset: str) -> Scenario:
         """What is played: a preset with this condition's changes, in matches of ten rounds."""
@@ -47,7 +49,12 @@ class Condition:
 
 
 _MAIN = (
-    Condition(BASE, "path planned between rounds (interceptor), all jamming types", tested=True),
+    Condition(
+        BASE,
+        "path planned between rounds (interceptor), all jamming types",
+        tested=True,
+        swaps=FIXED_PATHS,
+    ),
     *(Condition(path, f"fixed path: {path}", {"path": path}, tested=True) for path in FIXED_PATHS),
     *(Condition(name, f"path planned by {name}", {"planner": name}) for name in PLANNERS),
     *(
@@ -107,6 +114,11 @@ TARGETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 ALL = "all"
+
+
+def swapped(condition: str, path: str) -> str:
+    """What rows call a condition's trained pairs on another path."""
+    return f"{condition}@{path}"
 
 
 def conditions_of(target: str, preset: str, full: bool) -> list[Condition]:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -20,18 +21,18 @@ from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
 from fpg_bench.ids import DUEL
 from fpg_bench.players.player import SIDES
-from fpg_bench.reproduce.conditions import Condition
+from fpg_bench.reproduce.conditions import Condition, swapped
+from fpg_bench.reproduce.keeping import Checkpoint
 from fpg_bench.reproduce.recorded import Recorded
 from fpg_bench.reproduce.runs import Run
 from fpg_bench.reproduce.windows import FINAL, window_row, windows_of
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.language_model import training_planner
-from fpg_bench.training.maddpg_seeds import learn_together
+from fpg_bench.training.maddpg_seeds import Together
 from fpg_bench.training.models import make_model
 from fpg_bench.version import __version__
 
 ALGORITHM = "maddpg"
-_VERSIONS = f"fpg-bench {__version__}, torch {torch.__version__}, numpy {np.__version__}"
 _POSITIONS = 50  # of a round that is drawn
 
 
@@ -63,6 +64,9 @@ BUDGETS: Mapping[str, Budget] = MappingProxyType(
     {
         "quick": Budget("quick", 192_000, 64, 15, 15, 2),  # 3 * 10^3 updates
         "full": Budget("full", 1_000_000, 64, 5, 16, 10),  # 5 * 10^4 updates
+        # An update after each step, as in Algorithm 1, and a tenth of the paper's steps or all of them.
+        "tenth": Budget("tenth", 1_000_000, 64, 1, 64, 10),
+        "paper": Budget("paper", 10_000_000, 64, 1, 64, 3),
     }
 )
 
@@ -81,11 +85,13 @@ def run_experiment(
     seeds: Iterable[int],
     place: Path,
     llm: Mapping[str, Any] | None = None,
+    learner: str = "torch",
 ) -> list[Run]:
     """Train both sides under a condition, and play the last policies without noise.
 
     All seeds are trained at once, which takes little longer than one; each by its own games and chance, so
-    that the others make no difference to it beyond the rounding of sums.
+    that the others make no difference to it beyond the rounding of sums. Every ten minutes all is kept beside
+    the files; a run that was killed goes on from there, and gives what it would have given.
 
     Args:
         condition: under which.
@@ -94,29 +100,56 @@ def run_experiment(
         seeds: of training. The same seed begins with the same networks and matches under every condition.
         place: a folder for the transcripts of a language model.
         llm: options of a language model's planner, and ``transcript`` to replay one.
+        learner: who updates the networks; see :func:`fpg_bench.training.maddpg_seeds.learn_together`.
 
     Returns:
         What happened under each seed.
+
+    Raises:
+        UserError: a checkpoint that cannot be read, or of another run.
     """
     torch.set_num_threads(1)
-    began = time.monotonic()
-    runs = {seed: _Training(condition, preset, budget, seed, place / f"seed_{seed}", llm) for seed in seeds}
-    steps = condition.budgets * budget.steps
-    learn_together({seed: run.model for seed, run in runs.items()}, steps)
+    seeds, steps = list(seeds), condition.budgets * budget.steps
+    about: dict[str, Any] = {
+        "scenario": f"{preset}, {condition.scenario(preset).hash}",
+        "trained at once": ", ".join(map(str, seeds)),
+        "versions": _versions(learner),
+    }
+    checkpoint = Checkpoint(
+        about | {"condition": condition.name, "budget": repr(budget), "place": str(place)}
+    )
+    begun = time.monotonic()
+    state = checkpoint.read()
+    if state is None:
+        runs = {
+            seed: _Training(condition, preset, budget, seed, place / f"seed_{seed}", llm) for seed in seeds
+        }
+        state = runs, Together({seed: run.model for seed, run in runs.items()}, steps, learner), 0.0
+    runs, together, spent_s = state
+    while not together.done:
+        together.go_on()
+        if condition.options.get("planner") != "llm":  # it goes on by its transcript
+            checkpoint.keep((runs, together, spent_s + time.monotonic() - begun))
     finals = {seed: played_without_noise(run.model, run.games(None)) for seed, run in runs.items()}
-    seconds = round((time.monotonic() - began) / len(runs))
+    about["seconds"] = round((spent_s + time.monotonic() - begun) / len(runs))
     told = []
     for seed, run in runs.items():
-        about = {
-            "scenario": f"{preset}, {run.scenario.hash}",
-            "budget": f"{budget.name}, {steps} steps, {run.model.updates} updates",
-            "trained at once": ", ".join(map(str, runs)),
-            "versions": _VERSIONS,
-            "seconds": seconds,
-        }
+        made = f"{budget.name}, {steps} steps, {run.model.updates} updates"
+        made_so = about | {"budget": made}
         rows = [*windows_of(run.core.rounds, steps), window_row(FINAL, steps, *finals[seed])]
-        told.append(Run(condition.name, seed, about, rows))
+        told.append(Run(condition.name, seed, made_so, rows))
+        for path in condition.swaps:
+            on_it = played_without_noise(run.model, run.games(None, path=path, planner=None))
+            row = window_row(FINAL, steps, *on_it)
+            told.append(Run(swapped(condition.name, path), seed, made_so, [row]))
+    checkpoint.remove()
     return told
+
+
+def _versions(learner: str) -> str:
+    """Of what the numbers hang on."""
+    names = ("torch", "numpy", *(["jax"] if learner == "jax" else []))
+    return ", ".join([f"fpg-bench {__version__}", *(f"{name} {version(name)}" for name in names)])
 
 
 class _Training:
@@ -142,9 +175,9 @@ class _Training:
         self.model: Any = make_model(ALGORITHM, games, hyperparameters(budget), seed)
         self.model.set_logger(configure(None, []))
 
-    def games(self, first_seed: int | None) -> SB3View:
+    def games(self, first_seed: int | None, **instead: Any) -> SB3View:
         """Games to train in, whose rounds end at different times; without a seed: to be played together."""
-        return SB3View(self._make(), first_seed, stagger=first_seed is not None)
+        return SB3View(self._make(**instead), first_seed, stagger=first_seed is not None)
 
 
 def played_without_noise(

@@ -41,7 +41,7 @@ def draw(results: Results, preset: str, folder: Path) -> dict[str, list[Path]]:
     for name, painter in FIGURES.items():
         figure = painter(results, preset)
         if figure is not None:
-            written[name] = _save(figure, folder / f"{name}-{preset}")
+            written[name] = save_figure(figure, folder / f"{name}-{preset}")
     return written
 
 
@@ -190,8 +190,8 @@ FIGURES: Mapping[str, Callable[[Results, str], Any]] = MappingProxyType(
 )
 
 
-def _save(figure: Any, stem: Path) -> list[Path]:
-    """Write PNG and SVG, the same bytes for the same picture."""
+def save_figure(figure: Any, stem: Path) -> list[Path]:
+    """Write ``<stem>.png`` and ``<stem>.svg``, the same bytes for the same picture."""
     from matplotlib import rc_context
 
     paths = []

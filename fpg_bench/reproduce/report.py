@@ -98,7 +98,7 @@ def _claims(verdicts: Mapping[str, str]) -> Lines:
 
 def _tests(comparisons: Sequence[Comparison]) -> Lines:
     lines = [["claim", "claimed to be positive", "measured", "95 % interval", "d_z", "p", "p (Holm)"]]
-    lines[0] += ["without noise", "verdict"]
+    lines[0] += ["with noise", "by itself"]
     for each in comparisons:
         found = each.found
         effect = "-" if found.effect is None else f"{round(found.effect, 1) + 0.0:.1f}"
@@ -184,11 +184,12 @@ def _rendered(content: Mapping[str, Any]) -> str:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
-    environment.filters["table"] = _table
+    environment.filters["table"] = markdown_table
     return environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(content)
 
 
-def _table(lines: Lines) -> str:
+def markdown_table(lines: Lines) -> str:
+    """A table in Markdown."""
     head, *rest = lines
     rows = [head, ["---"] * len(head), *rest]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in rows)

@@ -17,6 +17,7 @@ from fpg_bench.reproduce.figures import draw
 from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.results import read_results
 from fpg_bench.reproduce.runs import RunFile
+from fpg_bench.training.maddpg_seeds import find_learner
 
 
 def reproduce(
@@ -27,6 +28,7 @@ def reproduce(
     seeds: int | None = None,
     budget: str | Budget = "quick",
     llm: Mapping[str, Any] | None = None,
+    learner: str = "torch",
     say: Callable[[str], None] = print,
     jobs: int = 2,
     **where: Any,
@@ -38,9 +40,11 @@ def reproduce(
         out: the folder of runs, figures and reports; runs that are there already are not repeated.
         scenario: ``paper`` or ``standard``.
         seeds: runs of each condition that a claim rests on (others: five at most); None: the budget's own.
-        budget: ``quick``, ``full``, or one of one's own.
+        budget: ``quick``, ``full``, ``tenth``, ``paper``, or one of one's own.
         llm: run the language model that the environment names as one more planner, with these options of
             its planner; ``transcript``: replay that file. None: it is not run, and the report says so.
+        learner: who updates the networks, ``torch`` or ``jax``, which takes less time and needs the
+            extra ``fast``.
         say: told a line per run that begins or ends.
         jobs: how many runs at once.
         **where: ``backend`` and ``address``; see :func:`fpg_bench.jobs.run.run_jobs`.
@@ -52,6 +56,7 @@ def reproduce(
         UserError: something unknown, or runs that failed (the others are kept).
     """
     budget = _budget(budget)
+    find_learner(learner)
     count = whole(budget.seeds if seeds is None else seeds, "seeds")
     out = Path(out)
     file = RunFile(out, scenario, budget.name)
@@ -59,7 +64,9 @@ def reproduce(
     listed = []
     for condition in _conditions(target, scenario, budget, llm):
         missing = [seed for seed in _seeds(condition, count) if (condition.name, seed) not in there]
-        run = partial(run_experiment, condition, scenario, budget, missing, place / condition.name, llm)
+        run = partial(
+            run_experiment, condition, scenario, budget, missing, place / condition.name, llm, learner
+        )
         if missing:  # they learn together
             name = f"{scenario} {condition.name} seeds {', '.join(map(str, missing))}"
             listed.append(Job(name, run, file.add))

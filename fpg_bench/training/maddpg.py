@@ -8,12 +8,11 @@ what all of them observe, one after the other, and gives all their actions.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 from gymnasium import spaces
 from stable_baselines3.common.buffers import ReplayBuffer
-from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
@@ -24,6 +23,18 @@ from stable_baselines3.td3.policies import Actor
 from fpg_bench.training.maddpg_learner import Learner
 from fpg_bench.training.maddpg_policy import JointPolicy
 
+_ROWS = ("observations", "actions", "next_observations", "rewards", "dones", "timeouts")  # of a buffer
+
+
+class Transitions(NamedTuple):
+    """What was seen, done and got, float32: arrays ``(..., n, size)`` with a reward for each player."""
+
+    observations: np.ndarray
+    actions: np.ndarray
+    next_observations: np.ndarray
+    dones: np.ndarray
+    rewards: np.ndarray
+
 
 class JointBuffer(ReplayBuffer):
     """SB3's replay buffer with a reward for each player."""
@@ -33,19 +44,39 @@ class JointBuffer(ReplayBuffer):
         self.rewards = np.zeros((self.buffer_size, self.n_envs, players), np.float32)
         self._scale = reward_scale
 
+    def sample_many(self, times: int, batch_size: int) -> Transitions:
+        """As many batches ``(times, n, size)`` as ``sample`` would draw one after the other."""
+        steps = self.buffer_size if self.full else self.pos
+        drawn = [
+            [np.random.randint(0, bound, batch_size) for bound in (steps, self.n_envs)]  # noqa: NPY002
+            for _ in range(times)
+        ]
+        return self._at(*np.array(drawn, int).reshape(times, 2, batch_size).swapaxes(0, 1))
+
     def _get_samples(self, batch_inds: np.ndarray, env: Any = None) -> ReplayBufferSamples:
         """As SB3's, but rewards are ``(batch, players)``."""
         games = np.random.randint(0, self.n_envs, len(batch_inds))  # noqa: NPY002
-        at = batch_inds, games
-        ended = self.dones[at] * (1 - self.timeouts[at])
-        data = (
-            self.observations[at],
-            self.actions[at],
-            self.next_observations[at],
-            ended[:, None],
-            self.rewards[at] * self._scale,
+        return ReplayBufferSamples(*map(self.to_torch, self._at(batch_inds, games)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        filled = self.buffer_size if self.full else self.pos
+        return self.__dict__ | {name: getattr(self, name)[:filled] for name in _ROWS}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        for name in _ROWS:
+            whole = np.zeros((self.buffer_size, *state[name].shape[1:]), state[name].dtype)
+            whole[: len(state[name])] = state[name]
+            setattr(self, name, whole)
+
+    def _at(self, steps: np.ndarray, games: np.ndarray) -> Transitions:
+        """The transitions of these steps and games, arrays ``(...)``; only a round's own end ends it."""
+        at = steps * self.n_envs + games
+        seen, did, then, got, over, cut = (
+            each.reshape(self.buffer_size * self.n_envs, -1).take(at, axis=0)
+            for each in (getattr(self, name) for name in _ROWS)
         )
-        return ReplayBufferSamples(*map(self.to_torch, data))
+        return Transitions(seen, did, then, over * (1 - cut), got * self._scale)
 
 
 class WhiteNoise(VectorizedActionNoise):
@@ -167,13 +198,23 @@ class MADDPG(OffPolicyAlgorithm):
         """How often its networks were updated."""
         return self._n_updates
 
-    def count_updates(self, count: int) -> None:
-        """Take down updates that were made from outside."""
-        self._n_updates += count
+    def begin_learning(self, steps: int) -> None:
+        """Prepare for so many steps, as ``learn`` does."""
+        self._setup_learn(steps)
 
-    def begin_learning(self, steps: int) -> BaseCallback:
-        """Prepare for so many steps, as ``learn`` does; gives the callback that collecting needs."""
-        return self._setup_learn(steps)[1]
+    def play_on(self) -> int:
+        """Play as many steps as there are between updates; gives how many updates follow, which it counts."""
+        self.collect_rollouts(
+            self.env,  # type: ignore[arg-type]
+            self._init_callback(None),
+            self.train_freq,  # type: ignore[arg-type]
+            self.replay_buffer,  # type: ignore[arg-type]
+            self.action_noise,
+            self.learning_starts,
+        )
+        updates = self.gradient_steps if self.num_timesteps > self.learning_starts else 0
+        self._n_updates += updates
+        return updates
 
     def train(self, gradient_steps: int, batch_size: int = 32) -> None:
         """Update all critics and actors, as often as asked."""

@@ -1,12 +1,15 @@
 """Verdicts on runs whose outcome is known, because they are made up."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.reproduce.claims import CLAIMS, compare, verdict
-from fpg_bench.reproduce.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER
+from fpg_bench.reproduce.claims import CLAIMS, Comparison, compare, verdict
+from fpg_bench.reproduce.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER, swapped
 from fpg_bench.reproduce.experiment import BUDGETS
+from fpg_bench.reproduce.paired import Paired, holm
 from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.results import Results
 from fpg_bench.reproduce.windows import COLUMNS, FINAL, WINDOWS
@@ -14,6 +17,7 @@ from fpg_bench.reproduce.windows import COLUMNS, FINAL, WINDOWS
 SEEDS = range(10)
 LEVELS = dict.fromkeys(FIXED_PATHS, 5.0) | {"tone": 3.0, "narrowband": 6.0, "comb": 5.0, "broadband": 9.0}
 LEVELS |= {BASE: 10.0, NO_PLANNER: 4.0, NO_KNOWLEDGE: 10.0}
+LEVELS |= {swapped(BASE, path): 7.0 for path in FIXED_PATHS}
 
 
 def run(condition: str, seed: int, levels: dict[str, float], rising: float) -> list[dict]:
@@ -71,7 +75,7 @@ def test_the_opposite_is_told_as_such():
 def test_five_seeds_can_show_nothing():
     assert by_claim(results(seeds=range(5))) == {
         claim: f"not shown (0 of {parts} parts hold)"
-        for claim, parts in zip(CLAIMS, (3, 3, 9, 2), strict=True)
+        for claim, parts in zip(CLAIMS, (3, 3, 3, 9, 2), strict=True)
     }
 
 
@@ -87,7 +91,23 @@ def test_single_types_are_each_compared_with_the_ally():
     assert alone == dict.fromkeys(JAMMING_TYPES, "holds") | {"tone": "the opposite"}
 
 
-def test_a_difference_without_noise_stands_beside():
+def test_a_difference_with_noise_stands_beside():
     (first, *_) = compare(results())
     assert first.check is not None
     assert first.check.mean == pytest.approx(5, abs=0.2)
+
+
+def test_a_claim_whose_parts_all_hold_uncorrected_holds():
+    """Nine parts of p = 0.01 each: none of them stands alone, and the claim does."""
+    one = Paired(1.0, 0.5, 1.5, 1.0, 0.01, 10)
+    parts = [Comparison("D3", "a part", one, None, p) for p in holm([one.p] * 9)]
+    assert [part.verdict for part in parts] == ["not shown"] * 9
+    assert verdict(parts) == "holds"
+    assert "not shown" in verdict([*parts, Comparison("D3", "another", replace(one, p=0.06), None, 0.5)])
+
+
+def test_a_part_is_corrected_for_the_parts_of_its_own_claim_alone():
+    found = compare(results())
+    for claim in CLAIMS:
+        family = [each for each in found if each.claim == claim]
+        assert [each.p for each in family] == pytest.approx(holm([each.found.p for each in family]))

@@ -165,9 +165,13 @@ def test_k_as_a_power_factor_is_what_it_says():
     assert levels == pytest.approx(10 * np.log10(milliwatts), abs=1e-3)
 
 
-def test_the_full_budget_is_the_announced_one():
-    full = BUDGETS["full"]
-    assert (full.steps, full.games, full.updates()) == (1_000_000, 64, 50_000)
+@pytest.mark.parametrize(
+    ("name", "steps", "updates"),
+    [("full", 10**6, 50_000), ("tenth", 10**6, 10**6), ("paper", 10**7, 10**7)],
+)
+def test_budgets_are_the_announced_ones(name, steps, updates):
+    budget = BUDGETS[name]
+    assert (budget.steps, budget.games, budget.updates()) == (steps, 64, updates)
 
 
 @pytest.mark.parametrize("preset", ["paper", "standard"])

@@ -1,0 +1,72 @@
+"""A run that is killed goes on from its last checkpoint, and gives what it would have given."""
+
+import platformdirs
+import pytest
+
+from fpg_bench.errors import UserError
+from fpg_bench.reproduce import keeping
+from fpg_bench.reproduce.conditions import conditions_of
+from fpg_bench.reproduce.experiment import Budget, run_experiment
+from fpg_bench.reproduce.keeping import Checkpoint
+from fpg_bench.training.maddpg_seeds import Together
+
+TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
+(PLANNED,) = conditions_of("fig4", "paper", full=False)
+
+
+@pytest.fixture(autouse=True)
+def cache(monkeypatch, tmp_path):
+    """A cache of one's own; gives the folder of checkpoints."""
+    monkeypatch.setattr(platformdirs, "user_cache_path", lambda name: tmp_path / name)
+    return tmp_path / "fpg_bench" / "reproduce"
+
+
+def run(folder, learner="torch"):
+    return [found.rows for found in run_experiment(PLANNED, "paper", TINY, (0, 1), folder, learner=learner)]
+
+
+def killed_at(monkeypatch, steps):
+    """Let a run keep all that it does, and be killed after so many steps of all its games."""
+    monkeypatch.setattr(keeping, "EVERY_S", 0.0)
+    whole = Together.go_on
+
+    def go_on(self):
+        if self._models[0].num_timesteps >= steps:
+            raise KeyboardInterrupt
+        whole(self)
+
+    monkeypatch.setattr(Together, "go_on", go_on)
+
+
+@pytest.mark.parametrize("learner", ["torch", "jax"])
+def test_a_killed_run_goes_on_to_the_same_rows(learner, monkeypatch, tmp_path, cache):
+    if learner == "jax":
+        pytest.importorskip("jax", reason='the extra is missing: pip install "fpg-bench[fast]"')
+    wanted = run(tmp_path / "whole", learner)
+    assert not list(cache.glob("*"))
+    with monkeypatch.context() as patch:
+        killed_at(patch, 6_000)
+        with pytest.raises(KeyboardInterrupt):
+            run(tmp_path / "killed", learner)
+    assert len(list(cache.iterdir())) == 1
+    with monkeypatch.context() as patch:
+        patch.setattr(Together, "__init__", None)  # nothing begins anew
+        assert run(tmp_path / "killed", learner) == wanted
+    assert not list(cache.iterdir())
+
+
+def test_each_run_has_a_checkpoint_of_its_own_and_one_that_was_cut_off_is_refused(monkeypatch, cache):
+    monkeypatch.setattr(keeping, "EVERY_S", 0.0)
+    assert Checkpoint({"seed": 0}).read() is None
+    Checkpoint({"seed": 0}).keep([1, 2])
+    assert Checkpoint({"seed": 0}).read() == [1, 2]
+    assert Checkpoint({"seed": 1}).read() is None
+    (path,) = cache.iterdir()
+    path.write_bytes(path.read_bytes()[:-3])
+    with pytest.raises(UserError, match=r"cannot be read .*; remove it"):
+        Checkpoint({"seed": 0}).read()
+
+
+def test_a_checkpoint_is_written_now_and_then_only(cache):
+    Checkpoint({}).keep(1)
+    assert not cache.exists()
