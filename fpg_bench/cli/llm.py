@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.options import say
+from fpg_bench.extras import need
 
 app = typer.Typer(help="A small language model on this machine, for the planner llm.")
 
@@ -36,6 +37,7 @@ def serve(
     from fpg_bench.planning.llm.local.models import model_file
     from fpg_bench.planning.llm.local.server import LocalServer
 
+    need("local-llm", "xllamacpp")
     file = model_file(model)
     server = LocalServer(file, threads, context, port)
     speed = f"reads {server.speed.reading:,.0f} and writes {server.speed.writing:,.0f} tokens a second"
