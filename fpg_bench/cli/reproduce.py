@@ -32,8 +32,7 @@ def reproduce(
     from fpg_bench.reproduce.screen_report import reproduce_screen
 
     if target == "screen":  # of all readings; nobody learns
-        where = {"jobs": jobs, "backend": backend, "address": address, "say": say}
-        for path in reproduce_screen(out, budget, **where):
+        for path in reproduce_screen(out, budget, workers=jobs, backend=backend, address=address, say=say):
             say(f"written: {path}")
         return
     asked = llm or transcript is not None
@@ -44,7 +43,7 @@ def reproduce(
         scenario=scenario,
         seeds=seeds,
         budget=budget,
-        jobs=jobs,
+        workers=jobs,
         backend=backend,
         address=address,
         llm=words if asked else None,

@@ -30,7 +30,6 @@ def reproduce(
     llm: Mapping[str, Any] | None = None,
     learner: str = "torch",
     say: Callable[[str], None] = print,
-    jobs: int = 2,
     **where: Any,
 ) -> list[Path]:
     """Run what a figure of the paper needs, draw it, and write the report of all runs that are there.
@@ -46,8 +45,7 @@ def reproduce(
         learner: who updates the networks, ``torch`` or ``jax``, which takes less time and needs the
             extra ``fast``.
         say: told a line per run that begins or ends.
-        jobs: how many runs at once.
-        **where: ``backend`` and ``address``; see :func:`fpg_bench.jobs.run.run_jobs`.
+        **where: ``workers``, ``backend`` and ``address``; see :func:`fpg_bench.jobs.run.run_jobs`.
 
     Returns:
         The files written: figures, then the report.
@@ -70,7 +68,7 @@ def reproduce(
         if missing:  # they learn together
             name = f"{scenario} {condition.name} seeds {', '.join(map(str, missing))}"
             listed.append(Job(name, run, file.add))
-    failed = run_jobs(listed, jobs, say=say, **where)
+    failed = run_jobs(listed, say=say, **where)
     every = {c.name: range(count) for c in _conditions("all", scenario, BUDGETS["full"], {})}
     results = read_results(file, every)
     figures = draw(results, scenario, out / "figures")

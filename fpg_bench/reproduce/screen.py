@@ -209,17 +209,14 @@ def _difference(claim: str, statement: str, more: np.ndarray, less: np.ndarray) 
     return Part(claim, statement, *(float(f"{x:.5g}") for x in (mean, low, high, test.pvalue)))
 
 
-def screen_all(
-    readings: Iterable[Reading], file: Path, games: int = 96, jobs: int = 1, **where: Any
-) -> list[Row]:
+def screen_all(readings: Iterable[Reading], file: Path, games: int = 96, **where: Any) -> list[Row]:
     """Screen readings, a row each as they finish; rows that are there are not made again.
 
     Args:
         readings: which.
         file: of the rows.
         games: see :func:`screen`.
-        jobs: how many at once.
-        **where: ``backend``, ``address`` and ``say``; see :func:`fpg_bench.jobs.run.run_jobs`.
+        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`fpg_bench.jobs.run.run_jobs`.
 
     Returns:
         The rows, in the order of the readings.
@@ -237,7 +234,7 @@ def screen_all(
             Job(f"{part[0].name} and {len(part) - 1} more", partial(_several, part, games), rows.append)
             for part in some
         ]
-        check_all_done(run_jobs(listed_jobs, jobs, **where))
+        check_all_done(run_jobs(listed_jobs, **where))
         found = {row["reading"]: row for row in rows.read() if row["games"] == games}
     return [found[reading.name] for reading in listed]
 

@@ -37,7 +37,7 @@ def reproduce_screen(out: Path, budget: str, points: Iterable[str] = POINTS, **w
         out: the folder; rows that are there are not made again.
         budget: ``quick`` plays few matches.
         points: which points differ.
-        **where: ``jobs``, ``backend``, ``address`` and ``say``; see :func:`fpg_bench.jobs.run.run_jobs`.
+        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`fpg_bench.jobs.run.run_jobs`.
 
     Returns:
         The files written.

@@ -26,7 +26,7 @@ def made(tmp_path_factory):
     """A folder in which Fig. 7 was made, and the lines that were said."""
     out = tmp_path_factory.mktemp("reproduced")
     said: list[str] = []
-    written = reproduce("fig7", out, budget=TINY, jobs=1, say=said.append)
+    written = reproduce("fig7", out, budget=TINY, workers=1, say=said.append)
     return out, written, said
 
 
@@ -79,7 +79,7 @@ def test_what_was_run_is_not_run_again(made):
     out, _, first = made
     assert sum("begins" in line for line in first) == 3
     said: list[str] = []
-    reproduce("fig5", out, budget=TINY, jobs=1, say=said.append)
+    reproduce("fig5", out, budget=TINY, workers=1, say=said.append)
     assert said == []
 
 
