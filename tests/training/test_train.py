@@ -312,7 +312,7 @@ def test_unknown_words(tmp_path):
         ("ppo", "FPG/duel_v0", {}, "ppo: trains one side, not both, as in FPG/duel_v0"),
         ("maddpg", "FPG/AllyVsScripted-v0", {}, "maddpg: trains both sides, in FPG/duel_v0"),
         ("maddpg", "FPG/duel_v0", {"field": "ally-v1"}, "each side of FPG/duel_v0 is scored by its own"),
-        ("maddpg", "FPG/duel_v0", {"opponent": "tone"}, "unknown option 'opponent'"),
+        ("maddpg", "FPG/duel_v0", {"opponent": "tone"}, "unexpected keyword argument 'opponent'"),
     ],
 )
 def test_one_side_or_both(tmp_path, algorithm, view_id, words, message):
