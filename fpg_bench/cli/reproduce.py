@@ -24,7 +24,10 @@ def reproduce(
         Path | None, typer.Option(help="replay this language model's transcript; no server is asked")
     ] = None,
 ) -> None:
-    """Run the paper's experiments over seeds, draw its figures and say what holds; run it again to go on."""
+    """Run the paper's experiments over seeds, draw its figures and say what holds; run it again to go on.
+
+    Example: fpg-bench reproduce fig7 --budget quick --out reproduced
+    """
     from fpg_bench.reproduce.reproduce import reproduce as run
 
     asked = llm or transcript is not None

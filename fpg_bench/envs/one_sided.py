@@ -28,12 +28,23 @@ from fpg_bench.players.seat import Seat
 
 
 def observation_space() -> spaces.Box:
-    """15 numbers in [-1, 1], either side."""
+    """15 numbers in [-1, 1], either side; ``fpg_bench.game.names.OBSERVED`` says what each is.
+
+    Both see their own position (0-2) and where the other is from there (3-5). The ally sees its frequency,
+    its spreading time, its SNR, and centre, type (10-13) and cover of the jamming that it senses. The
+    opponent sees the frequency that it knows, its age, the time to the next check, centre and type (10-13)
+    of its own jamming, and whether the last check heard.
+    """
     return spaces.Box(-1.0, 1.0, (OBSERVATION_SIZE,), np.float32)
 
 
 def action_space() -> spaces.Box:
-    """9 numbers in [-1, 1], either side."""
+    """9 numbers in [-1, 1], either side; ``fpg_bench.game.names.CHOSEN`` says what each is.
+
+    The ally's are hop gate, spread gate, speed, preferred frequency, knowledge gate and the scores of the
+    four strategies. The opponent's are the scores of the four jamming types, tuning, its reference and a
+    velocity.
+    """
     return spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)
 
 
