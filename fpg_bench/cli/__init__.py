@@ -30,10 +30,17 @@ app = typer.Typer(
     help="Benchmark suite for the UAV frequency point game.",
     pretty_exceptions_enable=False,
 )
-for verb in (verbs.envs, verbs.play, verbs.train, verbs.evaluate, verbs.table):
+for verb in (
+    zoo.envs,
+    verbs.play,
+    verbs.train,
+    verbs.evaluate,
+    verbs.table,
+    zoo.zoo,
+    zoo.players,
+    zoo.fields,
+):
     app.command()(verb)
-for listing in (zoo.zoo, zoo.players, zoo.fields):
-    app.command()(listing)
 for learning in (
     selfplay.selfplay,
     selfplay.exploit,

@@ -1,4 +1,4 @@
-"""What there is to name: ``fpg-bench zoo``, the agents that are shipped, ``players`` and ``fields``."""
+"""What there is to name: ``fpg-bench envs``, ``zoo`` (the shipped agents), ``players`` and ``fields``."""
 
 from __future__ import annotations
 
@@ -13,6 +13,29 @@ from fpg_bench.extras import need
 if TYPE_CHECKING:
     from fpg_bench.evaluation.field import Field
     from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView
+
+
+def envs() -> None:
+    """List the environment ids, what they default to, and what each side sees and chooses.
+
+    Example: fpg-bench envs
+    """
+    from fpg_bench.game.names import CHOSEN, OBSERVED
+    from fpg_bench.ids import VIEWS
+    from fpg_bench.players.player import SIDES
+
+    for view in VIEWS.values():
+        flown = f"planned by {view.planner}" if view.planner else view.path
+        typer.echo(f"{view.id}\n    {view.about}")
+        typer.echo(
+            f"    you play: {view.side}; {view.other_side}: {view.other}; opponent's path: {flown}; "
+            f"rounds a match: {view.rounds_per_match}"
+        )
+    typer.echo("Both sides at once: fpg_bench.make_duel(n), and FPG/duel_v0 in PettingZoo's registry.")
+    typer.echo("A round: 300 steps of 1 s. All numbers lie in [-1, 1]; docs/rules.md has their scales.")
+    for side in SIDES:
+        name_all(f"{side} sees", (f"{k} {name}" for k, name in enumerate(OBSERVED[side])))
+        name_all(f"{side} chooses", (f"{k} {name}" for k, name in enumerate(CHOSEN[side])))
 
 
 def zoo() -> None:
