@@ -46,11 +46,6 @@ def test_every_block_works_in_the_order_of_the_page(page, tmp_path):
         assert model.requests
 
 
-def test_every_snippet_of_the_readme_shows_something():
-    snippets = [code for language, code in blocks(text_of("README.md")) if language == "python"]
-    assert [code for code in snippets if "print(" not in code and not code.startswith("# ")] == []
-
-
 def test_the_example_of_a_server_can_be_loaded(tmp_path):
     from fpg_bench.planning.llm.servers import load_server
 
@@ -71,6 +66,11 @@ def test_make_targets():
     for target in ("benchmark", "test"):
         assert f"make {target}" in text_of("README.md")
         assert subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True).returncode == 0
+
+
+def test_every_snippet_of_the_readme_shows_something():
+    snippets = [code for language, code in blocks(text_of("README.md")) if language == "python"]
+    assert [code for code in snippets if "print(" not in code and not code.startswith("# ")] == []
 
 
 @pytest.mark.parametrize("page", PAGES)
