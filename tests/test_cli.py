@@ -51,7 +51,9 @@ def verbs(command, words=("fpg-bench",)):
     if not hasattr(command, "commands"):
         return [(" ".join(words), command)]
     below = command.commands.items()
-    return [found for name, each in below if name != "plan" for found in verbs(each, (*words, name))]
+    return [
+        found for name, each in below if name not in ("plan", "llm") for found in verbs(each, (*words, name))
+    ]
 
 
 @pytest.mark.parametrize(("words", "verb"), verbs(typer.main.get_command(app)), ids=str)
@@ -129,7 +131,8 @@ def test_train_evaluate_table(tmp_path):
     words = (*words, "--opponent", "tone,comb", "--evaluations", "1", "--resume")
     found = fpg(*words, folder=tmp_path)
     assert found.returncode == 0, found.stderr
-    assert "run/agent" in found.stdout
+    assert "agent: run/agent\n" in found.stdout
+    assert "learning curve: run/curve.png\n" in found.stdout
     last = RowFile(tmp_path / "run" / "evaluations.jsonl").read()[-1]
     said = f"ally's score at the end of training (few rounds, tuning seeds): {last['score']:.1f}\n"
     assert said in found.stdout
