@@ -94,7 +94,7 @@ def train(
         str | None, typer.Option(help="what scores the policy on the way; default: the id's field")
     ] = None,
     evaluations: Annotated[int, typer.Option(min=0, help="how many times; 0: never")] = 20,
-    against: Annotated[str | None, typer.Option(help="the same, whichever side it is")] = None,
+    against: Annotated[str | None, typer.Option(help="as --opponent or --ally, whichever side it is")] = None,
     start: Annotated[
         Path | None, typer.Option(help="a finished run of yours, whose weights this one begins with")
     ] = None,
