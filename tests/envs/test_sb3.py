@@ -140,7 +140,7 @@ def test_a_new_match_can_be_asked_for():
     env.set_options({"new_match": True})
     env.reset()
     assert not np.array_equal(first, curves)
-    with pytest.raises(UserError, match="unexpected keyword argument 'match'"):
+    with pytest.raises(UserError, match="unknown option 'match'"):
         env.set_options({"match": True})
 
 
