@@ -85,7 +85,7 @@ class RunFolder:
         if differing == ["training_steps"]:
             raise UserError(
                 f"{self.path}: holds this run with {found['training_steps']:,} steps, and its budget stays; "
-                f"to train on, finish it, then begin another with its weights: --start {self.path} --out ANOTHER"
+                f"to train on, finish it, then begin another with its weights: --start {self.path} --out NEW"
             )
         if differing:
             raise UserError(
