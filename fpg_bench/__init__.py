@@ -59,6 +59,10 @@ def __getattr__(name: str) -> Any:
     return getattr(importlib.import_module(_HOMES[name]), name)
 
 
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
 def _register() -> None:
     if hasattr(pettingzoo, "register"):  # since PettingZoo 1.27
         for kind in ("parallel", "aec"):

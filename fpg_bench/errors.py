@@ -15,6 +15,10 @@ class UserError(ValueError):
     """
 
 
+class UnknownOptionError(UserError, TypeError):
+    """An option that a call does not have; also a TypeError, which frameworks that probe for one expect."""
+
+
 def printable(text: str) -> str:
     """A text from outside as a terminal may be told it: no control character, no half of a letter."""
     return "".join(c if c.isprintable() or c == "\n" else "�" for c in text)

@@ -217,7 +217,7 @@ def learning(size: Size) -> list[Figure]:
     )
     return [
         Figure("stepping make_sb3 / 64 single views", median_ratio(batch, "ours", "singles"), 4),
-        Figure("PPO on make_sb3 / on 64 single views", median_ratio(ppo, "ours", "singles"), 4),
+        Figure("PPO on make_sb3 / on 64 single views", median_ratio(ppo, "ours", "singles"), None),
         Figure("PPO on zeros / on 64 single views", median_ratio(ppo, "zeros", "singles"), None),
         Figure("PPO on make_sb3 / on zeros", median_ratio(ppo, "ours", "zeros"), 0.85),
     ]

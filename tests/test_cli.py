@@ -1,19 +1,24 @@
 import json
 import os
+import re
 import resource
+import shlex
 import shutil
 import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 import typer
 
 from fpg_bench import __version__
+from fpg_bench.cli import app
+from fpg_bench.cli import verbs as verbs_module
 from fpg_bench.cli.options import whole_number
 from fpg_bench.game.compiling import cache_folder
-from fpg_bench.game.names import PATHS
+from fpg_bench.game.names import CHOSEN, OBSERVED, PATHS
 from fpg_bench.planning import PLANNERS
 from fpg_bench.players.agent import fields_folder
 from fpg_bench.players.scripted import SCRIPTED
@@ -41,10 +46,39 @@ def test_help_names_every_verb_and_loads_nothing_heavy():
         assert verb in found.stdout
 
 
+def verbs(command, words=("fpg-bench",)):
+    """All verbs below a command, with their words."""
+    if not hasattr(command, "commands"):
+        return [(" ".join(words), command)]
+    below = command.commands.items()
+    return [
+        found for name, each in below if name not in ("plan", "llm") for found in verbs(each, (*words, name))
+    ]
+
+
+@pytest.mark.parametrize(("words", "verb"), verbs(typer.main.get_command(app)), ids=str)
+def test_help_of_every_verb_has_an_example_that_can_be_typed(words, verb):
+    (example,) = re.findall(r"Example: (.*)", verb.help)
+    assert example.startswith(words)
+    verb.make_context(words, shlex.split(example.removeprefix(words)))
+
+
 @pytest.mark.process
-def test_envs_lists_every_id():
+def test_a_shell_can_complete_verbs():
+    asked = {"_FPG_BENCH_COMPLETE": "complete_bash", "COMP_WORDS": "fpg-bench pl", "COMP_CWORD": "1"}
+    code = "import sys; sys.argv = ['fpg-bench']; from fpg_bench.cli import main; main()"
+    told = subprocess.check_output([sys.executable, "-c", code], env=os.environ | asked, text=True)
+    assert {"play", "players", "plan"} == set(told.split())
+
+
+@pytest.mark.process
+def test_envs_lists_every_id_and_what_is_seen_and_chosen():
     found = fpg("envs")
     assert found.returncode == 0
+    words = " ".join(found.stdout.split())
+    for named in (OBSERVED, CHOSEN):
+        for names in named.values():
+            assert ", ".join(f"{k} {name}" for k, name in enumerate(names)) in words
     for view_id in (
         "AllyVsScripted",
         "AllyVsPlanner",
@@ -97,7 +131,8 @@ def test_train_evaluate_table(tmp_path):
     words = (*words, "--opponent", "tone,comb", "--evaluations", "1", "--resume")
     found = fpg(*words, folder=tmp_path)
     assert found.returncode == 0, found.stderr
-    assert "run/agent" in found.stdout
+    assert "agent: run/agent\n" in found.stdout
+    assert "learning curve: run/curve.png\n" in found.stdout
     last = RowFile(tmp_path / "run" / "evaluations.jsonl").read()[-1]
     said = f"ally's score at the end of training (few rounds, tuning seeds): {last['score']:.1f}\n"
     assert said in found.stdout
@@ -139,6 +174,10 @@ def test_train_evaluate_table(tmp_path):
         (("play", "--path", "persuit"), "did you mean 'pursuit'"),
         (("play", "--seed", "-1"), "seed"),
         (("play", "--out", "round.xyz"), ".xyz"),
+        (("play", "--out", "/proc/there/round.html"), "cannot be written"),
+        (("export", "normalize.pkl", "--out", "seed_0"), "no such file"),
+        (("submit", "verify", "--sample", "500%"), "at most 100 %, got 500 %"),
+        (("submit", "crossplay", "--check", "500%"), "at most 100 %, got 500 %"),
         (("table", "nowhere"), "cannot be read"),
         (("trian",), "train"),
         (("play", "--sed", "1"), "--seed"),
@@ -246,6 +285,47 @@ def started(*words, folder):
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
+
+
+@pytest.mark.process
+def test_ctrl_c_in_a_librarys_call_back_is_heard_all_the_same():
+    """What loads compiled code calls back through ctypes, which raises nothing."""
+    code = (
+        "import ctypes, sys, time\n"
+        "from fpg_bench.cli import app, main\n"
+        "@app.command()\n"
+        "def loads():\n"
+        "    @ctypes.CFUNCTYPE(None)\n"
+        "    def back(): raise KeyboardInterrupt\n"
+        "    back()\n"
+        "    time.sleep(100)\n"
+        "sys.argv = ['fpg-bench', 'loads']\n"
+        "main()"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (found.returncode, found.stderr) == (130, "fpg-bench: stopped; what was finished is kept\n")
+
+
+def test_where_no_bar_can_be_drawn_a_line_says_what_is_under_way(monkeypatch, capsys):
+    now = iter(range(0, 1000, 20))
+    monkeypatch.setattr(verbs_module, "time", SimpleNamespace(monotonic=lambda: next(now)))
+    with verbs_module.shown_progress() as show:
+        for k in range(4):
+            show(f"meeting {k}")
+    assert capsys.readouterr().err.split("\n") == ["meeting 1", "meeting 3", ""]
+
+
+def test_a_run_that_is_stopped_before_it_saved_says_so(monkeypatch, capsys, tmp_path):
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fpg_bench.training.train.train_run", stopped)
+    for saved in (False, True):
+        if saved:
+            (tmp_path / "checkpoints" / "000000000100").mkdir(parents=True)
+        with pytest.raises(KeyboardInterrupt):
+            verbs_module.train("ppo", "FPG/AllyVsScripted-v0", tmp_path)
+        assert ("no step is saved yet" in capsys.readouterr().err) == (not saved)
 
 
 @pytest.mark.process

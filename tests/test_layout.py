@@ -209,3 +209,8 @@ def test_the_measures_are_all_documented():
     names = measures(dict.fromkeys(TALLY.names, 0), np.zeros((2, 3)))
     text = (DOCS / "measures.md").read_text(encoding="utf-8")
     assert not [name for name in names if f"`{name}`" not in text]
+
+
+def test_the_front_door_shows_the_public_names_alone():
+    assert dir(fpg_bench) == sorted(fpg_bench.__all__)
+    assert all(hasattr(fpg_bench, name) for name in dir(fpg_bench))

@@ -96,6 +96,11 @@ def test_make_targets():
         assert subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True).returncode == 0
 
 
+def test_every_snippet_of_the_readme_shows_something():
+    snippets = [code for language, code in blocks(text_of("README.md")) if language == "python"]
+    assert [code for code in snippets if "print(" not in code and not code.startswith("# ")] == []
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_links_lead_somewhere(page):
     assert broken_links(ROOT / page) == []

@@ -145,8 +145,9 @@ BROKEN_PLAYERS = [
 
 
 @pytest.mark.parametrize("side", ["ally", "opponent"])
-def test_a_sound_player_of_ones_own_passes(side):
+def test_a_sound_player_of_ones_own_passes(side, capsys):
     check_player(Sound(), side)
+    assert capsys.readouterr().out.endswith("Sound: keeps to the contract of players\n")
 
 
 @pytest.mark.parametrize(("kind", "message"), BROKEN_PLAYERS, ids=lambda x: getattr(x, "__name__", ""))
@@ -278,8 +279,9 @@ BROKEN_PLANNERS = [
 ]
 
 
-def test_a_sound_planner_of_ones_own_passes():
+def test_a_sound_planner_of_ones_own_passes(capsys):
     check_planner(Fixed())
+    assert capsys.readouterr().out.endswith(": keeps to the contract of planners\n")
 
 
 @pytest.mark.parametrize(("kind", "message"), BROKEN_PLANNERS, ids=lambda x: getattr(x, "__name__", ""))

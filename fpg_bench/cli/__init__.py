@@ -7,7 +7,7 @@ import os
 import pickle
 import signal
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -29,13 +29,19 @@ from fpg_bench.errors import UserError, printable
 
 app = typer.Typer(
     help="Benchmark suite for the UAV frequency point game.",
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
-for verb in (verbs.envs, verbs.play, verbs.train, verbs.evaluate, verbs.table):
+for verb in (
+    zoo.envs,
+    verbs.play,
+    verbs.train,
+    verbs.evaluate,
+    verbs.table,
+    zoo.zoo,
+    zoo.players,
+    zoo.fields,
+):
     app.command()(verb)
-for listing in (zoo.zoo, zoo.players, zoo.fields):
-    app.command()(listing)
 for learning in (
     selfplay.selfplay,
     selfplay.exploit,
@@ -54,6 +60,7 @@ app.add_typer(leaderboard.app, name="leaderboard")
 app.add_typer(season.app, name="season")
 _DEBUG = False
 _STOPPED = 130
+_AGAIN_S = 0.05
 _ENDED: int | None = None  # the status where SIGTERM was the end
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
@@ -80,6 +87,8 @@ def _options(
 def main() -> None:
     """Run the command line; end with one line and a non-zero status on every error."""
     signal.signal(signal.SIGTERM, _terminated)
+    signal.signal(signal.SIGALRM, signal.default_int_handler)
+    sys.unraisablehook = _heard_again
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
         if status == _STOPPED:  # what typer makes of Ctrl-C
@@ -105,6 +114,14 @@ def main() -> None:
         _fail(f"{where}{error.strerror or error}{full}", 1)
     except Exception as error:
         _fail(f"a bug: {type(error).__name__}: {error} (the traceback: fpg-bench --debug ...)", 1)
+
+
+def _heard_again(swallowed: Any) -> None:
+    """Stop where Ctrl-C came while a library called back, Numba as it loads code, and could not be raised."""
+    if swallowed.exc_type is KeyboardInterrupt:
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+    else:
+        sys.__unraisablehook__(swallowed)
 
 
 def _terminated(number: int, frame: object) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import zipfile
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,7 +28,10 @@ def export(
         bool, typer.Option("--not-normalized", help="of a zip: it was trained without VecNormalize")
     ] = False,
 ) -> None:
-    """Write a trained model as an agent folder, and say how far it is from the model's own predict."""
+    """Write a trained model as an agent folder, and say how far it is from the model's own predict.
+
+    Example: fpg-bench export runs/ppo_0 --out leaderboard/submissions/ally/my-agent/seed_0
+    """
     if (out / "agent.json").exists():
         raise UserError(f"export: {out} holds an agent; choose another folder, or remove it")
     if source.is_dir():
@@ -64,6 +68,8 @@ def _from_zip(
 
     if not path.is_file():
         raise UserError(f"export: {path} is neither a run's folder nor a zip: there is no such file")
+    if not zipfile.is_zipfile(path):
+        raise UserError(f"export: {path} is no zip that SB3's save has written; a run's is called model.zip")
     if algorithm is None:
         raise UserError("export: a zip does not say its algorithm; say --algo ppo, a2c, sac or td3")
     if not not_normalized:

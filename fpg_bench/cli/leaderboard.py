@@ -23,7 +23,10 @@ def build(
         bool, typer.Option(help="simulate the rounds to watch that are not there; those that are stay")
     ] = True,
 ) -> None:
-    """Write the site: it needs no network and no server."""
+    """Write the site: it needs no network and no server.
+
+    Example: fpg-bench leaderboard build
+    """
     need("leaderboard", "jinja2", "plotly")
     from rich.progress import Progress
 
@@ -57,7 +60,10 @@ def serve(
     site: Annotated[Path, typer.Argument(help="the site's folder")] = SITE,
     port: Annotated[int, typer.Option(min=0, max=65535, help="of this machine; 0: any that is free")] = 8000,
 ) -> None:
-    """Show a built site on this machine, until Ctrl-C."""
+    """Show a built site on this machine, until Ctrl-C.
+
+    Example: fpg-bench leaderboard serve --port 8000
+    """
     import signal
 
     from fpg_bench.leaderboard.site.serve import HOST, make_server

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Iterable
 from decimal import Decimal, InvalidOperation
 from typing import Annotated, Any
 
@@ -30,6 +32,11 @@ def steps_option(help: str) -> Any:
     return typer.Option(parser=whole_number, metavar="STEPS", help=help)
 
 
+_PLAYER = "a script, a shipped agent, an agent's folder or package.module:object (fpg-bench players)"
+PlayerOption = Annotated[str, typer.Option(help=_PLAYER)]
+PlayersOption = Annotated[
+    str | None, typer.Option(help=f"against whom: {_PLAYER}, or field:NAME; several, separated by commas")
+]
 ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper or a YAML file")]
 PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]
 PlannerOption = Annotated[str | None, typer.Option(help="who plans the opponent's path between rounds")]
@@ -75,3 +82,13 @@ def listed(value: str | None) -> Any:
 def say(line: str) -> None:
     """Print a line at once, also into a file; what it quotes of others does nothing to a terminal."""
     print(printable(line), flush=True)
+
+
+def name_all(head: str, names: Iterable[str]) -> None:
+    """Print a heading and names, as wide as a narrow terminal."""
+    text = ", ".join(names)
+    if text:
+        typer.echo(f"{head}:" if head else "", nl=bool(head))
+        typer.echo(
+            textwrap.fill(text, 78, initial_indent="    ", subsequent_indent="    ", break_on_hyphens=False)
+        )

@@ -27,7 +27,10 @@ def reproduce(
     ] = None,
     learner: Annotated[str, typer.Option(help="torch, or jax, which is faster (extra fast)")] = "torch",
 ) -> None:
-    """Run the paper's experiments over seeds, draw its figures and say what holds; run it again to go on."""
+    """Run the paper's experiments over seeds, draw its figures and say what holds; run it again to go on.
+
+    Example: fpg-bench reproduce fig7 --budget quick --out reproduced
+    """
     from fpg_bench.reproduce.reproduce import reproduce as run
     from fpg_bench.reproduce.screen_report import reproduce_screen
 

@@ -31,7 +31,10 @@ def close(
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Close a season: train candidates from a seed that the entries make, and choose the field from them."""
+    """Close a season: train candidates from a seed that the entries make, and choose the field from them.
+
+    Example: fpg-bench season close 2 --work runs/season-2
+    """
     from fpg_bench.players.agent import baselines_folder
     from fpg_bench.players.player import SIDES
     from fpg_bench.seasons.close import close as close_season
@@ -56,7 +59,10 @@ def close(
 
 @app.command()
 def show(name: NameArgument, board: BoardOption = Path("leaderboard")) -> None:
-    """Say what a season holds, in words."""
+    """Say what a season holds, in words.
+
+    Example: fpg-bench season show season-1
+    """
     from fpg_bench.seasons.show import told
 
     for line in told(name, board):
@@ -74,7 +80,10 @@ def audit(
     count: Annotated[int, typer.Option(min=1, help="how many of each side, where none is named")] = 2,
     jobs: JobsOption = 2,
 ) -> None:
-    """Train members of a season again, and compare what the entries earn against both."""
+    """Train members of a season again, and compare what the entries earn against both.
+
+    Example: fpg-bench season audit season-1 --work runs/audit
+    """
     from fpg_bench.seasons.audit import audit as audit_season
     from fpg_bench.seasons.entries import read_entries
     from fpg_bench.seasons.season import load_season

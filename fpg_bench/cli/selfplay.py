@@ -29,7 +29,10 @@ def selfplay(
     knowledge: Annotated[str | None, typer.Option(help="expert, none or a YAML file")] = None,
     jamming_types: Annotated[str | None, typer.Option(help="allowed types, separated by commas")] = None,
 ) -> None:
-    """Train both sides in turns against each other's past generations; run it again to go on."""
+    """Train both sides in turns against each other's past generations; run it again to go on.
+
+    Example: fpg-bench selfplay ppo --generations 10 --out runs/selfplay
+    """
     from fpg_bench.training.selfplay import selfplay as play
 
     agents = play(
@@ -74,7 +77,10 @@ def exploit(
         str, typer.Option(help="against: to lower the player's return; own: to raise the response's")
     ] = "against",
 ) -> None:
-    """Train best responses against a player as it is, and say what it earns against them."""
+    """Train best responses against a player as it is, and say what it earns against them.
+
+    Example: fpg-bench exploit runs/ppo_0/agent --steps 500000 --out runs/exploited
+    """
     from fpg_bench.training.exploit import called
     from fpg_bench.training.exploit import exploit as respond
 

@@ -37,6 +37,8 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
     """Say what is wrong with a submission, line by line, and try its policies in a few rounds.
 
     A note is no fault.
+
+    Example: fpg-bench submit check leaderboard/submissions/ally/my-agent
     """
     from fpg_bench.leaderboard.check import load_submission, notes, problems
     from fpg_bench.leaderboard.likeness import told_apart
@@ -65,7 +67,10 @@ def run(
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Play a submission and write its result; where it has one, play again and compare."""
+    """Play a submission and write its result; where it has one, play again and compare.
+
+    Example: fpg-bench submit run leaderboard/submissions/ally/my-agent
+    """
     from fpg_bench.leaderboard.verify import run_one
 
     verdict = run_one(folder, update, jobs=jobs, backend=backend, address=address, say=say)
@@ -90,7 +95,10 @@ def verify(
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Play submissions again and compare with their results; write those that are missing."""
+    """Play submissions again and compare with their results; write those that are missing.
+
+    Example: fpg-bench submit verify --sample 5%
+    """
     from fpg_bench.leaderboard.verify import verify as verify_all
 
     verdicts = verify_all(
@@ -123,7 +131,10 @@ def crossplay(
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Play every verified ally against every opponent, where that was not done yet."""
+    """Play every verified ally against every opponent, where that was not done yet.
+
+    Example: fpg-bench submit crossplay
+    """
     from fpg_bench.leaderboard.crossplay import check_pairs, play_missing
     from fpg_bench.leaderboard.since import pairs_at
 

@@ -14,6 +14,7 @@ from fpg_bench.cli.options import (
     JobsOption,
     PathOption,
     PlannerOption,
+    PlayersOption,
     ScenarioOption,
     listed,
     say,
@@ -46,15 +47,18 @@ def tune(
     lost: LostOption = None,
     patience: PatienceOption = 600,
     scenario: ScenarioOption = None,
-    opponent: Annotated[str | None, typer.Option(help="against whom; several, separated by commas")] = None,
-    ally: Annotated[str | None, typer.Option(help="against whom; several, separated by commas")] = None,
+    opponent: PlayersOption = None,
+    ally: PlayersOption = None,
     path: PathOption = None,
     planner: PlannerOption = None,
     jobs: JobsOption = 1,
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Search hyper-parameters; run it again to go on, and on as many machines as there are."""
+    """Search hyper-parameters; run it again to go on, and on as many machines as there are.
+
+    Example: fpg-bench tune ppo FPG/AllyVsScripted-v0 --out runs/tune
+    """
     need("tune", "optuna", "plotly")
     from fpg_bench.training.tuning.tune import tune as tune_alone
     from fpg_bench.training.tuning.workers import tune_together
@@ -87,7 +91,10 @@ def tune(
 
 
 def tune_report(out: Folder, storage: StorageOption = None, name: NameOption = None) -> None:
-    """Write a study's history, importances and slices as a page."""
+    """Write a study's history, importances and slices as a page.
+
+    Example: fpg-bench tune-report runs/tune
+    """
     need("tune", "optuna", "plotly")
     from fpg_bench.training.tuning.report import write_report
 
@@ -105,7 +112,10 @@ def tune_write(
     lost: LostOption = None,
     patience: PatienceOption = 600,
 ) -> None:
-    """Train a study's best trials again on fresh seeds, and write the best values into a file."""
+    """Train a study's best trials again on fresh seeds, and write the best values into a file.
+
+    Example: fpg-bench tune-write runs/tune my_ppo.yml
+    """
     need("tune", "optuna", "plotly")
     from fpg_bench.errors import UserError
     from fpg_bench.training.tuning.confirm import confirm

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,6 +19,8 @@ from fpg_bench.cli.options import (
     JobsOption,
     PathOption,
     PlannerOption,
+    PlayerOption,
+    PlayersOption,
     PromptOption,
     ScenarioOption,
     SecondsOption,
@@ -29,32 +32,15 @@ from fpg_bench.cli.options import (
     say,
     steps_option,
 )
-from fpg_bench.errors import UserError
+from fpg_bench.errors import UserError, printable
 
 if TYPE_CHECKING:
     from fpg_bench.training.run_folder import RunFolder
 
 
-def envs() -> None:
-    """List the environment ids, what they default to, and their spaces."""
-    from fpg_bench.ids import VIEWS
-
-    for view in VIEWS.values():
-        flown = f"planned by {view.planner}" if view.planner else view.path
-        typer.echo(f"{view.id}\n    {view.about}")
-        typer.echo(
-            f"    you play: {view.side}; {view.other_side}: {view.other}; opponent's path: {flown}; "
-            f"rounds a match: {view.rounds_per_match}"
-        )
-    typer.echo("Both sides at once: fpg_bench.make_duel(n), and FPG/duel_v0 in PettingZoo's registry.")
-    typer.echo(
-        "Observations: 15 numbers in [-1, 1]. Actions: 9 numbers in [-1, 1]. A round: 300 steps of 1 s."
-    )
-
-
 def play(
-    ally: Annotated[str, typer.Option(help="the ally's player")] = "expert",
-    opponent: Annotated[str, typer.Option(help="the opponent's player")] = "adaptive",
+    ally: PlayerOption = "expert",
+    opponent: PlayerOption = "adaptive",
     scenario: ScenarioOption = None,
     path: PathOption = None,
     planner: PlannerOption = None,
@@ -63,7 +49,10 @@ def play(
     out: Annotated[Path | None, typer.Option(help="write .html, .gif or .mp4 instead of text")] = None,
     overwrite: Annotated[bool, typer.Option(help="replace a file that is there already")] = False,
 ) -> None:
-    """Watch one round of a pairing: as text, a film, or an interactive page."""
+    """Watch one round of a pairing: as text, a film, or an interactive page.
+
+    Example: fpg-bench play --ally expert-spread --opponent adaptive --seed 12
+    """
     from fpg_bench.matches.watching import watch
 
     watch(
@@ -105,15 +94,13 @@ def train(
         str | None, typer.Option(help="what scores the policy on the way; default: the id's field")
     ] = None,
     evaluations: Annotated[int, typer.Option(min=0, help="how many times; 0: never")] = 20,
-    against: Annotated[
-        str | None, typer.Option(help="the other side's player, whichever side; several, separated by commas")
-    ] = None,
+    against: Annotated[str | None, typer.Option(help="as --opponent or --ally, whichever side it is")] = None,
     start: Annotated[
         Path | None, typer.Option(help="a finished run of yours, whose weights this one begins with")
     ] = None,
     scenario: ScenarioOption = None,
-    opponent: Annotated[str | None, typer.Option(help="against whom; several, separated by commas")] = None,
-    ally: Annotated[str | None, typer.Option(help="against whom; several, separated by commas")] = None,
+    opponent: PlayersOption = None,
+    ally: PlayersOption = None,
     path: PathOption = None,
     planner: PlannerOption = None,
     transcript: Annotated[
@@ -131,7 +118,10 @@ def train(
     seconds: SecondsOption = None,
     deadline: DeadlineOption = None,
 ) -> None:
-    """Train an algorithm of Stable-Baselines3's kind on an id and export the agent."""
+    """Train an algorithm of Stable-Baselines3's kind on an id and export the agent.
+
+    Example: fpg-bench train ppo FPG/AllyVsScripted-v0 --steps 2e6 --out runs/ppo_0
+    """
     from fpg_bench.training.run_folder import RunFolder
     from fpg_bench.training.several import parse_seeds, train_runs
     from fpg_bench.training.spec import RunSpec
@@ -171,20 +161,23 @@ def train(
         train_runs(spec, out, listed_seeds, evaluations=evaluations, restart=restart, **where)
         for each in listed_seeds:
             print_scores(RunFolder(out / f"seed_{each}"), f"seed {each}: ")
-        typer.echo(f"agents: {out}/seed_*/agent\nlearning curves: tensorboard --logdir {out}")
+        typer.echo(f"agents: {out}/seed_*/agent\nall curves: tensorboard --logdir {out}")
         return
     folder = RunFolder(out)
     already = folder.is_finished()
     try:
         agent = train_run(spec, out, evaluations=evaluations, resume=resume, restart=restart)
     except KeyboardInterrupt as stop:
-        saved = str(stop) or "the last checkpoint is kept"
+        kept = "the last checkpoint is kept" if folder.has_checkpoint() else "no step is saved yet"
+        saved = str(stop) or kept
         typer.echo(f"{saved}; go on by the same command with --resume", err=True)
         raise
     if already:
         typer.echo("this run was finished before; nothing was trained")
     print_scores(folder)
-    typer.echo(f"agent: {agent}\nlearning curves: tensorboard --logdir {out}")
+    if folder.curve.exists():
+        typer.echo(f"learning curve: {folder.curve}")
+    typer.echo(f"agent: {agent}\nall curves: tensorboard --logdir {out}")
 
 
 def print_scores(run: RunFolder, head: str = "") -> None:
@@ -207,7 +200,10 @@ def evaluate(
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Play players against a field; what is in the folder already is not played again."""
+    """Play players against a field; what is in the folder already is not played again.
+
+    Example: fpg-bench evaluate runs/ppo_0/agent all-scripted --field ally-v1 --out results/mine
+    """
     from fpg_bench.evaluation.evaluate import evaluate as evaluate_players
 
     with shown_progress() as show:
@@ -227,7 +223,10 @@ def evaluate(
 
 
 def table(folder: Annotated[Path, typer.Argument(help="a results folder")], wide: WideOption = False) -> None:
-    """Print a results folder's table, and write it there as Markdown, CSV and a picture."""
+    """Print a results folder's table, and write it there as Markdown, CSV and a picture.
+
+    Example: fpg-bench table results/mine --wide
+    """
     from fpg_bench.evaluation import table as tables
     from fpg_bench.evaluation.evaluate import read_results
 
@@ -241,12 +240,23 @@ def table(folder: Annotated[Path, typer.Argument(help="a results folder")], wide
 
 @contextlib.contextmanager
 def shown_progress() -> Iterator[Callable[[str], None]]:
-    """Something to tell what is under way, which draws it on a terminal."""
+    """Something to tell what is under way: it draws it on a terminal, and else prints it now and then."""
     from rich.progress import Progress
 
+    from fpg_bench.jobs.run import LINE_EVERY_S
+
+    told = time.monotonic()
     with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("", total=None)
-        yield lambda line: bar.update(task, description=line)
+
+        def show(line: str) -> None:
+            nonlocal told
+            bar.update(task, description=line)
+            if bar.disable and time.monotonic() - told >= LINE_EVERY_S:
+                told = time.monotonic()
+                print(printable(line), file=sys.stderr, flush=True)
+
+        yield show
 
 
 def terminal_width() -> int:

@@ -1,13 +1,13 @@
-"""What there is to name: ``fpg-bench zoo``, the agents that are shipped, ``players`` and ``fields``."""
+"""What there is to name: ``fpg-bench envs``, ``zoo`` (the shipped agents), ``players`` and ``fields``."""
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import typer
 
+from fpg_bench.cli.options import name_all
 from fpg_bench.extras import need
 
 if TYPE_CHECKING:
@@ -15,8 +15,34 @@ if TYPE_CHECKING:
     from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView
 
 
+def envs() -> None:
+    """List the environment ids, what they default to, and what each side sees and chooses.
+
+    Example: fpg-bench envs
+    """
+    from fpg_bench.game.names import CHOSEN, OBSERVED
+    from fpg_bench.ids import VIEWS
+    from fpg_bench.players.player import SIDES
+
+    for view in VIEWS.values():
+        flown = f"planned by {view.planner}" if view.planner else view.path
+        typer.echo(f"{view.id}\n    {view.about}")
+        typer.echo(
+            f"    you play: {view.side}; {view.other_side}: {view.other}; opponent's path: {flown}; "
+            f"rounds a match: {view.rounds_per_match}"
+        )
+    typer.echo("Both sides at once: fpg_bench.make_duel(n), and FPG/duel_v0 in PettingZoo's registry.")
+    typer.echo("A round: 300 steps of 1 s. All numbers lie in [-1, 1]; docs/rules.md has their scales.")
+    for side in SIDES:
+        name_all(f"{side} sees", (f"{k} {name}" for k, name in enumerate(OBSERVED[side])))
+        name_all(f"{side} chooses", (f"{k} {name}" for k, name in enumerate(CHOSEN[side])))
+
+
 def zoo() -> None:
-    """List the shipped agents: algorithm, seed and steps, their score, and whether their files are whole."""
+    """List the shipped agents: algorithm, seed and steps, their score, and whether their files are whole.
+
+    Example: fpg-bench zoo
+    """
     need("evaluate", "scipy")
     from fpg_bench.zoo.zoo import load_zoo
 
@@ -53,7 +79,10 @@ def _line(member: ZooAgent, score: float | None) -> str:
 
 
 def players() -> None:
-    """List who can be named as a player or planner, and the paths that an opponent flies."""
+    """List who can be named as a player or planner, and the paths that an opponent flies.
+
+    Example: fpg-bench players
+    """
     from fpg_bench.game.names import PATHS
     from fpg_bench.players.player import SIDES
     from fpg_bench.players.scripted import SCRIPTED
@@ -61,25 +90,28 @@ def players() -> None:
 
     members = [member for member in load_zoo().members() if member.shipped]
     for side in SIDES:
-        _list(f"scripts, {side}", SCRIPTED[side])
-        _list(f"agents, {side}", _agents(member for member in members if member.view.side == side))
-        _list(f"populations, {side}", _populations(side))
-    _list("either side", ["oracle: sees the full state, so it stands in no field"])
+        name_all(f"scripts, {side}", SCRIPTED[side])
+        name_all(f"agents, {side}", _agents(member for member in members if member.view.side == side))
+        name_all(f"populations, {side}", _populations(side))
+    name_all("either side", ["oracle: sees the full state, so it stands in no field"])
     for tier, names in _planners().items():
-        _list(f"planners, tier {tier}", names)
-    _list("paths", PATHS)
+        name_all(f"planners, tier {tier}", names)
+    name_all("paths", PATHS)
     typer.echo("Your own: an agent's folder, or package.module:object. All agents' scores: fpg-bench zoo")
 
 
 def fields() -> None:
-    """List the fields: who is measured against whom."""
+    """List the fields: who is measured against whom.
+
+    Example: fpg-bench fields
+    """
     from fpg_bench.evaluation.field_file import load_field
     from fpg_bench.players.agent import fields_folder
 
     for path in sorted(fields_folder().glob("*.yml")):
         field = load_field(path.stem)
         typer.echo(f"{field.name}: {_described(field)}")
-        _list("", [counterpart.name for counterpart in field.counterparts])
+        name_all("", [counterpart.name for counterpart in field.counterparts])
     typer.echo("Your own: a YAML file of the same form, see docs/measures.md")
 
 
@@ -119,13 +151,3 @@ def _planners() -> dict[str, list[str]]:
         tier = LLMPlanner.tier if name in LLM_CONTROLS else as_planner(name, STANDARD).tier
         found[tier].append(name)
     return found
-
-
-def _list(head: str, names: Iterable[str]) -> None:
-    """Print a heading and names, as wide as a narrow terminal."""
-    text = ", ".join(names)
-    if text:
-        typer.echo(f"{head}:" if head else "", nl=bool(head))
-        typer.echo(
-            textwrap.fill(text, 78, initial_indent="    ", subsequent_indent="    ", break_on_hyphens=False)
-        )

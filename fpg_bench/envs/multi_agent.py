@@ -11,9 +11,8 @@ from pettingzoo.utils import OrderEnforcingWrapper
 from pettingzoo.utils.conversions import parallel_to_aec
 
 from fpg_bench.envs.duel import make_duel
-from fpg_bench.envs.one_sided import action_space, first_seeds, observation_space
+from fpg_bench.envs.one_sided import action_space, first_seeds, observation_space, one_action
 from fpg_bench.errors import UserError
-from fpg_bench.game.arena import ActionError
 from fpg_bench.game.full_state import FULL_STATE_SIZE
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.pictures.screen import RENDER_MODES, Screen
@@ -48,6 +47,7 @@ class DuelView(ParallelEnv):
         self.action_spaces = {side: action_space() for side in SIDES}
         self.state_space = spaces.Box(-1.0, 1.0, (FULL_STATE_SIZE,), np.float32)
         self._actions = {side: np.zeros((1, ACTION_SIZE), np.float32) for side in SIDES}
+        self.np_random = np.random.default_rng()  # for wrappers, as SuperSuit's frame_skip
         self._begun = False
         self._screen = Screen(self.duel.arena, render_mode)
 
@@ -66,6 +66,8 @@ class DuelView(ParallelEnv):
         seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
         # PettingZoo's own tests hand over options of no meaning, so unknown ones pass here
         self.duel.reset(seeds=seeds, new_match=bool((options or {}).get("new_match", False)))
+        if seed is not None:
+            self.np_random = np.random.default_rng(seed)
         self._begun = True
         self.agents = list(SIDES)
         self._screen.record(begin=True)
@@ -80,12 +82,7 @@ class DuelView(ParallelEnv):
         if not self.agents:
             raise UserError("step: the round is over; call reset first")
         for side in SIDES:
-            action = np.asarray(actions.get(side))
-            if action.shape != (ACTION_SIZE,) or action.dtype.kind != "f":
-                raise ActionError(
-                    f"{side}: expected a float array of shape ({ACTION_SIZE},), got {actions.get(side)!r}"
-                )
-            self._actions[side][0] = action
+            self._actions[side][0] = one_action(actions.get(side), side)
         arena = self.duel.arena
         arena.step(self._actions["ally"], self._actions["opponent"])
         self._screen.record()

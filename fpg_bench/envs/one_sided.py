@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 import os
 import re
@@ -13,8 +14,8 @@ from gymnasium import spaces
 
 from fpg_bench.envs.duel import Duel
 from fpg_bench.envs.payment import REWARDS, pay
-from fpg_bench.errors import UserError, nearest
-from fpg_bench.game.arena import check_seeds
+from fpg_bench.errors import UnknownOptionError, UserError, nearest
+from fpg_bench.game.arena import ActionError, check_seeds, described
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.ids import View, find_view
@@ -27,12 +28,23 @@ from fpg_bench.players.seat import Seat
 
 
 def observation_space() -> spaces.Box:
-    """15 numbers in [-1, 1], either side."""
+    """15 numbers in [-1, 1], either side; ``fpg_bench.game.names.OBSERVED`` says what each is.
+
+    Both see their own position (0-2) and where the other is from there (3-5). The ally sees its frequency,
+    its spreading time, its SNR, and centre, type (10-13) and cover of the jamming that it senses. The
+    opponent sees the frequency that it knows, its age, the time to the next check, centre and type (10-13)
+    of its own jamming, and whether the last check heard.
+    """
     return spaces.Box(-1.0, 1.0, (OBSERVATION_SIZE,), np.float32)
 
 
 def action_space() -> spaces.Box:
-    """9 numbers in [-1, 1], either side."""
+    """9 numbers in [-1, 1], either side; ``fpg_bench.game.names.CHOSEN`` says what each is.
+
+    The ally's are hop gate, spread gate, speed, preferred frequency, knowledge gate and the scores of the
+    four strategies. The opponent's are the scores of the four jamming types, tuning, its reference and a
+    velocity.
+    """
     return spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)
 
 
@@ -170,11 +182,26 @@ class OneSided:
 
 
 def refuse_unknown(options: dict[str, Any], function: Any) -> None:
-    """Raise UserError for options that a function does not have, with the nearest that it has."""
+    """Raise UnknownOptionError for options that a function does not have, with the nearest that it has."""
     known = inspect.signature(function).parameters.values()
     for name in options:
         hint = nearest(name, (p.name for p in known if p.kind == p.KEYWORD_ONLY))
-        raise UserError(f"unknown option {name!r}{hint}")
+        raise UnknownOptionError(f"got an unexpected keyword argument {name!r}{hint}")
+
+
+def one_action(action: Any, whose: str) -> np.ndarray:
+    """``(9,)`` floats, from an array of them or a list.
+
+    Raises:
+        ActionError: another shape or kind.
+    """
+    if isinstance(action, list | tuple):
+        with contextlib.suppress(ValueError, TypeError):
+            action = np.array(action, float)
+    if not isinstance(action, np.ndarray) or action.shape != (ACTION_SIZE,) or action.dtype.kind != "f":
+        expected = f"expected a float array of shape ({ACTION_SIZE},)"
+        raise ActionError(f"{whose}: {expected}, got {described(action)}")
+    return action
 
 
 def staggered_horizons(count: int, steps: int) -> np.ndarray:

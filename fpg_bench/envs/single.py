@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 
-from fpg_bench.envs.one_sided import OneSided, action_space, first_seeds, observation_space
+from fpg_bench.envs.one_sided import OneSided, action_space, first_seeds, observation_space, one_action
 from fpg_bench.errors import UserError
-from fpg_bench.game.arena import ActionError, described
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.pictures.screen import RENDER_MODES, Screen
 from fpg_bench.pictures.window import FRAMES_PER_SECOND
@@ -28,6 +29,7 @@ class SingleView(gymnasium.Env):
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
     """
 
+    _spec: EnvSpec | None = None
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FRAMES_PER_SECOND}  # noqa: RUF012
 
     def __init__(self, view_id: str, render_mode: str | None = None, **options: Any) -> None:
@@ -38,6 +40,17 @@ class SingleView(gymnasium.Env):
         self._actions = np.zeros((1, ACTION_SIZE), np.float32)
         self._begun = False
         self._screen = Screen(self.core.duel.arena, render_mode)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What ``gymnasium.make`` says of it; ``max_episode_steps`` is a round's length."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        if spec is not None and spec.max_episode_steps is None:
+            spec = dataclasses.replace(spec, max_episode_steps=self.core.scenario.steps_per_round)
+        self._spec = spec
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -55,17 +68,14 @@ class SingleView(gymnasium.Env):
         return self.core.observations[0].copy(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Play one step with an action ``(9,)``.
+        """Play one step with an action ``(9,)``, an array of floats or a list.
 
         Raises:
             ActionError: a wrong shape or dtype, or NaN or infinity (the message names the index).
             UserError: the round is over or none was begun.
         """
         core = self.core
-        if not isinstance(action, np.ndarray) or action.shape != (ACTION_SIZE,) or action.dtype.kind != "f":
-            raise ActionError(
-                f"action: expected a float array of shape ({ACTION_SIZE},), got {described(action)}"
-            )
+        action = one_action(action, "action")
         if not self._begun or core.truncated[0]:
             raise UserError("step: the round is over; call reset first")
         self._actions[0] = action

@@ -1,4 +1,4 @@
-"""The batched Gymnasium view: N games, NEXT_STEP autoreset."""
+"""The batched Gymnasium view: N games, which begin their next rounds by themselves."""
 
 from __future__ import annotations
 
@@ -18,17 +18,22 @@ from fpg_bench.envs.one_sided import (
 from fpg_bench.envs.single import wants_new_match
 from fpg_bench.errors import UserError
 
+_MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
+
 
 class VectorView(VectorEnv):
     """N games stepped at once; game i of a batch seeded s plays as a single game seeded s + i.
 
-    A round's last step has ``truncations`` set; the step after it begins the next round, ignores that
-    game's action and gives reward 0 (NEXT_STEP). Infos of a last step hold ``measures``.
+    A round's last step has ``truncations`` set, and its infos hold ``measures``. With ``autoreset_mode``
+    NEXT_STEP the step after it begins the next round, ignores that game's action and gives reward 0. With
+    SAME_STEP the last step does so itself: its observation is the next round's first, and its infos hold
+    ``final_obs`` and ``final_info``.
 
     Args:
         view_id: one of the ids of :mod:`fpg_bench.ids`.
         num_envs: N.
         stagger: cut the first rounds at evenly spread steps, so that the batch mixes phases.
+        autoreset_mode: NEXT_STEP (``"NextStep"``) or SAME_STEP (``"SameStep"``).
         **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
     """
 
@@ -40,10 +45,17 @@ class VectorView(VectorEnv):
         num_envs: int = 1,
         stagger: bool = False,
         render_mode: str | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         **options: Any,
     ) -> None:
         if render_mode is not None:
             raise UserError(f"render_mode: a batch is not rendered, got {render_mode!r}; use gymnasium.make")
+        mode = next((mode for mode in _MODES if autoreset_mode in (mode, mode.value)), None)
+        if mode is None:
+            known = " or ".join(repr(mode.value) for mode in _MODES)
+            raise UserError(f"autoreset_mode: expected {known}, got {autoreset_mode!r}")
+        self._same_step = mode is AutoresetMode.SAME_STEP
+        self.metadata = {**self.metadata, "autoreset_mode": mode}
         self.core = OneSided(view_id, num_envs, **options)
         self.num_envs = num_envs
         self.render_mode = None
@@ -77,8 +89,17 @@ class VectorView(VectorEnv):
         core.step(actions)
         if over.any():
             core.reset(over)
+        truncated, rewards = core.truncated.copy(), core.rewards.copy()
         infos: dict[str, Any] = {}
-        for game in np.flatnonzero(core.truncated).tolist():
-            infos = self._add_info(infos, {"measures": core.measures(game)}, game)
-        truncated = core.truncated.copy()
-        return core.observations.copy(), core.rewards.copy(), np.zeros(self.num_envs, bool), truncated, infos
+        for game in np.flatnonzero(truncated).tolist():
+            infos = self._add_info(infos, self._last_info(game), game)
+        if self._same_step and truncated.any():
+            core.reset(truncated)
+        return core.observations.copy(), rewards, np.zeros(self.num_envs, bool), truncated, infos
+
+    def _last_info(self, game: int) -> dict[str, Any]:
+        """What is told of a game whose round is over."""
+        info: dict[str, Any] = {"measures": self.core.measures(game)}
+        if self._same_step:
+            return {"final_obs": self.core.observations[game].copy(), "final_info": info}
+        return info

@@ -8,3 +8,42 @@ PATROLS = ("circle", "triangle", "rectangle")
 SNR_MODELS = ("sinr", "paper")
 MOST_PATHS = 16  # that a round may draw from
 DETECTIONS = ("emission", "link", "off")
+
+# The numbers that a side sees and chooses, in their order; docs/rules.md has their scales.
+_PLACES = tuple(f"{of} {axis}" for of in ("own position", "relative position") for axis in "xyz")
+OBSERVED = {
+    "ally": (
+        *_PLACES,
+        "own frequency",
+        "spreading time",
+        "SNR",
+        "sensed centre",
+        *(f"sensed type {kind}" for kind in JAMMING_TYPES),
+        "sensed cover",
+    ),
+    "opponent": (
+        *_PLACES,
+        "known frequency",
+        "age",
+        "next check",
+        "own jamming centre",
+        *(f"own jamming type {kind}" for kind in JAMMING_TYPES),
+        "last check",
+    ),
+}
+CHOSEN = {
+    "ally": (
+        "hop gate",
+        "spread gate",
+        "speed",
+        "preference",
+        "knowledge gate",
+        *(f"strategy score {kind}" for kind in JAMMING_TYPES),
+    ),
+    "opponent": (
+        *(f"type score {kind}" for kind in JAMMING_TYPES),
+        "tuning",
+        "tuning reference",
+        *(f"velocity {axis}" for axis in "xyz"),
+    ),
+}

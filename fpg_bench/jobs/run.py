@@ -19,6 +19,7 @@ from fpg_bench.jobs.job import Job, Outcome, Pool, attempt
 BACKENDS = ("loky", "ray")
 MOST_TRIES = 3  # a job that takes its worker with it so often is at fault itself
 GRACE_S = 60.0  # for what is interrupted to save where it is
+LINE_EVERY_S = 30.0  # at most, of silence
 _CHECK_S = 5.0
 
 
@@ -49,7 +50,7 @@ def run_jobs(
         backend: ``loky`` for processes of this machine, ``ray`` for a Ray cluster.
         address: of the cluster, ``host:port``; None: that in the environment's ``RAY_ADDRESS``, else one is
             started on this machine for as long as the jobs take.
-        say: told a line per job that begins or ends.
+        say: told a line per job that begins or ends, and every half minute how many are under way.
 
     Returns:
         Why jobs failed, by name, in the order of the jobs; empty where all is well.
@@ -65,6 +66,7 @@ def run_jobs(
         return failed
     pool = _pool(backend, address, workers)
     running: dict[Any, _Try] = {}
+    told = time.monotonic()
     try:
         while waiting or running:
             while waiting and len(running) < workers:
@@ -73,9 +75,13 @@ def run_jobs(
                     running[_submitted(pool, job)] = _Try(job, number, time.monotonic())
                     say(f"{job.name}: begins" + (f", try {number}" if number > 1 else ""))
             for future in _ended(running):
+                told = time.monotonic()
                 pool.release(future)
                 again = _settle(future, running.pop(future), failed, say)
                 waiting.extendleft(again)
+            if running and time.monotonic() - told >= LINE_EVERY_S:
+                told = time.monotonic()
+                say(_under_way(running.values(), len(waiting)))
             pool.check()
     except KeyboardInterrupt:
         pool.interrupt()
@@ -138,6 +144,12 @@ def _pool(backend: str, address: str | None, workers: int) -> Pool:
 
 def _submitted(pool: Pool, job: Job) -> Any:
     return pool.submit(functools.partial(attempt, job.run, os.getcwd()))
+
+
+def _under_way(running: Iterable[_Try], waiting: int) -> str:
+    now = time.monotonic()
+    names = ", ".join(f"{tried.job.name} for {now - tried.start_s:.0f} s" for tried in running)
+    return f"under way: {names}; {waiting} to come"
 
 
 def _ended(running: Iterable[Any]) -> Iterable[Any]:

@@ -221,6 +221,12 @@ def _work(board: Path, submission: Submission, fields: dict[str, Field]) -> Path
     return work_folder(board) / submission.track / f"{submission.slug}-{played}"
 
 
+def check_share(share: float) -> None:
+    """Raise UserError for a share that is not above 0 and at most 1."""
+    if not 0 < share <= 1:
+        raise UserError(f"sample: expected a share above 0 and at most 100 %, got {100 * share:g} %")
+
+
 def sampled(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
     """Of results that are there, some lines drawn at random, at least one of each; all of those that are not.
 
@@ -228,12 +234,7 @@ def sampled(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
         cases: what could be played.
         share: of all lines, above 0 and at most 1.
         seed: of the draw.
-
-    Raises:
-        UserError: a share out of range.
     """
-    if not 0 < share <= 1:
-        raise UserError(f"sample: expected a share above 0 and at most 100 %, got {100 * share:g} %")
     cases, rng = list(cases), random.Random(seed)
     lines = [
         (number, *pair)

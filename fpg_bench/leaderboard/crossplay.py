@@ -20,7 +20,7 @@ from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.files import write_whole
 from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.run import Workers, run_quietly
-from fpg_bench.leaderboard.cases import at_work, work_folder
+from fpg_bench.leaderboard.cases import at_work, check_share, work_folder
 from fpg_bench.leaderboard.pairs import (
     ROUNDS,
     BoardEntry,
@@ -90,7 +90,11 @@ def check_pairs(board: str | Path, share: float, seed: int, rounds: int = ROUNDS
         share: of the pairs; at least one is played.
         seed: of the draw.
         rounds: as they were played.
+
+    Raises:
+        UserError: a share out of range.
     """
+    check_share(share)
     board = Path(board)
     pairs = read_pairs(board, players_of_board(board), rounds)
     there = [(a, o) for key, a, o in pairs.every() if key in pairs.known]

@@ -17,6 +17,7 @@ from fpg_bench.jobs.run import Workers, run_quietly
 from fpg_bench.leaderboard.cases import (
     Case,
     at_work,
+    check_share,
     forget,
     make_case,
     sampled,
@@ -67,6 +68,8 @@ def verify(
         UserError: no such board or submission, a share out of range, changes that are not known, or no
             cluster.
     """
+    if sample is not None:
+        check_share(sample)
     board = Path(board)
     new = frozenset() if since is None else _new(board, since, changes_known)
     with at_work(board):
@@ -97,11 +100,7 @@ def _new(board: Path, since: str, known: bool) -> frozenset[str]:
 def _drawn(
     cases: list[Case], sample: float | None, sample_seed: int | None, say: Callable[[str], None]
 ) -> list[Case]:
-    """The cases, or what is drawn of them.
-
-    Raises:
-        UserError: a share out of range.
-    """
+    """The cases, or what is drawn of them."""
     if sample is None:
         return cases
     seed = random.SystemRandom().randrange(2**32) if sample_seed is None else sample_seed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -74,7 +75,7 @@ def watch(
 
     Raises:
         UserError: an unknown player, option or suffix, a number out of range, a file that is there
-            already, or an extra that is not installed. Nothing has been played then.
+            already or cannot be written, or an extra that is not installed. Nothing has been played then.
         OSError: the file cannot be written.
     """
     for name, value in (("rounds", rounds), ("every", every)):
@@ -109,7 +110,12 @@ def _checked_target(path: Path, overwrite: bool) -> Path:
         from fpg_bench.pictures.film import check_mp4
 
         check_mp4()
-    return path
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path.parent):
+            return path
+    except OSError as error:
+        raise UserError(f"out: {path} cannot be written: {error.strerror}") from error
 
 
 def _play(table: Table, seed: int | None, names: dict[str, str], every: int, echo: Echo | None) -> Recording:

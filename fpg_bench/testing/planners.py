@@ -16,9 +16,9 @@ from fpg_bench.testing.requiring import asserting, require
 def check_planner(planner: Any, scenario: Scenario | str | None = None) -> None:
     """Check that a planner keeps to the contract of :class:`fpg_bench.planning.Planner`.
 
-    It must say its name and tier and answer with finite waypoints ``(n, 3)`` inside the box, the same for the
-    same generator, without and with a history, which it must leave as it is, alone and in a batch. It
-    plans six times.
+    A line says that it does. It must say its name and tier and answer with finite waypoints ``(n, 3)``
+    inside the box, the same for the same generator, without and with a history, which it must leave as it
+    is, alone and in a batch. It plans six times.
 
     Args:
         planner: a planner, or its name.
@@ -38,6 +38,7 @@ def check_planner(planner: Any, scenario: Scenario | str | None = None) -> None:
         history = rng.uniform(-1, 1, (rounds, limits.waypoints, 4))
         history[..., :3] = rng.uniform(0, limits.box_m, (rounds, limits.waypoints, 3))
         _check_plan(planner, history, rng.uniform(0, limits.box_m), limits)
+    print(f"{planner.name}: keeps to the contract of planners")
 
 
 def _check_plan(planner: Any, history: np.ndarray, position: np.ndarray, limits: Limits) -> None:

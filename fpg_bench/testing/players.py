@@ -10,7 +10,7 @@ import numpy as np
 from fpg_bench.envs.duel import Duel
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.players.naming import as_player
+from fpg_bench.players.naming import as_player, player_name
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.scripted import Scripted, player_seeds
 from fpg_bench.players.seat import Seat
@@ -26,9 +26,9 @@ _SPARRING = {"ally": ("opponent", "adaptive"), "opponent": ("ally", "expert")}
 def check_player(player: Any, side: str, scenario: Scenario | str | None = None) -> None:
     """Check that a player keeps to the contract of :class:`fpg_bench.players.player.Player`.
 
-    Its actions must be floats ``(n, 9)``, finite and in [-1, 1]; the same for the same seeds, whatever
-    the batch size (to 1e-4 for torch models); it must leave what it is handed as it is, and begin
-    with an empty memory where a round starts.
+    A line says that it does. Its actions must be floats ``(n, 9)``, finite and in [-1, 1]; the same for the
+    same seeds, whatever the batch size (to 1e-4 for torch models); it must leave what it is handed as it
+    is, and begin with an empty memory where a round starts.
 
     Args:
         player: a player, or its name.
@@ -41,13 +41,14 @@ def check_player(player: Any, side: str, scenario: Scenario | str | None = None)
     """
     require(side in SIDES, f"side: expected 'ally' or 'opponent', got {side!r}")
     played = as_scenario(scenario)
-    player = as_player(player, side, played)
+    name, player = player_name(player), as_player(player, side, played)
     observations, seeds = _recorded(player, side, played)
     tolerance = TORCH_TOLERANCE if _holds_torch(player) else 0.0
     first = _replay(player, observations, seeds)
     _check_repeats(player, observations, seeds, first, tolerance)
     _check_batch_size(player, observations, seeds, first, tolerance)
     _check_memory(player, observations, seeds, first, tolerance)
+    print(f"{name}: keeps to the contract of players")
 
 
 def _recorded(player: Player, side: str, scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,8 @@ from fpg_bench.testing.requiring import require
 def check_scenario(scenario: Scenario | str | None) -> None:
     """Check that a scenario can be played: whole rounds, sound numbers, the same game for the same seed.
 
+    Says so in a line where it can.
+
     Args:
         scenario: a scenario, a preset's name or a YAML file.
 
@@ -31,6 +33,7 @@ def check_scenario(scenario: Scenario | str | None) -> None:
             require(
                 (x[2] == z[0]).all(), f"scenario: game 2 of a batch of seed s is not seed s + 2 at step {k}"
             )
+    print(f"scenario {played.hash[:12]}: can be played")
 
 
 def duel_of(scenario: Scenario, games: int) -> Duel:

@@ -96,8 +96,9 @@ def _networks(policy: Any) -> Networks:
         layers = [getattr(actor, "latent_pi", nn.Identity()), actor.mu]
         return actor.features_extractor, None, nn.Sequential(*layers)
     raise UserError(
-        f"export: {type(policy).__name__} is no policy of PPO's, SAC's or TD3's kind, so no agent can be "
-        "made of it; train it with its own learn() on fpg_bench.make_sb3"
+        f"export: {type(policy).__name__} is no policy of PPO's, SAC's or TD3's kind in torch, so no "
+        "agent can be made of it; train it with its own learn() on fpg_bench.make_sb3, write its network as "
+        "ONNX, and make an agent of that by fpg_bench.write_agent"
     )
 
 

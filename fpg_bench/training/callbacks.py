@@ -9,7 +9,8 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
-LINE_EVERY_S = 30.0  # at most, where no bar can be drawn
+from fpg_bench.jobs.run import LINE_EVERY_S
+
 WATCHED = ("overlap_ratio", "jamming_success_rate", "snr_db", "hop_rate", "spread_ratio", "near_ratio")
 
 

@@ -25,6 +25,7 @@ from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import GameMeasures, TrainingBar
 from fpg_bench.training.checkpoints import load_checkpoint, load_weights, newest_checkpoint, save_model
+from fpg_bench.training.curve import draw_curve
 from fpg_bench.training.divergence import is_finite, tells_divergence
 from fpg_bench.training.export import check_exportable, export_agent
 from fpg_bench.training.hyperparameters import load_hyperparameters
@@ -196,7 +197,7 @@ class Run:
         )
 
     def finish(self) -> None:
-        """Export the agent, keep the model, and let the checkpoints go."""
+        """Export the agent, keep the model, draw its curve, and let the checkpoints go."""
         done = self.model.num_timesteps
         about = self.about | {"steps_done": done, "seconds": round(self.seconds, 1)}
         if (flown := getattr(self.games.core.duel.planner, "flown", None)) is not None:
@@ -206,6 +207,8 @@ class Run:
             for side, player in by_side(self.model, self.sides).items()
         )
         save_model(self.model, self.folder.path)
+        if rows := self.folder.evaluations.read():
+            draw_curve(rows, f"{about['algorithm']}, {about['id']}", self.folder.curve)
         rate = round(done / self.seconds)
         ended = {"finished": True, "part": self._part, "steps_per_s": rate, "largest_difference": difference}
         self.folder.write(about | ended)

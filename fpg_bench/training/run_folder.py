@@ -14,7 +14,7 @@ from typing import Any
 from fpg_bench.errors import UserError
 from fpg_bench.files import read_json, write_json
 from fpg_bench.rows import RowFile
-from fpg_bench.training.checkpoints import MODEL, NORMALIZE
+from fpg_bench.training.checkpoints import MODEL, NORMALIZE, newest_checkpoint
 from fpg_bench.training.language_model import set_aside
 
 EVALUATIONS = "evaluations.jsonl"
@@ -41,6 +41,7 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.agent, self.checkpoints = path / "agent", path / "checkpoints"
+        self.curve = path / "curve.png"
         self.evaluations = RowFile(path / EVALUATIONS, {"side": str, "score": float | int})
 
     def agent_of(self, side: str, sides: Sequence[str]) -> Path:
@@ -80,7 +81,13 @@ class RunFolder:
         if not (self.path / "run.json").exists():
             return None
         found = read_json(self.path / "run.json", "run")
-        if any(found.get(key) != about.get(key) for key in _SAME):
+        differing = [key for key in _SAME if found.get(key) != about.get(key)]
+        if differing == ["training_steps"]:
+            raise UserError(
+                f"{self.path}: holds this run with {found['training_steps']:,} steps, and its budget stays; "
+                f"to train on, finish it, then begin another with its weights: --start {self.path} --out NEW"
+            )
+        if differing:
             raise UserError(
                 f"{self.path}: holds another run ({found.get('command')}), or this one with other "
                 "hyper-parameters or agents; choose another folder"
@@ -96,6 +103,10 @@ class RunFolder:
         """What the policy of each side scored when it was last looked at; of no side where it never was."""
         return {row["side"]: row["score"] for row in self.evaluations.read()}
 
+    def has_checkpoint(self) -> bool:
+        """Whether there is something to go on from."""
+        return newest_checkpoint(self.checkpoints) is not None
+
     def is_finished(self) -> bool:
         """Whether a run lies here that came to its end."""
         about = self.path / "run.json"
@@ -106,7 +117,7 @@ class RunFolder:
         for folder in (self.agent, self.checkpoints):
             shutil.rmtree(folder, ignore_errors=True)
         events = self.path.glob("events.out.tfevents.*")
-        for file in (*events, *(self.path / name for name in (MODEL, NORMALIZE))):
+        for file in (self.curve, *events, *(self.path / name for name in (MODEL, NORMALIZE))):
             file.unlink(missing_ok=True)
         set_aside(self.path)
         os.truncate(self.evaluations.path, 0)  # it is locked, so it stays

@@ -52,10 +52,10 @@ def train_run(
 ) -> Path:
     """Train a run and export the agent.
 
-    The folder then holds ``run.json``, ``evaluations.jsonl`` (what the policy was worth on the way),
-    ``model.zip``, the TensorBoard log and ``agent/`` (``agent.json``, ``policy.onnx``). A finished run is not
-    repeated. A stopped or killed one leaves a checkpoint that is at most a minute old; resumed, it plays new
-    matches and ends with as many steps as if it had never stopped.
+    The folder then holds ``run.json``, ``evaluations.jsonl`` (what the policy was worth on the way) with
+    its picture ``curve.png``, ``model.zip``, the TensorBoard log and ``agent/`` (``agent.json``,
+    ``policy.onnx``). A finished run is not repeated. A stopped or killed one leaves a checkpoint that is at
+    most a minute old; resumed, it plays new matches and ends with as many steps as if it had never stopped.
 
     A language model plans beside the game: each round flies the newest plan that is there. How far that is
     behind depends on the server's speed, so ``transcript.jsonl`` keeps what each round flew.

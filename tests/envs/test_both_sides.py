@@ -34,5 +34,5 @@ def test_it_is_the_same_game_as_a_duel():
 
 
 def test_it_says_what_it_does_not_know():
-    with pytest.raises(UserError, match="unknown option 'paht'; did you mean 'path'"):
+    with pytest.raises(UserError, match="unexpected keyword argument 'paht'; did you mean 'path'"):
         make_sb3_duel(1, paht="circle")

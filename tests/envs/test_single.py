@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import pickle
+import subprocess
+import sys
 import warnings
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import TimeAwareObservation
 
 from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import STANDARD
@@ -261,6 +264,34 @@ def test_an_unknown_keyword_is_named():
         gymnasium.make(ALLY, oponent="tone")
 
 
+def test_an_option_that_a_framework_probes_for_is_refused_as_python_does():
+    with pytest.raises(TypeError, match="unexpected keyword argument 'frameskip'"):
+        gymnasium.make(ALLY, frameskip=4)
+
+
+def test_an_id_may_name_the_package_that_registers_it():
+    program = f"import gymnasium; print(gymnasium.make('fpg_bench:{ALLY}').unwrapped.core.side)"
+    assert subprocess.check_output([sys.executable, "-c", program], text=True) == "ally\n"
+
+
+def test_the_spec_says_how_long_a_round_is():
+    env = TimeAwareObservation(gymnasium.make(ALLY, scenario=SHORT), normalize_time=False)
+    assert env.spec.max_episode_steps == STEPS
+    env.reset(seed=0)
+    assert env.step(REST)[0][-1] == 1
+    again = gymnasium.make(env.unwrapped.spec)
+    again.reset(seed=0)
+    assert [again.step(REST)[3] for _ in range(STEPS)] == [False] * (STEPS - 1) + [True]
+
+
+def test_an_action_may_be_a_list():
+    env = gymnasium.make(ALLY, disable_env_checker=True)
+    env.reset(seed=0)
+    first = env.step(REST)[0]
+    env.reset(seed=0)
+    assert np.array_equal(env.step(REST.tolist())[0], first)
+
+
 def test_an_unknown_id_suggests_the_nearest():
     with pytest.raises(gymnasium.error.NameNotFound, match="AllyVsScripted"):
         gymnasium.make("FPG/AllyVsScriptd-v0")
@@ -292,7 +323,8 @@ def begun():
         (np.zeros(8, np.float32), r"float32 \(8,\)"),
         (np.zeros((1, 9), np.float32), r"float32 \(1, 9\)"),
         (np.zeros(9, int), r"int64 \(9,\)"),
-        ([0.0] * 9, "list"),
+        (["a"] * 9, "list"),
+        ([[0.0] * 9, [0.0]], "list"),
         (None, "NoneType"),
     ],
 )

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import supersuit
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from fpg_bench import make_duel, supersuit_vec_env
+from fpg_bench.envs.multi_agent import parallel_env
 from fpg_bench.errors import UserError
+from fpg_bench.players.player import SIDES
 
 from .playing import REST, SHORT, STEPS, tape
 
@@ -65,6 +68,18 @@ def test_seeds_are_for_the_next_reset():
     assert not np.array_equal(first, env.reset())
     env.seed(5)
     assert np.array_equal(first, env.reset())
+
+
+def test_supersuits_frame_skip_draws_by_the_seed():
+    env = supersuit.frame_skip_v0(parallel_env(scenario=SHORT), (1, 5))
+    lengths = []
+    for seed in (4, 4, 5):
+        env.reset(seed=seed)
+        lengths.append([])
+        while env.agents:
+            env.step(dict.fromkeys(SIDES, np.zeros(9, np.float32)))
+            lengths[-1].append(int(env.unwrapped.duel.arena.games["step"][0]))
+    assert lengths[0] == lengths[1] != lengths[2]
 
 
 def test_attributes_and_methods_are_within_reach():

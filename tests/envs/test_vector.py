@@ -62,6 +62,30 @@ def test_the_autoreset_mode_is_stated_and_the_spaces_are_batched():
     assert env.reset(seed=0)[0] in env.observation_space
 
 
+@pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, "SameStep"])
+def test_same_step_begins_the_next_round_as_gymnasiums_own_batch_does(mode):
+    own = {"autoreset_mode": AutoresetMode.SAME_STEP}
+    theirs = gymnasium.make_vec(ALLY, GAMES, vectorization_mode="sync", vector_kwargs=own, scenario=SHORT)
+    ours = make(autoreset_mode=mode)
+    assert ours.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    assert make().metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    assert np.array_equal(theirs.reset(seed=3)[0], ours.reset(seed=3)[0])
+    for action in tape(GAMES, 2 * STEPS):
+        *there, their_infos = theirs.step(action)
+        *here, our_infos = ours.step(action)
+        assert all(map(np.array_equal, there, here))
+        assert ("final_obs" in our_infos) == here[3].any()
+        for game in np.flatnonzero(here[3]):
+            assert np.array_equal(our_infos["final_obs"][game], their_infos["final_obs"][game])
+            for name, values in our_infos["final_info"]["measures"].items():
+                assert np.array_equal(values[game], their_infos["final_info"]["measures"][name][game])
+
+
+def test_another_autoreset_mode_is_refused():
+    with pytest.raises(UserError, match="expected 'NextStep' or 'SameStep', got 'Disabled'"):
+        make(autoreset_mode="Disabled")
+
+
 def test_the_step_after_a_rounds_end_ignores_the_action_and_gives_no_reward():
     outcomes = []
     for action in (np.full((GAMES, 9), -1, np.float32), np.full((GAMES, 9), 1, np.float32)):

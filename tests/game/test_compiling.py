@@ -23,7 +23,7 @@ SOURCES = [
 
 # One small function is enough to ask what is said; the whole game takes seconds.
 USE = "import numpy; from fpg_bench.game.draws import mix; print(*map(mix, numpy.arange(4, dtype='u8')))"
-NOTICE = "fpg_bench: compiling the game"
+NOTICE = "fpg_bench: compiling "
 
 
 @pytest.fixture
@@ -42,9 +42,9 @@ def root(tmp_path, monkeypatch):
     return tmp_path / "cache" / "fpg_bench"
 
 
-def use(cache):
+def use(cache, program=USE):
     return subprocess.run(
-        [sys.executable, "-c", USE],
+        [sys.executable, "-c", program],
         env=os.environ | {"NUMBA_CACHE_DIR": str(cache)},
         capture_output=True,
         text=True,
@@ -95,8 +95,16 @@ def test_compiling_is_announced_once_and_only_when_it_happens(tmp_path):
     first, second = use(tmp_path), use(tmp_path)
     assert first.stderr.count(NOTICE) == 1
     assert f"kept in {tmp_path / 'fpg_bench'}" in first.stderr
+    assert "about ten seconds" in first.stderr
     assert NOTICE not in second.stderr
     assert first.stdout == second.stdout
+
+
+@pytest.mark.process
+def test_compiling_a_part_is_not_announced_as_the_whole(tmp_path):
+    use(tmp_path)
+    more = use(tmp_path, "from fpg_bench.game.draws import match_key; match_key(1, 2)")
+    assert "compiling what is new to the game, a few seconds" in more.stderr
 
 
 @pytest.mark.process

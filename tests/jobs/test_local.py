@@ -2,15 +2,18 @@
 
 import errno
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
+import time
 from functools import partial
 
 import pytest
 
 from fpg_bench.errors import UserError
+from fpg_bench.jobs import run
 from fpg_bench.jobs.job import Job, check_all_done
 from fpg_bench.jobs.run import MOST_TRIES, run_jobs
 from tests.jobs import working
@@ -30,6 +33,16 @@ def test_all_are_run_and_what_they_return_is_kept(tmp_path):
     assert sorted(kept) == [0, 1, 1, 4, 9, 16]  # one of the ones: of torch's threads
     assert begun(tmp_path) == ["0", "1", "2", "3", "4"]
     assert len(said) == 12
+
+
+def test_a_line_says_what_is_under_way_where_that_takes_long(monkeypatch):
+    monkeypatch.setattr(run, "LINE_EVERY_S", 0.0)
+    monkeypatch.setattr(run, "_CHECK_S", 0.01)
+    said = []
+    run_jobs([Job("long", partial(time.sleep, 0.5))], workers=1, say=said.append)
+    assert said[0] == "long: begins"
+    assert re.fullmatch(r"under way: long for \d s; 0 to come", said[1])
+    assert said[-1].startswith("long: done after")
 
 
 def test_what_needs_no_importable_module_runs_as_well():

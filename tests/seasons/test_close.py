@@ -85,7 +85,8 @@ def test_a_candidate_that_was_killed_is_trained_anew_and_comes_out_the_same(clos
     again, said = close_tiny(board, copied / "work", copied / "season-1")
     assert policies(again) == policies(season)
     assert (again.folder / FILE).read_text() == (season.folder / FILE).read_text()
-    assert {line.split(":")[0] for line in said[1:]} == {"opponent/o00", "ally/a01"}
+    told = {line.split(":")[0] for line in said[1:]} - {"under way"}  # on a slow machine
+    assert told == {"opponent/o00", "ally/a01"}
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
 
 import fpg_bench
+from fpg_bench.cli.export import export as export_verb
 from fpg_bench.errors import UserError
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.live import export_agent
@@ -99,6 +100,12 @@ def test_what_is_no_zip_of_a_model_is_told(tmp_path):
     for name in ("text.zip", "other.zip"):
         with pytest.raises(UserError, match="is no zip that SB3"):
             load_zip(tmp_path / name, "ppo", ID)
+
+
+def test_what_is_no_zip_is_not_asked_for_its_algorithm(tmp_path):
+    (tmp_path / "normalize.pkl").write_bytes(b"a pickle")
+    with pytest.raises(UserError, match=r"normalize\.pkl is no zip .* a run's is called model\.zip"):
+        export_verb(tmp_path / "normalize.pkl", tmp_path / "seed_0")
 
 
 @pytest.mark.slow

@@ -147,7 +147,7 @@ def test_resume_and_restart_at_once_and_another_run_are_refused(tmp_path, monkey
     stopped("ppo", tmp_path / "run", monkeypatch)
     with pytest.raises(UserError, match="say one of them"):
         train_tiny("ppo", tmp_path / "run", resume=True, restart=True)
-    with pytest.raises(UserError, match="holds another run"):
+    with pytest.raises(UserError, match=r"holds this run with 1,200 steps, .* --start"):
         train_tiny("ppo", tmp_path / "run", resume=True, steps=2400)
     with pytest.raises(UserError, match="holds another run"):
         train_tiny("ppo", tmp_path / "run", resume=True, opponent="tone")

@@ -23,10 +23,11 @@ def test_each_seed_is_trained_once_and_one_that_fails_does_not_hold_up_the_other
         train(tmp_path, [0, 2])
     (tmp_path / "seed_2" / "mine.txt").unlink()
     said = train(tmp_path, [0, 2])
-    assert [line.split(":")[0] for line in said] == ["seed_2", "seed_2"]
+    told = [line.split(":")[0] for line in said if not line.startswith("under way")]  # on a slow machine
+    assert told == ["seed_2", "seed_2"]
     for seed in (0, 2):
         assert load_agent(tmp_path / f"seed_{seed}" / "agent").about["training_seed"] == seed
-    with pytest.raises(UserError, match="seed_0: holds another run"):
+    with pytest.raises(UserError, match="seed_0: holds this run with 1,200 steps, and its budget stays"):
         train(tmp_path, [0, 2], steps=2400)
 
 

@@ -90,6 +90,7 @@ def test_it_says_how_good_its_policy_was_on_the_way(run):
     seconds = [row["seconds"] for row in rows]
     assert seconds == sorted(seconds)
     assert rows[0]["score"] != rows[-1]["score"]
+    assert (run / "curve.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
@@ -133,6 +134,8 @@ def test_a_finished_run_is_not_repeated_and_no_other_overwritten(run, tmp_path):
     (tmp_path / "other.yml").write_text(TINY.replace("[8]", "[9]"))
     with pytest.raises(UserError, match="other hyper-parameters"):
         train(*arguments, seed=3, hyperparams=tmp_path / "other.yml", progress=False)
+    with pytest.raises(UserError, match=r"with 2,400 steps, and its budget stays; .* --start"):
+        train(*arguments, seed=3, steps=4800, resume=True, **options)
     about = json.loads(before) | {"finished": False}
     (tmp_path / "other.yml").unlink()
     (tmp_path / "run.json").write_text(json.dumps(about))
@@ -312,7 +315,7 @@ def test_unknown_words(tmp_path):
         ("ppo", "FPG/duel_v0", {}, "ppo: trains one side, not both, as in FPG/duel_v0"),
         ("maddpg", "FPG/AllyVsScripted-v0", {}, "maddpg: trains both sides, in FPG/duel_v0"),
         ("maddpg", "FPG/duel_v0", {"field": "ally-v1"}, "each side of FPG/duel_v0 is scored by its own"),
-        ("maddpg", "FPG/duel_v0", {"opponent": "tone"}, "unknown option 'opponent'"),
+        ("maddpg", "FPG/duel_v0", {"opponent": "tone"}, "unexpected keyword argument 'opponent'"),
     ],
 )
 def test_one_side_or_both(tmp_path, algorithm, view_id, words, message):

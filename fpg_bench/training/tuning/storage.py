@@ -170,9 +170,12 @@ def open_storage(
         there: whether the journal must be there already.
 
     Raises:
-        UserError: it cannot be opened, or the extra ``postgres`` is not installed.
+        UserError: it cannot be opened, the folder is a training run's, or the extra ``postgres`` is not
+            installed.
     """
     optuna.logging.set_verbosity(optuna.logging.ERROR)
+    if (out / "run.json").exists():
+        raise UserError(f"{out}: holds a training run; choose another folder for the study")
     if url is None:
         if there and not (out / JOURNAL).is_file():
             raise UserError(f"{out}: holds no study")

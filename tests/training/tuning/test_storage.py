@@ -35,6 +35,13 @@ def test_a_journal_damaged_in_the_middle_is_one_line(tmp_path):
         opened(tmp_path)
 
 
+def test_a_training_runs_folder_is_no_studys(tmp_path):
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(UserError, match="holds a training run; choose another folder"):
+        opened(tmp_path)
+    assert not (tmp_path / JOURNAL).exists()
+
+
 def test_a_folder_that_cannot_be_one(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match=r"cannot be opened: (Not a directory|File exists)"):
