@@ -129,6 +129,11 @@ def replay_part(suffix: str) -> str:
     return _resource(f"replay_player.{suffix}")
 
 
+def events_part() -> str:
+    """The code that tells a round's events in words; the player needs it read before itself."""
+    return _resource("replay_events.js")
+
+
 def replay_markup(heading: str) -> str:
     """The player's markup; ``heading`` is the element of its title, ``h1`` and the like."""
     return _resource("replay_player.html").replace("{{heading}}", heading)
