@@ -18,6 +18,7 @@ from fpg_bench.game.scenario import Scenario
 from fpg_bench.pictures.recording import Recording
 
 FORMAT = "fpg-replay/1"
+_CODE = ("events", "pen", "arena", "times", "hands", "player")  # each uses those before it
 
 
 def replay_data(
@@ -126,11 +127,12 @@ def script_json(content: Any) -> str:
 
 def replay_part(suffix: str) -> str:
     """The player's styles (``css``) or code (``js``), to be put into a page beside its markup."""
-    return _resource(f"replay_player.{suffix}")
+    parts = _CODE if suffix == "js" else ("player",)
+    return "".join(_resource(f"replay_{part}.{suffix}") for part in parts)
 
 
 def events_part() -> str:
-    """The code that tells a round's events in words; the player needs it read before itself."""
+    """The code that tells a round's events in words, alone; it is a part of the player's, too."""
     return _resource("replay_events.js")
 
 
