@@ -43,12 +43,13 @@ def replay_data(
         "title": title,
         "ally": ally,
         "opponent": opponent,
-        "scenario": _scenario_data(recordings[0].scenario),
+        "scenario": scenario_data(recordings[0].scenario),
         "rounds": [_round_data(recording) for recording in recordings],
     }
 
 
-def _scenario_data(scenario: Scenario) -> dict[str, Any]:
+def scenario_data(scenario: Scenario) -> dict[str, Any]:
+    """What the page draws of a scenario; see :func:`replay_data`."""
     s = scenario
     comb = s.comb_spacing_points * s.point_spacing_mhz
     kinds = zip(JAMMING_TYPES, s.footprint_half_widths_mhz, s.jamming_coefficients, strict=True)

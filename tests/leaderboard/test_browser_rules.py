@@ -1,4 +1,4 @@
-"""The game in the browser beside the game itself: the rules, the scripts and the policies give the same numbers."""
+"""The game in the browser beside the game itself: rules, scripts and policies give the same numbers."""
 
 import base64
 import json
@@ -34,8 +34,10 @@ STEPS = 300
 # Plays given actions and gives the greatest difference in observations and rewards.
 REPLAY = """({ rules, seeds, actions, seen, rewards, games, steps }) => {
   const floats = (text, Kind) => new Kind(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
-  const [given, expected, paid] = [floats(actions, Float32Array), floats(seen, Float32Array), floats(rewards, Float64Array)];
+  const [given, expected] = [floats(actions, Float32Array), floats(seen, Float32Array)];
+  const paid = floats(rewards, Float64Array);
   let worst = 0;
+  const far = (x, y) => (worst = Math.max(worst, Number.isFinite(x) ? Math.abs(x - y) : Infinity));
   for (let g = 0; g < games; g++) {
     const game = fpgRules.begin(rules, seeds[g]);
     for (let k = 0; k <= steps; k++) {
@@ -43,9 +45,9 @@ REPLAY = """({ rules, seeds, actions, seen, rewards, games, steps }) => {
       if (k) {
         const from = (at - games) * 18;
         fpgRules.step(game, given.subarray(from, from + 9), given.subarray(from + 9, from + 18));
-        worst = Math.max(worst, Math.abs(game.allyReward - paid[2 * at]), Math.abs(game.opponentReward - paid[2 * at + 1]));
+        [game.allyReward, game.opponentReward].forEach((x, i) => far(x, paid[2 * at + i]));
       }
-      [...game.allySees, ...game.opponentSees].forEach((x, i) => (worst = Math.max(worst, Math.abs(x - expected[30 * at + i]))));
+      [...game.allySees, ...game.opponentSees].forEach((x, i) => far(x, expected[30 * at + i]));
     }
   }
   return worst;
@@ -54,7 +56,8 @@ REPLAY = """({ rules, seeds, actions, seen, rewards, games, steps }) => {
 # Plays scripts and gives both returns.
 SCRIPTED = """({ rules, seed, ally, opponent }) => {
   const game = fpgRules.begin(rules, seed), total = [0, 0];
-  const players = [fpgScripts.make("ally", ally, rules, game.key), fpgScripts.make("opponent", opponent, rules, game.key)];
+  const make = (side, name) => fpgScripts.make(side, name, rules, game.key);
+  const players = [make("ally", ally), make("opponent", opponent)];
   while (!game.over) {
     fpgRules.step(game, players[0](game.allySees), players[1](game.opponentSees));
     total[0] += game.allyReward; total[1] += game.opponentReward;

@@ -74,8 +74,9 @@ def test_nothing_of_the_future_is_drawn(watched):
 def test_labels_keep_clear_of_each_other(watched):
     for step in range(0, 301, 20):
         boxes = watched.evaluate(
-            """async step => { const root = document.getElementById("replay"); const input = document.getElementById("replay-step");
-            input.value = step; input.dispatchEvent(new Event("input"));
+            """async step => { const root = document.getElementById("replay");
+            const input = document.getElementById("replay-step"); input.value = step;
+            input.dispatchEvent(new Event("input"));
             await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
             return root.fpgLabels(); }""",
             step,

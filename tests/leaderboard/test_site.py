@@ -58,6 +58,7 @@ def test_there_is_a_page_for_all_that_is_to_be_seen(site):
     shared = {
         "index.html",
         "ranking.html",
+        "play.html",
         "crossplay.html",
         "statistics.html",
         "compare.html",

@@ -29,6 +29,7 @@ WATCHED = "entries/ally/player-3.html"
 PAGES = (
     "index.html",
     "ranking.html",
+    "play.html",
     WATCHED,
     "crossplay.html",
     "statistics.html",

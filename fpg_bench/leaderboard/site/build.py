@@ -13,6 +13,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
 from fpg_bench.leaderboard.site import entry_page, scripts_data, views
 from fpg_bench.leaderboard.site.front_page import front_view
+from fpg_bench.leaderboard.site.play_data import play_files
 from fpg_bench.leaderboard.site.shown import names_of, read_tracks
 from fpg_bench.pictures.replay import events_part, replay_markup, replay_part
 
@@ -54,7 +55,7 @@ def build_site(
     check_folder(folder)
     board = _with_replays(board, replays or {})
     wanted = {MARK: "made by fpg-bench leaderboard build\n"} | _pages(board, replays or {})
-    wanted |= _scripts(board) | _static()
+    wanted |= _scripts(board) | _static() | play_files(read_tracks(board))
     wanted |= {replay.file: replay.script for found in (replays or {}).values() for replay in found}
     for name, content in wanted.items():
         progress(name)
@@ -96,6 +97,7 @@ def _pages(board: Row, replays: Replays) -> dict[str, str]:
     crossplay = scripts_data.crossplay_data(board)
     shown: list[tuple[str, str, Row]] = [
         ("index.html", "index.html", {"front": front_view(read, names, replays)}),
+        ("play.html", "play.html", {}),
         ("ranking.html", "ranking.html", {"tracks": tracks}),
         ("compare.html", "compare.html", {"tracks": tracks}),
         ("statistics.html", "statistics.html", {"tracks": tracks}),

@@ -3,34 +3,75 @@
 from __future__ import annotations
 
 import base64
+import json
 import math
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
+from fpg_bench.files import read_json
 from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import RULES
+from fpg_bench.leaderboard.site.shown import ShownTrack
+from fpg_bench.leaderboard.site.wording import finite
+from fpg_bench.pictures.replay import scenario_data, script_json
+from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.onnx_file import plain_model
+from fpg_bench.players.player import SIDES
 
 # Of static/game_policy.js.
-OPERATORS = frozenset(
-    [
-        "Gemm",
-        "Tanh",
-        "Relu",
-        "Sigmoid",
-        "Clip",
-        "Slice",
-        "Concat",
-        "Reshape",
-        "Transpose",
-        "Gather",
-        "Unsqueeze",
-        "Squeeze",
-        "LSTM",
+OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
+OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM"}
+_GROUPS = ("champion", "population", "scripted", "pursuit", "learned")  # of the zoo, met in the standard game
+
+
+def play_files(tracks: Sequence[ShownTrack]) -> dict[str, str]:
+    """The files of the page on which a visitor plays: its data, and one of each zoo agent's first seed.
+
+    Args:
+        tracks: of a board, whose scales a visitor's score is told on.
+    """
+    policies = dict(_zoo())
+    agents = [
+        {"name": name, "side": about["side"], "flies": about["flies"], "file": f"agents/{_word(name)}.js"}
+        for name, (about, _) in policies.items()
     ]
-)
+    scales = {track.key.removeprefix("opponent-"): _scale(track) for track in tracks}
+    scenario = Scenario()
+    content = {"rules": rules_data(scenario), "scenario": scenario_data(scenario)}
+    files = {
+        "data/play.js": f"window.fpgData = {script_json(content | {'agents': agents, 'scales': scales})};\n"
+    }
+    for name, (_, policy) in policies.items():
+        file = f"agents/{_word(name)}.js"
+        files[file] = f"fpgAgent({script_json(file)}, {script_json(policy)});\n"
+    return files
+
+
+def _scale(track: ShownTrack) -> dict[str, float] | None:
+    """What scores 0 and 100, in returns a step; None where a board does not say."""
+    told = track.scale if isinstance(track.scale, dict) else {}
+    zero, top = (finite(told.get(end)) for end in ("zero", "top"))
+    return None if zero is None or top is None else {"zero": zero, "top": top}
+
+
+def _word(name: str) -> str:
+    return name.replace("/", "-")
+
+
+def _zoo() -> Iterator[tuple[str, tuple[dict[str, Any], dict[str, Any]]]]:
+    """The zoo's agents that the page can play, by name: what is known of each, and its policy."""
+    folder = baselines_folder() / "agents"
+    for path in sorted(folder.glob("*/*/seed_0/policy.onnx")):
+        name = path.parent.parent.relative_to(folder).as_posix()
+        side, _, group = path.parts[-4].partition("-")
+        policy = policy_data(path.read_bytes()) if side in SIDES and group in _GROUPS else None
+        if policy is not None:
+            about = read_json(path.parent / "agent.json", "agent")
+            flies = "learned" in json.dumps(about.get("scenario_fields") or {})
+            yield name, ({"side": side, "flies": side == "opponent" and flies}, policy)
 
 
 def rules_data(scenario: Scenario) -> dict[str, Any]:
