@@ -132,9 +132,9 @@ def replay_part(suffix: str) -> str:
     return "".join(_resource(f"replay_{part}.{suffix}") for part in parts)
 
 
-def events_part() -> str:
-    """The code that tells a round's events in words, alone; it is a part of the player's, too."""
-    return _resource("replay_events.js")
+def replay_code(part: str) -> str:
+    """One part of the player's code, for a page that needs it alone: ``events`` or ``pen``."""
+    return _resource(f"replay_{part}.js")
 
 
 def replay_markup(heading: str) -> str:

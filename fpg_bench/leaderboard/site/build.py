@@ -15,7 +15,7 @@ from fpg_bench.leaderboard.site import entry_page, scripts_data, views
 from fpg_bench.leaderboard.site.front_page import front_view
 from fpg_bench.leaderboard.site.play_data import play_files
 from fpg_bench.leaderboard.site.shown import names_of, read_tracks
-from fpg_bench.pictures.replay import events_part, replay_markup, replay_part
+from fpg_bench.pictures.replay import replay_code, replay_markup, replay_part
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -148,7 +148,7 @@ def _static() -> dict[str, str]:
     folder = resources.files("fpg_bench.leaderboard.site").joinpath("static")
     found = {f"static/{file.name}": file.read_text("utf-8") for file in folder.iterdir() if file.is_file()}
     found |= {f"static/replay.{suffix}": replay_part(suffix) for suffix in ("css", "js")}
-    return found | {"static/events.js": events_part()}
+    return found | {f"static/{part}.js": replay_code(part) for part in ("events", "pen")}
 
 
 def _write(path: Path, content: str) -> None:

@@ -14,12 +14,6 @@
   const outage = (k) => steps.snr[k] < scenario.threshold_db;
   const between = (a, b, share) => a.map((x, i) => x + share * (b[i] - x));
 
-  function readColours() {
-    const style = getComputedStyle(document.documentElement);
-    const names = ["page", "panel", "ground", "ink", "grey", "pale", "ally", "opponent", "spreading"];
-    colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue("--" + name).trim()]));
-  }
-
   function fit() {
     const ratio = window.devicePixelRatio || 1;
     width = canvas.clientWidth;
@@ -32,17 +26,7 @@
     if (steps) draw();
   }
 
-  function stroke(points, colour, wide, dash = [], alpha = 1) {
-    pen.globalAlpha = alpha;
-    pen.strokeStyle = colour;
-    pen.lineWidth = wide;
-    pen.setLineDash(dash);
-    pen.beginPath();
-    points.forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
-    pen.stroke();
-    pen.setLineDash([]);
-    pen.globalAlpha = 1;
-  }
+  const stroke = (points, ...style) => fpgPen.stroke(pen, points, ...style);
 
   function text(words, x, y, colour, align = "center") {
     pen.textAlign = align;
@@ -170,7 +154,7 @@
   }
 
   function recolour() {
-    readColours();
+    colours = fpgPen.readColours();
     if (steps) draw();
   }
 
@@ -180,7 +164,7 @@
     steps = replay.rounds[0].steps;
     events = fpgEvents(replay.rounds[0], scenario);
     last = steps.snr.length - 1;
-    readColours();
+    colours = fpgPen.readColours();
     time = still ? last / 2 : 0;
     fit();
     move(!still);
