@@ -18,6 +18,7 @@ from fpg_bench.game.scenario import Scenario
 from fpg_bench.pictures.recording import Recording
 
 FORMAT = "fpg-replay/1"
+_CODE = ("events", "pen", "arena", "times", "hands", "player")  # each uses those before it
 
 
 def replay_data(
@@ -47,7 +48,7 @@ def replay_data(
         "title": title,
         "ally": ally,
         "opponent": opponent,
-        "scenario": _scenario_data(recordings[0].scenario),
+        "scenario": scenario_data(recordings[0].scenario),
         "rounds": [
             _round_data(recording) | dict(talks[index] if talks else {})
             for index, recording in enumerate(recordings)
@@ -55,7 +56,8 @@ def replay_data(
     }
 
 
-def _scenario_data(scenario: Scenario) -> dict[str, Any]:
+def scenario_data(scenario: Scenario) -> dict[str, Any]:
+    """What the page draws of a scenario; see :func:`replay_data`."""
     s = scenario
     comb = s.comb_spacing_points * s.point_spacing_mhz
     kinds = zip(JAMMING_TYPES, s.footprint_half_widths_mhz, s.jamming_coefficients, strict=True)
@@ -134,7 +136,13 @@ def script_json(content: Any) -> str:
 
 def replay_part(suffix: str) -> str:
     """The player's styles (``css``) or code (``js``), to be put into a page beside its markup."""
-    return _resource(f"replay_player.{suffix}")
+    parts = _CODE if suffix == "js" else ("player",)
+    return "".join(_resource(f"replay_{part}.{suffix}") for part in parts)
+
+
+def replay_code(part: str) -> str:
+    """One part of the player's code, for a page that needs it alone: ``events`` or ``pen``."""
+    return _resource(f"replay_{part}.js")
 
 
 def replay_markup(heading: str) -> str:

@@ -193,7 +193,9 @@ def test_temperature_and_sampling_seed_are_asked_for_told_and_kept_to(folder, as
     assert (told["temperature"], told["sampling_seed"]) == (0.7, 1)
     shutil.copytree(folder / "other" / "transcripts" / "llm", folder / "kept" / "seed-1")
     (replayed,) = compare([], "mine.yml", "again", transcripts="kept")
-    assert replayed.pooled.plans.valid_but_useless == 1 - 1 / ROUNDS  # all but the first of a match
+    assert replayed.pooled.plans.valid_but_useless == pytest.approx(
+        1 - 1 / ROUNDS
+    )  # all but the first of a match
     (line, *_) = RowFile(folder / "again" / "lines.jsonl").read()
     assert line["plans"]["useless"] == {"repeated": MATCHES * (ROUNDS - 1)}
 

@@ -1,6 +1,7 @@
 import dataclasses
 import json
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -20,8 +21,17 @@ def quiet(line):
     pass
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """A folder for the board that all tests of this file begin with: it is played once."""
+    return tmp_path_factory.mktemp("kept") / "board"
+
+
 @pytest.fixture
-def entered(board, in_process):
+def entered(board, in_process, kept):
+    if kept.exists():
+        shutil.copytree(kept, board, dirs_exist_ok=True)
+        return board
     enter(board, "ally", "wise", script="expert", name="<b>Wise</b>")
     enter(board, "ally", "still", script="idle")
     enter(board, "ally", "linear", seeds=(0, 10, 2))
@@ -29,6 +39,7 @@ def entered(board, in_process):
     enter(board, "opponent", "near", script="adaptive")
     enter(board, "opponent", "far", script="tone", path="learned")
     assert all(verdict.good for verdict in verify(board, say=quiet))
+    shutil.copytree(board, kept)
     return board
 
 

@@ -124,4 +124,4 @@ def test_the_page_shows_marks_and_hides_no_entry(board, in_process, monkeypatch,
     page = (tmp_path / "site/entries/planner/hold.html").read_text()
     assert "First round: scores " in page
     assert "Rewards shuffled" in page
-    assert "First round: scores " in (tmp_path / "site/index.html").read_text()
+    assert "First round: scores " in (tmp_path / "site/ranking.html").read_text()

@@ -55,7 +55,15 @@ def pages(site):
 
 def test_there_is_a_page_for_all_that_is_to_be_seen(site):
     names = {str(path.relative_to(site)) for path in site.rglob("*.html")}
-    shared = {"index.html", "crossplay.html", "statistics.html", "compare.html", "submit.html"}
+    shared = {
+        "index.html",
+        "ranking.html",
+        "play.html",
+        "crossplay.html",
+        "statistics.html",
+        "compare.html",
+        "submit.html",
+    }
     entries = {f"entries/ally/player-{k}.html" for k in range(7)}
     assert names == shared | entries | {f"entries/opponent-pursuit/player-{k}.html" for k in range(2)}
 
@@ -79,14 +87,14 @@ def test_hostile_texts_never_stand_there_raw(site, text):
 
 
 def test_lost_rounds_are_counted_where_an_entry_is_shown(site):
-    for name in ("index.html", "entries/ally/player-4.html"):
+    for name in ("ranking.html", "entries/ally/player-4.html"):
         assert (site / name).read_text().count("1,234 of 5,000 rounds lost by rule") == 1
     assert "lost by rule" not in (site / "entries/ally/player-3.html").read_text()
 
 
 def columns(site, track="ally"):
     """The heads of a track's table on the front page."""
-    table = (site / "index.html").read_text().split(f'id="{track}"')[1].split("</thead>")[0]
+    table = (site / "ranking.html").read_text().split(f'id="{track}"')[1].split("</thead>")[0]
     return re.findall(r'class="sort"[^>]*>([^<]*)</button>', table)
 
 
@@ -97,7 +105,7 @@ def test_the_table_shows_the_four_numbers_once_a_season_is_closed_and_only_what_
     assert columns(site) == four
     build_site(example_board(3, season=None), tmp_path)
     assert columns(tmp_path) == ["Rank", "Entry", "Score, known", "Worst", "Jammed", "Return a step"]
-    assert "No season is closed yet" in (tmp_path / "index.html").read_text()
+    assert "No season is closed yet" in (tmp_path / "ranking.html").read_text()
     assert "no season closed yet" in (tmp_path / "compare.html").read_text()
 
 
@@ -108,10 +116,10 @@ def test_entries_stand_by_score_and_the_best_is_named_with_how_many_may_be_first
     ):
         row |= {"rank": rank, "score": {"value": score}}
     build_site(board, tmp_path)
-    page = (tmp_path / "index.html").read_text()
+    page = (tmp_path / "ranking.html").read_text()
     order = re.findall(r'class="who" data-v="player (\d)', page.split('id="opponent-pursuit"')[0])
     assert order == ["3", "2", "1", "4", "0"]
-    told = " ".join("".join(Page(tmp_path / "index.html").text).split())
+    told = " ".join("".join(Page(tmp_path / "ranking.html").text).split())
     assert "Player 3 has the highest score; 1 other may be first as well. Ranked by" in told
 
 
@@ -119,13 +127,13 @@ def test_the_gap_is_known_minus_unseen(tmp_path):
     board = example_board(2)
     board["tracks"][0]["rows"][1]["scores"] |= {"known": {"value": 60.25}, "unseen": {"value": 20.0}}
     build_site(board, tmp_path)
-    assert '<td class="num" data-v="40.25">+40.2</td>' in (tmp_path / "index.html").read_text()
+    assert '<td class="num extra" data-v="40.25">+40.2</td>' in (tmp_path / "ranking.html").read_text()
     assert "+40.2" in (tmp_path / "entries/ally/player-1.html").read_text()
 
 
 def test_the_worst_says_who_and_where(tmp_path):
     build_site(example_board(4), tmp_path)
-    for name in ("index.html", "entries/ally/player-3.html"):
+    for name in ("ranking.html", "entries/ally/player-3.html"):
         text = "".join(Page(tmp_path / name).text)
         assert "Player 1" in text  # of the other side, by its name
         assert "cross-play" in text
@@ -136,14 +144,14 @@ def test_the_worst_says_who_and_where(tmp_path):
 
 def test_who_does_better_on_seeds_that_everybody_knew_is_told_in_words(site):
     told = "scores 7.2 more on the seeds that everybody knew"
-    assert (site / "index.html").read_text().count(told) == 1
+    assert (site / "ranking.html").read_text().count(told) == 1
     assert told in (site / "entries/ally/player-2.html").read_text()
     assert "that everybody knew than" not in (site / "entries/ally/player-3.html").read_text()
 
 
 def test_who_was_entered_after_the_season_was_closed_is_marked(site):
     told = "had access to the season's field</small>"
-    assert (site / "index.html").read_text().count(told) == 2  # one in each table
+    assert (site / "ranking.html").read_text().count(told) == 2  # one in each table
     assert "It had access" in (site / "entries/ally/player-1.html").read_text()
     assert "It had access" not in (site / "entries/ally/player-3.html").read_text()
 
@@ -161,7 +169,7 @@ def test_an_entry_without_a_score_that_ranks_is_shown_last_and_without_a_rank(tm
     page = (tmp_path / "entries/ally/player-2.html").read_text()
     assert "over the known field" in page
     assert "It has not played the unseen field, so it has no rank." in page
-    order = re.findall(r'href="entries/ally/(player-\d)', (tmp_path / "index.html").read_text())
+    order = re.findall(r'href="entries/ally/(player-\d)', (tmp_path / "ranking.html").read_text())
     assert order[2:4] == ["player-2", "player-0"]
 
 

@@ -26,7 +26,16 @@ pytestmark = pytest.mark.browser
 
 ENTRIES = 27
 WATCHED = "entries/ally/player-3.html"
-PAGES = ("index.html", WATCHED, "crossplay.html", "statistics.html", "compare.html", "submit.html")
+PAGES = (
+    "index.html",
+    "ranking.html",
+    "play.html",
+    WATCHED,
+    "crossplay.html",
+    "statistics.html",
+    "compare.html",
+    "submit.html",
+)
 PATIENCE_MS = 60_000  # a browser on a busy machine is slow
 expect.set_options(timeout=PATIENCE_MS)
 PHONE = {"width": 390, "height": 844}
@@ -69,7 +78,7 @@ def visit(browser, site):
     """Opens pages, and sees to it that nothing was said on the console nor asked of anybody else."""
     contexts, complaints = [], []
 
-    def go(name="index.html", origin=None, viewport=DESKTOP, **options):
+    def go(name="ranking.html", origin=None, viewport=DESKTOP, **options):
         context = browser.new_context(viewport=viewport, **options)
         contexts.append(context)
         context.set_default_timeout(PATIENCE_MS)
@@ -122,6 +131,23 @@ def test_a_column_is_sorted_both_ways_by_its_button(visit):
     assert [float(value) for value in column(page, 0)[:3]] == [1, 1, 3]
     page.locator("#ally .all").click()
     assert column(page, 2)[-1] == ""  # what has no score is last, whichever way
+
+
+def test_the_address_keeps_how_a_table_is_shown(visit):
+    page = visit("ranking.html")
+    extra = page.locator("#ally thead th.extra").first
+    expect(extra).to_be_hidden()
+    page.locator("#columns").select_option("all")
+    expect(extra).to_be_visible()
+    page.locator("#ally thead th").nth(0).locator("button").click()
+    page.locator("#ally .filter").fill("player 1")
+    page.locator('#ally .kind[value="zoo"]').uncheck()
+    shown, address = column(page, 1), page.url
+    page.goto("about:blank")
+    page.goto(address)
+    assert column(page, 1) == shown
+    expect(page.locator("#ally .filter")).to_have_value("player 1")
+    expect(page.locator("#ally thead th.extra").first).to_be_visible()
 
 
 def test_a_long_table_shows_its_beginning_until_asked(visit):

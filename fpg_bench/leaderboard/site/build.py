@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
 from fpg_bench.leaderboard.site import entry_page, scripts_data, views
+from fpg_bench.leaderboard.site.front_page import front_view
+from fpg_bench.leaderboard.site.play_data import play_files
 from fpg_bench.leaderboard.site.shown import names_of, read_tracks
-from fpg_bench.pictures.replay import replay_markup, replay_part
+from fpg_bench.pictures.replay import replay_code, replay_markup, replay_part
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -53,7 +55,7 @@ def build_site(
     check_folder(folder)
     board = _with_replays(board, replays or {})
     wanted = {MARK: "made by fpg-bench leaderboard build\n"} | _pages(board, replays or {})
-    wanted |= _scripts(board) | _static()
+    wanted |= _scripts(board) | _static() | play_files(read_tracks(board))
     wanted |= {replay.file: replay.script for found in (replays or {}).values() for replay in found}
     for name, content in wanted.items():
         progress(name)
@@ -94,7 +96,9 @@ def _pages(board: Row, replays: Replays) -> dict[str, str]:
     tracks = [views.track_view(track, names) for track in read]
     crossplay = scripts_data.crossplay_data(board)
     shown: list[tuple[str, str, Row]] = [
-        ("index.html", "index.html", {"tracks": tracks}),
+        ("index.html", "index.html", {"front": front_view(read, names, replays)}),
+        ("play.html", "play.html", {}),
+        ("ranking.html", "ranking.html", {"tracks": tracks}),
         ("compare.html", "compare.html", {"tracks": tracks}),
         ("statistics.html", "statistics.html", {"tracks": tracks}),
         ("crossplay.html", "crossplay.html", {"crossplay": crossplay}),
@@ -143,7 +147,8 @@ def _static() -> dict[str, str]:
     """Styles and scripts, the player of replays among them."""
     folder = resources.files("fpg_bench.leaderboard.site").joinpath("static")
     found = {f"static/{file.name}": file.read_text("utf-8") for file in folder.iterdir() if file.is_file()}
-    return found | {f"static/replay.{suffix}": replay_part(suffix) for suffix in ("css", "js")}
+    found |= {f"static/replay.{suffix}": replay_part(suffix) for suffix in ("css", "js")}
+    return found | {f"static/{part}.js": replay_code(part) for part in ("events", "pen")}
 
 
 def _write(path: Path, content: str) -> None:

@@ -32,7 +32,7 @@ from fpg_bench.players.player import SIDES
 from fpg_bench.version import __version__
 
 STRONG = ("adaptive/pursuit", "expert/pursuit", "expert/learned", "expert")  # of any track's known field
-_FORM = 3  # of labels and texts; another number has all rounds made anew
+_FORM = 4  # of labels and texts; another number has all rounds made anew
 _ROLES = (KNOWN, UNSEEN, RESPONSES)  # of fields that are played under the game's own rules
 _CALL, _END = "fpgRound(", ");\n"
 
@@ -162,7 +162,7 @@ def simulated(submission: Submission, player: Any, meeting: Meeting, label: str,
         file: where the round's script is to lie.
     """
     (field, counterpart), other = meeting, " or ".join(meeting[1].players)
-    recording, measures = _play(player, field, counterpart)
+    recordings, measures = _play(player, field, counterpart)
     pair = (submission.name, other) if field.side == "ally" else (other, submission.name)
     names = dict(zip(SIDES, pair, strict=True))
     summary = _summary(measures)
@@ -170,20 +170,24 @@ def simulated(submission: Submission, player: Any, meeting: Meeting, label: str,
     content = {
         "label": label,
         "summary": summary,
-        "replay": replay_data([recording], title, names["ally"], names["opponent"]),
+        "replay": replay_data(recordings, title, names["ally"], names["opponent"]),
     }
     return Replay(file, label, summary, _CALL + script_json(content) + _END)
 
 
-def _play(player: Any, field: Field, counterpart: Counterpart) -> tuple[Recording, dict[str, float | None]]:
-    """Play a match's rounds and keep the last: what a planner has learned shows at its end."""
+def _play(
+    player: Any, field: Field, counterpart: Counterpart
+) -> tuple[list[Recording], dict[str, float | None]]:
+    """Play a match and keep all rounds of a planner's, so that learning is seen; measures are the last's."""
     table = table_of(player, field, counterpart, matches=1)
     seeds: Any = np.array(evaluation_seeds(1, field.season))
+    recordings = []
     for _ in range(field.rounds_per_match if field.side == PLANNERS else 1):
         begin(table, seeds=seeds)
         recording, seeds = Recording(table.duel.arena), None
         play_round(table, on_step=recording.add, begun=True)
-    return recording, table.duel.measures(0)
+        recordings.append(recording)
+    return recordings, table.duel.measures(0)
 
 
 def _summary(measures: dict[str, float | None]) -> str:

@@ -1,15 +1,19 @@
-/* An entry's rounds: each is a script of its own, loaded when it is chosen. */
+/* An entry's rounds: each is a script of its own, loaded when it is chosen. The address keeps which, and the step. */
 "use strict";
 (() => {
   const root = document.getElementById("replay");
   const player = fpgReplay(root, root);
   const buttons = [...document.querySelectorAll("button.round")];
-  let wanted = null;
+  const address = () => new URLSearchParams(location.hash.slice(1));
+  let wanted = null, keeping = null;
+  let asked = Number(address().get("step")) || 0; // until the first round is there
 
   // What a round's script calls.
   window.fpgRound = (round) => {
     document.getElementById("told").textContent = round.summary;
     player.show(round.replay);
+    if (asked) player.goTo(asked);
+    asked = 0;
   };
 
   function choose(button) {
@@ -22,6 +26,17 @@
     document.head.append(script);
   }
 
+  /** Where the player rests, in the address; a page that nobody has touched keeps its own. */
+  function keep({ detail: { step } }) {
+    clearTimeout(keeping);
+    keeping = setTimeout(() => {
+      const place = buttons.indexOf(wanted);
+      if (!step && !place) return;
+      history.replaceState(null, "", `#${new URLSearchParams({ round: place, step })}`);
+    }, 250);
+  }
+
+  root.addEventListener("fpg-rest", keep);
   for (const button of buttons) button.addEventListener("click", () => choose(button));
-  choose(buttons[0]);
+  choose(buttons[Number(address().get("round"))] ?? buttons[0]);
 })();

@@ -1,12 +1,24 @@
-/* Tables of the front page: sorting by a column, filtering by text and kind. */
+/* Tables of the ranking: sorting by a column, filtering by text and kind, a choice of columns.
+   The address keeps all of it: #TRACK&columns=all&TRACK.sort=3u&TRACK.find=WORDS&TRACK.kinds=zoo,script */
 "use strict";
 (() => {
   const MOST = 25; // rows that a long table shows at first
+  const UNVERIFIED = "unverified";
+  const [place, ...words] = location.hash.slice(1).split("&");
+  const asked = new URLSearchParams(words.join("&"));
+  const columns = document.getElementById("columns");
 
-  function sortBy(table, header) {
-    const first = header.querySelector("button").dataset.first;
-    const now = header.getAttribute("aria-sort");
-    const up = now === "none" ? first === "up" : now !== "ascending";
+  /** Put a choice into the address; one that is as at first is left out. */
+  function keep(name, value, usual) {
+    if (value === usual) asked.delete(name);
+    else asked.set(name, value);
+    const told = asked.toString();
+    const here = decodeURIComponent(location.hash.slice(1).split("&")[0]);
+    const wanted = told ? `#${here}&${told}` : here ? `#${here}` : location.pathname;
+    history.replaceState(null, "", wanted);
+  }
+
+  function sortBy(table, header, up) {
     const column = header.cellIndex;
     const body = table.tBodies[0];
     const rows = [...body.rows].map((row) => [row, row.cells[column].dataset.v]);
@@ -21,26 +33,34 @@
     }
   }
 
+  /** Whether a press on a head sorts upwards: the other way round than now, or as suits the column. */
+  function upNext(header) {
+    const now = header.getAttribute("aria-sort");
+    return now === "none" ? header.querySelector("button").dataset.first === "up" : now !== "ascending";
+  }
+
   function begin(section) {
     const table = section.querySelector("table.board");
     if (!table) return;
+    const key = section.id;
     const search = section.querySelector(".filter");
-    const kinds = [...section.querySelectorAll(".kind")];
-    const unverified = section.querySelector(".unverified");
+    const kinds = [...section.querySelectorAll(".kind"), section.querySelector(".unverified")];
     const count = section.querySelector(".count");
     const all = section.querySelector(".all");
+    const heads = [...table.tHead.rows[0].cells];
+    const nameOf = (box) => (box.classList.contains("unverified") ? UNVERIFIED : box.value);
     let whole = table.tBodies[0].rows.length <= MOST;
 
     function show() {
       const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
-      const wanted = new Set(kinds.filter((box) => box.checked).map((box) => box.value));
+      const wanted = new Set(kinds.filter((box) => box.checked).map(nameOf));
       let found = 0;
       let shown = 0;
       const rows = [...table.tBodies[0].rows];
       for (const row of rows) {
         const { kind, text } = row.dataset;
         const fits = wanted.has(kind) && words.every((word) => text.includes(word)) &&
-          (unverified.checked || !("unverified" in row.dataset));
+          (wanted.has(UNVERIFIED) || !("unverified" in row.dataset));
         found += fits;
         row.hidden = !fits || (!whole && found > MOST);
         shown += !row.hidden;
@@ -52,22 +72,50 @@
         : `${found} of ${rows.length} entries${cut}`;
     }
 
-    for (const header of table.tHead.rows[0].cells) {
-      header.querySelector("button").addEventListener("click", () => {
-        sortBy(table, header);
+    /** What the address asks for. */
+    function recall() {
+      search.value = asked.get(`${key}.find`) ?? "";
+      const shown = asked.get(`${key}.kinds`)?.split(",");
+      for (const box of kinds) box.checked = !shown || shown.includes(nameOf(box));
+      const [, column, up] = /^(\d+)([ud])$/.exec(asked.get(`${key}.sort`) ?? "") ?? [];
+      if (heads[column]) sortBy(table, heads[column], up === "u");
+    }
+
+    heads.forEach((header, column) => header.querySelector("button").addEventListener("click", () => {
+      const up = upNext(header);
+      sortBy(table, header, up);
+      keep(`${key}.sort`, `${column}${up ? "u" : "d"}`, "2d");
+      show();
+    }));
+    search.addEventListener("input", () => {
+      keep(`${key}.find`, search.value, "");
+      show();
+    });
+    for (const box of kinds) {
+      box.addEventListener("input", () => {
+        const checked = kinds.filter((one) => one.checked).map(nameOf);
+        keep(`${key}.kinds`, checked.length === kinds.length ? "" : checked.join(","), "");
         show();
       });
     }
-    for (const field of [search, ...kinds, unverified]) field.addEventListener("input", show);
     all.addEventListener("click", () => {
       whole = true;
       show();
     });
+    recall();
     show();
   }
 
+  function chooseColumns() {
+    for (const table of document.querySelectorAll("table.board")) table.classList.toggle("few", columns.value !== "all");
+  }
+
+  columns.value = asked.get("columns") === "all" ? "all" : "few";
+  columns.addEventListener("change", () => {
+    keep("columns", columns.value, "few");
+    chooseColumns();
+  });
+  chooseColumns();
   document.querySelectorAll("section.track").forEach(begin);
-  // On a small screen the explanation stands closed, so that a table comes into sight.
-  const how = document.querySelector("details.how");
-  if (how && matchMedia("(max-width: 700px)").matches) how.open = false;
+  if (words.length) document.getElementById(place)?.scrollIntoView(); // else the browser has gone there
 })();

@@ -19,6 +19,7 @@ from typing import Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.extras import need
+from fpg_bench.plain_json import read_plain
 
 CONTEXT = 8192  # tokens; what SmolLM2 was trained for
 _MOST_THREADS = 8
@@ -165,7 +166,7 @@ class LocalServer:
         request = urllib.request.Request(self._address + path, data, {"Content-Type": "application/json"})
         opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # no proxy on loopback
         with opener.open(request, timeout=timeout) as reply:
-            return json.loads(reply.read())
+            return read_plain(reply.read())
 
 
 # Those of this process, by their base URLs; whoever asks for the same model shares one

@@ -1,0 +1,129 @@
+"""What the page on which a visitor plays needs: the rules as numbers, and trained policies as graphs."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.files import read_json
+from fpg_bench.game.rules import rules_record
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.state import RULES
+from fpg_bench.leaderboard.site.shown import ShownTrack
+from fpg_bench.leaderboard.site.wording import finite
+from fpg_bench.pictures.replay import scenario_data, script_json
+from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.onnx_file import plain_model
+from fpg_bench.players.player import SIDES
+
+# Of static/game_policy.js.
+OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
+OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM"}
+_GROUPS = ("champion", "population", "scripted", "pursuit", "learned")  # of the zoo, met in the standard game
+
+
+def play_files(tracks: Sequence[ShownTrack]) -> dict[str, str]:
+    """The files of the page on which a visitor plays: its data, and one of each zoo agent's first seed.
+
+    Args:
+        tracks: of a board, whose scales a visitor's score is told on.
+    """
+    policies = dict(_zoo())
+    agents = [
+        {"name": name, "side": about["side"], "flies": about["flies"], "file": f"agents/{_word(name)}.js"}
+        for name, (about, _) in policies.items()
+    ]
+    scales = {track.key.removeprefix("opponent-"): _scale(track) for track in tracks}
+    scenario = Scenario()
+    content = {"rules": rules_data(scenario), "scenario": scenario_data(scenario)}
+    files = {
+        "data/play.js": f"window.fpgData = {script_json(content | {'agents': agents, 'scales': scales})};\n"
+    }
+    for name, (_, policy) in policies.items():
+        file = f"agents/{_word(name)}.js"
+        files[file] = f"fpgAgent({script_json(file)}, {script_json(policy)});\n"
+    return files
+
+
+def _scale(track: ShownTrack) -> dict[str, float] | None:
+    """What scores 0 and 100, in returns a step; None where a board does not say."""
+    told = track.scale if isinstance(track.scale, dict) else {}
+    zero, top = (finite(told.get(end)) for end in ("zero", "top"))
+    return None if zero is None or top is None else {"zero": zero, "top": top}
+
+
+def _word(name: str) -> str:
+    return name.replace("/", "-")
+
+
+def _zoo() -> Iterator[tuple[str, tuple[dict[str, Any], dict[str, Any]]]]:
+    """The zoo's agents that the page can play, by name: what is known of each, and its policy."""
+    folder = baselines_folder() / "agents"
+    for path in sorted(folder.glob("*/*/seed_0/policy.onnx")):
+        name = path.parent.parent.relative_to(folder).as_posix()
+        side, _, group = path.parts[-4].partition("-")
+        policy = policy_data(path.read_bytes()) if side in SIDES and group in _GROUPS else None
+        if policy is not None:
+            about = read_json(path.parent / "agent.json", "agent")
+            flies = "learned" in json.dumps(about.get("scenario_fields") or {})
+            yield name, ({"side": side, "flies": side == "opponent" and flies}, policy)
+
+
+def rules_data(scenario: Scenario) -> dict[str, Any]:
+    """The rules as the kernel reads them, ready for JSON; what is infinite (no cap of the SNR) is None."""
+    record = rules_record(scenario)[0]
+    return {name: _plain(record[name]) for name in RULES.names or ()}
+
+
+def _plain(value: Any) -> Any:
+    number = value.tolist()
+    return None if isinstance(number, float) and not math.isfinite(number) else number
+
+
+def policy_data(model: bytes) -> dict[str, Any] | None:
+    """A policy as a list of nodes and its weights, ready for JSON; None where the page can't play it.
+
+    Args:
+        model: the bytes of a ``policy.onnx``.
+
+    Raises:
+        UserError: it is no ONNX file that this program plays.
+    """
+    from onnx import numpy_helper
+
+    graph = plain_model(model).graph
+    inputs = {one.name: one for one in graph.input}
+    if "noise" in inputs or not {node.op_type for node in graph.node} <= OPERATORS:
+        return None
+    shape = inputs["state"].type.tensor_type.shape.dim if "state" in inputs else None
+    return {
+        "state": 0 if shape is None else shape[1].dim_value,
+        "nodes": [_node(node) for node in graph.node],
+        "weights": {one.name: _weight(numpy_helper.to_array(one)) for one in graph.initializer},
+    }
+
+
+def _node(node: Any) -> dict[str, Any]:
+    from onnx.helper import get_attribute_value
+
+    told = {one.name: get_attribute_value(one) for one in node.attribute}
+    return {
+        "op": node.op_type,
+        "inputs": list(node.input),
+        "outputs": list(node.output),
+        "attributes": {
+            name: value.decode() if isinstance(value, bytes) else value for name, value in told.items()
+        },
+    }
+
+
+def _weight(values: np.ndarray) -> dict[str, Any]:
+    if values.dtype.kind in "iu":
+        return {"shape": list(values.shape), "whole": values.ravel().tolist()}
+    floats = np.ascontiguousarray(values, "<f4").tobytes()
+    return {"shape": list(values.shape), "floats": base64.b64encode(floats).decode()}

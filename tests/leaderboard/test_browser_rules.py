@@ -1,0 +1,168 @@
+"""The game in the browser beside the game itself: rules, scripts and policies give the same numbers."""
+
+import base64
+import json
+import os
+import shutil
+from itertools import cycle, islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fpg_bench.envs.duel import make_duel
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.leaderboard.site import play_data
+from fpg_bench.matches.rounds import play_round, seated
+from fpg_bench.players.agent import baselines_folder, load_agent
+from fpg_bench.players.scripts import ALLIES, OPPONENTS
+
+CHROMIUM = shutil.which("chromium")
+if CHROMIUM is None and not os.environ.get("CI"):
+    pytest.skip("chromium is not installed; .ci/run installs it", allow_module_level=True)
+
+from playwright.sync_api import sync_playwright  # noqa: E402
+
+pytestmark = pytest.mark.browser
+
+STATIC = Path(play_data.__file__).parent / "static"
+CODE = ("draws", "flight", "rules", "knowledge", "scripts", "policy")
+PATHS = ("pursuit", "circle", "triangle", "rectangle", "learned")
+GAMES = 10  # of each path and kind of actions: 100 rounds
+STEPS = 300
+
+# Plays given actions and gives the greatest difference in observations and rewards.
+REPLAY = """({ rules, seeds, actions, seen, rewards, games, steps }) => {
+  const floats = (text, Kind) => new Kind(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
+  const [given, expected] = [floats(actions, Float32Array), floats(seen, Float32Array)];
+  const paid = floats(rewards, Float64Array);
+  let worst = 0;
+  const far = (x, y) => (worst = Math.max(worst, Number.isFinite(x) ? Math.abs(x - y) : Infinity));
+  for (let g = 0; g < games; g++) {
+    const game = fpgRules.begin(rules, seeds[g]);
+    for (let k = 0; k <= steps; k++) {
+      const at = k * games + g;
+      if (k) {
+        const from = (at - games) * 18;
+        fpgRules.step(game, given.subarray(from, from + 9), given.subarray(from + 9, from + 18));
+        [game.allyReward, game.opponentReward].forEach((x, i) => far(x, paid[2 * at + i]));
+      }
+      [...game.allySees, ...game.opponentSees].forEach((x, i) => far(x, expected[30 * at + i]));
+    }
+  }
+  return worst;
+}"""
+
+# Plays scripts and gives both returns.
+SCRIPTED = """({ rules, seed, ally, opponent }) => {
+  const game = fpgRules.begin(rules, seed), total = [0, 0];
+  const make = (side, name) => fpgScripts.make(side, name, rules, game.key);
+  const players = [make("ally", ally), make("opponent", opponent)];
+  while (!game.over) {
+    fpgRules.step(game, players[0](game.allySees), players[1](game.opponentSees));
+    total[0] += game.allyReward; total[1] += game.opponentReward;
+  }
+  return total;
+}"""
+
+# Asks a policy again and again, with a memory of its own.
+ASKED = """({ policy, seen }) => {
+  const play = fpgPolicy.make(policy);
+  return seen.map((one) => play(one));
+}"""
+
+
+@pytest.fixture(scope="module")
+def page():
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page()
+        for name in CODE:
+            page.add_script_tag(path=STATIC / f"game_{name}.js")
+        yield page
+        browser.close()
+
+
+def text(values, kind):
+    return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
+
+
+def played(scenario, seeds, actions_of):
+    """Rounds of these seeds: actions (k, n, 2, 9), observations (k + 1, n, 2, 15), rewards (k + 1, n, 2)."""
+    arena = make_duel(len(seeds), scenario=scenario).arena
+    arena.reset(seeds=seeds)
+    actions, seen, rewards = [], [], []
+    for k in range(STEPS + 1):
+        seen.append(np.stack([arena.ally_observations, arena.opponent_observations], 1))
+        rewards.append(np.stack([arena.games["ally_reward"], arena.games["opponent_reward"]], 1))
+        if k < STEPS:
+            both = actions_of(arena, k)
+            actions.append(np.stack(both, 1))
+            arena.step(*both)
+    return np.array(actions), np.array(seen), np.array(rewards)
+
+
+def randomly(arena, k):
+    return np.random.default_rng(k).uniform(-1.2, 1.2, (2, arena.count, 9)).astype(np.float32)
+
+
+class Agents:
+    """The champions of both sides, each seeing its own side."""
+
+    def __init__(self):
+        names = ("ally-champion/ppo-stack8/seed_0", "opponent-champion/ppo/seed_0")
+        self.players, self.memories = [load_agent(name) for name in names], [None, None]
+
+    def __call__(self, arena, k):
+        starts, both = np.full(arena.count, k == 0), []
+        for i, seen in enumerate((arena.ally_observations, arena.opponent_observations)):
+            actions, self.memories[i] = self.players[i].predict(seen.copy(), self.memories[i], starts)
+            both.append(actions)
+        return both
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("actions_of", [lambda: randomly, Agents], ids=["random", "agents"])
+def test_the_rules_are_the_same(page, path, actions_of):
+    scenario, seeds = Scenario(opponent_path=path), np.arange(GAMES) * 7919 + 2**40
+    actions, seen, rewards = played(scenario, seeds, actions_of())
+    told = {"rules": play_data.rules_data(scenario), "seeds": seeds.tolist(), "games": GAMES, "steps": STEPS}
+    told |= {"actions": text(actions, "<f4"), "seen": text(seen, "<f4"), "rewards": text(rewards, "<f8")}
+    assert page.evaluate(REPLAY, told) < 1e-6
+
+
+PAIRS = [*zip(ALLIES, islice(cycle(OPPONENTS), len(ALLIES)), strict=True)]
+PAIRS += [*zip(islice(cycle(ALLIES[::-1]), len(OPPONENTS)), OPPONENTS, strict=True)]
+
+
+@pytest.mark.parametrize(("ally", "opponent"), PAIRS)
+def test_the_scripts_are_the_same(page, ally, opponent):
+    table, total = seated(make_duel(1, scenario=Scenario()), ally, opponent), np.zeros(2)
+    game = table.duel.arena.games[0]
+
+    def add():
+        total[:] += game["ally_reward"], game["opponent_reward"]
+
+    play_round(table, seeds=np.array([12]), on_step=add)
+    told = {"rules": play_data.rules_data(Scenario()), "seed": 12, "ally": ally, "opponent": opponent}
+    np.testing.assert_allclose(page.evaluate(SCRIPTED, told), total, atol=1e-4)
+
+
+AGENTS = sorted(
+    str(path.parent.parent.relative_to(baselines_folder() / "agents"))
+    for path in baselines_folder().glob("agents/*/*/seed_0/policy.onnx")
+)
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_policies_answer_as_onnxruntime_does(page, name):
+    agent = load_agent(f"{name}/seed_0")
+    seen = np.random.default_rng(0).uniform(-1, 1, (40, 15)).astype(np.float32)
+    memory, expected = None, []
+    for k, one in enumerate(seen):
+        action, memory = agent.predict(one[None], memory, np.array([k == 0]))
+        expected.append(action[0])
+    policy = play_data.policy_data(agent.model)
+    assert policy is not None
+    found = page.evaluate(ASKED, {"policy": json.loads(json.dumps(policy)), "seen": seen.tolist()})
+    np.testing.assert_allclose(found, expected, atol=1e-5)

@@ -1,0 +1,53 @@
+"""The front page: the first three of each track on an axis of their own, and a round that moves."""
+
+import re
+
+import pytest
+
+from fpg_bench.leaderboard.site.build import build_site
+from fpg_bench.leaderboard.site.front_page import ticks, zoomed
+from fpg_bench.leaderboard.site.replays import Replay
+from fpg_bench.leaderboard.site.shown import Score
+from tests.leaderboard.example_board import example_board
+
+ROUND = Replay("replays/ally/player-1/ab.js", "against x", "What happened.", "fpgRound({});\n")
+
+
+def front(board, folder, replays=None):
+    build_site(board, folder, replays)
+    return (folder / "index.html").read_text()
+
+
+def test_the_first_three_of_each_track_stand_there_by_score(tmp_path):
+    board = example_board(9)
+    text = front(board, tmp_path).split('id="first-opponent-pursuit"')[0]
+    ranked = [row for row in board["tracks"][0]["rows"] if row["score"]]
+    best = sorted(ranked, key=lambda row: -row["score"]["value"])[:3]
+    assert re.findall(r'href="entries/ally/([\w-]+).html"', text) == [row["slug"] for row in best]
+    assert all(f"{row['score']['value']:.1f}" in text for row in best)
+
+
+def test_the_round_of_the_first_entry_that_has_one_moves(tmp_path):
+    assert ROUND.file in front(example_board(4), tmp_path, {("ally", "player-1"): [ROUND]})
+    text = front(example_board(4), tmp_path)
+    assert "<canvas" not in text  # without rounds there is none
+    assert "film.js" not in text
+
+
+@pytest.mark.parametrize("scores", [[], [None, Score(None)]])
+def test_an_axis_without_scores_is_that_of_the_scale(scores):
+    assert zoomed(scores) == (0.0, 100.0)
+
+
+def test_an_axis_spans_what_stands_on_it_and_little_more():
+    low, high = zoomed([Score(58.6, 58.0, 59.2), None, Score(38.3, 31.6, 45.1)])
+    assert 30 < low < 31.6
+    assert 59.2 < high < 61
+
+
+@pytest.mark.parametrize(
+    ("domain", "marks"),
+    [((30.2, 60.6), [40, 50, 60]), ((-6, -5), [-6, -5]), ((0, 100), [0, 20, 40, 60, 80, 100])],
+)
+def test_marks_are_round_numbers_within_the_axis(domain, marks):
+    assert ticks(domain) == marks

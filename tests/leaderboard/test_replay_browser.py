@@ -1,0 +1,125 @@
+"""The replay in a real browser: its events, its camera, its address, and the page that it leaves alone."""
+
+import json
+import re
+
+import pytest
+
+from tests.leaderboard import test_site_browser as pages
+from tests.leaderboard.test_site_browser import PHONE, WATCHED, browser, rounds, site, visit  # noqa: F401
+
+pytestmark = pytest.mark.browser
+expect = pages.expect
+
+
+@pytest.fixture
+def watched(visit):  # noqa: F811
+    page = visit(WATCHED)
+    expect(page.locator("#replay-step")).to_have_attribute("max", "300")
+    return page
+
+
+def starts(happens):
+    """The steps in which something begins; none is in the round's start."""
+    return [k for k in range(1, len(happens)) if happens[k] and not happens[k - 1]]
+
+
+def test_events_are_those_of_the_data(watched):
+    (first, _) = rounds()
+    data = json.loads(first.script.removeprefix("fpgRound(").removesuffix(");\n"))["replay"]
+    scenario, steps = data["scenario"], data["rounds"][0]["steps"]
+    events = watched.evaluate("replay => fpgEvents(replay.rounds[0], replay.scenario)", data)
+    count = len(steps["snr"])
+    jammed = [steps["covered"][k] and steps["snr"][k] < scenario["threshold_db"] for k in range(count)]
+    near = [metres < scenario["distance_reward_m"] for metres in steps["distance"]]
+    found = {
+        kind: [one["step"] for one in events if one["kind"] == kind]
+        for kind in ("jammed", "near", "spread", "hopped")
+    }
+    assert found == {
+        "jammed": starts(jammed),
+        "near": starts(near),
+        "spread": starts(steps["spreading"]),
+        "hopped": [k for k in range(1, count) if steps["hopped"][k]],
+    }
+    assert [one["step"] for one in events] == sorted(one["step"] for one in events)
+    heard = [one["step"] for one in events if one["kind"] == "found"]
+    assert heard
+    assert all(steps["check"][k] == 1 for k in heard)
+    assert watched.locator("#replay-story li").count() == len(events)
+
+
+def test_an_event_is_told_when_it_has_happened_and_not_before(watched):
+    item = watched.locator("#replay-story li button").nth(3)
+    step, text = re.fullmatch(r"(\d+) s: (.*)", item.text_content()).groups()
+    watched.locator("#replay-step").fill(str(int(step) - 1))
+    expect(watched.locator("#replay-event")).not_to_have_text(f"{step} s: {text}")
+    told = watched.locator("#replay-marks i:not([hidden])").count()
+    assert told <= 3
+    watched.locator("#replay-step").fill(step)
+    expect(watched.locator("#replay-marks i:not([hidden])").nth(told)).to_be_attached()
+
+
+def test_nothing_of_the_future_is_drawn(watched):
+    watched.locator("#replay-step").fill("100")
+    watched.wait_for_timeout(200)
+    coloured = watched.evaluate(
+        """() => { const c = document.getElementById("replay-spectrum"), right = Math.round(c.width * 0.45);
+        const d = c.getContext("2d").getImageData(right, 30, c.width * 0.4, c.height - 60).data; let most = 0;
+        for (let i = 0; i < d.length; i += 4) if (d[i + 3] > 200) most++; return most; }"""
+    )
+    assert coloured == 0  # faint lines of the axis alone
+
+
+def test_labels_keep_clear_of_each_other(watched):
+    for step in range(0, 301, 20):
+        boxes = watched.evaluate(
+            """async step => { const root = document.getElementById("replay");
+            const input = document.getElementById("replay-step"); input.value = step;
+            input.dispatchEvent(new Event("input"));
+            await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
+            return root.fpgLabels(); }""",
+            step,
+        )
+        assert {box["text"].split(",")[0] for box in boxes} >= {"ally", "opponent"}
+        for i, a in enumerate(boxes):
+            for b in boxes[i + 1 :]:
+                apart = a["right"] <= b["left"] or b["right"] <= a["left"]
+                assert apart or a["bottom"] <= b["top"] or b["bottom"] <= a["top"], (step, a, b)
+
+
+def test_the_address_keeps_the_round_and_the_step(watched):
+    watched.locator("button.round").nth(1).click()
+    expect(watched.locator("button.round").nth(1)).to_have_attribute("aria-pressed", "true")
+    watched.locator("#replay-step").fill("77")
+    watched.wait_for_url("**#round=1&step=77")
+    address = watched.url
+    watched.goto("about:blank")
+    watched.goto(address)
+    expect(watched.locator("#replay-step")).to_have_value("77")
+    expect(watched.locator("button.round").nth(1)).to_have_attribute("aria-pressed", "true")
+
+
+def test_the_arena_turns_by_keys_and_lets_the_wheel_scroll_the_page(watched):
+    picture = "document.getElementById('replay-arena').toDataURL()"
+    watched.locator("#replay-arena").focus()
+    before = watched.evaluate(picture)
+    watched.keyboard.press("ArrowLeft")
+    watched.wait_for_timeout(200)
+    assert watched.evaluate(picture) != before
+    assert watched.locator("#replay-step").input_value() == "0"
+    box = watched.locator("#replay-arena").bounding_box()
+    watched.mouse.move(box["x"] + 50, box["y"] + 50)
+    at = watched.evaluate("scrollY")
+    watched.mouse.wheel(0, 200)
+    watched.wait_for_function("at => scrollY > at", arg=at)
+
+
+def test_arena_spectrum_and_controls_stand_on_a_phone_at_once(visit):  # noqa: F811
+    page = visit(WATCHED, viewport=PHONE)
+    expect(page.locator("#replay-step")).to_have_attribute("max", "300")
+    page.evaluate("document.querySelector('.plots').scrollIntoView()")
+    for name in ("arena", "spectrum", "play", "step", "event"):
+        box = page.locator(f"#replay-{name}").bounding_box()
+        assert box["y"] >= 0, name
+        assert box["y"] + box["height"] <= PHONE["height"], name
