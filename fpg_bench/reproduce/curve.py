@@ -63,7 +63,10 @@ def _spot(row: Row, claim: str) -> Spot:
     weakest = max(parts, key=_not_positive)
     return Spot(
         as_reading(row["reading"]),
-        *(weakest[name] for name in ("statement", "mean", "low", "high")),
+        weakest["statement"],
+        weakest["mean"],
+        weakest["low"],
+        weakest["high"],
         _not_positive(weakest),
         sum(part["high"] < 0 for part in parts),
     )

@@ -115,7 +115,7 @@ def play_pair(
         for name in TALLY.names or ():
             total[name] += arena.tallies[name]
         coarse += arena.histograms.sum(axis=0)
-    found = [measures(pool(each), arena.histograms[0]) for each in total]
+    found = [measures(pool(each), arena.histograms[0]) for each in total[:, None]]
     steps = rounds * scenario.steps_per_round
     return Played(
         total["ally_return"] / steps,

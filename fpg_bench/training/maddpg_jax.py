@@ -34,6 +34,7 @@ _ACTIVATIONS: dict[type[nn.Module], Callable[[jax.Array], jax.Array]] = {
     nn.ELU: jax.nn.elu,
 }
 _ADAM_S = {"betas", "eps", "fused", "foreach"}
+_Traced = Any  # Transitions, whose arrays are JAX's while they are traced
 _ONE_THREAD = {"xla_cpu_multi_thread_eigen": False}
 
 
@@ -129,7 +130,7 @@ class _Rules:
         actors = self._descended(actors, slope)
         return [self._followed(actors), self._followed(critics)], (critic_loss, actor_loss)
 
-    def _wanted(self, actor_targets: jax.Array, critic_targets: jax.Array, batch: Transitions) -> jax.Array:
+    def _wanted(self, actor_targets: jax.Array, critic_targets: jax.Array, batch: _Traced) -> jax.Array:
         """What the critics should say, ``(n, players)``."""
         players, seen = _unpacked(actor_targets, self.actor_shapes), batch.next_observations
         acts = jnp.tanh(jnp.concatenate(self._logits(players, seen), -1))
@@ -137,12 +138,12 @@ class _Rules:
         future = [self._made(critic, judged) for critic in _unpacked(critic_targets, self.critic_shapes)]
         return batch.rewards + (1 - batch.dones) * self.gamma * jnp.concatenate(future, -1)
 
-    def _critic_loss(self, critics: list[Network], wanted: jax.Array, batch: Transitions) -> jax.Array:
+    def _critic_loss(self, critics: list[Network], wanted: jax.Array, batch: _Traced) -> jax.Array:
         judged = jnp.concatenate([batch.observations, batch.actions], -1)
         found = jnp.concatenate([self._made(critic, judged) for critic in critics], -1)
         return jnp.square(found - wanted).sum() / len(wanted)
 
-    def _actor_loss(self, actors: list[Network], critics: list[Network], batch: Transitions) -> jax.Array:
+    def _actor_loss(self, actors: list[Network], critics: list[Network], batch: _Traced) -> jax.Array:
         did = jnp.split(batch.actions, np.cumsum([size for _, size in self.sizes])[:-1], -1)
         loss = jnp.zeros(())
         for player, logits in enumerate(self._logits(actors, batch.observations)):
