@@ -208,7 +208,7 @@ def test_ctrl_c_keeps_what_was_finished_and_the_next_run_goes_on(folder):
 
 def test_a_terminal_sees_what_is_being_planned(folder):
     mine, theirs = pty.openpty()
-    words = ("run", "--planner", "circle", "--scenario", "short.yml", "--rounds", "40")
+    words = ("run", "--planner", "circle", "--scenario", "short.yml", "--rounds", "8")
     process = subprocess.Popen(
         [*COMMAND, *words], cwd=folder, stdout=theirs, stderr=subprocess.DEVNULL, env=environment()
     )
