@@ -32,9 +32,9 @@ const fpgPen = (() => {
 
   const font = (bold) => (bold ? "600 " : "") + '12px system-ui, "DejaVu Sans", sans-serif';
 
-  function note(pen, text, [x, y], colours, colour, bold = false) {
+  function note(pen, text, [x, y], colours, colour, bold = false, align = "center") {
     pen.font = font(bold);
-    pen.textAlign = "center";
+    pen.textAlign = align;
     pen.textBaseline = "middle";
     pen.lineWidth = 3;
     pen.strokeStyle = colours.panel;

@@ -43,6 +43,11 @@ class Condition:
     budgets: int = 1
     swaps: tuple[str, ...] = ()
 
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """What rows call its runs: by its name, and by that of each swap."""
+        return self.name, *(swapped(self.name, path) for path in self.swaps)
+
     def scenario(self, preset: str) -> Scenario:
         """What is played: a preset with this condition's changes, in matches of ten rounds."""
         return as_scenario(preset, rounds_per_match=ROUNDS_PER_MATCH, **self.changes)

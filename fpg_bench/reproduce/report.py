@@ -64,8 +64,9 @@ def write_report(
 def _content(results: Results, preset: str, budget: Budget, drawn: Iterable[str]) -> dict[str, Any]:
     comparisons = compare(results)
     verdicts = {name: verdict([each for each in comparisons if each.claim == name]) for name in CLAIMS}
-    headings = [heading for by_seed in results.about.values() for heading in by_seed.values()]
     names = [condition.name for condition in conditions_of("all", preset, full=True)]
+    trained = [results.about.get(name, {}) for name in (LLM, *names)]  # not those on swapped paths
+    headings = [heading for by_seed in trained for heading in by_seed.values()]
     pairs = sorted({each.found.pairs for each in comparisons})
     return {
         "preset": preset,

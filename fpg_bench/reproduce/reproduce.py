@@ -69,7 +69,8 @@ def reproduce(
             name = f"{scenario} {condition.name} seeds {', '.join(map(str, missing))}"
             listed.append(Job(name, run, file.add))
     failed = run_jobs(listed, say=say, **where)
-    every = {c.name: range(count) for c in _conditions("all", scenario, BUDGETS["full"], {})}
+    conditions = _conditions("all", scenario, BUDGETS["full"], {})
+    every = {name: range(count) for condition in conditions for name in condition.runs}
     results = read_results(file, every)
     figures = draw(results, scenario, out / "figures")
     words = f"fpg-bench reproduce {target} --scenario {scenario} --budget {budget.name} --seeds {count}"

@@ -6,11 +6,14 @@ import re
 import numpy as np
 import pytest
 
+import fpg_bench.reproduce.reproduce as reproducing
 from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import PAPER, STANDARD
-from fpg_bench.reproduce.conditions import ALL, BASE, LONG, TARGETS, conditions_of, sensitivity
+from fpg_bench.reproduce.claims import compare
+from fpg_bench.reproduce.conditions import ALL, BASE, FIXED_PATHS, LONG, TARGETS, conditions_of, sensitivity
 from fpg_bench.reproduce.experiment import BUDGETS, Budget, run_experiment
 from fpg_bench.reproduce.recorded import Recorded
+from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.reproduce import reproduce
 from fpg_bench.reproduce.runs import RunFile
 from fpg_bench.reproduce.tables import tables
@@ -50,6 +53,17 @@ def test_runs_become_rows_figures_and_a_report(made):
     assert "was **not run**" in text  # the language model, said before anything else
     assert text.index("could not be reproduced") < text.index("What holds")
     assert "<table>" in (out / "report-paper.html").read_text()
+
+
+@pytest.mark.slow
+def test_pairs_on_the_other_paths_come_to_the_report_and_are_no_runs_of_their_own(monkeypatch, tmp_path):
+    seen = []
+    monkeypatch.setattr(reproducing, "write_report", lambda results, *_: seen.append(results) or [])
+    reproduce("fig4", tmp_path, budget=TINY, seeds=2, workers=1, say=lambda line: None)
+    frozen = [each for each in compare(seen[0]) if each.claim == "D1 frozen"]
+    assert [each.statement.split()[4] for each in frozen] == [f"{path}," for path in FIXED_PATHS]
+    report, _ = write_report(seen[0], "paper", TINY, [], tmp_path, "made so")
+    assert "2 runs of the budget `tiny`" in report.read_text()
 
 
 @pytest.mark.slow

@@ -22,21 +22,12 @@
     canvas.height = Math.round(height * ratio);
     pen = canvas.getContext("2d");
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    pen.font = '12px system-ui, "DejaVu Sans", sans-serif';
     if (steps) draw();
   }
 
   const stroke = (points, ...style) => fpgPen.stroke(pen, points, ...style);
 
-  function text(words, x, y, colour, align = "center") {
-    pen.textAlign = align;
-    pen.textBaseline = "middle";
-    pen.lineWidth = 3;
-    pen.strokeStyle = colours.panel;
-    pen.strokeText(words, x, y);
-    pen.fillStyle = colour;
-    pen.fillText(words, x, y);
-  }
+  const text = (words, x, y, colour, align) => fpgPen.note(pen, words, [x, y], colours, colour, false, align);
 
   /** From above: both tracks, the link, the beam of the jamming. */
   function drawMap(size) {
