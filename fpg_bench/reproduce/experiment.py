@@ -90,8 +90,8 @@ def run_experiment(
     """Train both sides under a condition, and play the last policies without noise.
 
     All seeds are trained at once, which takes little longer than one; each by its own games and chance, so
-    that the others make no difference to it beyond the rounding of sums. Every ten minutes all is kept beside
-    the files; a run that was killed goes on from there, and gives what it would have given.
+    that the others make no difference to it beyond the rounding of sums. Every ten minutes all is kept in the
+    user's cache; a run that was killed goes on from there, and gives what it would have given.
 
     Args:
         condition: under which.
@@ -106,7 +106,7 @@ def run_experiment(
         What happened under each seed.
 
     Raises:
-        UserError: a checkpoint that cannot be read, or of another run.
+        UserError: a checkpoint that cannot be read.
     """
     torch.set_num_threads(1)
     seeds, steps = list(seeds), condition.budgets * budget.steps
