@@ -17,6 +17,7 @@ import gymnasium
 from fpg_bench.envs.one_sided import OneSided, action_space, observation_space
 from fpg_bench.game.scenario import preset
 from fpg_bench.ids import DUEL, VIEWS, View
+from fpg_bench.planning import LLM_CONTROLS
 
 GENERATED = Path(__file__).parent / "reference/generated"
 ELSEWHERE = {"../baselines/README.md": "reference/zoo.md"}  # pages that lie outside of this folder
@@ -40,9 +41,7 @@ _VIEW = """\
 | action space | `{actions}` |
 | version | v{version}; [what may change](../environments.md#versions) |
 
-```python
 {example}
-```
 
 ## What you see
 
@@ -67,12 +66,15 @@ _VIEW = """\
 {{class}}`fpg_bench.envs.one_sided.OneSided` says what each of them takes.
 """
 _SINGLE = """\
+```python
 import gymnasium
 import fpg_bench
 
-env = gymnasium.make("{id}"{given})
+env = gymnasium.make("{id}")
 observation, info = env.reset(seed=1)
-observation, reward, terminated, truncated, info = env.step(env.action_space.sample())"""
+observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+```"""
+_NEEDS_MODEL = "It needs [a language model](../../planners.md) that answers; `FPG/AllyVsPlanner-v0` needs none."
 _DUEL = """\
 # FPG/duel_v0
 
@@ -105,7 +107,7 @@ What the sides see and do stands on the pages of their own ids, {{doc}}`AllyVsPo
 def connect(app: Any) -> None:
     """Have Sphinx write the pages before it looks for pages, and lead links to pages outside to those inside."""
     app.connect("builder-inited", lambda app: write_pages(GENERATED))
-    app.connect("source-read", _lead_inside)
+    app.connect("source-read", lead_inside)
 
 
 def write_pages(folder: Path, pictures: bool = True) -> None:
@@ -137,7 +139,7 @@ def view_page(view: View) -> str:
         flown=f"planned between rounds by `{view.planner}`" if view.planner else f"`{view.path}`",
         rounds=view.rounds_per_match,
         version=gymnasium.spec(view.id).version,
-        example=_SINGLE.format(id=view.id, given=', planner="circle"' if view.planner == "llm" else ""),
+        example=_NEEDS_MODEL if view.planner in LLM_CONTROLS else _SINGLE.format(id=view.id),
         options=_options(view),
         **_sizes(),
     )
@@ -148,6 +150,19 @@ def command_line_page() -> str:
     words = [sys.executable, "-m", "typer", "fpg_bench.cli", "utils", "docs", "--name", "fpg-bench"]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     return done.stdout.replace("# `fpg-bench`\n", "# The command line\n", 1)
+
+
+def verbs() -> list[str]:
+    """Every verb with its sub-verbs, as they are typed."""
+    from typer.main import get_command
+
+    from fpg_bench.cli import app
+
+    return [
+        f"{name} {below}".strip()
+        for name, verb in get_command(app).commands.items()  # type: ignore[attr-defined]
+        for below in getattr(verb, "commands", None) or [""]
+    ]
 
 
 def _sizes() -> dict[str, Any]:
@@ -204,7 +219,8 @@ def _write(file: Path, text: str) -> None:
         file.write_text(text)
 
 
-def _lead_inside(app: Any, page: str, source: list[str]) -> None:
+def lead_inside(app: Any, page: str, source: list[str]) -> None:
+    """Change a page's links to files outside of the site to the pages that show them."""
     up = "../" * page.count("/")
     for outside, inside in ELSEWHERE.items():
         source[0] = source[0].replace(f"]({up}{outside}", f"]({up}{inside}")
