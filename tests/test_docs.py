@@ -50,6 +50,7 @@ def small(text):
 
 
 @pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.parametrize("page", RUN, ids=name)
 def test_every_block_works_in_the_order_of_the_page(page, tmp_path):
     with FaultServer([answer(lambda body: json.dumps({"waypoints": WAYPOINTS}))]) as model:
