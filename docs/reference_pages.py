@@ -74,7 +74,9 @@ env = gymnasium.make("{id}")
 observation, info = env.reset(seed=1)
 observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 ```"""
-_NEEDS_MODEL = "It needs [a language model](../../planners.md) that answers; `FPG/AllyVsPlanner-v0` needs none."
+_NEEDS_MODEL = (
+    "It needs [a language model](../../planners.md) that answers; `FPG/AllyVsPlanner-v0` needs none."
+)
 _DUEL = """\
 # FPG/duel_v0
 

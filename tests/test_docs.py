@@ -18,7 +18,9 @@ sys.path.append(str(DOCS))
 import reference_pages  # noqa: E402
 
 RUN = sorted([*DOCS.glob("tutorials/*.md"), *DOCS.glob("how-to/*.md")])
-WRITTEN = sorted([*DOCS.glob("*.md"), *(DOCS / "explanation").glob("*.md"), *(DOCS / "reference").glob("*.md")])
+WRITTEN = sorted(
+    [*DOCS.glob("*.md"), *(DOCS / "explanation").glob("*.md"), *(DOCS / "reference").glob("*.md")]
+)
 BUDGETS = (
     (r"(--steps |\bsteps: )[\d_]+", r"\g<1>2000"),
     (r"(.*) --seeds 0-2 (.*)", r"\1 --seed 0 \2/seed_0\n\1 --seed 1 \2/seed_1\n\1 --seed 2 \2/seed_2"),
