@@ -59,7 +59,8 @@ _VIEW = """\
 
 ## Rewards and options
 
-[The rules](../../rules.md#10-rewards) have the rewards. `gymnasium.make("{id}", ...)` takes `render_mode` (`rgb_array`, `human`) and
+[The rules](../../rules.md#10-rewards) have the rewards. `gymnasium.make("{id}", ...)` takes
+`render_mode` (`rgb_array`, `human`) and
 
 {options}
 
@@ -80,7 +81,8 @@ _NEEDS_MODEL = (
 _DUEL = """\
 # FPG/duel_v0
 
-Both sides of one game are yours. PettingZoo's registry has it as a parallel environment and as one of turns (`aec`).
+Both sides of one game are yours. PettingZoo's registry has it as a parallel environment and as one of
+turns (`aec`).
 
 | | |
 | --- | --- |
@@ -101,13 +103,13 @@ actions = {{agent: duel.action_space(agent).sample() for agent in duel.agents}}
 observations, rewards, terminations, truncations, infos = duel.step(actions)
 ```
 
-What the sides see and do stands on the pages of their own ids, {{doc}}`AllyVsPolicy-v0` and {{doc}}`OpponentVsPolicy-v0`. Batched, it is
-`fpg_bench.make_duel(64)`.
+What the sides see and do stands on the pages of their own ids, {{doc}}`AllyVsPolicy-v0` and
+{{doc}}`OpponentVsPolicy-v0`. Batched, it is `fpg_bench.make_duel(64)`.
 """
 
 
 def connect(app: Any) -> None:
-    """Have Sphinx write the pages before it looks for pages, and lead links to pages outside to those inside."""
+    """Have Sphinx write the pages before it looks for any, and lead links to pages outside to those inside."""
     app.connect("builder-inited", lambda app: write_pages(GENERATED))
     app.connect("source-read", lead_inside)
 

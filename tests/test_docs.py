@@ -1,4 +1,4 @@
-"""The site's own pages: every block of the tutorials and how-tos is run, links lead somewhere, pages follow from the code."""
+"""The site: blocks of tutorials and how-tos are run, links lead somewhere, pages follow from the code."""
 
 import json
 import re
