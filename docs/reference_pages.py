@@ -109,7 +109,7 @@ What the sides see and do stands on the pages of their own ids, {{doc}}`AllyVsPo
 
 
 def connect(app: Any) -> None:
-    """Have Sphinx write the pages before it looks for any, and lead links to pages outside to those inside."""
+    """Have Sphinx write the pages before it looks for any, and lead links to outside pages inside."""
     app.connect("builder-inited", lambda app: write_pages(GENERATED))
     app.connect("source-read", lead_inside)
 
