@@ -1,6 +1,7 @@
 # make benchmark: set up and run the main job. make test: set up and run the tests.
 # make test-fast: those that start nothing and are quick. make coverage: which lines and branches are tested.
 # make test-lowest: a small suite on the lowest versions that pyproject.toml allows.
+# make docs: the site of the documentation, with the board, in build/docs.
 PYTHON ?= python3
 STEPS ?= 2000000
 RESULTS ?= results/benchmark$(if $(filter 2000000,$(STEPS)),,-$(STEPS))
@@ -10,7 +11,7 @@ LOWEST = tests/envs/test_single.py tests/envs/test_vector.py tests/envs/test_mul
 
 PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: benchmark test test-fast test-lowest coverage clean
+.PHONY: benchmark test test-fast test-lowest coverage docs clean
 
 benchmark: .venv/.train
 	$(BIN)/fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo-fast --restart
@@ -26,8 +27,14 @@ coverage: .venv/.dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pytest-cov>=6" "coverage>=7.10"
 	$(PYTEST) --cov --cov-report=term:skip-covered
 
-# One environment: what the benchmark needs (extra train), or all that the tests need (dev, which holds train).
-.venv/.train .venv/.dev: .venv/.%: pyproject.toml constraints.txt
+# Search works without a network, and a warning is an error.
+docs: .venv/.docs
+	$(BIN)/python -m fpg_bench.cli leaderboard build --out build/extra/board --docs ..
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/docs
+	@echo "open build/docs/index.html"
+
+# One environment: what the benchmark needs (extra train), or all that the tests or the site need (dev, docs; both hold train).
+.venv/.train .venv/.dev .venv/.docs: .venv/.%: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit("fpg-bench needs Python 3.11 or newer" if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv .venv
 	@echo "installing what $* needs into .venv: up to 2 GB, minutes"
@@ -46,4 +53,4 @@ test-lowest: .venv-lowest/.ready
 	touch $@
 
 clean:
-	rm -rf .venv .venv-lowest results/benchmark*
+	rm -rf .venv .venv-lowest build docs/reference/generated results/benchmark*

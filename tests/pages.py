@@ -110,9 +110,11 @@ def broken_links(file: Path) -> list[str]:
 
 
 def _leads_somewhere(link: str, page: Path) -> bool:
+    if link.startswith("https://"):
+        return True
     name, _, anchor = link.partition("#")
     target = page.parent / name if name else page
     if not target.exists() or not anchor:
         return target.exists()
     headings = re.findall(r"^#+ (.+)$", target.read_text(), re.MULTILINE)
-    return anchor in [heading.lower().replace(" ", "-") for heading in headings]
+    return anchor in [re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-") for heading in headings]

@@ -22,6 +22,9 @@ def build(
     replays: Annotated[
         bool, typer.Option(help="simulate the rounds to watch that are not there; those that are stay")
     ] = True,
+    docs: Annotated[
+        str, typer.Option(help="where the documentation's site is, from OUT; default: nowhere")
+    ] = "",
 ) -> None:
     """Write the site: it needs no network and no server.
 
@@ -47,7 +50,7 @@ def build(
             bar.update(task, description=name)
 
         rounds = make_replays(board, folder, out, show, simulate=replays)
-        files = build_site(board, out, rounds, show)
+        files = build_site(board, out, rounds, show, docs)
     for line in left:
         say(line)
     entries = sum(len(track["rows"]) for track in board["tracks"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,12 +20,12 @@ from fpg_bench.pictures.replay import replay_code, replay_markup, replay_part
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+    from markupsafe import Markup
 
     from fpg_bench.leaderboard.site.replays import Replay
 
 MARK = ".fpg-site"  # what tells a folder that this has written, and may clear, from any other
 PLOTLY = "plotly.min.js"
-DOCS = "https://github.com/fpg-bench/fpg-bench/blob/main/docs"
 Replays = Mapping[tuple[str, str], list["Replay"]]
 Row = dict[str, Any]
 
@@ -34,6 +35,7 @@ def build_site(
     out: str | Path,
     replays: Replays | None = None,
     progress: Callable[[str], None] = lambda page: None,
+    docs: str = "",
 ) -> list[Path]:
     """Write a board's site.
 
@@ -42,6 +44,8 @@ def build_site(
         out: the folder; files of an earlier build that are no longer needed are removed from it.
         replays: by track and entry, the rounds that its page shows; None: none.
         progress: called with each file's name.
+        docs: where the documentation's site is, seen from the folder, ``..`` for instance; empty: it is named
+            and not linked.
 
     Returns:
         The files, sorted.
@@ -54,7 +58,7 @@ def build_site(
     folder = Path(out)
     check_folder(folder)
     board = _with_replays(board, replays or {})
-    wanted = {MARK: "made by fpg-bench leaderboard build\n"} | _pages(board, replays or {})
+    wanted = {MARK: "made by fpg-bench leaderboard build\n"} | _pages(board, replays or {}, docs)
     wanted |= _scripts(board) | _static() | play_files(read_tracks(board))
     wanted |= {replay.file: replay.script for found in (replays or {}).values() for replay in found}
     for name, content in wanted.items():
@@ -89,9 +93,9 @@ def _with_replays(board: Row, replays: Replays) -> Row:
     }
 
 
-def _pages(board: Row, replays: Replays) -> dict[str, str]:
+def _pages(board: Row, replays: Replays, docs: str) -> dict[str, str]:
     """All HTML pages by their names."""
-    environment, read = _environment(board), read_tracks(board)
+    environment, read = _environment(board, docs), read_tracks(board)
     names = names_of(read)
     tracks = [views.track_view(track, names) for track in read]
     crossplay = scripts_data.crossplay_data(board)
@@ -115,7 +119,17 @@ def _pages(board: Row, replays: Replays) -> dict[str, str]:
     }
 
 
-def _environment(board: Row) -> Environment:
+def _told(docs: str, page: str, words: str, heading: str = "") -> Markup:
+    """A link to a page of the documentation; where that is nowhere, the words and the page's file."""
+    from markupsafe import Markup
+
+    if not docs:
+        return Markup("{} (<code>docs/{}.md</code>)").format(words, page)
+    anchor = f"#{heading}" if heading else ""
+    return Markup('<a href="{}/{}.html{}">{}</a>').format(docs, page, anchor, words)
+
+
+def _environment(board: Row, docs: str) -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -128,7 +142,7 @@ def _environment(board: Row) -> Environment:
         "board": about,
         "player": Markup(replay_markup("h3")),  # the package's own
         "few_seeds": views.FEW_SEEDS,
-        "docs": DOCS,
+        "told": partial(_told, docs),
     }
     return found
 

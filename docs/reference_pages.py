@@ -1,0 +1,230 @@
+"""Pages of the site that are made from the code: one an environment id, and the command line.
+
+They are written into ``reference/generated``, which is not kept in the repository. A picture that is there
+already stays, as drawing takes seconds.
+"""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+
+from fpg_bench.envs.one_sided import OneSided, action_space, observation_space
+from fpg_bench.game.scenario import preset
+from fpg_bench.ids import DUEL, VIEWS, View
+from fpg_bench.planning import LLM_CONTROLS
+
+GENERATED = Path(__file__).parent / "reference/generated"
+ELSEWHERE = {"../baselines/README.md": "reference/zoo.md"}  # pages that lie outside of this folder
+_VIEW = """\
+# {id}
+
+{About}.
+
+![A round of {id}: {pairing}]({gif})
+
+*A round, seed 12: {pairing}.*
+
+| | |
+| --- | --- |
+| you play | the {side} |
+| {other_side} | {other}, where `{other_side}=` names nobody else |
+| opponent's path | {flown} |
+| rounds a match | {rounds} |
+| steps a round | {steps}, one second each; a round ends by truncation |
+| observation space | `{observations}` |
+| action space | `{actions}` |
+| version | v{version}; [what may change](../environments.md#versions) |
+
+{example}
+
+## What you see
+
+```{{include}} ../../rules.md
+:start-after: "<!-- {side} sees -->"
+:end-before: "<!-- end -->"
+```
+
+## What you do
+
+```{{include}} ../../rules.md
+:start-after: "<!-- {side} acts -->"
+:end-before: "<!-- end -->"
+```
+
+## Rewards and options
+
+[The rules](../../rules.md#10-rewards) have the rewards. `gymnasium.make("{id}", ...)` takes
+`render_mode` (`rgb_array`, `human`) and
+
+{options}
+
+{{class}}`fpg_bench.envs.one_sided.OneSided` says what each of them takes.
+"""
+_SINGLE = """\
+```python
+import gymnasium
+import fpg_bench
+
+env = gymnasium.make("{id}")
+observation, info = env.reset(seed=1)
+observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+```"""
+_NEEDS_MODEL = (
+    "It needs [a language model](../../planners.md) that answers; `FPG/AllyVsPlanner-v0` needs none."
+)
+_DUEL = """\
+# FPG/duel_v0
+
+Both sides of one game are yours. PettingZoo's registry has it as a parallel environment and as one of
+turns (`aec`).
+
+| | |
+| --- | --- |
+| agents | `ally` and `opponent` |
+| observation space of each | `{observations}` |
+| action space of each | `{actions}` |
+| state space | 54 numbers, for centralised critics |
+| steps a round | {steps} |
+| version | v0; [what may change](../environments.md#versions) |
+
+```python
+import pettingzoo
+import fpg_bench
+
+duel = pettingzoo.make("parallel", "FPG/duel_v0")
+observations, infos = duel.reset(seed=1)
+actions = {{agent: duel.action_space(agent).sample() for agent in duel.agents}}
+observations, rewards, terminations, truncations, infos = duel.step(actions)
+```
+
+What the sides see and do stands on the pages of their own ids, {{doc}}`AllyVsPolicy-v0` and
+{{doc}}`OpponentVsPolicy-v0`. Batched, it is `fpg_bench.make_duel(64)`.
+"""
+
+
+def connect(app: Any) -> None:
+    """Have Sphinx write the pages before it looks for any, and lead links to outside pages inside."""
+    app.connect("builder-inited", lambda app: write_pages(GENERATED))
+    app.connect("source-read", lead_inside)
+
+
+def write_pages(folder: Path, pictures: bool = True) -> None:
+    """Write all pages.
+
+    Args:
+        folder: where.
+        pictures: whether to draw the films that are not there yet.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for view in VIEWS.values():
+        _write(folder / f"{_short(view.id)}.md", view_page(view))
+        if pictures:
+            _draw(view, folder / _gif(view))
+    _write(folder / f"{_short(DUEL)}.md", _DUEL.format(**_sizes()))
+    _write(folder / "command-line.md", command_line_page())
+
+
+def view_page(view: View) -> str:
+    """The page of an id, from the registry, the spaces and the signature of what it opens."""
+    return _VIEW.format(
+        id=view.id,
+        About=view.about[0].upper() + view.about[1:],
+        gif=_gif(view),
+        pairing=_pairing(view),
+        side=view.side,
+        other_side=view.other_side,
+        other=f"`{view.other}`",
+        flown=f"planned between rounds by `{view.planner}`" if view.planner else f"`{view.path}`",
+        rounds=view.rounds_per_match,
+        version=gymnasium.spec(view.id).version,
+        example=_NEEDS_MODEL if view.planner in LLM_CONTROLS else _SINGLE.format(id=view.id),
+        options=_options(view),
+        **_sizes(),
+    )
+
+
+def command_line_page() -> str:
+    """What Typer says of every verb."""
+    words = [sys.executable, "-m", "typer", "fpg_bench.cli", "utils", "docs", "--name", "fpg-bench"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    return done.stdout.replace("# `fpg-bench`\n", "# The command line\n", 1)
+
+
+def verbs() -> list[str]:
+    """Every verb with its sub-verbs, as they are typed."""
+    from typer.main import get_command
+
+    from fpg_bench.cli import app
+
+    return [
+        f"{name} {below}".strip()
+        for name, verb in get_command(app).commands.items()  # type: ignore[attr-defined]
+        for below in getattr(verb, "commands", None) or [""]
+    ]
+
+
+def _sizes() -> dict[str, Any]:
+    return {
+        "observations": observation_space(),
+        "actions": action_space(),
+        "steps": preset("standard").steps_per_round,
+    }
+
+
+def _options(view: View) -> str:
+    """The keywords that an id takes, a line each, with what they are where nothing is said."""
+    given = {view.other_side: view.other, "path": view.path, "planner": view.planner}
+    names = [
+        name
+        for name, option in inspect.signature(OneSided.__init__).parameters.items()
+        if option.kind is inspect.Parameter.KEYWORD_ONLY and name not in (view.side, "threads")
+    ]
+    names = [name for name in names if view.planner or name != "planner"]
+    return "\n".join(f"- `{name}`{_default(given.get(name))}" for name in names)
+
+
+def _default(value: str | None) -> str:
+    return f", here `{value}`" if value else ""
+
+
+def _pairing(view: View) -> str:
+    sides = {view.side: _SHOWN[view.side], view.other_side: view.other}
+    return f"the ally is {sides['ally']}, the opponent {sides['opponent']}"
+
+
+_SHOWN = {"ally": "ally-scripted/ppo/seed_0", "opponent": "opponent-pursuit/ppo/seed_0"}
+
+
+def _draw(view: View, file: Path) -> None:
+    from fpg_bench.matches.watching import watch
+
+    if not file.exists():
+        planner = "interceptor" if view.planner else None  # a language model's paths look the same
+        sides = {view.side: _SHOWN[view.side], view.other_side: view.other}
+        watch(**sides, seed=12, out=file, every=10, planner=planner, path=None if planner else view.path)
+
+
+def _gif(view: View) -> str:
+    return f"{view.side}-{view.other}-{'planned' if view.planner else view.path}.gif"
+
+
+def _short(name: str) -> str:
+    return name.removeprefix("FPG/")
+
+
+def _write(file: Path, text: str) -> None:
+    if not file.exists() or file.read_text() != text:  # Sphinx reads again what has changed
+        file.write_text(text)
+
+
+def lead_inside(app: Any, page: str, source: list[str]) -> None:
+    """Change a page's links to files outside of the site to the pages that show them."""
+    up = "../" * page.count("/")
+    for outside, inside in ELSEWHERE.items():
+        source[0] = source[0].replace(f"]({up}{outside}", f"]({up}{inside}")

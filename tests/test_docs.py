@@ -1,0 +1,107 @@
+"""The site: blocks of tutorials and how-tos are run, links lead somewhere, pages follow from the code."""
+
+import json
+import re
+import subprocess
+import sys
+
+import pytest
+
+from fpg_bench.ids import DUEL, VIEWS
+from fpg_bench.planning import LLM_CONTROLS
+from tests.pages import Reader, blocks, broken_links, small_baselines
+from tests.planning.llm.fault_server import FaultServer, answer
+from tests.programs import ROOT
+
+DOCS = ROOT / "docs"
+sys.path.append(str(DOCS))
+import reference_pages  # noqa: E402
+
+RUN = sorted([*DOCS.glob("tutorials/*.md"), *DOCS.glob("how-to/*.md")])
+WRITTEN = sorted(
+    [*DOCS.glob("*.md"), *(DOCS / "explanation").glob("*.md"), *(DOCS / "reference").glob("*.md")]
+)
+BUDGETS = (
+    (r"(--steps |\bsteps: )[\d_]+", r"\g<1>2000"),
+    (r"(.*) --seeds 0-2 (.*)", r"\1 --seed 0 \2/seed_0\n\1 --seed 1 \2/seed_1\n\1 --seed 2 \2/seed_2"),
+    (r"fpg-bench submit run .*", ""),  # the verdict has tests of its own
+    (r"fpg-bench train ", "fpg-bench train --evaluations 0 "),
+    (r"--matches \d+", "--matches 1"),
+    (r"matches=\d+", "matches=1"),
+)
+WAYPOINTS = [{"x": 200 + 50 * i, "y": 700, "z": 300} for i in range(16)]
+
+
+def name(page):
+    return page.relative_to(DOCS).as_posix()
+
+
+def python_runs(text):
+    """How many blocks of Python a page has; all of them are run."""
+    found = [code for language, code in blocks(text) if language == "python"]
+    for code in found:
+        exec(compile(code, "block", "exec"), {})
+    return len(found)
+
+
+def small(text):
+    """The same words with budgets that a test can bear."""
+    for pattern, budget in BUDGETS:
+        text = re.sub(pattern, budget, text)
+    return text
+
+
+@pytest.mark.process
+@pytest.mark.slow
+@pytest.mark.parametrize("page", RUN, ids=name)
+def test_every_block_works_in_the_order_of_the_page(page, tmp_path):
+    with FaultServer([answer(lambda body: json.dumps({"waypoints": WAYPOINTS}))]) as model:
+        reader = Reader(
+            tmp_path / "here", small_baselines(tmp_path / "baselines"), FPG_LLM_BASE_URL=model.url
+        )
+        for language, code in blocks(page.read_text()):
+            reader.does(language, small(code))
+        assert reader.ran
+        assert bool(model.requests) == ("FPG_LLM_MODEL" in page.read_text())
+
+
+@pytest.mark.parametrize("page", [*RUN, *WRITTEN], ids=name)
+def test_links_lead_somewhere(page):
+    assert broken_links(page) == []
+
+
+def test_every_page_has_its_place_in_the_site():
+    told = "\n".join(page.read_text() for page in (DOCS / "index.md", DOCS / "reference/environments.md"))
+    pages = [*RUN, *WRITTEN, *DOCS.glob("reproduction/*.md")]
+    names = [name(page).removesuffix(".md") for page in pages if page.name != "index.md"]
+    assert [place for place in names if not re.search(rf"(?m)^{place}$", told)] == []
+
+
+def test_every_id_has_a_page_of_what_it_sees_and_does(tmp_path):
+    reference_pages.write_pages(tmp_path, pictures=False)
+    rules = (DOCS / "rules.md").read_text()
+    for view in VIEWS.values():
+        text = (tmp_path / f"{view.id.removeprefix('FPG/')}.md").read_text()
+        assert f"`{view.other}`" in text
+        for mark in re.findall(r':start-after: "(.*)"', text):
+            table = rules.split(mark)[1].split("<!-- end -->")[0]
+            assert table.strip().startswith("| index |")
+        assert python_runs(text) == (view.planner not in LLM_CONTROLS)
+    assert python_runs((tmp_path / f"{DUEL.removeprefix('FPG/')}.md").read_text()) == 1
+
+
+def test_the_page_of_the_command_line_has_every_verb():
+    page, listed = reference_pages.command_line_page(), reference_pages.verbs()
+    assert len(listed) > 20
+    assert [verb for verb in listed if f"`fpg-bench {verb}`" not in page] == []
+
+
+def test_a_page_elsewhere_is_led_to_its_place_inside():
+    source = ["[zoo](../baselines/README.md)"]
+    reference_pages.lead_inside(None, "selfplay", source)
+    assert source == ["[zoo](reference/zoo.md)"]
+
+
+def test_make_docs():
+    done = subprocess.run(["make", "-n", "docs"], cwd=ROOT, capture_output=True, text=True)
+    assert "sphinx -W" in done.stdout
