@@ -18,7 +18,7 @@ import numpy
 import platformdirs
 from numba import config
 
-# Private doors, opened here alone: Numba tells nobody else that it compiles, and names its cache by a file's place.
+# Private doors, opened here alone: Numba tells nobody else that it compiles, and names its cache by a place.
 from numba.core import caching, event
 
 _PACKAGE = Path(__file__).parents[1]
