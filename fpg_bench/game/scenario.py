@@ -15,7 +15,7 @@ from fpg_bench.checks import check_keys
 from fpg_bench.errors import nearest
 from fpg_bench.files import read_yaml, write_whole
 from fpg_bench.game.knowledge import KnowledgeBase, load_knowledge
-from fpg_bench.game.names import DETECTIONS, JAMMING_TYPES, SNR_MODELS
+from fpg_bench.game.names import DETECTIONS, HOPPING, JAMMING_TYPES, SNR_MODELS
 from fpg_bench.game.released import RELEASED, RULES_VERSION
 from fpg_bench.game.validation import ScenarioError, check_mix, checked
 
@@ -104,6 +104,9 @@ class Scenario:
     )
     ally_path_chords: int = _number(256, 1, 10_000, "chords along which the curve is measured and flown")
     reselect_on_despread: bool = _other(False, "leaving spread chooses a frequency for free (paper's text)")
+    hopping: str = _choice(
+        "gated", HOPPING, "gated: by the hop gate; always: in each step, where the knowledge base says"
+    )
     knowledge: str = _other("expert", "expert knowledge base: expert, none, or the path of a YAML file")
 
     # Opponent

@@ -46,6 +46,7 @@ REFUSED = {
     "ally_path_altitude_m": [(-1, 550), (50, 1e6)],
     "ally_path_chords": [0, 10_001],
     "reselect_on_despread": [0, "no"],
+    "hopping": ["never", 1],
     "knowledge": [3, None],
     "opponent_path": ["cirle", ("circle", "oval"), (), 7],
     "opponent_speed_m_s": [-1, 1001],
