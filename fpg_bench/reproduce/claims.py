@@ -25,6 +25,16 @@ CLAIMS = {
     "D4": "Without the planner the opponent is worse, without the knowledge base the ally (Fig. 7)",
 }
 
+# What can come out by itself where the whole claim does not.
+ASPECTS = {
+    "D1": CLAIMS["D1"],
+    "D2": CLAIMS["D2"],
+    "D3 level": "Each jamming type alone leaves the opponent below the ally",
+    "D3 order": "Single tone is weakest, broadband strongest",
+    "D4 planner": "Without the planner, where it learns to fly, the opponent is worse",
+    "D4 knowledge": "Without the knowledge base the ally is worse",
+}
+
 
 @dataclass(frozen=True)
 class Comparison:

@@ -98,7 +98,7 @@ def draw_curve(rows: Sequence[Row]) -> Any:
     """
     settings = [(point, setting) for point, known in POINTS.items() for setting in known]
     claims = claims_of(rows)
-    figure = blank_figure(4.2 * len(claims), 8)
+    figure = blank_figure(2.6 * len(claims) + 1.4, 8)
     above, below = figure.subplots(2, len(claims), sharex="col", sharey="row", height_ratios=(2, 3))
     for column, claim in enumerate(claims):
         found = spots(rows, claim)
@@ -124,7 +124,7 @@ def _draw_effects(axes: Any, found: Sequence[Spot], claim: str) -> None:
     axes.axhline(0, color="black", lw=0.8)
     axes.axhspan(-1, 1, color="#000000", alpha=0.08, lw=0)
     axes.set_yscale("symlog", linthresh=1)
-    axes.set_title(f"{claim}: holds under {held} of {len(found)} readings", fontsize=10)
+    axes.set_title(f"{claim}: holds under {held} of {len(found)}", fontsize=10)
 
 
 def _draw_settings(axes: Any, found: Sequence[Spot], settings: Sequence[tuple[str, str]]) -> None:
