@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,11 @@ from fpg_bench.errors import UserError, nearest
 from fpg_bench.jobs.job import Job, check_all_done
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.reproduce.conditions import LLM, LONG, SHORT_SEEDS, Condition, conditions_of
-from fpg_bench.reproduce.experiment import BUDGETS, Budget, run_experiment
+from fpg_bench.reproduce.experiment import BUDGETS, Budget, checkpoint_of, run_experiment
 from fpg_bench.reproduce.figures import draw
 from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.results import read_results
-from fpg_bench.reproduce.runs import RunFile
+from fpg_bench.reproduce.runs import Run, RunFile
 from fpg_bench.training.maddpg_seeds import find_learner
 
 
@@ -62,12 +62,9 @@ def reproduce(
     listed = []
     for condition in _conditions(target, scenario, budget, llm):
         missing = [seed for seed in _seeds(condition, count) if (condition.name, seed) not in there]
-        run = partial(
-            run_experiment, condition, scenario, budget, missing, place / condition.name, llm, learner
-        )
         if missing:  # they learn together
             name = f"{scenario} {condition.name} seeds {', '.join(map(str, missing))}"
-            listed.append(Job(name, run, file.add))
+            listed.append(_job(name, file, condition, scenario, budget, missing, place, llm, learner))
     failed = run_jobs(listed, say=say, **where)
     conditions = _conditions("all", scenario, BUDGETS["full"], {})
     every = {name: range(count) for condition in conditions for name in condition.runs}
@@ -77,6 +74,29 @@ def reproduce(
     reports = write_report(results, scenario, budget, figures, out, words)
     check_all_done(failed)
     return [*(path for paths in figures.values() for path in paths), *reports]
+
+
+def _job(
+    name: str,
+    file: RunFile,
+    condition: Condition,
+    preset: str,
+    budget: Budget,
+    seeds: Sequence[int],
+    place: Path,
+    llm: Mapping[str, Any] | None,
+    learner: str,
+) -> Job:
+    """Some seeds of a condition; their checkpoint is removed once their rows are on disk."""
+    where = place / condition.name
+    run = partial(run_experiment, condition, preset, budget, seeds, where, llm, learner)
+    checkpoint = checkpoint_of(condition, preset, budget, seeds, where, learner)
+
+    def keep(runs: list[Run]) -> None:
+        file.add(runs)
+        checkpoint.remove()
+
+    return Job(name, run, keep)
 
 
 def _budget(budget: str | Budget) -> Budget:

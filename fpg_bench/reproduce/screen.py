@@ -199,9 +199,7 @@ def _of_paths(pair: Any, planned: Played) -> Iterator[Part]:
     for path in FIXED_PATHS:
         fixed = pair("expert", "adaptive", path=path)
         yield _earned("D1", f"planned - {path}", planned, fixed)
-    yield _earned(
-        "D4 planner", "planned - learned path", planned, pair("expert", "adaptive", path="learned")
-    )
+    yield _earned("D4 planner", "planned - learned path", planned, pair("expert", "adaptive", path="learned"))
 
 
 def _over_training(begun: Played, ended: Played) -> Iterator[Part]:

@@ -30,9 +30,9 @@ parts do, each with p below 0.05 (two-sided, Welch; parts of one claim need no c
 """
 _OF_BINS = """\
 Lowest to highest over the readings. The paper's overlap stays near 54 % (54.46, 54.39, 53.69). An ally on
-fifteen points fills half of thirty bins, and a jammer whose centre is continuous fills them all. So finer bins
-alone bring the overlap of two even spectra near a half, whoever plays. The paper does not say how wide its
-bins are."""
+fifteen points fills half of thirty bins, and a jammer whose centre is continuous fills them all. So finer
+bins alone bring the overlap of two even spectra near a half, whoever plays. The paper does not say how wide
+its bins are."""
 
 
 def reproduce_screen(out: Path, budget: str, points: Iterable[str] = POINTS, **where: Any) -> list[Path]:

@@ -98,7 +98,7 @@ def test_what_was_run_is_not_run_again(made):
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_rows(made, tmp_path):
+def test_the_same_seed_gives_the_same_rows(made, cache, tmp_path):
     out, *_ = made
     (base,) = conditions_of("fig4", "paper", full=False)
     again = RunFile(tmp_path, "paper", "tiny")
