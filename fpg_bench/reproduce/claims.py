@@ -67,6 +67,16 @@ class Comparison:
         return self.found.p < LEVEL and self.found.mean > 0
 
 
+def aspect_of(comparison: Comparison) -> str:
+    """Which of :data:`ASPECTS` a test is a part of; ``D1 frozen`` is one more."""
+    claim, said = comparison.claim, comparison.statement
+    if claim == "D3":
+        return "D3 level" if "alone" in said else "D3 order"
+    if claim == "D4":
+        return "D4 planner" if "learned path" in said else "D4 knowledge"
+    return claim
+
+
 def compare(results: Results) -> list[Comparison]:
     """All tests whose runs are there, with at least two seeds."""
     pairs = [pair for pair in _differences(results) if len(pair[2]) > 1]

@@ -14,7 +14,7 @@ from fpg_bench.reproduce.claims import LEVEL
 from fpg_bench.reproduce.readings import POINTS, Reading, as_reading
 from fpg_bench.rows import Row
 
-_HOLDS, _OPPOSITE, _OPEN = "#0b5fa5", "#d95f02", "#777777"
+HELD, OPPOSITE, OPEN = "#0b5fa5", "#d95f02", "#777777"
 
 
 @dataclass(frozen=True)
@@ -114,8 +114,8 @@ def draw_curve(rows: Sequence[Row]) -> Any:
 
 def _colour(spot: Spot) -> str:
     if spot.holds:
-        return _HOLDS
-    return _OPPOSITE if spot.against else _OPEN
+        return HELD
+    return OPPOSITE if spot.against else OPEN
 
 
 def _draw_effects(axes: Any, found: Sequence[Spot], claim: str) -> None:

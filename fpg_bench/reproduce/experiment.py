@@ -64,6 +64,7 @@ BUDGETS: Mapping[str, Budget] = MappingProxyType(
     {
         "quick": Budget("quick", 192_000, 64, 15, 15, 2),  # 3 * 10^3 updates
         "full": Budget("full", 1_000_000, 64, 5, 16, 10),  # 5 * 10^4 updates
+        "hundredth": Budget("hundredth", 1_000_000, 64, 5, 32, 10),  # 10^5 updates
         # An update after each step, as in Algorithm 1, and a tenth of the paper's steps or all of them.
         "tenth": Budget("tenth", 1_000_000, 64, 1, 64, 10),
         "paper": Budget("paper", 10_000_000, 64, 1, 64, 3),

@@ -105,6 +105,11 @@ class Reading:
         """What it says of each point."""
         return [known[name] for known, name in zip(POINTS.values(), self.settings, strict=True)]
 
+    @property
+    def items(self) -> list[tuple[str, str]]:
+        """Its points and their settings."""
+        return list(zip(POINTS, self.settings, strict=True))
+
     def of(self, point: str) -> str:
         """Its setting of a point."""
         return self.settings[list(POINTS).index(point)]

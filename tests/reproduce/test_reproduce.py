@@ -221,7 +221,7 @@ def test_tables_speak_of_what_is_in_use():
     ("words", "said"),
     [
         (["fig8"], "did you mean 'fig"),
-        (["fig3", "--scenario", "papr"], "expected paper or standard"),
+        (["fig3", "--scenario", "papr"], "expected one of paper, standard, figures"),
         (["fig3", "--budget", "ful"], "full"),
     ],
 )
