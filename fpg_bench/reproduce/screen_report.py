@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import gzip
+import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.files import write_whole
+from fpg_bench.files import read_bounded, write_whole
+from fpg_bench.plain_json import read_object
 from fpg_bench.reproduce.claims import ASPECTS, LEVEL
 from fpg_bench.reproduce.curve import Spot, claims_of, draw_curve, shares, spots
 from fpg_bench.reproduce.figures import save_figure
@@ -15,6 +18,8 @@ from fpg_bench.reproduce.report import markdown_table
 from fpg_bench.reproduce.screen import screen_all
 from fpg_bench.rows import Row
 
+ROWS = "screen.jsonl.gz"
+_LARGEST = 2**26  # bytes of all rows; those of 768 readings are two million
 GAMES = {"quick": 12}  # matches of each pair; every other budget: 96
 _GAMES = 96
 _HEAD = """\
@@ -36,10 +41,11 @@ its bins are."""
 
 
 def reproduce_screen(out: Path, budget: str, points: Iterable[str] = POINTS, **where: Any) -> list[Path]:
-    """Screen readings, and write ``screen.jsonl``, ``screen.md`` and the specification curve.
+    """Screen readings, and write their rows, ``screen.md`` and the specification curve.
 
     Args:
-        out: the folder; rows that are there are not made again.
+        out: the folder; rows in its ``screen.jsonl`` are not made again. All of them, in the order of
+            the readings, are in ``screen.jsonl.gz`` at the end.
         budget: ``quick`` plays few matches.
         points: which points differ.
         **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`fpg_bench.jobs.run.run_jobs`.
@@ -51,7 +57,14 @@ def reproduce_screen(out: Path, budget: str, points: Iterable[str] = POINTS, **w
         UserError: an unknown point, rows that are none, or readings that failed (the others are kept).
     """
     rows = screen_all(every_reading(points), out / "screen.jsonl", GAMES.get(budget, _GAMES), **where)
-    return write_screen(rows, out)
+    text = "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
+    write_whole(out / ROWS, gzip.compress(text.encode(), mtime=0))
+    return [out / ROWS, *write_screen(rows, out)]
+
+
+def read_screen(folder: Path) -> list[Row]:
+    """The rows of a whole screen, ``screen.jsonl.gz``; raises UserError where they cannot be read."""
+    return [read_object(line) for line in read_bounded(folder / ROWS, "rows", _LARGEST).splitlines()]
 
 
 def write_screen(rows: Sequence[Row], out: Path) -> list[Path]:

@@ -14,7 +14,7 @@ from fpg_bench.reproduce.claims import ASPECTS
 from fpg_bench.reproduce.curve import claims_of, draw_curve, shares, spots
 from fpg_bench.reproduce.readings import as_reading, every_reading
 from fpg_bench.reproduce.screen import play_pair, screen, screen_all
-from fpg_bench.reproduce.screen_report import reproduce_screen
+from fpg_bench.reproduce.screen_report import read_screen, reproduce_screen, write_screen
 
 LETTER, FREE_HOPS = as_reading("letter"), as_reading("interference=once,hops=always,hop-cost=0")
 
@@ -118,3 +118,9 @@ def test_the_page_says_what_hangs_on_each_point(tmp_path):
     assert "6 readings of the paper were played" in page
     assert "| interference | `once` |" in page
     assert (tmp_path / "figures" / "screen.png").is_file()
+    rows = read_screen(tmp_path)
+    assert [row["reading"] for row in rows] == [
+        reading.name for reading in every_reading(["interference", "hop-cost"])
+    ]
+    write_screen(rows, tmp_path / "again")
+    assert (tmp_path / "again" / "screen.md").read_text() == page
