@@ -120,11 +120,13 @@ def _colour(spot: Spot) -> str:
 
 def _draw_effects(axes: Any, found: Sequence[Spot], claim: str) -> None:
     held, colours = sum(spot.holds for spot in found), [_colour(spot) for spot in found]
-    axes.scatter(range(len(found)), [spot.size for spot in found], s=4, c=colours, linewidths=0)
+    axes.scatter(
+        range(len(found)), [spot.size for spot in found], s=4, c=colours, linewidths=0, rasterized=True
+    )
     axes.axhline(0, color="black", lw=0.8)
     axes.axhspan(-1, 1, color="#000000", alpha=0.08, lw=0)
     axes.set_yscale("symlog", linthresh=1)
-    axes.set_title(f"{claim}: holds under {held} of {len(found)}", fontsize=10)
+    axes.set_title(f"{claim}:\nholds under {held} of {len(found)}", fontsize=9)
 
 
 def _draw_settings(axes: Any, found: Sequence[Spot], settings: Sequence[tuple[str, str]]) -> None:
@@ -135,6 +137,6 @@ def _draw_settings(axes: Any, found: Sequence[Spot], settings: Sequence[tuple[st
         for each in zip(POINTS, spot.reading.settings, strict=True)
     ]
     across, down, colours = zip(*dots, strict=True)
-    axes.scatter(across, down, s=2, c=colours, linewidths=0)
+    axes.scatter(across, down, s=28, c=colours, marker="|", linewidths=0.25, rasterized=True)
     axes.set_xlabel("readings, sorted")
     axes.grid(axis="y", alpha=0.2)

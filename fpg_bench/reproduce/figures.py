@@ -201,7 +201,7 @@ def save_figure(figure: Any, stem: Path) -> list[Path]:
     for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
         image = io.BytesIO()
         with rc_context({"svg.hashsalt": stem.name, "svg.fonttype": "none"}):
-            figure.savefig(image, format=form, metadata=metadata)
+            figure.savefig(image, format=form, metadata=metadata, dpi=150 if form == "svg" else "figure")
         path = stem.with_suffix(f".{form}")
         write_whole(path, image.getvalue())
         paths.append(path)

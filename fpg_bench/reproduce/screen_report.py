@@ -29,8 +29,14 @@ _HEAD = """\
 scripts stand for both sides (`fpg_bench/reproduce/screen.py` says which). So this page says what the *game*
 rewards under a reading, and where a training is worth its hours. A claim holds under a reading where all its
 parts do, each with p below 0.05 (two-sided, Welch; parts of one claim need no correction: all have to hold).
+Readings are not corrected for how many there are: by chance alone a claim of one part, positive by nothing,
+would hold under one in forty.
 
 ![Each claim under each reading: blue holds, orange has a part that is the opposite](figures/screen.png)
+
+Blue: the claim holds; orange: one of its parts is the opposite; grey: neither is shown. Above, each dot is a
+reading by its weakest part; grey background: the interval of that part holds zero. Below, a stroke marks the
+settings of the reading above it.
 
 """
 _OF_BINS = """\
@@ -82,8 +88,19 @@ def _tables(rows: Sequence[Row]) -> str:
         "What hangs on each point": by_setting(rows),
         "Readings under which most claims hold": _best(found),
         "How far the spectra overlap (Fig. 4)": _bins(rows) + "\n\n" + _OF_BINS,
+        "How it was made": _made(rows),
     }
     return "\n\n".join(f"## {title}\n\n{table}" for title, table in parts.items()) + "\n"
+
+
+def _made(rows: Sequence[Row]) -> str:
+    games = rows[0]["games"]
+    budget = next((name for name, count in GAMES.items() if count == games), "full")
+    return (
+        f"```bash\nfpg-bench reproduce screen --budget {budget} --out reproduced\n```\n\n{games} matches of each "
+        f"pair of scripts, on evaluation seeds, one round of each; of planned paths {max(2, games // 3)} "
+        "matches, with all rounds that the planner remembers."
+    )
 
 
 def _held(found: dict[str, list[Spot]]) -> str:

@@ -8,9 +8,12 @@ from fpg_bench.reproduce.claims import CLAIMS
 from fpg_bench.reproduce.conditions import ALL, conditions_of
 from fpg_bench.reproduce.experiment import BUDGETS
 from fpg_bench.reproduce.figures import FIGURES
+from fpg_bench.reproduce.readings import as_reading, every_reading
 from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.results import read_results
 from fpg_bench.reproduce.runs import RunFile
+from fpg_bench.reproduce.screen import ASKING, NOT_ASKING, play_pair
+from fpg_bench.reproduce.screen_report import by_setting, read_screen, write_screen
 
 COMMITTED = Path(__file__).parents[2] / "docs/reproduction"
 RUNS = Path(__file__).parents[2] / "results/reproduction"
@@ -51,6 +54,30 @@ def test_the_docs_state_the_verdicts_of_the_reports():
         found, stated = _verdicts(report, -1), _verdicts(page, place)
         assert set(found) == set(CLAIMS)
         assert stated == found
+
+
+def test_the_screens_page_is_what_its_rows_say(tmp_path):
+    rows = read_screen(RUNS)
+    assert [row["reading"] for row in rows] == [reading.name for reading in every_reading()]
+    *_, page = write_screen(rows, tmp_path)
+    assert page.read_text() == (COMMITTED / "screen.md").read_text()
+    for form in ("png", "svg"):
+        assert (COMMITTED / f"figures/screen.{form}").is_file()
+    assert by_setting(rows) in (COMMITTED.parent / "open_points.md").read_text()
+
+
+def test_a_row_of_the_screen_is_what_the_game_gives():
+    (row,) = [row for row in read_screen(RUNS) if row["reading"] == "letter"]
+    levels = [part for part in row["parts"] if part["claim"] == "D3 order"]
+    letter = as_reading("letter")
+    best = {}
+    for kind in ("broadband", "tone"):
+        plays = [
+            play_pair(letter, ally, kind, row["games"], path="circle") for ally in (*ASKING, *NOT_ASKING)
+        ]
+        best[kind] = max(plays, key=lambda played: played.ally.mean()).opponent.mean()
+    (part,) = [part for part in levels if part["statement"].endswith("broadband - tone")]
+    assert best["broadband"] - best["tone"] == pytest.approx(part["mean"], rel=1e-4)
 
 
 def _verdicts(text: str, place: int) -> dict[str, str]:
