@@ -98,8 +98,8 @@ def _made(rows: Sequence[Row]) -> str:
     budget = next((name for name, count in GAMES.items() if count == games), "full")
     return (
         f"```bash\nfpg-bench reproduce screen --budget {budget} --out reproduced\n```\n\n"
-        f"{games} matches of each pair of scripts, on evaluation seeds, one round of each; of planned paths {max(2, games // 3)} "
-        "matches, with all rounds that the planner remembers."
+        f"{games} matches of each pair of scripts, on evaluation seeds, one round of each; of planned paths "
+        f"{max(2, games // 3)} matches, with all rounds that the planner remembers."
     )
 
 

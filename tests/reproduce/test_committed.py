@@ -66,6 +66,16 @@ def test_the_screens_page_is_what_its_rows_say(tmp_path):
     assert by_setting(rows) in (COMMITTED.parent / "open_points.md").read_text()
 
 
+@pytest.mark.parametrize("name", ["paths", "overlap", "types", "knowledge"])
+def test_the_page_of_a_question_quotes_the_reports_as_they_are(name):
+    reports = [(COMMITTED / f"report-{preset}.md").read_text() for preset in ("paper", "standard")]
+    page = (COMMITTED / f"question-{name}.md").read_text()
+    quoted = [line for line in page.splitlines() if line.startswith("| D")]
+    assert len(quoted) >= 4
+    for line in quoted:
+        assert any(line in report.splitlines() for report in reports), line
+
+
 def test_a_row_of_the_screen_is_what_the_game_gives():
     (row,) = [row for row in read_screen(RUNS) if row["reading"] == "letter"]
     levels = [part for part in row["parts"] if part["claim"] == "D3 order"]
