@@ -9,14 +9,17 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numba
+import numpy
 import platformdirs
 from numba import config
-from numba.core import event  # a private door, opened here alone: Numba tells nobody else that it compiles
+
+# Private doors, opened here alone: Numba tells nobody else that it compiles, and names its cache by a file's place.
+from numba.core import caching, event
 
 _PACKAGE = Path(__file__).parents[1]
 _SOURCES = ("game", "players", "planning")
@@ -24,8 +27,8 @@ _UNUSED_DAYS = 30
 
 
 def source_digest() -> str:
-    """A digest of all that is compiled, and of the version of Numba that compiles it."""
-    digest = hashlib.sha256(numba.__version__.encode())
+    """A digest of all that is compiled, and of the versions of Numba and NumPy that it is compiled for."""
+    digest = hashlib.sha256(f"{numba.__version__} {numpy.__version__}".encode())
     for name in _SOURCES:
         for path in sorted((_PACKAGE / name).glob("*.py")):
             content = path.read_bytes()
@@ -62,6 +65,23 @@ def _remove_unused(root: Path) -> None:
                 shutil.rmtree(folder)
 
 
+class ByContent(caching.UserProvidedCacheLocator):
+    """Names a function of this package by its room, wherever the package lies.
+
+    The folder's digest says what is in it already. So a second environment, or a second copy of the same
+    sources, compiles nothing.
+    """
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """The name of the room: ``game``, for instance; for a file elsewhere, Numba's own name."""
+        path = Path(py_file).resolve()
+        if path.parent.parent == _PACKAGE.resolve():
+            return path.parent.name
+        named: str = super().get_suitable_cache_subpath(py_file)
+        return named
+
+
 def compiled(function: Callable) -> Any:
     """Compile a function of the game: no fast-math (same bits everywhere), no GIL, cached on disk.
 
@@ -70,12 +90,20 @@ def compiled(function: Callable) -> Any:
     """
     folder = cache_folder()
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
-    before = getattr(config, "CACHE_DIR", "")
-    config.CACHE_DIR = str(folder or "")  # type: ignore[attr-defined]
-    try:
+    with _cached_in(folder):
         return numba.njit(cache=folder is not None, **options)(function)
+
+
+@contextlib.contextmanager
+def _cached_in(folder: Path | None) -> Iterator[None]:
+    """Have Numba keep what is declared inside in this folder; its settings are then as they were."""
+    wanted = {"CACHE_DIR": str(folder or ""), "CACHE_LOCATOR_CLASSES": f"{__name__}.{ByContent.__name__}"}
+    before = {name: getattr(config, name, "") for name in wanted}
+    vars(config).update(wanted)
+    try:
+        yield
     finally:
-        config.CACHE_DIR = before  # type: ignore[attr-defined]
+        vars(config).update(before)
 
 
 def _amount(folder: Path | None) -> str:

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import numba
+import numpy
 import pytest
 from numba.core import config
 
@@ -42,10 +43,11 @@ def root(tmp_path, monkeypatch):
     return tmp_path / "cache" / "fpg_bench"
 
 
-def use(cache, program=USE):
+def use(cache, program=USE, package=PACKAGE):
     return subprocess.run(
         [sys.executable, "-c", program],
-        env=os.environ | {"NUMBA_CACHE_DIR": str(cache)},
+        cwd=package.parent,
+        env=os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(package.parent)},
         capture_output=True,
         text=True,
         check=True,
@@ -59,13 +61,14 @@ def test_a_change_of_any_source_begins_a_new_folder(package, root, source):
     assert compiling.cache_folder.__wrapped__() not in (before, None)
 
 
-def test_a_new_source_or_another_numba_begins_a_new_folder(package, root, monkeypatch):
+def test_a_new_source_or_another_numba_or_numpy_begins_a_new_folder(package, root, monkeypatch):
     digests = [compiling.source_digest()]
     (package / "game" / "weather.py").touch()
     digests.append(compiling.source_digest())
-    monkeypatch.setattr(numba, "__version__", "99.0")
-    digests.append(compiling.source_digest())
-    assert len(set(digests)) == 3
+    for library in (numba, numpy):
+        monkeypatch.setattr(library, "__version__", "99.0")
+        digests.append(compiling.source_digest())
+    assert len(set(digests)) == 4
 
 
 def test_unchanged_sources_keep_their_folder(package, root):
@@ -98,6 +101,19 @@ def test_compiling_is_announced_once_and_only_when_it_happens(tmp_path):
     assert "about ten seconds" in first.stderr
     assert NOTICE not in second.stderr
     assert first.stdout == second.stdout
+
+
+@pytest.mark.process
+def test_the_same_sources_in_another_place_are_not_compiled_again(tmp_path):
+    elsewhere = tmp_path / "elsewhere" / PACKAGE.name
+    shutil.copytree(
+        PACKAGE, elsewhere, copy_function=shutil.copy, ignore=shutil.ignore_patterns("__pycache__")
+    )
+    program = f"{USE}; import fpg_bench; print(fpg_bench.__file__)"
+    first, second = use(tmp_path, program), use(tmp_path, program, elsewhere)
+    assert str(elsewhere) in second.stdout
+    assert NOTICE in first.stderr
+    assert NOTICE not in second.stderr
 
 
 @pytest.mark.process

@@ -11,6 +11,8 @@ import os
 import sys
 from pathlib import Path
 
+_KEPT_MIB = 1024  # of prompts that were read: matches in turn find theirs again; 50 MiB each for SmolLM2
+
 
 def main() -> None:
     """Serve until standard input is closed."""
@@ -19,12 +21,14 @@ def main() -> None:
     file, threads, context, port = sys.argv[1], *map(int, sys.argv[2:])
     params = xllamacpp.CommonParams()
     params.model.path, params.model_alias = file, {Path(file).stem}
-    params.n_ctx, params.n_parallel = context, 1  # one talk at a time keeps the prefix of the last prompt
+    params.n_ctx, params.n_parallel = context, 1
+    params.cache_ram_mib = _KEPT_MIB
+    params.flash_attn_type = xllamacpp.llama_flash_attn_type.LLAMA_FLASH_ATTN_TYPE_DISABLED  # slower on a CPU
     params.cpuparams.n_threads = params.cpuparams_batch.n_threads = threads
     params.hostnames, params.port = ["127.0.0.1"], port
     params.warmup = params.fit_params = params.ui = False
     params.endpoint_slots = True  # tells how many tokens were written so far
-    params.cache_ram_mib, params.verbosity = 0, -1
+    params.verbosity = -1
     server = xllamacpp.Server(params)
     print(server.listening_address, flush=True)
     sys.stdin.read()
