@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from fpg_bench.reproduce.cells_report import write_cells
 from fpg_bench.reproduce.conditions import LLM, LONG, SHORT_SEEDS, Condition, conditions_of
 from fpg_bench.reproduce.experiment import BUDGETS, Budget, checkpoint_of, run_experiment
 from fpg_bench.reproduce.figures import draw
+from fpg_bench.reproduce.keeping import Checkpoint
 from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.results import read_results
 from fpg_bench.reproduce.runs import Run, RunFile
@@ -34,7 +35,6 @@ def reproduce(
     budget: str | Budget = "quick",
     llm: Mapping[str, Any] | None = None,
     learner: str = "torch",
-    say: Callable[[str], None] = print,
     **where: Any,
 ) -> list[Path]:
     """Run what a figure of the paper needs, draw it, and write the report of all runs that are there.
@@ -50,8 +50,7 @@ def reproduce(
             its planner; ``transcript``: replay that file. None: it is not run, and the report says so.
         learner: who updates the networks, ``torch`` or ``jax``, which takes less time and needs the
             extra ``fast``.
-        say: told a line per run that begins or ends.
-        **where: ``workers``, ``backend`` and ``address``; see :func:`fpg_bench.jobs.run.run_jobs`.
+        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`fpg_bench.jobs.run.run_jobs`.
 
     Returns:
         The files written: figures, then the report.
@@ -67,7 +66,7 @@ def reproduce(
     conditions = _conditions(target, scenario, budget, llm)
     preset = PRESET if target == CELLS else scenario
     listed = list(_jobs(file, conditions, preset, budget, (first_seed, count), llm, learner))
-    failed = run_jobs(listed, say=say, **where)
+    failed = run_jobs(listed, **where)
     every = names(_conditions(all_of, scenario, BUDGETS["full"], {}))
     results = read_results(file, dict.fromkeys(every, range(first_seed, first_seed + count)))
     words = "" if target == CELLS else f" --scenario {scenario}"
@@ -99,30 +98,15 @@ def _jobs(
         missing = [seed for seed in _seeds(condition, *seeds) if (condition.name, seed) not in there]
         if missing:
             name = f"{preset} {condition.name} seeds {', '.join(map(str, missing))}"
-            yield _job(name, file, condition, preset, budget, missing, place, llm, learner)
+            words = condition, preset, budget, missing, place / condition.name
+            keep = partial(_keep_rows, file, checkpoint_of(*words, learner))
+            yield Job(name, partial(run_experiment, *words, llm, learner), keep)
 
 
-def _job(
-    name: str,
-    file: RunFile,
-    condition: Condition,
-    preset: str,
-    budget: Budget,
-    seeds: Sequence[int],
-    place: Path,
-    llm: Mapping[str, Any] | None,
-    learner: str,
-) -> Job:
-    """Some seeds of a condition; their checkpoint is removed once their rows are on disk."""
-    where = place / condition.name
-    run = partial(run_experiment, condition, preset, budget, seeds, where, llm, learner)
-    checkpoint = checkpoint_of(condition, preset, budget, seeds, where, learner)
-
-    def keep(runs: list[Run]) -> None:
-        file.add(runs)
-        checkpoint.remove()
-
-    return Job(name, run, keep)
+def _keep_rows(file: RunFile, checkpoint: Checkpoint, runs: list[Run]) -> None:
+    """Write runs down; then, and not before, their checkpoint is removed."""
+    file.add(runs)
+    checkpoint.remove()
 
 
 def _budget(budget: str | Budget) -> Budget:

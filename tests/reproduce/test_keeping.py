@@ -7,7 +7,7 @@ from fpg_bench.reproduce import keeping
 from fpg_bench.reproduce.conditions import conditions_of
 from fpg_bench.reproduce.experiment import Budget
 from fpg_bench.reproduce.keeping import Checkpoint
-from fpg_bench.reproduce.reproduce import _job
+from fpg_bench.reproduce.reproduce import _jobs
 from fpg_bench.reproduce.runs import RunFile
 from fpg_bench.training.maddpg_seeds import Together
 
@@ -21,7 +21,8 @@ pytestmark = pytest.mark.usefixtures("cache")
 def job_of(folder, learner="torch"):
     """The job of two seeds, and the file that their rows go to."""
     file = RunFile(folder, "paper", "tiny")
-    return _job("two seeds", file, PLANNED, "paper", TINY, [0, 1], folder, None, learner), file
+    (job,) = _jobs(file, [PLANNED], "paper", TINY, (0, 2), None, learner)
+    return job, file
 
 
 def run(folder, learner="torch"):
