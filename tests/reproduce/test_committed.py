@@ -47,6 +47,26 @@ def test_the_report_is_what_the_runs_say(committed, tmp_path):
             assert (COMMITTED / f"figures/{figure}-{preset}.{form}").is_file()
 
 
+def test_the_report_of_figures_is_what_its_runs_say_on_fresh_seeds(tmp_path):
+    budget = BUDGETS["hundredth"]
+    file = RunFile(RUNS, "figures", budget.name)
+    there = file.read()
+    seeds = sorted({seed for _, seed in there})
+    assert min(seeds) >= 100  # those below were looked at before this reading was chosen
+    results = read_results(file, {name: seeds for name, _ in there})
+    report = (COMMITTED / "report-figures.md").read_text()
+    (command,) = [line for line in report.splitlines() if line.startswith("fpg-bench reproduce")]
+    assert f"--seeds {len(seeds)} --first-seed {min(seeds)}" in command
+    drawn = [name for name in FIGURES if f"figures/{name}-figures.png" in report]
+    made, _ = write_report(results, "figures", budget, drawn, tmp_path, command)
+    assert made.read_text() == report
+    for name in drawn:
+        assert (COMMITTED / f"figures/{name}-figures.png").is_file()
+    for (name, _), run in there.items():
+        known = {c.name: c for c in conditions_of(ALL, "figures", full=True)}[name.split("@")[0]]
+        assert run.about["scenario"] == f"figures, {known.scenario('figures').hash}"
+
+
 def test_the_docs_state_the_verdicts_of_the_reports():
     page = (COMMITTED.parent / "reproduction.md").read_text()
     for place, preset in ((-2, "paper"), (-1, "standard")):
