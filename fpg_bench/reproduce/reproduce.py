@@ -96,11 +96,23 @@ def _jobs(
     place = (file.path.parent / "transcripts" / file.path.name.split(".")[0]).absolute()
     for condition in conditions:
         missing = [seed for seed in _seeds(condition, *seeds) if (condition.name, seed) not in there]
+        _check_same_game(file, there.values(), condition, preset)
         if missing:
             name = f"{preset} {condition.name} seeds {', '.join(map(str, missing))}"
             words = condition, preset, budget, missing, place / condition.name
             keep = partial(_keep_rows, file, checkpoint_of(*words, learner))
             yield Job(name, partial(run_experiment, *words, llm, learner), keep)
+
+
+def _check_same_game(file: RunFile, there: Iterable[Run], condition: Condition, preset: str) -> None:
+    """Refuse to go on with rows of another game: a preset that has changed, or a file that was renamed."""
+    game = f"{preset}, {condition.scenario(preset).hash}"
+    for run in there:
+        if run.condition == condition.name and run.about.get("scenario") != game:
+            raise UserError(
+                f"runs {file.path}: {run.condition}, seed {run.seed}, played another game than {preset} "
+                "is now; choose another --out, or remove the file"
+            )
 
 
 def _keep_rows(file: RunFile, checkpoint: Checkpoint, runs: list[Run]) -> None:

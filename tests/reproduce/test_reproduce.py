@@ -98,6 +98,15 @@ def test_what_was_run_is_not_run_again(made):
 
 
 @pytest.mark.slow
+def test_rows_of_another_game_are_not_gone_on_with(made, tmp_path):
+    out, *_ = made
+    other = RunFile(tmp_path, "standard", "tiny")
+    other.add(RunFile(out, "paper", "tiny").read().values())
+    with pytest.raises(UserError, match="planned, seed 0, played another game than standard is now"):
+        reproduce("fig4", tmp_path, scenario="standard", budget=TINY, seeds=1, workers=1)
+
+
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_rows(made, cache, tmp_path):
     out, *_ = made
     (base,) = conditions_of("fig4", "paper", full=False)
