@@ -37,7 +37,7 @@ PlayerOption = Annotated[str, typer.Option(help=_PLAYER)]
 PlayersOption = Annotated[
     str | None, typer.Option(help=f"against whom: {_PLAYER}, or field:NAME; several, separated by commas")
 ]
-ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper or a YAML file")]
+ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper, figures or a YAML file")]
 PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]
 PlannerOption = Annotated[str | None, typer.Option(help="who plans the opponent's path between rounds")]
 

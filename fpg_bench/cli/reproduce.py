@@ -12,11 +12,14 @@ from fpg_bench.cli.options import say
 
 def reproduce(
     target: Annotated[
-        str, typer.Argument(help="fig3, fig4, fig5, fig6, fig7, tables, screen or all")
+        str, typer.Argument(help="fig3, fig4, fig5, fig6, fig7, tables, screen, cells or all")
     ] = "all",
-    scenario: Annotated[str, typer.Option(help="paper or standard")] = "paper",
+    scenario: Annotated[str, typer.Option(help="paper, standard or figures")] = "paper",
     seeds: Annotated[int | None, typer.Option(min=1, help="runs a condition; default: the budget's")] = None,
-    budget: Annotated[str, typer.Option(help="quick (minutes), full (hours), tenth or paper")] = "quick",
+    first_seed: Annotated[int, typer.Option(min=0, help="of training: other ones to confirm")] = 0,
+    budget: Annotated[
+        str, typer.Option(help="quick (minutes), full (hours), hundredth, tenth or paper")
+    ] = "quick",
     out: Annotated[Path, typer.Option(help="the folder of rows, figures and reports")] = Path("reproduced"),
     jobs: Annotated[int, typer.Option(min=1, help="runs at once, one thread each")] = 2,
     backend: Annotated[str, typer.Option(help="loky (this machine) or ray (a cluster)")] = "loky",
@@ -45,6 +48,7 @@ def reproduce(
         out,
         scenario=scenario,
         seeds=seeds,
+        first_seed=first_seed,
         budget=budget,
         workers=jobs,
         backend=backend,

@@ -22,7 +22,7 @@ def point_mhz(point, rules):
 @compiled
 def choose_point(point, observation, action, key, step, rules):
     """The point to hop to. ``observation`` is the ally's own, the only thing the knowledge base reads."""
-    if rules.knowledge and action[KNOWLEDGE_GATE] > 0.0:
+    if rules.knowledge and (rules.always_hops or action[KNOWLEDGE_GATE] > 0.0):
         return _expert_point(point, observation, action, key, step, rules)
     return math.floor((action[PREFERENCE] + 1.0) / 2.0 * (rules.points - 1) + 0.5)
 

@@ -8,6 +8,7 @@ PATROLS = ("circle", "triangle", "rectangle")
 SNR_MODELS = ("sinr", "paper")
 MOST_PATHS = 16  # that a round may draw from
 DETECTIONS = ("emission", "link", "off")
+HOPPING = ("gated", "always")
 
 # The numbers that a side sees and chooses, in their order; docs/rules.md has their scales.
 _PLACES = tuple(f"{of} {axis}" for of in ("own position", "relative position") for axis in "xyz")

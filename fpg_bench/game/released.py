@@ -48,6 +48,7 @@ RELEASED: dict[int, dict[str, Any]] = {
         "ally_path_altitude_m": (50.0, 550.0),
         "ally_path_chords": 256,
         "reselect_on_despread": False,
+        "hopping": "gated",
         "opponent_path": "pursuit",
         "opponent_speed_m_s": 10.0,
         "tuning_span_mhz": 50.0,

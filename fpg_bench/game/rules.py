@@ -41,7 +41,7 @@ def rules_record(scenario: Scenario) -> np.ndarray:
     row["random_curve"] = s.ally_path_m is None
     row["curve"] = s.ally_path_m or 0
     row["curve_altitude"], row["chords"] = s.ally_path_altitude_m, s.ally_path_chords
-    row["reselect"] = s.reselect_on_despread
+    row["reselect"], row["always_hops"] = s.reselect_on_despread, s.hopping == "always"
     _fill_paths(row, s)
     row["opponent_speed"], row["tuning_span"] = s.opponent_speed_m_s, s.tuning_span_mhz
     row["patrol_centre"], row["patrol_radius"] = s.patrol_centre_m, s.patrol_radius_m

@@ -137,6 +137,7 @@ RULES = np.dtype(
         ("curve_altitude", "f8", (2,)),
         ("chords", "i8"),
         ("reselect", "b1"),
+        ("always_hops", "b1"),
         ("paths", "i8"),  # how many a round draws from
         ("path", "i8", (MOST_PATHS,)),  # their indices
         ("opponent_speed", "f8"),

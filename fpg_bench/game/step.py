@@ -91,7 +91,7 @@ def _choose_jamming(game, action, rules):
 @compiled
 def _choose_frequency(game, action, observation, rules):
     spread = action[SPREAD_GATE] > 0.0
-    game.hopped = action[HOP_GATE] > 0.0
+    game.hopped = rules.always_hops or action[HOP_GATE] > 0.0
     despread = rules.reselect and game.spreading and not spread
     if game.hopped or despread:
         game.point = choose_point(game.point, observation, action, game.round_key, game.step, rules)

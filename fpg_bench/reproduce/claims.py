@@ -25,6 +25,16 @@ CLAIMS = {
     "D4": "Without the planner the opponent is worse, without the knowledge base the ally (Fig. 7)",
 }
 
+# What can come out by itself where the whole claim does not.
+ASPECTS = {
+    "D1": CLAIMS["D1"],
+    "D2": CLAIMS["D2"],
+    "D3 level": "Each jamming type alone leaves the opponent below the ally",
+    "D3 order": "Single tone is weakest, broadband strongest",
+    "D4 planner": "Without the planner, where it learns to fly, the opponent is worse",
+    "D4 knowledge": "Without the knowledge base the ally is worse",
+}
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -55,6 +65,16 @@ class Comparison:
     def holds_uncorrected(self) -> bool:
         """Whether it counts as a part of its claim, which needs all of them (intersection-union)."""
         return self.found.p < LEVEL and self.found.mean > 0
+
+
+def aspect_of(comparison: Comparison) -> str:
+    """Which of :data:`ASPECTS` a test is a part of; ``D1 frozen`` is one more."""
+    claim, said = comparison.claim, comparison.statement
+    if claim == "D3":
+        return "D3 level" if "alone" in said else "D3 order"
+    if claim == "D4":
+        return "D4 planner" if "learned path" in said else "D4 knowledge"
+    return claim
 
 
 def compare(results: Results) -> list[Comparison]:

@@ -49,8 +49,9 @@ class Condition:
         return self.name, *(swapped(self.name, path) for path in self.swaps)
 
     def scenario(self, preset: str) -> Scenario:
-        """What is played: a preset with this condition's changes, in matches of ten rounds."""
-        return as_scenario(preset, rounds_per_match=ROUNDS_PER_MATCH, **self.changes)
+        """What is played: a preset with this condition's changes, in matches of ten rounds at least."""
+        rounds = max(ROUNDS_PER_MATCH, as_scenario(preset).rounds_per_match)
+        return as_scenario(preset, **{"rounds_per_match": rounds, **self.changes})
 
 
 _MAIN = (
@@ -93,8 +94,19 @@ _OTHERWISE: dict[str, dict[str, tuple[str, dict[str, Any]]]] = {
         ),
         "blinded": ("the opponent hears by the ally's SNR, which its jamming lowers", {"detection": "link"}),
     },
+    "figures": {  # what it settles otherwise than the letter, taken back one by one
+        "interference-twice": (
+            "Eq. 2 and 3 to the letter: interference counts twice",
+            {"snr_model": "paper"},
+        ),
+        "gated-hops": ("the ally learns when to hop (Eq. 5)", {"hopping": "gated"}),
+        "match-memory": (
+            "the planner remembers the ten rounds of a match",
+            {"rounds_per_match": ROUNDS_PER_MATCH},
+        ),
+    },
 }
-_HOP_COSTS = (0, 200)  # beside the preset's own, which lies between
+_HOP_COSTS = {"paper": (0, 200), "standard": (0, 200), "figures": (100,)}  # beside the preset's own
 
 
 def sensitivity(preset: str) -> tuple[Condition, ...]:
@@ -102,7 +114,9 @@ def sensitivity(preset: str) -> tuple[Condition, ...]:
     others = {
         "k-power": ("k is a factor of the power, not of the dBm", {"jamming_coefficients": _POWER_FACTORS}),
         **_OTHERWISE[preset],
-        **{f"hop-cost-{cost}": (f"a hop costs H = {cost}", {"hop_cost": cost}) for cost in _HOP_COSTS},
+        **{
+            f"hop-cost-{cost}": (f"a hop costs H = {cost}", {"hop_cost": cost}) for cost in _HOP_COSTS[preset]
+        },
     }
     return tuple(Condition(name, about, changes=changes) for name, (about, changes) in others.items())
 
@@ -131,14 +145,15 @@ def conditions_of(target: str, preset: str, full: bool) -> list[Condition]:
 
     Args:
         target: ``fig3`` to ``fig7``, ``tables`` or ``all``.
-        preset: ``paper`` or ``standard``.
+        preset: ``paper``, ``standard`` or ``figures``.
         full: whether the sensitivity study and, in the paper's game, the long run belong to ``all``.
 
     Raises:
         UserError: another target or preset.
     """
     if preset not in _OTHERWISE:
-        raise UserError(f"scenario: expected paper or standard, got {preset!r}{nearest(preset, _OTHERWISE)}")
+        known = ", ".join(_OTHERWISE)
+        raise UserError(f"scenario: expected one of {known}, got {preset!r}{nearest(preset, _OTHERWISE)}")
     if target == ALL:
         found = [c for c in _MAIN if c.name != LONG or (full and preset == LONG_IN)]
         return [*found, *(sensitivity(preset) if full else ())]

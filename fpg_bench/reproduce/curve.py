@@ -14,7 +14,7 @@ from fpg_bench.reproduce.claims import LEVEL
 from fpg_bench.reproduce.readings import POINTS, Reading, as_reading
 from fpg_bench.rows import Row
 
-_HOLDS, _OPPOSITE, _OPEN = "#0b5fa5", "#d95f02", "#777777"
+HELD, OPPOSITE, OPEN = "#0b5fa5", "#d95f02", "#777777"
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def draw_curve(rows: Sequence[Row]) -> Any:
     """
     settings = [(point, setting) for point, known in POINTS.items() for setting in known]
     claims = claims_of(rows)
-    figure = blank_figure(4.2 * len(claims), 8)
+    figure = blank_figure(2.6 * len(claims) + 1.4, 8)
     above, below = figure.subplots(2, len(claims), sharex="col", sharey="row", height_ratios=(2, 3))
     for column, claim in enumerate(claims):
         found = spots(rows, claim)
@@ -114,17 +114,19 @@ def draw_curve(rows: Sequence[Row]) -> Any:
 
 def _colour(spot: Spot) -> str:
     if spot.holds:
-        return _HOLDS
-    return _OPPOSITE if spot.against else _OPEN
+        return HELD
+    return OPPOSITE if spot.against else OPEN
 
 
 def _draw_effects(axes: Any, found: Sequence[Spot], claim: str) -> None:
     held, colours = sum(spot.holds for spot in found), [_colour(spot) for spot in found]
-    axes.scatter(range(len(found)), [spot.size for spot in found], s=4, c=colours, linewidths=0)
+    axes.scatter(
+        range(len(found)), [spot.size for spot in found], s=4, c=colours, linewidths=0, rasterized=True
+    )
     axes.axhline(0, color="black", lw=0.8)
     axes.axhspan(-1, 1, color="#000000", alpha=0.08, lw=0)
     axes.set_yscale("symlog", linthresh=1)
-    axes.set_title(f"{claim}: holds under {held} of {len(found)} readings", fontsize=10)
+    axes.set_title(f"{claim}:\nholds under {held} of {len(found)}", fontsize=9)
 
 
 def _draw_settings(axes: Any, found: Sequence[Spot], settings: Sequence[tuple[str, str]]) -> None:
@@ -135,6 +137,6 @@ def _draw_settings(axes: Any, found: Sequence[Spot], settings: Sequence[tuple[st
         for each in zip(POINTS, spot.reading.settings, strict=True)
     ]
     across, down, colours = zip(*dots, strict=True)
-    axes.scatter(across, down, s=2, c=colours, linewidths=0)
+    axes.scatter(across, down, s=28, c=colours, marker="|", linewidths=0.25, rasterized=True)
     axes.set_xlabel("readings, sorted")
     axes.grid(axis="y", alpha=0.2)

@@ -64,6 +64,7 @@ BUDGETS: Mapping[str, Budget] = MappingProxyType(
     {
         "quick": Budget("quick", 192_000, 64, 15, 15, 2),  # 3 * 10^3 updates
         "full": Budget("full", 1_000_000, 64, 5, 16, 10),  # 5 * 10^4 updates
+        "hundredth": Budget("hundredth", 1_000_000, 64, 5, 32, 10),  # 10^5 updates
         # An update after each step, as in Algorithm 1, and a tenth of the paper's steps or all of them.
         "tenth": Budget("tenth", 1_000_000, 64, 1, 64, 10),
         "paper": Budget("paper", 10_000_000, 64, 1, 64, 3),
@@ -91,7 +92,8 @@ def run_experiment(
 
     All seeds are trained at once, which takes little longer than one; each by its own games and chance, so
     that the others make no difference to it beyond the rounding of sums. Every ten minutes all is kept in the
-    user's cache; a run that was killed goes on from there, and gives what it would have given.
+    user's cache, and what came out at the end; a run that was killed goes on from there, and gives what it
+    would have given. Who has written down what came out removes :func:`checkpoint_of` it.
 
     Args:
         condition: under which.
@@ -110,16 +112,12 @@ def run_experiment(
     """
     torch.set_num_threads(1)
     seeds, steps = list(seeds), condition.budgets * budget.steps
-    about: dict[str, Any] = {
-        "scenario": f"{preset}, {condition.scenario(preset).hash}",
-        "trained at once": ", ".join(map(str, seeds)),
-        "versions": _versions(learner),
-    }
-    checkpoint = Checkpoint(
-        about | {"condition": condition.name, "budget": repr(budget), "place": str(place)}
-    )
+    about = _about(condition, preset, seeds, learner)
+    checkpoint = checkpoint_of(condition, preset, budget, seeds, place, learner)
     begun = time.monotonic()
     state = checkpoint.read()
+    if isinstance(state, list):  # at its end
+        return state
     if state is None:
         runs = {
             seed: _Training(condition, preset, budget, seed, place / f"seed_{seed}", llm) for seed in seeds
@@ -142,8 +140,24 @@ def run_experiment(
             on_it = played_without_noise(run.model, run.games(None, path=path, planner=None))
             row = window_row(FINAL, steps, *on_it)
             told.append(Run(swapped(condition.name, path), seed, made_so, [row]))
-    checkpoint.remove()
+    checkpoint.keep(told, now=True)
     return told
+
+
+def checkpoint_of(
+    condition: Condition, preset: str, budget: Budget, seeds: Iterable[int], place: Path, learner: str
+) -> Checkpoint:
+    """Where :func:`run_experiment` keeps what it is asked for in these words."""
+    about = _about(condition, preset, list(seeds), learner)
+    return Checkpoint(about | {"condition": condition.name, "budget": repr(budget), "place": str(place)})
+
+
+def _about(condition: Condition, preset: str, seeds: list[int], learner: str) -> dict[str, Any]:
+    return {
+        "scenario": f"{preset}, {condition.scenario(preset).hash}",
+        "trained at once": ", ".join(map(str, seeds)),
+        "versions": _versions(learner),
+    }
 
 
 def _versions(learner: str) -> str:

@@ -159,13 +159,14 @@ def overlap_and_success(results: Results, preset: str) -> Any:
 
 def paths(results: Results, preset: str) -> Any:
     """Where both sides flew in a round after training (Algorithm 1, line 18), from above."""
-    there = [name for name in (*FIXED_PATHS, BASE, NO_PLANNER) if 0 in results.runs.get(name, {})]
-    if BASE not in there:
+    if not results.runs.get(BASE):
         return None
+    seed = min(results.runs[BASE])
+    there = [name for name in (*FIXED_PATHS, BASE, NO_PLANNER) if seed in results.runs.get(name, {})]
     scenario = scenario_of(preset)
     figure = blank_figure(2.6 * len(there) + 0.6, 3.2)
     for axes, condition in zip(figure.subplots(1, len(there), squeeze=False)[0], there, strict=True):
-        row = results.runs[condition][0][-1]
+        row = results.runs[condition][seed][-1]
         for side, colour in (("ally", _ALLY), ("opponent", _OPPONENT)):
             x, y, _ = np.reshape(row[f"{side}_path"], (-1, 3)).T
             axes.plot(x, y, color=colour, lw=1.3, label=side)
@@ -200,7 +201,7 @@ def save_figure(figure: Any, stem: Path) -> list[Path]:
     for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
         image = io.BytesIO()
         with rc_context({"svg.hashsalt": stem.name, "svg.fonttype": "none"}):
-            figure.savefig(image, format=form, metadata=metadata)
+            figure.savefig(image, format=form, metadata=metadata, dpi=150 if form == "svg" else "figure")
         path = stem.with_suffix(f".{form}")
         write_whole(path, image.getvalue())
         paths.append(path)

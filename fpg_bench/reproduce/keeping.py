@@ -49,9 +49,9 @@ class Checkpoint:
                 f"checkpoint {self._path}: cannot be read ({said}); remove it, and the run begins again"
             ) from error
 
-    def keep(self, state: Any) -> None:
-        """Write it, if ten minutes have passed since."""
-        if time.monotonic() - self._last < EVERY_S:
+    def keep(self, state: Any, now: bool = False) -> None:
+        """Write it, if ten minutes have passed since, or ``now``."""
+        if not now and time.monotonic() - self._last < EVERY_S:
             return
         self._path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         unfinished = self._path.with_name(f".{self._path.name}")
@@ -61,5 +61,5 @@ class Checkpoint:
         self._last = time.monotonic()
 
     def remove(self) -> None:
-        """Remove the file: the run has come to its end."""
+        """Remove the file: what the run came to lies elsewhere."""
         self._path.unlink(missing_ok=True)

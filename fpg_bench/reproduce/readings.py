@@ -16,7 +16,7 @@ from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario, as_scenario
 
 LETTER = "letter"
-_REMEMBERED = {"match": 10, "for-ever": 40}  # rounds
+REMEMBERED = {"match": 10, "for-ever": 40}  # rounds
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,10 @@ class Setting:
     Attributes:
         about: what it says.
         changes: fields of the scenario ``paper`` that are other ones.
-        always_hops: whether the knowledge base hops in every step (Algorithm 1, line 6).
     """
 
     about: str
     changes: Mapping[str, Any] = field(default_factory=dict)
-    always_hops: bool = False
 
 
 # By point; the first setting of each is that of the preset ``paper``.
@@ -55,7 +53,7 @@ POINTS: Mapping[str, Mapping[str, Setting]] = MappingProxyType(
         "hops": {
             "gated": Setting("the ally learns when to hop (Eq. 5)"),
             "always": Setting(
-                "the knowledge base hops in every step (Algorithm 1, line 6)", always_hops=True
+                "the knowledge base hops in every step (Algorithm 1, line 6)", {"hopping": "always"}
             ),
         },
         "hop-cost": {
@@ -108,18 +106,32 @@ class Reading:
         return [known[name] for known, name in zip(POINTS.values(), self.settings, strict=True)]
 
     @property
-    def always_hops(self) -> bool:
-        """Whether the knowledge base hops in every step."""
-        return any(part.always_hops for part in self.parts)
+    def items(self) -> list[tuple[str, str]]:
+        """Its points and their settings."""
+        return list(zip(POINTS, self.settings, strict=True))
 
     def of(self, point: str) -> str:
         """Its setting of a point."""
         return self.settings[list(POINTS).index(point)]
 
+    def but(self, **settings: str) -> Reading:
+        """The same reading with other settings of some points, whose hyphens are written ``_``."""
+        chosen = {point: settings.get(point.replace("-", "_")) for point in POINTS}
+        return Reading(tuple(new or old for new, old in zip(chosen.values(), self.settings, strict=True)))
+
+    @property
+    def rounds(self) -> int:
+        """How many rounds of a match the planner remembers."""
+        return REMEMBERED[self.of("memory")]
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """The fields of the scenario ``paper`` that are other ones, besides ``rounds_per_match``."""
+        return {name: value for part in self.parts for name, value in part.changes.items()}
+
     def scenario(self) -> Scenario:
         """What is played, in matches of as many rounds as the planner remembers."""
-        changes = {name: value for part in self.parts for name, value in part.changes.items()}
-        return as_scenario("paper", rounds_per_match=_REMEMBERED[self.of("memory")], **changes)
+        return as_scenario("paper", rounds_per_match=self.rounds, **self.changes)
 
 
 def as_reading(text: str) -> Reading:

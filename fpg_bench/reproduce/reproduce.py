@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,13 +11,18 @@ from fpg_bench.checks import whole
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.jobs.job import Job, check_all_done
 from fpg_bench.jobs.run import run_jobs
+from fpg_bench.reproduce.cells import PRESET, every_condition, names
+from fpg_bench.reproduce.cells_report import write_cells
 from fpg_bench.reproduce.conditions import LLM, LONG, SHORT_SEEDS, Condition, conditions_of
-from fpg_bench.reproduce.experiment import BUDGETS, Budget, run_experiment
+from fpg_bench.reproduce.experiment import BUDGETS, Budget, checkpoint_of, run_experiment
 from fpg_bench.reproduce.figures import draw
+from fpg_bench.reproduce.keeping import Checkpoint
 from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.results import read_results
-from fpg_bench.reproduce.runs import RunFile
+from fpg_bench.reproduce.runs import Run, RunFile
 from fpg_bench.training.maddpg_seeds import find_learner
+
+CELLS = "cells"
 
 
 def reproduce(
@@ -26,26 +31,26 @@ def reproduce(
     *,
     scenario: str = "paper",
     seeds: int | None = None,
+    first_seed: int = 0,
     budget: str | Budget = "quick",
     llm: Mapping[str, Any] | None = None,
     learner: str = "torch",
-    say: Callable[[str], None] = print,
     **where: Any,
 ) -> list[Path]:
     """Run what a figure of the paper needs, draw it, and write the report of all runs that are there.
 
     Args:
-        target: ``fig3`` to ``fig7``, ``tables`` or ``all``.
+        target: ``fig3`` to ``fig7``, ``tables`` or ``all``; or ``cells``, the readings that decide.
         out: the folder of runs, figures and reports; runs that are there already are not repeated.
-        scenario: ``paper`` or ``standard``.
+        scenario: ``paper``, ``standard`` or ``figures``; of ``cells`` always readings of ``paper``.
         seeds: runs of each condition that a claim rests on (others: five at most); None: the budget's own.
-        budget: ``quick``, ``full``, ``tenth``, ``paper``, or one of one's own.
+        first_seed: of training; what confirms a finding needs seeds that had no part in it.
+        budget: ``quick``, ``full``, ``hundredth``, ``tenth``, ``paper``, or one of one's own.
         llm: run the language model that the environment names as one more planner, with these options of
             its planner; ``transcript``: replay that file. None: it is not run, and the report says so.
         learner: who updates the networks, ``torch`` or ``jax``, which takes less time and needs the
             extra ``fast``.
-        say: told a line per run that begins or ends.
-        **where: ``workers``, ``backend`` and ``address``; see :func:`fpg_bench.jobs.run.run_jobs`.
+        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`fpg_bench.jobs.run.run_jobs`.
 
     Returns:
         The files written: figures, then the report.
@@ -56,27 +61,64 @@ def reproduce(
     budget = _budget(budget)
     find_learner(learner)
     count = whole(budget.seeds if seeds is None else seeds, "seeds")
-    out = Path(out)
-    file = RunFile(out, scenario, budget.name)
-    there, place = file.read(), (out / "transcripts" / f"{scenario}-{budget.name}").absolute()
-    listed = []
-    for condition in _conditions(target, scenario, budget, llm):
-        missing = [seed for seed in _seeds(condition, count) if (condition.name, seed) not in there]
-        run = partial(
-            run_experiment, condition, scenario, budget, missing, place / condition.name, llm, learner
-        )
-        if missing:  # they learn together
-            name = f"{scenario} {condition.name} seeds {', '.join(map(str, missing))}"
-            listed.append(Job(name, run, file.add))
-    failed = run_jobs(listed, say=say, **where)
-    conditions = _conditions("all", scenario, BUDGETS["full"], {})
-    every = {name: range(count) for condition in conditions for name in condition.runs}
-    results = read_results(file, every)
-    figures = draw(results, scenario, out / "figures")
-    words = f"fpg-bench reproduce {target} --scenario {scenario} --budget {budget.name} --seeds {count}"
-    reports = write_report(results, scenario, budget, figures, out, words)
+    out, all_of = Path(out), CELLS if target == CELLS else "all"
+    file = RunFile(out, CELLS if target == CELLS else scenario, budget.name)
+    conditions = _conditions(target, scenario, budget, llm)
+    preset = PRESET if target == CELLS else scenario
+    listed = list(_jobs(file, conditions, preset, budget, (first_seed, count), llm, learner))
+    failed = run_jobs(listed, **where)
+    every = names(_conditions(all_of, scenario, BUDGETS["full"], {}))
+    results = read_results(file, dict.fromkeys(every, range(first_seed, first_seed + count)))
+    words = "" if target == CELLS else f" --scenario {scenario}"
+    words = f"fpg-bench reproduce {target}{words} --budget {budget.name} --seeds {count}"
+    words += f" --first-seed {first_seed}" if first_seed else ""
+    if target == CELLS:
+        written = write_cells(results, budget, out, words)
+    else:
+        drawn = draw(results, scenario, out / "figures")
+        reports = write_report(results, scenario, budget, drawn, out, words)
+        written = [*(path for paths in drawn.values() for path in paths), *reports]
     check_all_done(failed)
-    return [*(path for paths in figures.values() for path in paths), *reports]
+    return written
+
+
+def _jobs(
+    file: RunFile,
+    conditions: Iterable[Condition],
+    preset: str,
+    budget: Budget,
+    seeds: tuple[int, int],
+    llm: Mapping[str, Any] | None,
+    learner: str,
+) -> Iterator[Job]:
+    """What is missing of some conditions: a job each, whose seeds learn together."""
+    there = file.read()
+    place = (file.path.parent / "transcripts" / file.path.name.split(".")[0]).absolute()
+    for condition in conditions:
+        missing = [seed for seed in _seeds(condition, *seeds) if (condition.name, seed) not in there]
+        _check_same_game(file, there.values(), condition, preset)
+        if missing:
+            name = f"{preset} {condition.name} seeds {', '.join(map(str, missing))}"
+            words = condition, preset, budget, missing, place / condition.name
+            keep = partial(_keep_rows, file, checkpoint_of(*words, learner))
+            yield Job(name, partial(run_experiment, *words, llm, learner), keep)
+
+
+def _check_same_game(file: RunFile, there: Iterable[Run], condition: Condition, preset: str) -> None:
+    """Refuse to go on with rows of another game: a preset that has changed, or a file that was renamed."""
+    game = f"{preset}, {condition.scenario(preset).hash}"
+    for run in there:
+        if run.condition == condition.name and run.about.get("scenario") != game:
+            raise UserError(
+                f"runs {file.path}: {run.condition}, seed {run.seed}, played another game than {preset} "
+                "is now; choose another --out, or remove the file"
+            )
+
+
+def _keep_rows(file: RunFile, checkpoint: Checkpoint, runs: list[Run]) -> None:
+    """Write runs down; then, and not before, their checkpoint is removed."""
+    file.add(runs)
+    checkpoint.remove()
 
 
 def _budget(budget: str | Budget) -> Budget:
@@ -88,14 +130,16 @@ def _budget(budget: str | Budget) -> Budget:
 
 
 def _conditions(target: str, scenario: str, budget: Budget, llm: Mapping[str, Any] | None) -> list[Condition]:
+    if target == CELLS:
+        return every_condition()
     found = conditions_of(target, scenario, budget.name == "full")
     if llm is not None and target in ("all", "fig3", "fig7"):
         found.append(Condition(LLM, "path planned by a language model", {"planner": "llm"}))
     return found
 
 
-def _seeds(condition: Condition, count: int) -> range:
+def _seeds(condition: Condition, first: int, count: int) -> range:
     """Claims need all seeds, pictures and the sensitivity study five, the long run one as a check."""
     if condition.name in (LONG, LLM):
-        return range(1)
-    return range(count if condition.tested else min(count, SHORT_SEEDS))
+        return range(first, first + 1)
+    return range(first, first + (count if condition.tested else min(count, SHORT_SEEDS)))

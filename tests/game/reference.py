@@ -198,10 +198,11 @@ class ReferenceGame:
 
     def _choose_frequency(self, a: list[float]) -> None:
         s = self.s
-        self.hopped, spread = a[0] > 0, a[1] > 0
+        always = s.hopping == "always"
+        self.hopped, spread = always or a[0] > 0, a[1] > 0
         leaves_spread = self.spreading and not spread
         if self.hopped or (s.reselect_on_despread and leaves_spread):
-            if s.knowledge_base is not None and a[4] > 0:
+            if s.knowledge_base is not None and (always or a[4] > 0):
                 self.point = self._ask_expert(a)
             else:
                 self.point = math.floor((a[3] + 1) / 2 * (s.frequency_points - 1) + 0.5)

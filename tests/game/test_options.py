@@ -52,6 +52,7 @@ OTHERWISE = {
     "ally_path_altitude_m": ((60, 550),),
     "ally_path_chords": (255,),
     "reselect_on_despread": (True,),
+    "hopping": ("always",),
     "knowledge": ("none",),
     "opponent_path": ("circle",),
     "opponent_speed_m_s": (9,),

@@ -7,7 +7,7 @@ import dataclasses
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.game.scenario import PAPER, STANDARD, Scenario, as_scenario, preset
+from fpg_bench.game.scenario import FIGURES, PAPER, STANDARD, Scenario, as_scenario, preset
 from fpg_bench.game.validation import ScenarioError
 
 FIELDS = {spec.name: spec for spec in dataclasses.fields(Scenario)}
@@ -46,6 +46,7 @@ REFUSED = {
     "ally_path_altitude_m": [(-1, 550), (50, 1e6)],
     "ally_path_chords": [0, 10_001],
     "reselect_on_despread": [0, "no"],
+    "hopping": ["never", 1],
     "knowledge": [3, None],
     "opponent_path": ["cirle", ("circle", "oval"), (), 7],
     "opponent_speed_m_s": [-1, 1001],
@@ -185,6 +186,7 @@ def test_a_scenario_is_frozen():
 def test_presets():
     assert preset("standard") == STANDARD == Scenario()
     assert preset("paper") == PAPER
+    assert preset("figures") == FIGURES
     with pytest.raises(ScenarioError, match="unknown scenario 'papr'; did you mean 'paper'"):
         preset("papr")
 
@@ -210,6 +212,11 @@ def test_the_presets_differ_where_the_rules_say_so():
         "hop_cost": 100.0,
         "distance_reward": 50.0,
     }
+
+
+def test_figures_departs_from_the_letter_where_the_rules_say_so():
+    changed = {n: getattr(FIGURES, n) for n in FIELDS if getattr(FIGURES, n) != getattr(PAPER, n)}
+    assert changed == {"snr_model": "sinr", "hopping": "always", "hop_cost": 0.0, "rounds_per_match": 40}
 
 
 def test_the_numbers_of_the_paper():

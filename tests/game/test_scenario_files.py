@@ -69,6 +69,7 @@ OTHER = {
     "detection": "link",
     "ally_path_m": PAPER.ally_path_m,
     "reselect_on_despread": True,
+    "hopping": "always",
     "knowledge": "none",
     "opponent_path": "circle",
     "snr_cap_db": None,

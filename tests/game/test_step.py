@@ -28,6 +28,7 @@ VARIANTS = {
     **{f"standard-{path}": dataclasses.replace(STANDARD, opponent_path=path)
        for path in ("circle", "triangle", "rectangle", "learned", "waypoints")},
     "paper-learned-sinr": dataclasses.replace(PAPER, opponent_path="learned", snr_model="sinr"),
+    "always-hops": dataclasses.replace(PAPER, hopping="always"),
     "no-knowledge": dataclasses.replace(STANDARD, knowledge="none", detection="off"),
     "two-types-many-paths": dataclasses.replace(
         STANDARD, jamming_types=("narrowband", "comb"), opponent_path=("pursuit", "learned", "circle")

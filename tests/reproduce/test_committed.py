@@ -8,9 +8,12 @@ from fpg_bench.reproduce.claims import CLAIMS
 from fpg_bench.reproduce.conditions import ALL, conditions_of
 from fpg_bench.reproduce.experiment import BUDGETS
 from fpg_bench.reproduce.figures import FIGURES
+from fpg_bench.reproduce.readings import as_reading, every_reading
 from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.results import read_results
 from fpg_bench.reproduce.runs import RunFile
+from fpg_bench.reproduce.screen import ASKING, NOT_ASKING, play_pair
+from fpg_bench.reproduce.screen_report import by_setting, read_screen, write_screen
 
 COMMITTED = Path(__file__).parents[2] / "docs/reproduction"
 RUNS = Path(__file__).parents[2] / "results/reproduction"
@@ -44,6 +47,26 @@ def test_the_report_is_what_the_runs_say(committed, tmp_path):
             assert (COMMITTED / f"figures/{figure}-{preset}.{form}").is_file()
 
 
+def test_the_report_of_figures_is_what_its_runs_say_on_fresh_seeds(tmp_path):
+    budget = BUDGETS["hundredth"]
+    file = RunFile(RUNS, "figures", budget.name)
+    there = file.read()
+    seeds = sorted({seed for _, seed in there})
+    assert min(seeds) >= 100  # those below were looked at before this reading was chosen
+    results = read_results(file, {name: seeds for name, _ in there})
+    report = (COMMITTED / "report-figures.md").read_text()
+    (command,) = [line for line in report.splitlines() if line.startswith("fpg-bench reproduce")]
+    assert f"--seeds {len(seeds)} --first-seed {min(seeds)}" in command
+    drawn = [name for name in FIGURES if f"figures/{name}-figures.png" in report]
+    made, _ = write_report(results, "figures", budget, drawn, tmp_path, command)
+    assert made.read_text() == report
+    for name in drawn:
+        assert (COMMITTED / f"figures/{name}-figures.png").is_file()
+    for (name, _), run in there.items():
+        known = {c.name: c for c in conditions_of(ALL, "figures", full=True)}[name.split("@")[0]]
+        assert run.about["scenario"] == f"figures, {known.scenario('figures').hash}"
+
+
 def test_the_docs_state_the_verdicts_of_the_reports():
     page = (COMMITTED.parent / "reproduction.md").read_text()
     for place, preset in ((-2, "paper"), (-1, "standard")):
@@ -51,6 +74,40 @@ def test_the_docs_state_the_verdicts_of_the_reports():
         found, stated = _verdicts(report, -1), _verdicts(page, place)
         assert set(found) == set(CLAIMS)
         assert stated == found
+
+
+def test_the_screens_page_is_what_its_rows_say(tmp_path):
+    rows = read_screen(RUNS)
+    assert [row["reading"] for row in rows] == [reading.name for reading in every_reading()]
+    *_, page = write_screen(rows, tmp_path)
+    assert page.read_text() == (COMMITTED / "screen.md").read_text()
+    for form in ("png", "svg"):
+        assert (COMMITTED / f"figures/screen.{form}").is_file()
+    assert by_setting(rows) in (COMMITTED.parent / "open_points.md").read_text()
+
+
+@pytest.mark.parametrize("name", ["paths", "overlap", "types", "knowledge"])
+def test_the_page_of_a_question_quotes_the_reports_as_they_are(name):
+    reports = [(COMMITTED / f"report-{preset}.md").read_text() for preset in ("paper", "standard")]
+    page = (COMMITTED / f"question-{name}.md").read_text()
+    quoted = [line for line in page.splitlines() if line.startswith("| D")]
+    assert len(quoted) >= 4
+    for line in quoted:
+        assert any(line in report.splitlines() for report in reports), line
+
+
+def test_a_row_of_the_screen_is_what_the_game_gives():
+    (row,) = [row for row in read_screen(RUNS) if row["reading"] == "letter"]
+    levels = [part for part in row["parts"] if part["claim"] == "D3 order"]
+    letter = as_reading("letter")
+    best = {}
+    for kind in ("broadband", "tone"):
+        plays = [
+            play_pair(letter, ally, kind, row["games"], path="circle") for ally in (*ASKING, *NOT_ASKING)
+        ]
+        best[kind] = max(plays, key=lambda played: played.ally.mean()).opponent.mean()
+    (part,) = [part for part in levels if part["statement"].endswith("broadband - tone")]
+    assert best["broadband"] - best["tone"] == pytest.approx(part["mean"], rel=1e-4)
 
 
 def _verdicts(text: str, place: int) -> dict[str, str]:

@@ -1,28 +1,35 @@
 """A run that is killed goes on from its last checkpoint, and gives what it would have given."""
 
-import platformdirs
 import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.reproduce import keeping
 from fpg_bench.reproduce.conditions import conditions_of
-from fpg_bench.reproduce.experiment import Budget, run_experiment
+from fpg_bench.reproduce.experiment import Budget
 from fpg_bench.reproduce.keeping import Checkpoint
+from fpg_bench.reproduce.reproduce import _jobs
+from fpg_bench.reproduce.runs import RunFile
 from fpg_bench.training.maddpg_seeds import Together
 
 TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
 (PLANNED,) = conditions_of("fig4", "paper", full=False)
 
 
-@pytest.fixture(autouse=True)
-def cache(monkeypatch, tmp_path):
-    """A cache of one's own; gives the folder of checkpoints."""
-    monkeypatch.setattr(platformdirs, "user_cache_path", lambda name: tmp_path / name)
-    return tmp_path / "fpg_bench" / "reproduce"
+pytestmark = pytest.mark.usefixtures("cache")
+
+
+def job_of(folder, learner="torch"):
+    """The job of two seeds, and the file that their rows go to."""
+    file = RunFile(folder, "paper", "tiny")
+    (job,) = _jobs(file, [PLANNED], "paper", TINY, (0, 2), None, learner)
+    return job, file
 
 
 def run(folder, learner="torch"):
-    return [found.rows for found in run_experiment(PLANNED, "paper", TINY, (0, 1), folder, learner=learner)]
+    """The rows of two seeds, once they are on disk."""
+    job, file = job_of(folder, learner)
+    job.keep(job.run())
+    return {key: run.rows for key, run in file.read().items()}
 
 
 def killed_at(monkeypatch, steps):
@@ -53,6 +60,23 @@ def test_a_killed_run_goes_on_to_the_same_rows(learner, monkeypatch, tmp_path, c
         patch.setattr(Together, "__init__", None)  # nothing begins anew
         assert run(tmp_path / "killed", learner) == wanted
     assert not list(cache.iterdir())
+
+
+def test_a_run_is_not_lost_between_its_end_and_its_rows(monkeypatch, tmp_path, cache):
+    job, file = job_of(tmp_path)
+    ended = [each.line() for each in job.run()]  # and killed before the rows are written
+    with monkeypatch.context() as patch:
+        patch.setattr(RunFile, "add", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            job.keep(job.run())
+    assert len(list(cache.iterdir())) == 1
+    monkeypatch.setattr(Together, "__init__", None)  # nothing begins anew
+    again, _ = job_of(tmp_path)
+    runs = again.run()
+    assert [each.line() for each in runs] == ended
+    again.keep(runs)
+    assert not list(cache.iterdir())
+    assert len(file.read()) == 2 * len(PLANNED.runs)
 
 
 def test_each_run_has_a_checkpoint_of_its_own_and_one_that_was_cut_off_is_refused(monkeypatch, cache):

@@ -98,7 +98,16 @@ def test_what_was_run_is_not_run_again(made):
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_rows(made, tmp_path):
+def test_rows_of_another_game_are_not_gone_on_with(made, tmp_path):
+    out, *_ = made
+    other = RunFile(tmp_path, "standard", "tiny")
+    other.add(RunFile(out, "paper", "tiny").read().values())
+    with pytest.raises(UserError, match="planned, seed 0, played another game than standard is now"):
+        reproduce("fig4", tmp_path, scenario="standard", budget=TINY, seeds=1, workers=1)
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_rows(made, cache, tmp_path):
     out, *_ = made
     (base,) = conditions_of("fig4", "paper", full=False)
     again = RunFile(tmp_path, "paper", "tiny")
@@ -221,7 +230,7 @@ def test_tables_speak_of_what_is_in_use():
     ("words", "said"),
     [
         (["fig8"], "did you mean 'fig"),
-        (["fig3", "--scenario", "papr"], "expected paper or standard"),
+        (["fig3", "--scenario", "papr"], "expected one of paper, standard, figures"),
         (["fig3", "--budget", "ful"], "full"),
     ],
 )

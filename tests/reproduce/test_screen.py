@@ -2,14 +2,19 @@
 
 import json
 
+import numpy as np
 import pytest
 
+from fpg_bench.envs.two_sided import TwoSided
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.players.naming import as_player
 from fpg_bench.reproduce import screen as screening
+from fpg_bench.reproduce.claims import ASPECTS
 from fpg_bench.reproduce.curve import claims_of, draw_curve, shares, spots
 from fpg_bench.reproduce.readings import as_reading, every_reading
 from fpg_bench.reproduce.screen import play_pair, screen, screen_all
-from fpg_bench.reproduce.screen_report import reproduce_screen
+from fpg_bench.reproduce.screen_report import read_screen, reproduce_screen, write_screen
 
 LETTER, FREE_HOPS = as_reading("letter"), as_reading("interference=once,hops=always,hop-cost=0")
 
@@ -26,7 +31,7 @@ def effect(row, statement):
 
 def test_a_row_has_all_parts_of_all_claims(rows):
     for row in rows:
-        assert {part["claim"] for part in row["parts"]} == {"D1", "D2", "D3", "D4"}
+        assert {part["claim"] for part in row["parts"]} == set(ASPECTS)
         assert len(row["parts"]) == 3 + 2 + 9 + 2
         for part in row["parts"]:
             assert part["low"] <= part["mean"] <= part["high"]
@@ -46,7 +51,33 @@ def test_an_ally_that_always_hops_pays_for_every_step():
     paid = as_reading("interference=once,hops=always")
     gated, always = (play_pair(reading, "idle", "tone", 4, path="circle") for reading in (LETTER, paid))
     assert (gated.ally - always.ally).min() > 50  # H = 100
+    assert always.hops.min() == 1
     assert gated.overlap.mean() > always.overlap.mean()
+
+
+def test_the_price_of_a_hop_changes_what_is_earned_and_nothing_else():
+    dear, cheap = (as_reading(f"interference=once,hop-cost={cost}") for cost in ("100", "40"))
+    paid, saved = (play_pair(reading, "expert", "narrowband", 4, path="circle") for reading in (dear, cheap))
+    assert saved.ally - paid.ally == pytest.approx(60 * paid.hops)
+    assert paid.hops.any()
+    core = TwoSided(4, scenario=cheap.scenario(), path="circle")
+    players = [as_player(*who, cheap.scenario()) for who in (("expert", "ally"), ("narrowband", "opponent"))]
+    core.reset(seeds=np.array(evaluation_seeds(4)))
+    screening._play_round(core, players, 4)
+    assert core.duel.arena.tallies["ally_return"] / 100 == pytest.approx(saved.ally[0])
+
+
+def test_the_rounds_of_a_match_are_the_first_ones_of_a_longer_match():
+    core = TwoSided(3, scenario=LETTER.scenario(), planner="interceptor")
+    players = [as_player(*who, LETTER.scenario()) for who in (("expert", "ally"), ("adaptive", "opponent"))]
+    core.reset(seeds=np.array(evaluation_seeds(3)))
+    long = play_pair(LETTER, "expert", "adaptive", 3, 40, planner="interceptor").first(LETTER.rounds)
+    assert len(long.opponent) == LETTER.rounds == 10
+    for number in range(LETTER.rounds):
+        if number:
+            core.reset(np.ones(3, bool))
+        screening._play_round(core, players, 3)
+        assert core.duel.arena.tallies["opponent_return"] / 100 == pytest.approx(long.opponent[number])
 
 
 def test_what_is_there_is_not_made_again_and_what_is_missing_is(monkeypatch, tmp_path):
@@ -68,13 +99,13 @@ def test_a_claim_holds_where_its_weakest_part_does(rows):
             parts = [part for part in row["parts"] if part["claim"] == claim]
             assert spot.holds == all(part["mean"] > 0 and part["p"] < 0.05 for part in parts)
             assert spot.against == sum(part["high"] < 0 for part in parts)
-    assert shares(spots(rows, "D3"))["interference", "twice"] == 0
+    assert shares(spots(rows, "D3 order"))["interference", "twice"] == 0
 
 
 def test_the_curve_has_a_panel_a_claim_and_a_line_a_setting(rows):
     figure = draw_curve(rows)
     titles = [axes.get_title() for axes in figure.axes]
-    assert [title[:2] for title in titles if title] == claims_of(rows)
+    assert [title.split(":")[0] for title in titles if title] == claims_of(rows)
     labels = [label.get_text() for label in figure.axes[len(claims_of(rows))].get_yticklabels()]
     assert "interference: once" in labels
     assert len(labels) == 19
@@ -87,3 +118,9 @@ def test_the_page_says_what_hangs_on_each_point(tmp_path):
     assert "6 readings of the paper were played" in page
     assert "| interference | `once` |" in page
     assert (tmp_path / "figures" / "screen.png").is_file()
+    rows = read_screen(tmp_path)
+    assert [row["reading"] for row in rows] == [
+        reading.name for reading in every_reading(["interference", "hop-cost"])
+    ]
+    write_screen(rows, tmp_path / "again")
+    assert (tmp_path / "again" / "screen.md").read_text() == page
