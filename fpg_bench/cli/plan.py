@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,6 +26,8 @@ from fpg_bench.extras import need
 
 if TYPE_CHECKING:
     from fpg_bench.matches.match import Round
+
+DRAW_EVERY_S = 5.0  # drawing takes about a second, many planners less
 
 app = typer.Typer(help="Plan the opponent's path between the rounds of a match.")
 
@@ -53,7 +56,7 @@ def run(
 ) -> None:
     """Play one match of a planner, draw its paths, and keep it in a file; a stopped one goes on.
 
-    Beside the file lie paths.png, drawn anew after each round, and replay.html, all rounds to be watched.
+    Beside the file lie paths.png, drawn anew every few seconds, and replay.html, all rounds to be watched.
     """
     need("video", "matplotlib")
     from fpg_bench.matches.match import run_match
@@ -67,26 +70,34 @@ def run(
     file, picture, page = _targets(out, f"{name}-{ally}-{seed}")
     title = f"{name} against {ally}, seed {seed}"
     played: list[Round] = []
+    drawn = time.monotonic()
 
     def come(index: int, round: Round | None) -> None:
+        nonlocal drawn
         if round is not None:
             played.append(round)
-            draw_match(played, picture, title)
+            if time.monotonic() - drawn > DRAW_EVERY_S:
+                draw_match(played, picture, title)
+                drawn = time.monotonic()
             if talk:
                 _print_talk(round)
 
-    with watched(rounds, come) as progress:
-        run_match(
-            planner,
-            ally,
-            opponent,
-            scenario=scenario,
-            seed=seed,
-            rounds=rounds,
-            out=file,
-            llm=llm,
-            progress=progress,
-        )
+    try:
+        with watched(rounds, come) as progress:
+            run_match(
+                planner,
+                ally,
+                opponent,
+                scenario=scenario,
+                seed=seed,
+                rounds=rounds,
+                out=file,
+                llm=llm,
+                progress=progress,
+            )
+    finally:
+        if played:
+            draw_match(played, picture, title)
     write_match_replay(played, page, title, ally, opponent)
     _print_table(played, title)
     typer.echo(f"written: {file}, {picture}, {page}")

@@ -88,7 +88,7 @@ def test_the_screens_page_is_what_its_rows_say(tmp_path):
 
 @pytest.mark.parametrize("name", ["paths", "overlap", "types", "knowledge"])
 def test_the_page_of_a_question_quotes_the_reports_as_they_are(name):
-    reports = [(COMMITTED / f"report-{preset}.md").read_text() for preset in ("paper", "standard")]
+    reports = [(COMMITTED / f"report-{preset}.md").read_text() for preset in ("paper", "standard", "figures")]
     page = (COMMITTED / f"question-{name}.md").read_text()
     quoted = [line for line in page.splitlines() if line.startswith("| D")]
     assert len(quoted) >= 4
