@@ -46,7 +46,10 @@ def compare(
     wide: WideOption = False,
     concurrency: Annotated[int | None, typer.Option(min=1, help="llm: calls under way at once")] = None,
 ) -> None:
-    """Compare planners by a field of allies; what is in the folder already is not played again."""
+    """Compare planners by a field of allies; what is in the folder already is not played again.
+
+    Example: fpg-bench plan compare circle hill-climb interceptor --matches 10 --out results/planners
+    """
     from fpg_bench.cli.verbs import shown_progress, table
     from fpg_bench.evaluation.compare import compare as compare_planners
 

