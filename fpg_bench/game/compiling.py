@@ -65,11 +65,11 @@ def _remove_unused(root: Path) -> None:
                 shutil.rmtree(folder)
 
 
-class ByContent(caching.UserProvidedCacheLocator):
+class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: ignore[misc]
     """Names a function of this package by its room, wherever the package lies.
 
     The folder's digest says what is in it already. So a second environment, or a second copy of the same
-    sources, compiles nothing.
+    sources, compiles nothing. Numba 0.61 can't be told of it, and compiles anew in each place.
     """
 
     @classmethod
