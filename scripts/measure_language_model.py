@@ -72,7 +72,7 @@ def record(parts: Iterable[Part], out: Path, matches: int, server: str | None) -
                 str(FIELD),
                 out / part.name,
                 matches=matches,
-                llm={**part.options, **({} if server is None else {"server": server})},
+                llm={"prompt": "standard", **part.options, **({} if server is None else {"server": server})},
                 progress=lambda entry, ally, rounds, part=part: say(f"{part.name}: {rounds} rounds"),
             )
         except UserError as error:

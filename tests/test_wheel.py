@@ -26,6 +26,7 @@ CORE = """
 import pathlib, sys
 import gymnasium, pettingzoo
 import fpg_bench
+from gymnasium.utils.env_checker import check_env
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.testing import check_player
 
@@ -35,6 +36,7 @@ assert fpg_bench.preset("standard").knowledge_base.entries
 env = gymnasium.make("FPG/AllyVsScripted-v0")
 env.reset(seed=1)
 env.step(env.action_space.sample())
+check_env(env.unwrapped)  # shows every mode that is named, and without the extra video none is
 pettingzoo.make("parallel", "FPG/duel_v0").reset(seed=1)
 check_player(fpg_bench.load_agent("ally-scripted/ppo/seed_0"), "ally")
 """

@@ -49,7 +49,9 @@ AddressOption = Annotated[
 ]
 
 # Of the planner llm; the defaults are those of LLMPlanner.
-PromptOption = Annotated[str | None, typer.Option(help="llm: standard, paper or a YAML file")]
+PromptOption = Annotated[
+    str | None, typer.Option(help="llm: brief, paper, standard or a YAML file; default: the server's")
+]
 ServerOption = Annotated[str | None, typer.Option(help="llm: the server's profile or YAML file")]
 CallsOption = Annotated[int | None, typer.Option(min=1, help="llm: most calls of the run; default: 20000")]
 TokensOption = Annotated[

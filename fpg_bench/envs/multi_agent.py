@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -15,7 +15,7 @@ from fpg_bench.envs.one_sided import action_space, first_seeds, observation_spac
 from fpg_bench.errors import UserError
 from fpg_bench.game.full_state import FULL_STATE_SIZE
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.pictures.screen import RENDER_MODES, Screen
+from fpg_bench.pictures.screen import RENDER_MODES, Screen, offered_modes
 from fpg_bench.pictures.window import FRAMES_PER_SECOND
 from fpg_bench.players.player import SIDES
 
@@ -31,7 +31,7 @@ class DuelView(ParallelEnv):
         **options: those of :func:`fpg_bench.envs.duel.make_duel`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: dict[str, Any] = {  # noqa: RUF012
         "name": "duel_v0",
         "render_modes": list(RENDER_MODES),
         "render_fps": FRAMES_PER_SECOND,
@@ -40,6 +40,7 @@ class DuelView(ParallelEnv):
 
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
         self.duel = make_duel(1, **options)
+        self.metadata = {**self.metadata, "render_modes": offered_modes()}
         self.render_mode = render_mode
         self.possible_agents = list(SIDES)
         self.agents: list[str] = []

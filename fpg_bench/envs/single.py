@@ -12,7 +12,7 @@ from gymnasium.envs.registration import EnvSpec
 from fpg_bench.envs.one_sided import OneSided, action_space, first_seeds, observation_space, one_action
 from fpg_bench.errors import UserError
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.pictures.screen import RENDER_MODES, Screen
+from fpg_bench.pictures.screen import RENDER_MODES, Screen, offered_modes
 from fpg_bench.pictures.window import FRAMES_PER_SECOND
 
 
@@ -34,6 +34,7 @@ class SingleView(gymnasium.Env):
 
     def __init__(self, view_id: str, render_mode: str | None = None, **options: Any) -> None:
         self.core = OneSided(view_id, 1, **options)
+        self.metadata = {**self.metadata, "render_modes": offered_modes()}
         self.render_mode = render_mode
         self.observation_space = observation_space()
         self.action_space = action_space()

@@ -43,7 +43,7 @@ def asked(name: str, field: Field, folder: Path, options: Mapping[str, Any]) -> 
     """
     control, rest = LLM_CONTROLS[name], dict(options)
     endpoint = endpoint_from_environment(rest.pop("server", None))
-    prompt = rest.pop("prompt", "standard")
+    prompt = rest.pop("prompt", endpoint.server.prompt)
     about: dict[str, Any] = {"model": endpoint.model, "server": endpoint.server.name, "control": control}
     about |= {"prompt": prompt, "prompt_hash": load_prompt(prompt).hash}
     about |= {"temperature": rest.get("temperature", endpoint.server.temperature)}

@@ -7,10 +7,15 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.errors import UserError
-from fpg_bench.extras import need
+from fpg_bench.extras import has, need
 from fpg_bench.game.arena import Arena
 
-RENDER_MODES = ("rgb_array", "human")
+RENDER_MODES = {"rgb_array": ("matplotlib",), "human": ("matplotlib", "pygame")}  # and what each needs
+
+
+def offered_modes() -> list[str]:
+    """The render modes that the installed packages can show, which is what a made view's metadata names."""
+    return [mode for mode, packages in RENDER_MODES.items() if all(map(has, packages))]
 
 
 class Screen:
@@ -28,7 +33,7 @@ class Screen:
         if mode is not None and mode not in RENDER_MODES:
             raise UserError(f"render_mode: expected None, 'rgb_array' or 'human', got {mode!r}")
         if mode is not None:
-            need("video", "matplotlib")
+            need("video", *RENDER_MODES[mode])
         self._arena, self._mode = arena, mode
         self._renderer: Any = None
 

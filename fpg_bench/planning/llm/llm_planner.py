@@ -47,7 +47,8 @@ class LLMPlanner(BatchPlanner):
     Args:
         scenario: what is played.
         endpoint: the server and the model; None: as the environment says. A replay needs none.
-        prompt: a prompt profile, its name or a YAML file of one.
+        prompt: a prompt profile, its name or a YAML file of one; None: the server's, in a replay the
+            transcript's.
         control: ``none``, or what the model is kept from: ``shuffled-rewards``, ``no-history``.
         transcript: the file that keeps what was asked and answered. Each match in it needs a seed of its
             own.
@@ -76,7 +77,7 @@ class LLMPlanner(BatchPlanner):
         scenario: Scenario,
         endpoint: Endpoint | None = None,
         *,
-        prompt: str | Prompt = "standard",
+        prompt: str | Prompt | None = None,
         control: str = "none",
         transcript: str | Path | None = None,
         mode: str | None = None,
@@ -97,7 +98,6 @@ class LLMPlanner(BatchPlanner):
             raise UserError(f"deadline: {deadline_s:g} s; expected a number above 0")
         self.scenario = scenario
         self.name = "llm" if control == "none" else f"llm-{control}"
-        self.prompt = prompt if isinstance(prompt, Prompt) else load_prompt(prompt)
         self.control = control
         mode = mode or ("live" if transcript is None else "record")
         self.transcript = Transcript(transcript, mode, chain)
@@ -109,6 +109,9 @@ class LLMPlanner(BatchPlanner):
         if self.transcript.mode != "replay":
             asked = at_temperature(endpoint or endpoint_from_environment(), temperature)
             self._client = Client(asked, deadline_s)
+            prompt = prompt or asked.server.prompt
+        prompt = prompt or self.transcript.prompt
+        self.prompt = prompt if isinstance(prompt, Prompt) else load_prompt(prompt)
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
         """The plans of some games; what is made of an answer does not depend on ``concurrency``.

@@ -40,6 +40,7 @@ class Server:
         max_tokens: the longest answer asked for, in tokens.
         max_tokens_field: one of ``TOKEN_FIELDS``, what it calls that.
         refusal_codes: the codes of its errors that mean that it refuses to answer this question.
+        prompt: the prompt profile that it is asked with where nobody says another.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Server:
     max_tokens: int = 4096
     max_tokens_field: str = "max_tokens"
     refusal_codes: tuple[int | str, ...] = ("content_filter", "content_policy_violation")
+    prompt: str = "standard"
 
     def __post_init__(self) -> None:
         low, high = self.temperature_range
@@ -243,4 +245,5 @@ _CHECKS = {
     "max_tokens": whole,
     "max_tokens_field": _checked_choice,
     "refusal_codes": _checked_codes,
+    "prompt": _checked_word,
 }

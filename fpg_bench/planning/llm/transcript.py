@@ -22,6 +22,7 @@ from fpg_bench.files import PACKED
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where, alike
 from fpg_bench.planning.llm.chain import KEY, follows, linked
 from fpg_bench.planning.llm.packed import packed_rows
+from fpg_bench.planning.llm.prompts import PROMPTS
 from fpg_bench.planning.planner import Request
 from fpg_bench.rows import Row, RowFile
 
@@ -93,6 +94,12 @@ class Transcript:
     def attempts(self) -> list[Attempt]:
         """All attempts, in the order of the file."""
         return list(self._read().values())
+
+    @property
+    def prompt(self) -> str:
+        """The profile by which the first attempt was made; ``standard`` where that is none of ours."""
+        used = next((attempt.prompt for attempt in self.attempts()), None)
+        return used if used in PROMPTS else "standard"
 
     def check_told(self, told: Mapping[str, Any]) -> None:
         """Check that every attempt was made with the model, prompt and control that are told beside it.
