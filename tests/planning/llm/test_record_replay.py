@@ -13,9 +13,23 @@ import threading
 import pytest
 
 from fpg_bench.errors import UserError
+from fpg_bench.planning.llm.llm_planner import LLMPlanner
+from fpg_bench.planning.llm.prompts import load_prompt
 
 from .fault_server import FaultServer, answer, ok, refusal, status
-from .playing import BAD, GOOD, assert_same, path, path_text, planner, play, request, statuses
+from .playing import (
+    BAD,
+    GOOD,
+    SHORT,
+    assert_same,
+    endpoint,
+    path,
+    path_text,
+    planner,
+    play,
+    request,
+    statuses,
+)
 
 
 @pytest.fixture
@@ -40,6 +54,15 @@ def test_a_replay_needs_no_openai_package(recorded, monkeypatch):
     assert_same(recorded[1], play(planner(transcript=recorded[0], mode="replay")))
     with FaultServer([GOOD]) as server, pytest.raises(UserError, match=r'pip install "fpg-bench\[llm\]"'):
         planner(server)
+
+
+def test_the_server_s_prompt_is_asked_with_and_a_replay_takes_the_transcript_s(tmp_path):
+    file = tmp_path / "transcript.jsonl"
+    with FaultServer([GOOD]) as server:
+        asking = LLMPlanner(SHORT, endpoint(server, "embedded"), transcript=file)
+        played = play(asking)
+    assert asking.prompt == load_prompt("brief")
+    assert_same(played, play(planner(transcript=file, mode="replay")))
 
 
 def test_a_recorded_match_calls_nothing_again(recorded):
