@@ -83,6 +83,7 @@ def test_the_opponents_path_decides_the_field(tmp_path, path, field):
         ({"track": "aly"}, "track: expected ally, opponent, planner, got 'aly'; did you mean 'ally'?"),
         ({"track": ["ally"]}, "track: expected ally, opponent, planner, got ['ally']"),
         ({"path": "pursuit"}, "path: is of the track opponent only"),
+        ({"runs": 2}, "runs: is of a language model's transcripts only"),
         ({"training": None}, "training: expected steps, hours and seeds, got null"),
         ({"training": {"steps": 1, "hours": 1}}, "training: lacks seeds"),
         ({"training": {"steps": 1, "hours": 1, "seeds": [0, 0]}}, "one stands there twice"),

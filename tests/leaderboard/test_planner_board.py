@@ -172,6 +172,25 @@ def test_planners_that_are_not_the_package_s_are_refused(entered, changes, messa
     assert any(message in line for line in problems(folder))
 
 
+@pytest.mark.parametrize(
+    ("runs", "message"),
+    [
+        (None, "lacks 'runs': how often the model was recorded"),
+        (0, "runs: expected a whole number from 1"),
+        ("three", "runs: expected a whole number from 1"),
+        (True, "runs: expected a whole number from 1"),
+    ],
+)
+def test_how_often_a_model_was_recorded_must_be_told(entered, runs, message):
+    folder = entered / "submissions" / "planner" / "toy"
+    file = folder / "submission.yaml"
+    told = yaml.safe_load(file.read_text())
+    file.write_text(yaml.safe_dump({**told, "runs": runs}))
+    assert any(message in line for line in problems(folder))
+    file.write_text(yaml.safe_dump({key: value for key, value in told.items() if key != "runs"}))
+    assert any("lacks 'runs'" in line for line in problems(folder))
+
+
 def test_all_planners_that_ask_no_model_stand_on_the_board_as_their_scores_say():
     found = {}
     for name in (name for name in PLANNERS if name not in LLM_CONTROLS):
