@@ -37,7 +37,7 @@ def export(
     if source.is_dir():
         difference = _from_run(source, out, side)
     else:
-        difference = _from_zip(source, out, algo, view_id, _seed(out, seed), not_normalized)
+        difference = _from_zip(source, out, algo, view_id, seed, not_normalized)
     told = "unknown" if difference is None else f"{difference:.2g}"
     typer.echo(f"agent: {out}\nlargest difference to predict: {told}")
 
@@ -61,7 +61,7 @@ def _from_run(run: Path, out: Path, side: str | None) -> Any:
 
 
 def _from_zip(
-    path: Path, out: Path, algorithm: str | None, view_id: str, seed: int, not_normalized: bool
+    path: Path, out: Path, algorithm: str | None, view_id: str, seed: int | None, not_normalized: bool
 ) -> float:
     from fpg_bench.training.live import export_agent
     from fpg_bench.training.sb3_zip import INSTEAD, load_zip
@@ -77,7 +77,10 @@ def _from_zip(
             "export: a zip does not say whether VecNormalize was used, and its statistics are a pickle, "
             f"which is not opened; say --not-normalized if it was not, else {INSTEAD}"
         )
-    return export_agent(load_zip(path, algorithm, view_id), out, training_seed=seed, algorithm=algorithm)
+    training_seed = _seed(out, seed)
+    return export_agent(
+        load_zip(path, algorithm, view_id), out, training_seed=training_seed, algorithm=algorithm
+    )
 
 
 def _seed(out: Path, seed: int | None) -> int:

@@ -102,10 +102,12 @@ def test_what_is_no_zip_of_a_model_is_told(tmp_path):
             load_zip(tmp_path / name, "ppo", ID)
 
 
-def test_what_is_no_zip_is_not_asked_for_its_algorithm(tmp_path):
+def test_what_is_no_zip_is_not_asked_for_its_algorithm_or_seed(tmp_path):
     (tmp_path / "normalize.pkl").write_bytes(b"a pickle")
     with pytest.raises(UserError, match=r"normalize\.pkl is no zip .* a run's is called model\.zip"):
-        export_verb(tmp_path / "normalize.pkl", tmp_path / "seed_0")
+        export_verb(tmp_path / "normalize.pkl", tmp_path / "mine")
+    with pytest.raises(UserError, match="there is no such file"):
+        export_verb(tmp_path / "nowhere", tmp_path / "mine")
 
 
 @pytest.mark.slow
