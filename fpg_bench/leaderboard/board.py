@@ -12,7 +12,7 @@ import numpy as np
 
 from fpg_bench.errors import nearest
 from fpg_bench.evaluation.seeds import PROTOCOL, current_season
-from fpg_bench.evaluation.statistics import rank_ranges
+from fpg_bench.evaluation.statistics import rank_ranges, student_half
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.jobs.job import outcome_of
 from fpg_bench.leaderboard.board_rows import (
@@ -177,6 +177,7 @@ def _crossplay(pairs: Pairs) -> Row | None:
         return None
     played = [[pairs.known[pair_key(a, o, pairs.rounds)] for o in opponents] for a in allies]
     returns = {side: [[short(pair.reward(side)) for pair in line] for line in played] for side in SIDES}
+    half = {side: [[_half(pair, side) for pair in line] for line in played] for side in SIDES}
     found = nash(-np.array(returns["ally"]))  # the ally, who chooses rows, minimises
     return {
         "allies": [a.slug for a in allies],
@@ -190,6 +191,7 @@ def _crossplay(pairs: Pairs) -> Row | None:
         },
         "twins": _twins(opponents, returns["ally"]),
         "returns": returns,
+        "half": half,
         "jamming_success_rate": [[pair.jamming_success_rate for pair in line] for line in played],
         "rounds": pairs.rounds,
         "nash": {
@@ -198,6 +200,12 @@ def _crossplay(pairs: Pairs) -> Row | None:
             "value": short(-found.value),
         },
     }
+
+
+def _half(pair: Pair, side: str) -> float | None:
+    """Half of the 95 % interval of a side's return over its training seeds; None where it has but one."""
+    rewards = np.array(pair.rewards(side))
+    return short(student_half(rewards)) if len(rewards) > 1 else None
 
 
 def _twins(entries: Sequence[BoardEntry], returns: Sequence[Sequence[float | None]]) -> list[list[str]]:

@@ -139,6 +139,10 @@ def crossplay_data(board: Row) -> Row | None:
         "matrices": {
             key: [[rounded(line[j], 4) for j in left] for line in matrix] for key, matrix in matrices.items()
         },
+        "half": {
+            side: [[rounded(line[j], 4) for j in left] for line in matrix]
+            for side, matrix in (found.get("half") or {}).items()
+        },
         "rounds": finite(found.get("rounds")),
         "nash": _nash(found.get("nash"), twins),
     }
