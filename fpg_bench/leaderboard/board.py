@@ -27,6 +27,7 @@ from fpg_bench.leaderboard.board_rows import (
     told_field,
 )
 from fpg_bench.leaderboard.cases import Case, case_of, entered, result_file, submission_folders
+from fpg_bench.leaderboard.crossplay import WITHIN
 from fpg_bench.leaderboard.fields import TRACKS as FOLDERS
 from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.nash import nash
@@ -215,8 +216,14 @@ def _twins(entries: Sequence[BoardEntry], returns: Sequence[Sequence[float | Non
         entries: who stands in the columns.
         returns: ``(allies, entries)``, the allies' return a step, another where a player flies otherwise.
     """
-    groups: dict[tuple[str, ...], list[str]] = {}
-    for entry, column in zip(entries, zip(*returns, strict=True), strict=True):
-        alike = (*entry.identity, *(f"{value:.2f}" for value in column))
-        groups.setdefault(alike, []).append(entry.slug)
-    return [slugs for slugs in groups.values() if len(slugs) > 1]
+    columns = np.array(returns, float).T
+    near, groups = WITHIN * np.ptp(columns), list[list[int]]()
+    for column, entry in enumerate(entries):
+        for group in groups:
+            alike = np.abs(columns[column] - columns[group[0]]).max() <= near
+            if alike and entry.identity == entries[group[0]].identity:
+                group.append(column)
+                break
+        else:
+            groups.append([column])
+    return [[entries[column].slug for column in group] for group in groups if len(group) > 1]

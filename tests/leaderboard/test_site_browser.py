@@ -7,7 +7,9 @@ import threading
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy import stats
 
 from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.leaderboard.site.build import build_site
@@ -202,6 +204,42 @@ def test_two_entries_are_compared_and_the_address_keeps_which(visit, site):
     headings = page.locator("#comparison h2").all_inner_texts()
     assert [heading.partition(":")[0] for heading in headings[:3]] == ["Known", "Unseen", "Shifted"]
     assert page.locator("#comparison svg").count() == 3 + 4 + 3  # all counterparts, then each of them
+
+
+# A difference from lists of scores, as the page computes it.
+APART = """([one, two]) => fpgDifferences.between(one, two, fpgData.student)"""
+
+
+def test_differences_and_their_intervals_are_those_of_scipy(visit):
+    page, rng = visit("compare.html"), np.random.default_rng(1)
+    one, two = rng.normal(50, 9, 40), rng.normal(48, 9, 40)
+    value, half, how = page.evaluate(APART, [units("matches", one), units("matches", two)])
+    interval = stats.ttest_rel(one, two).confidence_interval()
+    assert (value - half, value + half) == pytest.approx((interval.low, interval.high), abs=1e-3)
+    assert how == "match by match"
+    value, half, how = page.evaluate(
+        APART, [units("training seeds", one[:5]), units("training seeds", two[:3])]
+    )
+    interval = stats.ttest_ind(one[:5], two[:3], equal_var=False).confidence_interval()
+    assert (value - half, value + half) == pytest.approx((interval.low, interval.high), rel=0.02)
+    value, half, _ = page.evaluate(APART, [units("training seeds", one[:5]), units("matches", two)])
+    interval = stats.ttest_1samp(one[:5], two.mean()).confidence_interval()
+    assert half == pytest.approx((interval.high - interval.low) / 2, rel=1e-3)
+    assert page.evaluate(APART, [units("matches", one[:1]), units("matches", two[:1])])[1] is None
+
+
+def units(over, scores):
+    return {"over": over, "scores": scores.tolist()}
+
+
+def test_no_row_of_a_comparison_stands_twice_or_shows_a_key(visit):
+    page = visit("compare.html#track=ally&a=player-3&b=player-6")
+    for section in page.locator("#comparison section").all():
+        rows = section.locator("tbody th").all_inner_texts()
+        assert len(set(rows)) == len(rows)
+        assert not [row for row in rows if "_" in row]
+    told = page.locator("#comparison section").first.locator("tbody tr").first.inner_text()
+    assert re.search(r"[+−]\d+\.\d\s+\([+−]\d+\.\d to [+−]\d+\.\d\)", told)
 
 
 def test_an_entry_leads_to_its_comparison(visit):

@@ -6,11 +6,6 @@ const fpgCharts = (() => {
   const one = (value) => (value === null || value === undefined ? "–" : value.toFixed(1).replace("-", "−"));
   const TINTS = 9; // of the style's, faint to strong
 
-  const short = (text) => {
-    const letters = [...String(text)];
-    return letters.length > 26 ? letters.slice(0, 25).join("") + "…" : String(text);
-  };
-
   function make(kind, text, attributes = {}) {
     const found = document.createElement(kind);
     if (text !== undefined) found.textContent = text;
@@ -23,7 +18,7 @@ const fpgCharts = (() => {
 
   function heading(text, scope) {
     const found = make("th", undefined, { scope, title: text });
-    found.append(make("span", short(text)));
+    found.append(make("span", text));
     return found;
   }
 
