@@ -1,11 +1,14 @@
 import dataclasses
 import json
 import math
+import re
 import shutil
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from fpg_bench.cli import app
 from fpg_bench.cli.leaderboard import build
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.leaderboard.board import make_board
@@ -342,6 +345,21 @@ def test_cross_play_names_who_is_not_in_it_on_its_page(entered, tmp_path):
     page = (tmp_path / "site/crossplay.html").read_text()
     assert "Not in it yet: Brand New." in page
     assert "fpg-bench submit crossplay" in page
+
+
+def test_the_command_on_an_entry_s_page_plays_it_again(entered, tmp_path, monkeypatch):
+    from fpg_bench.leaderboard.site.build import build_site
+
+    build_site(make_board(entered), tmp_path / "site")
+    page = (tmp_path / "site/entries/ally/still.html").read_text()
+    program, *words = re.search(r"<code>(fpg-bench submit verify .*?)</code>", page)[1].split()
+    assert program == "fpg-bench"
+    (tmp_path / "leaderboard").symlink_to(entered, target_is_directory=True)
+    monkeypatch.chdir(tmp_path)
+    assert CliRunner().invoke(app, words).exit_code == 0
+    result = entered / "results/ally/still.jsonl"
+    result.write_text(re.sub(r'"returns":\[[-\d.]+', '"returns":[999.0', result.read_text()))
+    assert CliRunner().invoke(app, words).exit_code != 0
 
 
 def test_the_verb_says_who_is_left_out_and_keeps_rounds_that_it_does_not_simulate(board, tmp_path, capsys):

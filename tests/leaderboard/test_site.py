@@ -8,8 +8,10 @@ import sys
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
+from xml.etree import ElementTree
 
 import pytest
+import yaml
 
 from fpg_bench.errors import UserError
 from fpg_bench.leaderboard.site.build import build_site
@@ -17,9 +19,11 @@ from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.leaderboard.site.serve import make_server
 from fpg_bench.leaderboard.site.shown import Score
 from fpg_bench.leaderboard.site.wording import interval_text, rank_text, safe_link, signed, written
+from fpg_bench.zoo.zoo import load_zoo
 from tests.leaderboard.example_board import HOSTILE, example_board
 from tests.programs import fpg
 
+ROOT = Path(__file__).parents[2]
 LEADS_AWAY = {"src", "srcset", "poster", "action", "formaction", "data", "background", "ping"}
 
 
@@ -70,7 +74,8 @@ def test_there_is_a_page_for_all_that_is_to_be_seen(site):
 def test_no_text_of_a_submission_becomes_markup(pages):
     for path, page in pages.items():
         assert not [name for tag, attrs in page.elements for name in attrs if name.startswith("on")], path
-        assert not [attrs for tag, attrs in page.elements if tag == "img"], path
+        images = [attrs["src"] for tag, attrs in page.elements if tag == "img"]
+        assert not [src for src in images if not re.fullmatch(r"\.\./\.\./badges/[\w/-]+\.svg", src)], path
         scripts = [attrs for tag, attrs in page.elements if tag == "script"]
         assert all("src" in attrs for attrs in scripts), path
     texts = "".join("".join(page.text) for page in pages.values())
@@ -288,6 +293,22 @@ def test_the_front_page_stays_small_for_many_entries(tmp_path):
     ]
     files = [tmp_path / "index.html", *(tmp_path / name for name in loaded)]
     assert sum(file.stat().st_size for file in files) < 1_500_000
+
+
+def test_an_entry_s_page_says_how_it_is_cited_and_has_a_badge(site):
+    page = (site / "entries/ally/player-1.html").read_text()
+    assert "@misc{fpg-bench-ally-player-1," in page
+    badge = (site / "badges/ally/player-1.svg").read_text()
+    assert ElementTree.fromstring(badge).attrib["aria-label"].startswith("fpg-bench ally: rank ")
+    assert "nobody of the board" in page  # it had access
+    assert "trained-0, trained-1, trained-2" in (site / "entries/ally/player-2.html").read_text()
+
+
+def test_every_command_that_trains_a_zoo_entry_names_an_agent_of_the_zoo():
+    for path in sorted((ROOT / "leaderboard/submissions").glob("*/*/submission.yaml")):
+        zoo = yaml.safe_load(path.read_text()).get("zoo")
+        if zoo and "champion" not in zoo:
+            assert load_zoo().members(zoo)
 
 
 def test_a_board_without_entries_has_a_site(tmp_path):

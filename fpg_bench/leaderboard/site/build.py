@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
-from fpg_bench.leaderboard.site import entry_page, scripts_data, views
+from fpg_bench.leaderboard.site import again, entry_page, scripts_data, views
 from fpg_bench.leaderboard.site.front_page import front_view
 from fpg_bench.leaderboard.site.play_data import play_files
 from fpg_bench.leaderboard.site.rivals import Policies, watched
@@ -114,8 +114,9 @@ def _pages(board: Row, replays: Replays, docs: str) -> dict[str, str]:
     for track in read:
         for entry in track.entries:
             rounds = replays.get((track.key, entry.slug), [])
-            content = {"entry": entry_page.entry_view(track, entry, names), "replays": rounds}
+            content = {"entry": entry_page.entry_view(track, entry, names, board), "replays": rounds}
             shown.append((entry.page, "entry.html", content))
+            shown.append((again.badge_file(track, entry), "badge.svg", again.badge_view(track, entry)))
     return {
         name: environment.get_template(template).render(page=name, root="../" * name.count("/"), **content)
         for name, template, content in shown

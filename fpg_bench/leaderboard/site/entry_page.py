@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fpg_bench.leaderboard.site import drawing, wording
+from fpg_bench.leaderboard.site import again, drawing, wording
 from fpg_bench.leaderboard.site.shown import (
     Names,
     Row,
@@ -19,13 +19,14 @@ from fpg_bench.leaderboard.site.views import axis_of, entry_head, planner_marks,
 from fpg_bench.leaderboard.site.wording import finite, written
 
 
-def entry_view(track: ShownTrack, entry: ShownEntry, names: Names) -> Row:
+def entry_view(track: ShownTrack, entry: ShownEntry, names: Names, about: Row) -> Row:
     """What an entry's own page shows.
 
     Args:
         track: of a board.
         entry: of that track.
         names: see :func:`fpg_bench.leaderboard.site.shown.names_of`.
+        about: what the board says of itself.
     """
     score, gap = entry.score, entry.gap
     role = track.ranked_by if track.ranked_by in entry.scores else "known"  # that its score is over
@@ -62,6 +63,10 @@ def entry_view(track: ShownTrack, entry: ShownEntry, names: Names) -> Row:
         "measures": _measures(entry.measures),
         "histograms": _histograms(entry.row.get("histograms")),
         "planner": _planner(entry, domain),
+        "commands": again.commands(track, entry),
+        "bibtex": again.bibtex(track, entry, about),
+        "badge": again.badge_file(track, entry),
+        "never_met": again.never_met(track, entry),
         **_about(entry.row),
     }
 
