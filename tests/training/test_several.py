@@ -20,7 +20,7 @@ def test_each_seed_is_trained_once_and_one_that_fails_does_not_hold_up_the_other
     (tmp_path / "seed_2").mkdir()
     (tmp_path / "seed_2" / "mine.txt").touch()
     with pytest.raises(UserError, match=r"seed_2: .*is not empty and no run's folder"):
-        train(tmp_path, [0, 2])
+        train(tmp_path, [0, 2], workers=1)
     (tmp_path / "seed_2" / "mine.txt").unlink()
     said = train(tmp_path, [0, 2], workers=1)
     told = [line.split(":")[0] for line in said if not line.startswith("under way")]  # on a slow machine
