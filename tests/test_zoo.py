@@ -70,14 +70,15 @@ def first_returns(member, field, counterpart, matches=2):
 
 @pytest.mark.parametrize("view", SHIPPED.views, ids=lambda view: view.name)
 def test_every_shipped_agent_plays_as_its_lines_say(view):
+    fields = [load_field(name) for name in view.fields]
+    lines_of = {field: read_zoo_lines(SHIPPED, view, field) for field in fields}
     for member in SHIPPED.members(view.name):
         if not member.shipped:
             continue
         about = load_agent(member.name).about
         assert (about["id"], about["training_seed"]) == (view.id, member.seed), member.name
         assert about["training_steps"] == member.steps, member.name
-        for field in map(load_field, view.fields):
-            lines = read_zoo_lines(SHIPPED, view, field)
+        for field, lines in lines_of.items():
             kept = {
                 line.counterpart: line
                 for line in lines
@@ -113,8 +114,9 @@ def test_every_folder_of_an_agent_is_a_member_and_all_together_are_small():
 
 
 def test_the_page_is_what_the_lines_give():
-    assert (SHIPPED.folder / "README.md").read_text() == page(SHIPPED)
-    for link in re.findall(r"\]\(([^)]+)\)", page(SHIPPED)):
+    text = page(SHIPPED)
+    assert (SHIPPED.folder / "README.md").read_text() == text
+    for link in re.findall(r"\]\(([^)]+)\)", text):
         assert (SHIPPED.folder / link.partition("#")[0]).is_file(), link
 
 
