@@ -2,6 +2,8 @@
 
 import shutil
 
+import pytest
+
 from scripts import measure_language_model as script
 from tests.programs import ROOT
 
