@@ -30,7 +30,7 @@ def build(
 
     Example: fpg-bench leaderboard build
     """
-    need("leaderboard", "jinja2", "plotly")
+    need("leaderboard", "jinja2")
     from rich.progress import Progress
 
     from fpg_bench.leaderboard.board import make_board
@@ -38,6 +38,7 @@ def build(
     from fpg_bench.leaderboard.secrets import forget_keys
     from fpg_bench.leaderboard.site.build import build_site, check_folder
     from fpg_bench.leaderboard.site.replays import make_replays
+    from fpg_bench.leaderboard.site.rivals import submitted_policies
 
     forget_keys()
     check_folder(out)
@@ -50,7 +51,7 @@ def build(
             bar.update(task, description=name)
 
         rounds = make_replays(board, folder, out, show, simulate=replays)
-        files = build_site(board, out, rounds, show, docs)
+        files = build_site(board, out, rounds, show, docs, submitted_policies(board, folder))
     for line in left:
         say(line)
     entries = sum(len(track["rows"]) for track in board["tracks"])

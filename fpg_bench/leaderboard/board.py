@@ -12,7 +12,7 @@ import numpy as np
 
 from fpg_bench.errors import nearest
 from fpg_bench.evaluation.seeds import PROTOCOL, current_season
-from fpg_bench.evaluation.statistics import rank_ranges
+from fpg_bench.evaluation.statistics import rank_ranges, student_half
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.jobs.job import outcome_of
 from fpg_bench.leaderboard.board_rows import (
@@ -27,6 +27,7 @@ from fpg_bench.leaderboard.board_rows import (
     told_field,
 )
 from fpg_bench.leaderboard.cases import Case, case_of, entered, result_file, submission_folders
+from fpg_bench.leaderboard.crossplay import WITHIN
 from fpg_bench.leaderboard.fields import TRACKS as FOLDERS
 from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.nash import nash
@@ -177,6 +178,7 @@ def _crossplay(pairs: Pairs) -> Row | None:
         return None
     played = [[pairs.known[pair_key(a, o, pairs.rounds)] for o in opponents] for a in allies]
     returns = {side: [[short(pair.reward(side)) for pair in line] for line in played] for side in SIDES}
+    half = {side: [[_half(pair, side) for pair in line] for line in played] for side in SIDES}
     found = nash(-np.array(returns["ally"]))  # the ally, who chooses rows, minimises
     return {
         "allies": [a.slug for a in allies],
@@ -190,6 +192,7 @@ def _crossplay(pairs: Pairs) -> Row | None:
         },
         "twins": _twins(opponents, returns["ally"]),
         "returns": returns,
+        "half": half,
         "jamming_success_rate": [[pair.jamming_success_rate for pair in line] for line in played],
         "rounds": pairs.rounds,
         "nash": {
@@ -200,6 +203,12 @@ def _crossplay(pairs: Pairs) -> Row | None:
     }
 
 
+def _half(pair: Pair, side: str) -> float | None:
+    """Half of the 95 % interval of a side's return over its training seeds; None where it has but one."""
+    rewards = np.array(pair.rewards(side))
+    return short(student_half(rewards)) if len(rewards) > 1 else None
+
+
 def _twins(entries: Sequence[BoardEntry], returns: Sequence[Sequence[float | None]]) -> list[list[str]]:
     """Entries that are one player in two tables and fare alike, each group once.
 
@@ -207,8 +216,14 @@ def _twins(entries: Sequence[BoardEntry], returns: Sequence[Sequence[float | Non
         entries: who stands in the columns.
         returns: ``(allies, entries)``, the allies' return a step, another where a player flies otherwise.
     """
-    groups: dict[tuple[str, ...], list[str]] = {}
-    for entry, column in zip(entries, zip(*returns, strict=True), strict=True):
-        alike = (*entry.identity, *(f"{value:.2f}" for value in column))
-        groups.setdefault(alike, []).append(entry.slug)
-    return [slugs for slugs in groups.values() if len(slugs) > 1]
+    columns = np.array(returns, float).T
+    near, groups = WITHIN * np.ptp(columns), list[list[int]]()
+    for column, entry in enumerate(entries):
+        for group in groups:
+            alike = np.abs(columns[column] - columns[group[0]]).max() <= near
+            if alike and entry.identity == entries[group[0]].identity:
+                group.append(column)
+                break
+        else:
+            groups.append([column])
+    return [[entries[column].slug for column in group] for group in groups if len(group) > 1]

@@ -108,6 +108,7 @@ def texts(submission: Submission) -> Row:
         "reference": submission.reference,
         "licence": submission.licence,
         "kind": kind,
+        "plays": submission.script or submission.zoo,
         "training": None if training is None else {**asdict(training), "seeds": list(training.seeds)},
         "saw": submission.saw,
         "unable": submission.unable,
@@ -138,6 +139,11 @@ def figures(entry: Scored, lowest: Worst) -> Row:
             role: {name: _scaled(met, of) for name, met in of.by_counterpart.items()}
             for role, of in entry.summaries.items()
         },
+        "units": {
+            role: {"over": of.over, "scores": _units(of)}
+            for role, of in entry.summaries.items()
+            if role != PUBLIC
+        },
         "seeds": {str(seed): short(x) for seed, x in ranking.seed_scores().items() if seed is not None},
         "measures": {"return": known.reward.value, **known.measures},
         "lost": sum(line.lost for line in lines),
@@ -149,6 +155,12 @@ def figures(entry: Scored, lowest: Worst) -> Row:
         },
         "fingerprint": result.fingerprint,
     }
+
+
+def _units(summary: Summary) -> list[list[float]]:
+    """Per counterpart, in the field's order, the scores that its interval is over."""
+    every = [summary.units(summary.rewards[:, k : k + 1]) for k in range(summary.rewards.shape[1])]
+    return [np.round(summary.field.scale.score(of), 1).tolist() for of in every]
 
 
 def _scaled(reward: Interval, summary: Summary) -> Row:
@@ -186,6 +198,7 @@ def blank(why: str) -> Row:
         "few_seeds": False,
         "scores": {},
         "counterparts": {},
+        "units": {},
         "seeds": {},
         "measures": {},
         "lost": 0,

@@ -88,6 +88,7 @@ def _row(rng, key: str, index: int, fields: list[dict], hostile: bool) -> dict:
         "reference": HOSTILE[index % len(HOSTILE)] if hostile else "https://example.org/paper?a=1&b=2",
         "licence": text or "MIT",
         "kind": kind,
+        "plays": {"script": ("idle", "tone")[key != "ally"], "zoo": "no-such/agent"}.get(kind),
         "status": "verified" if verified else "not verified",
         "reason": None if verified else f"seed_0: outran the limit {text}".strip(),
         "rank": None,
@@ -101,6 +102,7 @@ def _row(rng, key: str, index: int, fields: list[dict], hostile: bool) -> dict:
         if verified
         else None,
         "counterparts": met if verified else {},
+        "units": _units(met, kind) if verified else {},
         "seeds": {} if kind == "script" or not verified else {str(k): score + k - 2 for k in range(5)},
         "seeds_gap": {"value": 7.25, "flagged": True} if index == 2 else {"value": -1.0, "flagged": False},
         "had_access": index == 1,
@@ -120,6 +122,16 @@ def _row(rng, key: str, index: int, fields: list[dict], hostile: bool) -> dict:
         },
         "replays": [],
         "fingerprint": {"version": "0.1.0", "policies": {"0": "ab" * 32}, "submission": text or "cd" * 32},
+    }
+
+
+def _units(met: dict, kind: str) -> dict:
+    """Five training seeds around each score; scripts: ten matches."""
+    spread = (-1, 0, 1) * 3 + (0,) if kind == "script" else (-2, -1, 0, 1, 2)
+    over = "matches" if kind == "script" else "training seeds"
+    return {
+        role: {"over": over, "scores": [[one["value"] + k for k in spread] for one in of.values()]}
+        for role, of in met.items()
     }
 
 
@@ -180,6 +192,10 @@ def _crossplay(rng, tracks: list[dict], hostile: bool) -> dict:
         "missing": {"ally": [], "opponent": []},
         "twins": [],
         "returns": {side: matrix.tolist() for side, matrix in returns.items()},
+        "half": {
+            side: [[None if k % 3 == 0 else 1.25 for k in range(len(opponents))] for _ in allies]
+            for side in returns
+        },
         "jamming_success_rate": rng.uniform(0, 0.4, (len(allies), len(opponents))).tolist(),
         "rounds": 100,
         "nash": {

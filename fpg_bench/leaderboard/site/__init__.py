@@ -2,4 +2,4 @@
 
 from fpg_bench.extras import need
 
-need("leaderboard", "jinja2", "plotly")
+need("leaderboard", "jinja2")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import resources
@@ -15,6 +14,7 @@ from fpg_bench.files import write_whole
 from fpg_bench.leaderboard.site import entry_page, scripts_data, views
 from fpg_bench.leaderboard.site.front_page import front_view
 from fpg_bench.leaderboard.site.play_data import play_files
+from fpg_bench.leaderboard.site.rivals import Policies, watched
 from fpg_bench.leaderboard.site.shown import names_of, read_tracks
 from fpg_bench.pictures.replay import replay_code, replay_markup, replay_part
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from fpg_bench.leaderboard.site.replays import Replay
 
 MARK = ".fpg-site"  # what tells a folder that this has written, and may clear, from any other
-PLOTLY = "plotly.min.js"
 Replays = Mapping[tuple[str, str], list["Replay"]]
 Row = dict[str, Any]
 
@@ -36,6 +35,7 @@ def build_site(
     replays: Replays | None = None,
     progress: Callable[[str], None] = lambda page: None,
     docs: str = "",
+    policies: Policies | None = None,
 ) -> list[Path]:
     """Write a board's site.
 
@@ -44,6 +44,8 @@ def build_site(
         out: the folder; files of an earlier build that are no longer needed are removed from it.
         replays: by track and entry, the rounds that its page shows; None: none.
         progress: called with each file's name.
+        policies: by track and entry, the policies of submitted entries that a visitor can play against; see
+            :func:`fpg_bench.leaderboard.site.rivals.submitted_policies`.
         docs: where the documentation's site is, seen from the folder, ``..`` for instance; empty: it is named
             and not linked.
 
@@ -59,12 +61,13 @@ def build_site(
     check_folder(folder)
     board = _with_replays(board, replays or {})
     wanted = {MARK: "made by fpg-bench leaderboard build\n"} | _pages(board, replays or {}, docs)
-    wanted |= _scripts(board) | _static() | play_files(read_tracks(board))
+    wanted |= _static() | play_files(read_tracks(board), policies or {})
+    wanted |= _scripts(board, watched(read_tracks(board), policies or {}))
     wanted |= {replay.file: replay.script for found in (replays or {}).values() for replay in found}
     for name, content in wanted.items():
         progress(name)
         _write(folder / name, content)
-    kept = {folder / name for name in wanted} | {_copy_plotly(folder)}
+    kept = {folder / name for name in wanted}
     _clear(folder, kept)
     return sorted(kept)
 
@@ -147,14 +150,20 @@ def _environment(board: Row, docs: str) -> Environment:
     return found
 
 
-def _scripts(board: Row) -> dict[str, str]:
+def _scripts(board: Row, watch: Row) -> dict[str, str]:
     """The board as data: for the page's scripts, and whole for everybody else's."""
     return {
         "board.json": json.dumps(board, allow_nan=False, separators=(",", ":")) + "\n",
         "data/compare.js": scripts_data.data_file(scripts_data.compare_data(board)),
         "data/statistics.js": scripts_data.data_file(scripts_data.statistics_data(board)),
-        "data/crossplay.js": scripts_data.data_file(scripts_data.crossplay_data(board)),
+        "data/crossplay.js": scripts_data.data_file(_crossplay(board, watch)),
     }
+
+
+def _crossplay(board: Row, watch: Row) -> Row | None:
+    """Cross-play, and by which players of the page a pair's round is played."""
+    found = scripts_data.crossplay_data(board)
+    return None if found is None else found | {"watch": watch}
 
 
 def _static() -> dict[str, str]:
@@ -170,15 +179,6 @@ def _write(path: Path, content: str) -> None:
     data = content.encode()
     if not path.is_file() or path.read_bytes() != data:
         write_whole(path, data)
-
-
-def _copy_plotly(folder: Path) -> Path:
-    """Copy the plotting library's own bundle from the installed package; only two pages load it."""
-    source = Path(str(resources.files("plotly"))) / "package_data" / PLOTLY
-    target = folder / "static" / PLOTLY
-    if not target.is_file() or target.stat().st_size != source.stat().st_size:
-        shutil.copyfile(source, target)
-    return target
 
 
 def _clear(folder: Path, kept: set[Path]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,30 +24,56 @@ from fpg_bench.players.player import SIDES
 # Of static/game_policy.js.
 OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
 OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM"}
-_GROUPS = ("champion", "population", "scripted", "pursuit", "learned")  # of the zoo, met in the standard game
+# Of the zoo; all play the standard game, whatever they were trained on.
+_GROUPS = ("champion", "population", "scripted", "pursuit", "learned", "planner")
 
 
-def play_files(tracks: Sequence[ShownTrack]) -> dict[str, str]:
-    """The files of the page on which a visitor plays: its data, and one of each zoo agent's first seed.
+def play_files(
+    tracks: Sequence[ShownTrack], submitted: Mapping[tuple[str, str], dict[str, Any]]
+) -> dict[str, str]:
+    """The files of the page on which a visitor plays: its data, and one of each agent's first seed.
 
     Args:
         tracks: of a board, whose scales a visitor's score is told on.
+        submitted: policies of submitted entries, by track and entry; they stand beside the zoo's.
     """
-    policies = dict(_zoo())
-    agents = [
-        {"name": name, "side": about["side"], "flies": about["flies"], "file": f"agents/{_word(name)}.js"}
-        for name, (about, _) in policies.items()
-    ]
+    policies = _rivals(tracks, submitted)
+    agents = [about for about, _ in policies]
     scales = {track.key.removeprefix("opponent-"): _scale(track) for track in tracks}
     scenario = Scenario()
     content = {"rules": rules_data(scenario), "scenario": scenario_data(scenario)}
     files = {
         "data/play.js": f"window.fpgData = {script_json(content | {'agents': agents, 'scales': scales})};\n"
     }
-    for name, (_, policy) in policies.items():
-        file = f"agents/{_word(name)}.js"
-        files[file] = f"fpgAgent({script_json(file)}, {script_json(policy)});\n"
+    for about, policy in policies:
+        files[about["file"]] = f"fpgAgent({script_json(about['file'])}, {script_json(policy)});\n"
     return files
+
+
+def _rivals(
+    tracks: Sequence[ShownTrack], submitted: Mapping[tuple[str, str], dict[str, Any]]
+) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+    """What is told of each trained player, and its policy: submitted entries, then the zoo."""
+    entries = {(track.key, entry.slug): (track, entry) for track in tracks for entry in track.entries}
+    found = []
+    for (key, slug), policy in submitted.items():
+        track, entry = entries[key, slug]
+        flies = key.endswith("-learned")
+        about = {"name": entry.name, "side": track.side, "flies": flies, "kind": "submitted"}
+        found.append((about | {"file": submitted_file(key, slug)}, policy))
+    for name, (told, policy) in _zoo():
+        found.append(({"name": name, **told, "kind": "zoo", "file": agent_file(name)}, policy))
+    return found
+
+
+def agent_file(name: str) -> str:
+    """The site's file of a zoo agent, as ``ally-scripted/ppo``."""
+    return f"agents/{name.replace('/', '-')}.js"
+
+
+def submitted_file(key: str, slug: str) -> str:
+    """The site's file of a submitted entry's policy."""
+    return f"agents/submitted/{key}/{slug}.js"
 
 
 def _scale(track: ShownTrack) -> dict[str, float] | None:
@@ -57,8 +83,9 @@ def _scale(track: ShownTrack) -> dict[str, float] | None:
     return None if zero is None or top is None else {"zero": zero, "top": top}
 
 
-def _word(name: str) -> str:
-    return name.replace("/", "-")
+def zoo_names() -> frozenset[str]:
+    """The zoo's agents that the page can play."""
+    return frozenset(name for name, _ in _zoo())
 
 
 def _zoo() -> Iterator[tuple[str, tuple[dict[str, Any], dict[str, Any]]]]:

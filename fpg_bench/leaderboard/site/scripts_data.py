@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from fpg_bench.evaluation.statistics import student_t
 from fpg_bench.leaderboard.crossplay import WITHIN
 from fpg_bench.leaderboard.site.shown import (
     Row,
@@ -16,9 +17,11 @@ from fpg_bench.leaderboard.site.shown import (
     value_of,
 )
 from fpg_bench.leaderboard.site.views import entry_head
-from fpg_bench.leaderboard.site.wording import MEASURES, finite, measure_of
+from fpg_bench.leaderboard.site.wording import HIDDEN, MEASURES, finite, measure_of
 from fpg_bench.pictures.replay import script_json
 from fpg_bench.players.player import SIDES
+
+MOST_UNITS = 201  # that a difference is over; with more, Student's t hardly changes
 
 
 def data_file(content: Any) -> str:
@@ -28,8 +31,11 @@ def data_file(content: Any) -> str:
 
 def compare_data(board: Row) -> Row:
     """Per track all ranked entries, for two of them to be laid side by side."""
-    measures = {name: measure_of(name)._asdict() for name in MEASURES}
-    return {"measures": measures, "tracks": [_compared(track) for track in read_tracks(board)]}
+    tracks = read_tracks(board)
+    used = [*MEASURES, *sorted({name for track in tracks for of in track.entries for name in of.measures})]
+    measures = {name: measure_of(name)._asdict() for name in used if name not in HIDDEN}
+    quantiles = [round(student_t(count), 4) for count in range(2, MOST_UNITS + 1)]
+    return {"measures": measures, "student": quantiles, "tracks": [_compared(track) for track in tracks]}
 
 
 def _compared(track: ShownTrack) -> Row:
@@ -55,6 +61,7 @@ def _entry(fields: list[ShownField], entry: ShownEntry) -> Row:
         "worst": rounded(value_of(entry.worst), 1),
         "scores": {field.role: interval_list(entry.scores.get(field.role)) for field in fields},
         "met": {field.role: _met(field, entry) for field in fields},
+        "units": {field.role: _units(field, entry) for field in fields},
         "measures": {name: rounded(value, 4) for name, value in entry.measures.items()},
         "training": training if isinstance(training, dict) else None,
     }
@@ -64,6 +71,16 @@ def _met(field: ShownField, entry: ShownEntry) -> list[list[float | None]]:
     """The score against each counterpart of a field, in its order."""
     found = entry.met.get(field.role, {})
     return [interval_list(found.get(name)) for name in field.counterparts]
+
+
+def _units(field: ShownField, entry: ShownEntry) -> Row | None:
+    """The scores that its intervals are over, by counterpart; None where a board has not one list of each."""
+    found = (entry.row.get("units") or {}).get(field.role) or {}
+    scores = [_numbers(of, 1) for of in found.get("scores") or []]
+    whole = len(scores) == len(field.counterparts) and len({len(of) for of in scores}) == 1
+    if not whole or not scores[0] or any(None in of for of in scores):
+        return None
+    return {"over": str(found.get("over") or ""), "scores": scores}
 
 
 def interval_list(score: Score | None) -> list[float | None]:
@@ -138,6 +155,10 @@ def crossplay_data(board: Row) -> Row | None:
         "opponents": [found["opponents"][j] for j in left],
         "matrices": {
             key: [[rounded(line[j], 4) for j in left] for line in matrix] for key, matrix in matrices.items()
+        },
+        "half": {
+            side: [[rounded(line[j], 4) for j in left] for line in matrix]
+            for side, matrix in (found.get("half") or {}).items()
         },
         "rounds": finite(found.get("rounds")),
         "nash": _nash(found.get("nash"), twins),

@@ -1,96 +1,78 @@
-/* What the pages with plots share: Plotly in the page's own colours, and tables of numbers. */
+/* What the pages with matrices share: a table whose cells are tinted by their numbers, and tables of numbers. */
 "use strict";
 const fpgCharts = (() => {
   const percent = (share, digits = 1) => (share === null || share === undefined ? "–" : `${(100 * share).toFixed(digits)} %`);
   const step = (value) => (value === null || value === undefined ? "–" : value.toFixed(2).replace("-", "−"));
-  const redraws = [];
+  const one = (value) => (value === null || value === undefined ? "–" : value.toFixed(1).replace("-", "−"));
+  const TINTS = 9; // of the style's, faint to strong
 
-  function colours() {
-    const style = getComputedStyle(document.documentElement);
-    const names = ["page", "panel", "ink", "grey", "pale", "ally", "opponent"];
-    return Object.fromEntries(names.map((name) => [name, style.getPropertyValue("--" + name).trim()]));
+  function make(kind, text, attributes = {}) {
+    const found = document.createElement(kind);
+    if (text !== undefined) found.textContent = text;
+    for (const [name, value] of Object.entries(attributes)) found.setAttribute(name, value);
+    return found;
   }
 
-  function layout(more) {
-    const c = colours();
-    const axis = { gridcolor: c.pale, zerolinecolor: c.pale, linecolor: c.pale, automargin: true, fixedrange: true };
-    return {
-      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
-      font: { family: 'system-ui, "Segoe UI", "DejaVu Sans", sans-serif', size: 12, color: c.ink },
-      hoverlabel: { bgcolor: c.panel, bordercolor: c.pale, font: { color: c.ink } },
-      margin: { l: 10, r: 10, t: 14, b: 10 },
-      ...more,
-      xaxis: { ...axis, ...more.xaxis }, yaxis: { ...axis, ...more.yaxis },
-    };
+  /** The class of a cell's tint: a share from 0 to 1 of the strongest. */
+  const tint = (share) => `h${Math.max(0, Math.min(TINTS - 1, Math.floor(share * TINTS)))}`;
+
+  function heading(text, scope) {
+    const found = make("th", undefined, { scope, title: text });
+    found.append(make("span", text));
+    return found;
   }
-
-  // Plotly understands a few marks in texts; these are names that anybody may have chosen.
-  const plain = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
-  const short = (text) => {
-    const letters = [...String(text)];
-    return plain(letters.length > 22 ? letters.slice(0, 21).join("") + "…" : text);
-  };
-
-  /** Draw now, and again in other colours where the theme changes. */
-  function draw(id, make) {
-    const again = () => {
-      const { traces, ...more } = make(colours());
-      return Plotly.react(id, traces, layout(more), { displayModeBar: false, responsive: true });
-    };
-    redraws[id] = again;
-    again();
-  }
-
-  const redrawAll = () => Object.values(redraws).forEach((again) => again());
-  new MutationObserver(redrawAll).observe(document.documentElement, { attributeFilter: ["data-theme"] });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redrawAll);
 
   /**
-   * A heat map; axis texts are numbered inside, as two players may have one name.
-   * `scale` holds the numbers of both ends (`low`, `top`), the `colours` between them, and `share`: whether
-   * numbers are shares, to be written in per cent.
+   * Fill a table of who against whom.
+   * `cell(i, j)` gives `text`, `more` (a second line), `tint` (classes), `label` (all of it in words) and perhaps
+   * `href`, or null where there is nothing. Arrow keys lead from one linked cell to the next.
    */
-  function heatMap(id, rows, columns, values, title, scale) {
-    const big = columns.length > 40;
-    const ticks = (names) => (big ? { showticklabels: false, ticks: "" } : {
-      tickmode: "array", tickvals: names.map((_, i) => i), ticktext: names.map(short),
+  function matrix(element, caption, corner, rows, columns, cell) {
+    const line = document.createElement("tr");
+    line.append(make("th", corner, { scope: "col" }), ...columns.map((text) => heading(text, "col")));
+    const thead = make("thead"), body = make("tbody");
+    thead.append(line);
+    rows.forEach((name, i) => {
+      const row = make("tr");
+      row.append(heading(name, "row"), ...columns.map((_, j) => matrixCell(cell(i, j))));
+      body.append(row);
     });
-    const cell = Math.max(22, Math.min(34, 900 / rows.length));
-    const written = columns.length <= 16 ? { texttemplate: scale.share ? "%{z:.0%}" : "%{z:.1f}", textfont: { size: 11 } } : {};
-    const told = scale.share ? percent : step;
-    const box = document.getElementById(id).style;
-    box.maxWidth = `${Math.max(420, 260 + 72 * columns.length)}px`;
-    box.minWidth = big ? "" : `${230 + (columns.length <= 16 ? 34 : 14) * columns.length}px`; // else it scrolls
-    draw(id, (c) => ({
-      traces: [{
-        type: "heatmap", ...written, z: values, zmin: scale.low, zmax: scale.top, colorscale: scale.colours(c), hoverongaps: false,
-        x: columns.map((_, i) => i), y: rows.map((_, i) => i), xgap: big ? 0 : 2, ygap: big ? 0 : 2,
-        customdata: values.map((line, i) => line.map((value, j) =>
-          `${plain(rows[i])}<br>${plain(columns[j])}<br><b>${told(value)}</b>`)),
-        hovertemplate: "%{customdata}<extra></extra>",
-        colorbar: { title: { text: title, side: "right" }, tickformat: scale.share ? ".0%" : ".0f", thickness: 12, outlinewidth: 0 },
-      }],
-      xaxis: { ...ticks(columns), side: "top", tickangle: -45, showgrid: false, zeroline: false },
-      yaxis: { ...ticks(rows), autorange: "reversed", showgrid: false, zeroline: false },
-      height: Math.max(300, Math.min(1000, 170 + cell * rows.length)),
-    }));
+    element.replaceChildren(make("caption", caption, { class: "unseen" }), thead, body);
+    const first = element.querySelector("a");
+    if (first) first.tabIndex = 0;
+    element.onkeydown = moved;
+  }
+
+  function matrixCell(told) {
+    if (!told) return make("td");
+    const found = make("td", undefined, { class: told.tint });
+    const inner = told.href ? make("a", undefined, { href: told.href, tabindex: -1, title: told.label, "aria-label": told.label }) : make("span", undefined, { title: told.label });
+    inner.append(make("b", told.text), ...(told.more ?? []).map((text) => make("small", text)));
+    found.append(inner);
+    return found;
+  }
+
+  /** An arrow key in a matrix: to the cell beside. */
+  function moved(event) {
+    const way = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] }[event.key];
+    const place = event.target.closest("td");
+    if (!way || !place) return;
+    const next = event.currentTarget.rows[place.parentNode.rowIndex + way[0]]?.cells[place.cellIndex + way[1]]?.querySelector("a");
+    if (!next) return;
+    event.preventDefault();
+    event.target.tabIndex = -1;
+    next.tabIndex = 0;
+    next.focus();
   }
 
   /** Fill a table: `head` of texts, `rows` of lists; the first of each row is its heading. */
   function table(element, caption, head, rows) {
-    const make = (kind, text, attributes = {}) => {
-      const cell = document.createElement(kind);
-      cell.textContent = text;
-      for (const [name, value] of Object.entries(attributes)) cell.setAttribute(name, value);
-      return cell;
-    };
-    const line = document.createElement("tr");
+    const line = make("tr");
     head.forEach((text, i) => line.append(make("th", text, { scope: "col", class: i ? "num" : "" })));
-    const thead = document.createElement("thead");
+    const thead = make("thead"), body = make("tbody");
     thead.append(line);
-    const body = document.createElement("tbody");
     for (const [name, ...cells] of rows) {
-      const row = document.createElement("tr");
+      const row = make("tr");
       row.append(make("th", name, { scope: "row" }), ...cells.map((text) => make("td", text, { class: "num" })));
       body.append(row);
     }
@@ -101,5 +83,5 @@ const fpgCharts = (() => {
     select.replaceChildren(...names.map((name, i) => new Option(name, i)));
   }
 
-  return { percent, step, draw, heatMap, table, fill, plain, short };
+  return { percent, step, one, tint, matrix, table, fill, make };
 })();

@@ -2,7 +2,8 @@
 "use strict";
 (() => {
   const NS = "http://www.w3.org/2000/svg";
-  const { tracks, measures } = window.fpgData;
+  const { tracks, measures, student } = window.fpgData;
+  const { between, overall } = fpgDifferences;
   const select = Object.fromEntries(["track", "a", "b"].map((id) => [id, document.getElementById(id)]));
   const number = (value) => (value === null || value === undefined ? "–" : value.toFixed(1).replace("-", "−"));
   const percent = (share) => (share === null || share === undefined ? "–" : `${(100 * share).toFixed(1)} %`);
@@ -95,7 +96,7 @@
       first.scope = "row";
       row.append(first);
       for (const cell of cells) {
-        const place = make("td", undefined, cell instanceof Element ? "" : "num");
+        const place = make("td", undefined, cell instanceof SVGElement ? "" : "num");
         place.append(cell);
         row.append(place);
       }
@@ -105,14 +106,23 @@
     return box;
   }
 
-  /** Scores of both over a field: all of it, then each counterpart. */
+  /** A difference with its interval, marked where this leaves 0 out; `k`: against one counterpart, null: all. */
+  function apart(role, k, a, b, one, two) {
+    if (one[0] === null || two[0] === null) return "–";
+    const units = [a.units[role], b.units[role]];
+    if (units.includes(null)) return signed(one[0] - two[0]);
+    const [value, half] = between(...units.map((of) => (k === null ? overall(of) : { over: of.over, scores: of.scores[k] })), student);
+    if (half === null) return signed(value);
+    const told = make(Math.abs(value) > half ? "b" : "span", `${signed(value)}  (${signed(value - half)} to ${signed(value + half)})`);
+    return told;
+  }
+
+  /** Scores of both over a field: all of it where it has several counterparts, then each. */
   function scored(field, domain, a, b) {
     const told = ([value, low, high]) => (low === null || value === null ? number(value) : `${number(value)}  (${number(low)} to ${number(high)})`);
-    const pairs = [["All counterparts", a.scores[field.role], b.scores[field.role]],
-      ...field.counterparts.map((name, k) => [name, a.met[field.role][k], b.met[field.role][k]])];
-    return pairs.map(([name, one, two]) => [
-      name, told(one), told(two), one[0] === null || two[0] === null ? "–" : signed(one[0] - two[0]), picture(domain, [one, two]),
-    ]);
+    const each = field.counterparts.map((name, k) => [name, k, a.met[field.role][k], b.met[field.role][k]]);
+    const pairs = each.length === 1 ? each : [["All counterparts", null, a.scores[field.role], b.scores[field.role]], ...each];
+    return pairs.map(([name, k, one, two]) => [name, told(one), told(two), apart(field.role, k, a, b, one, two), picture(domain, [one, two])]);
   }
 
   /** The fields that either has met, and what their pictures span together. */
@@ -137,11 +147,18 @@
   }
 
   function measured(a, b) {
-    const names = [...Object.keys(measures), ...Object.keys(a.measures).filter((name) => !(name in measures))];
-    return names.filter((name) => (a.measures[name] ?? null) !== null || (b.measures[name] ?? null) !== null).map((name) => {
-      const { label, style } = measures[name] ?? { label: name.replaceAll("_", " "), style: "score" };
-      return [label, styled(a.measures[name], style), styled(b.measures[name], style)];
-    });
+    const shown = Object.keys(measures).filter((name) => (a.measures[name] ?? null) !== null || (b.measures[name] ?? null) !== null);
+    return shown.map((name) => [measures[name].label, ...[a, b].map((of) => styled(of.measures[name], measures[name].style))]);
+  }
+
+  /** In a sentence: the difference over a field, with its interval and what that is over. */
+  function sure(role, a, b) {
+    const units = [a.units[role], b.units[role]];
+    if (units.includes(null)) return "";
+    const [value, half, how] = between(...units.map(overall), student);
+    if (half === null) return "";
+    const enough = Math.abs(value) > half ? "beyond chance" : "which chance may have made";
+    return ` They are ${number(Math.abs(value))} apart, ${enough}: the 95 % interval of the difference is ${signed(value - half)} to ${signed(value + half)} (${how}).`;
   }
 
   /** In a sentence: who is ahead, and how sure that is. */
@@ -153,6 +170,7 @@
     const pairs = a.met[role].map(([one], k) => [one, b.met[role][k][0]]).filter(([one, two]) => one !== null && two !== null);
     const wins = pairs.filter(([one, two]) => one > two).length;
     let text = `Over the ${role} field ${a.name} scores ${number(a.scores[role][0])}, ${b.name} ${number(b.scores[role][0])}; the first is ahead against ${wins} of ${pairs.length} counterparts.`;
+    text += sure(role, a, b);
     if (i >= 0 && j >= 0 && i !== j) {
       const share = (value) => `${Math.round(100 * value)} %`;
       text += ` A new run of the first scores more than one of the second with a probability of ${share(found.value[i][j])} (${share(found.low[i][j])} to ${share(found.high[i][j])}).`;

@@ -1,17 +1,17 @@
-/* The page of cross-play: one of three matrices, strongest first, one player's numbers, and the mixture. */
+/* The page of cross-play: returns and jamming rate of every pair, strongest first, one player's numbers, and the mixture. */
 "use strict";
 (() => {
-  const { percent, step, heatMap, table, fill } = fpgCharts;
-  const { names, matrices, rounds, nash } = window.fpgData;
+  const { percent, step, one, tint, matrix, table, fill } = fpgCharts;
+  const { names, matrices, half, watch, rounds, nash } = window.fpgData;
   const SHOWN = {
-    ally: { short: "ally's return", better: "ally", written: step },
-    opponent: { short: "opponent's return", better: "opponent", written: step },
-    jammed: { short: "jammed", better: "opponent", written: percent },
+    ally: { short: "ally's return", better: "ally", written: step, brief: one },
+    opponent: { short: "opponent's return", better: "opponent", written: step, brief: one },
+    jammed: { short: "jammed", better: "opponent", written: percent, brief: (value) => percent(value, 0) },
   };
   const slugs = { ally: window.fpgData.allies, opponent: window.fpgData.opponents };
   const called = (side, slug) => names[side][slug] ?? slug;
   const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
-  const matrix = document.getElementById("matrix"), who = document.getElementById("who");
+  const shown = document.getElementById("matrix"), who = document.getElementById("who");
   let order; // of each side, as places: strongest first
   let players; // to choose from, as [side, place]
 
@@ -19,21 +19,44 @@
 
   /** The places of a side's players by their means in the matrix shown, the best for that side first. */
   function ordered(side) {
-    const up = SHOWN[matrix.value].better === side ? -1 : 1;
-    const means = slugs[side].map((_, place) => mean(line(matrix.value, side, place)));
+    const up = SHOWN[shown.value].better === side ? -1 : 1;
+    const means = slugs[side].map((_, place) => mean(line(shown.value, side, place)));
     return means.map((_, place) => place).sort((a, b) => up * (means[a] - means[b]) || a - b);
   }
 
+  /** A number with half of its interval, where it has one. */
+  function within(key, i, j, written) {
+    const found = half[key]?.[i][j] ?? null;
+    return found === null ? written(matrices[key][i][j]) : `${written(matrices[key][i][j])} ± ${written(found)}`;
+  }
+
+  /** Where a round of a pair is played, if the page can play both. */
+  function address(ally, opponent) {
+    const [a, o] = [watch.ally[ally], watch.opponent[opponent]];
+    return a && o ? `play.html#${new URLSearchParams({ side: "nobody", ally: a.player, opponent: o.player, path: o.path })}` : undefined;
+  }
+
+  function cell(key, i, j, [low, top]) {
+    const [ally, opponent] = [slugs.ally[i], slugs.opponent[j]];
+    const beside = key === "jammed" ? ["ally"] : ["jammed"];
+    const { brief } = SHOWN[key], wide = half[key]?.[i][j] ?? null;
+    const href = address(ally, opponent);
+    const told = Object.keys(SHOWN).map((name) => `${SHOWN[name].short} ${within(name, i, j, SHOWN[name].written)}`).join(", ");
+    return {
+      href, text: brief(matrices[key][i][j]), tint: tint((matrices[key][i][j] - low) / (top - low || 1)),
+      more: [...(wide === null ? [] : [`± ${brief(wide)}`]), ...beside.map((name) => SHOWN[name].brief(matrices[name][i][j]))],
+      label: `${called("ally", ally)} against ${called("opponent", opponent)}: ${told}${href ? "; watch a round" : ""}`,
+    };
+  }
+
   function draw() {
-    const { short, better } = SHOWN[matrix.value];
+    const key = shown.value;
     order = { ally: ordered("ally"), opponent: ordered("opponent") };
-    const values = order.ally.map((i) => order.opponent.map((j) => matrices[matrix.value][i][j]));
-    const shown = Object.fromEntries(["ally", "opponent"].map((side) => [side, order[side].map((place) => called(side, slugs[side][place]))]));
-    const share = matrix.value === "jammed";
-    heatMap("heatmap", shown.ally, shown.opponent, values, short, {
-      share, low: share ? 0 : Math.min(...values.flat()), top: Math.max(share ? 0.01 : -Infinity, ...values.flat()),
-      colours: (c) => [[0, c.panel], [1, c[better]]],
-    });
+    const every = matrices[key].flat(), ends = [key === "jammed" ? 0 : Math.min(...every), Math.max(...every)];
+    const told = (side) => order[side].map((place) => called(side, slugs[side][place]));
+    const element = document.getElementById("heatmap");
+    element.className = `heat pairs of-${SHOWN[key].better}`;
+    matrix(element, `${SHOWN[key].short} of each pair`, "Ally", told("ally"), told("opponent"), (i, j) => cell(key, order.ally[i], order.opponent[j], ends));
     const before = players?.[who.value];
     players = ["ally", "opponent"].flatMap((side) => order[side].map((place) => [side, place]));
     fill(who, players.map(([side, place]) => `${side}: ${called(side, slugs[side][place])}`));
@@ -45,16 +68,16 @@
   function show() {
     const [side, place] = players[who.value];
     const other = side === "ally" ? "opponent" : "ally";
-    const keys = Object.keys(SHOWN);
-    const rows = order[other].map((k) => [called(other, slugs[other][k]), ...keys.map((key) => SHOWN[key].written(line(key, side, place)[k]))]);
+    const numbers = (k) => Object.keys(SHOWN).map((key) => within(key, ...(side === "ally" ? [place, k] : [k, place]), SHOWN[key].written));
+    const rows = order[other].map((k) => [called(other, slugs[other][k]), ...numbers(k)]);
     const caption = `Returns a step and jamming success rate of ${who.selectedOptions[0].text}, ${rounds} rounds a pair`;
     table(document.getElementById("row"), caption, [side === "ally" ? "Opponent" : "Ally", "Ally's return", "Opponent's return", "Jammed"], rows);
   }
 
   const asked = new URLSearchParams(location.hash.slice(1)).get("matrix");
-  if (asked in SHOWN) matrix.value = asked;
-  matrix.addEventListener("change", () => {
-    history.replaceState(null, "", `#matrix=${matrix.value}`);
+  if (asked in SHOWN) shown.value = asked;
+  shown.addEventListener("change", () => {
+    history.replaceState(null, "", `#matrix=${shown.value}`);
     draw();
   });
   who.addEventListener("change", show);

@@ -5,7 +5,7 @@
   const byId = (id) => document.getElementById(id);
   const FIELDS = ["ally", "opponent", "frequency", "known", "age", "type", "centre", "distance", "snr", "clean_snr", "spreading", "hopped", "covered", "check", "ally_reward", "opponent_reward"];
   const view = { time: 0, dirty: true };
-  let game = null, rival = null, human = "ally", path, steps, shown, colours = fpgPen.readColours(), timer = null, total = 0, policies = {};
+  let game = null, rivals = {}, human = "ally", path, steps, shown, colours = fpgPen.readColours(), timer = null, total = 0, policies = {};
 
   const scene = {
     view, scenario, last: rules.steps, now: () => Math.floor(view.time), outage: (k) => shown.snr[k] < scenario.threshold_db,
@@ -17,14 +17,27 @@
 
   /* ---- whom one plays ---- */
 
+  /** Fill a choice of a side's players: submitted entries, trained ones of the zoo, scripts. */
+  function list(select, side) {
+    const group = (label, options) => {
+      const found = document.createElement("optgroup");
+      found.label = label;
+      found.append(...options);
+      return found;
+    };
+    const trained = (wanted) => agents.filter((one) => one.side === side && one.kind === wanted).map(({ name, file }) => new Option(name, `agent:${file}`));
+    const groups = [["Submitted", trained("submitted")], ["Zoo", trained("zoo")], ["Scripts", fpgScripts.NAMES[side].map((name) => new Option(name, `script:${name}`))]];
+    select.replaceChildren(...groups.filter(([, options]) => options.length).map(([label, options]) => group(label, options)));
+    select.value = [...select.options].find(({ text }) => text.includes("champion"))?.value ?? select.options[0].value;
+  }
+
   function listRivals() {
-    const other = byId("side").value === "ally" ? "opponent" : "ally";
-    const options = fpgScripts.NAMES[other].map((name) => new Option(`${name} (script)`, `script:${name}`));
-    options.push(...agents.filter(({ side }) => side === other).map(({ name, file }) => new Option(name, `agent:${file}`)));
-    byId("rival").replaceChildren(...options);
-    byId("rival").value = options.find(({ text }) => text.includes("champion"))?.value ?? options[0].value;
-    byId("as-ally").hidden = other === "ally";
-    byId("as-opponent").hidden = other !== "ally";
+    const mine = byId("side").value;
+    list(byId("rival"), mine === "opponent" ? "ally" : "opponent");
+    list(byId("first"), "ally");
+    byId("second").hidden = mine !== "nobody";
+    byId("as-ally").hidden = mine !== "ally";
+    byId("as-opponent").hidden = mine !== "opponent";
   }
 
   // What a policy's script calls.
@@ -46,13 +59,14 @@
     event?.preventDefault();
     run(false);
     human = byId("side").value;
-    const other = human === "ally" ? "opponent" : "ally";
-    const [kind, name] = byId("rival").value.split(/:(.*)/s);
-    const agent = agents.find(({ file }) => file === name);
-    path = human === "opponent" || agent?.flies ? "learned" : "pursuit";
-    const policy = kind === "agent" ? await fetched(name) : null;
+    const chosen = { ally: byId(human === "nobody" ? "first" : "rival").value, opponent: byId("rival").value };
+    const others = human === "nobody" ? ["ally", "opponent"] : [human === "ally" ? "opponent" : "ally"];
+    const asked = human === "nobody" ? new URLSearchParams(location.hash.slice(1)).get("path") : null;
+    path = asked ?? (human === "opponent" || agents.find(({ file }) => `agent:${file}` === chosen.opponent)?.flies ? "learned" : "pursuit");
+    const named = Object.fromEntries(others.map((side) => [side, chosen[side].split(/:(.*)/s)]));
+    const loaded = await Promise.all(others.map((side) => (named[side][0] === "agent" ? fetched(named[side][1]) : null)));
     game = fpgRules.begin(rules, Math.max(0, Math.trunc(Number(byId("seed").value)) || 0), path);
-    rival = policy ? fpgPolicy.make(policy) : fpgScripts.make(other, name, rules, game.key);
+    rivals = Object.fromEntries(others.map((side, k) => [side, loaded[k] ? fpgPolicy.make(loaded[k]) : fpgScripts.make(side, named[side][1], rules, game.key)]));
     steps = Object.fromEntries(FIELDS.map((field) => [field, []]));
     shown = Object.fromEntries(FIELDS.map((field) => [field, []]));
     total = 0;
@@ -80,11 +94,9 @@
 
   function next() {
     if (!game || game.over) return;
-    const mine = human === "ally" ? allyAction() : opponentAction();
-    const theirs = rival(human === "ally" ? game.opponentSees : game.allySees);
-    fpgRules.step(game, ...(human === "ally" ? [mine, theirs] : [theirs, mine]));
+    fpgRules.step(game, human === "ally" ? allyAction() : rivals.ally(game.allySees), human === "opponent" ? opponentAction() : rivals.opponent(game.opponentSees));
     byId("hop").checked = false; // it is for one second
-    total += human === "ally" ? game.allyReward : game.opponentReward;
+    total += human === "opponent" ? game.opponentReward : game.allyReward;
     keep();
     tell();
     draw();
@@ -99,7 +111,7 @@
       check: game.checked ? game.lastCheck : 0, ally_reward: game.allyReward, opponent_reward: game.opponentReward,
     };
     const heard = now.check === 1 || !game.step;
-    const secret = human === "ally" ? { known: NaN, check: 0 }
+    const secret = human === "nobody" ? {} : human === "ally" ? { known: NaN, check: 0 }
       : { frequency: heard ? now.frequency : NaN, spreading: 0, hopped: 0 };
     for (const field of FIELDS) {
       steps[field].push(now[field]);
@@ -111,14 +123,14 @@
   /* ---- what is told ---- */
 
   function tell() {
-    const mine = human === "ally" ? ["hopped", "spread", "jammed", "back", "near", "herded"] : ["found", "jammed", "back", "near", "herded"];
+    const mine = human === "nobody" ? ["found", "hopped", "spread", "jammed", "back", "near", "herded"] : human === "ally" ? ["hopped", "spread", "jammed", "back", "near", "herded"] : ["found", "jammed", "back", "near", "herded"];
     const told = fpgEvents({ steps }, scenario).findLast(({ kind }) => mine.includes(kind));
     const text = told ? `${told.step} s: ${told.text}` : "";
     if (text && byId("event").textContent !== text) byId("event").textContent = text;
   }
 
   function score() {
-    const scale = scales[human === "ally" ? "ally" : path];
+    const scale = scales[human === "opponent" ? path : "ally"];
     const earned = total / Math.max(1, game.step);
     return [earned, scale ? (100 * (earned - scale.zero)) / (scale.top - scale.zero) : null];
   }
@@ -128,7 +140,7 @@
   function finish() {
     run(false);
     const [earned, points] = score();
-    byId("event").textContent = `The round is over: ${written(earned, 2)} a step${points === null ? "" : `, a score of ${written(points, 1)}; 0 is playing at random`}.`;
+    byId("event").textContent = `The round is over: ${human === "nobody" ? "the ally earned " : ""}${written(earned, 2)} a step${points === null ? "" : `, a score of ${written(points, 1)}; 0 is playing at random`}.`;
     for (const id of ["run", "one"]) byId(id).disabled = true;
   }
 
@@ -138,7 +150,7 @@
     byId("clock").textContent = `${game.step} / ${rules.steps}`;
     byId("earned").textContent = game.step ? written(earned, 2) : "–";
     byId("score").textContent = game.step && points !== null ? written(points, 1) : "–";
-    byId("known").textContent = human === "ally" ? `you are at ${game.frequency.toFixed(1)} MHz` : `heard ${game.age} s ago at ${game.known.toFixed(1)} MHz`;
+    byId("known").textContent = human === "nobody" ? "all" : human === "ally" ? `you are at ${game.frequency.toFixed(1)} MHz` : `heard ${game.age} s ago at ${game.known.toFixed(1)} MHz`;
     hint();
     arena.draw();
     times.draw();
@@ -182,5 +194,17 @@
   new MutationObserver(recolour).observe(document.documentElement, { attributeFilter: ["data-theme"] });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
   new ResizeObserver(() => draw()).observe(document.querySelector(".plots"));
+  /** A round of two players that the address asks for, as cross-play does. */
+  function asked() {
+    const address = new URLSearchParams(location.hash.slice(1));
+    if (address.get("side") !== "nobody") return;
+    byId("side").value = "nobody";
+    listRivals();
+    byId("first").value = address.get("ally");
+    byId("rival").value = address.get("opponent");
+    if (byId("first").value && byId("rival").value) begin().then(() => run(true));
+  }
+
   listRivals();
+  asked();
 })();

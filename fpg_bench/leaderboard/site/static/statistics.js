@@ -1,46 +1,46 @@
 /* The page of statistics: performance profiles and the probability of improvement, per track. */
 "use strict";
 (() => {
-  const { percent, draw, heatMap, table, fill, plain } = fpgCharts;
-  const MOST = 6; // lines that can be told apart
-  // Okabe and Ito's palette, and dashes beside it: no line is told by its colour alone.
-  const PALETTE = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
-  const DASHES = ["solid", "dash", "dot", "dashdot", "longdash", "solid"];
+  const { percent, tint, matrix, table, fill } = fpgCharts;
+  const MOST = 40; // entries of a matrix; all stand in the list below it
   const { tracks } = window.fpgData;
   const chosen = document.getElementById("track");
   const who = document.getElementById("who");
   let track;
 
   function profiles() {
-    const slugs = Object.keys(track.share).slice(0, MOST);
-    const { thresholds, names } = track;
-    draw("profile", () => ({
-      traces: slugs.map((slug, i) => ({
-        type: "scatter", mode: "lines", x: thresholds, y: track.share[slug], name: plain(names[slug]),
-        line: { color: PALETTE[i % PALETTE.length], dash: DASHES[i % DASHES.length], width: 2.2 },
-        hovertemplate: "%{y:.0%} above %{x}<extra>%{fullData.name}</extra>",
-      })),
-      xaxis: { title: { text: "score" } },
-      yaxis: { title: { text: "share of runs above it" }, tickformat: ".0%", range: [-0.02, 1.03] },
-      legend: { orientation: "h", y: -0.22 }, height: 400,
-    }));
+    const { thresholds, names, share } = track;
+    const first = Object.keys(share).slice(0, fpgProfile.MOST);
+    const marks = fpgProfile.draw(document.getElementById("profile"), thresholds, first.map((slug) => ({ name: names[slug], share: share[slug] })));
     const nearest = (score) => thresholds.reduce((best, x, i) => (Math.abs(x - score) < Math.abs(thresholds[best] - score) ? i : best), 0);
-    const columns = thresholds.length ? [...new Set([0, 25, 50, 75, 100, 125].map(nearest))] : [];
+    const columns = [...new Set(marks.map(nearest))];
     table(document.getElementById("profile-table"), "Share of runs that score more than a threshold",
-      ["Entry", ...columns.map((i) => `> ${Math.round(thresholds[i])}`)],
-      Object.entries(track.share).map(([slug, line]) => [names[slug], ...columns.map((i) => percent(line[i], 0))]));
+      ["Entry", ...columns.map((i) => `> ${String(Math.round(thresholds[i])).replace("-", "−")}`)],
+      Object.entries(share).map(([slug, line]) => [names[slug], ...columns.map((i) => percent(line[i], 0))]));
   }
+
+  /** A cell of the matrix: blue where the one on the left is likelier ahead, orange where the other is. */
+  function cell(i, j) {
+    const { value, low, high } = track.improvement, names = track.improvement.names.map(named);
+    if (i === j || value[i][j] === null) return null;
+    const told = `${percent(low[i][j], 0)} to ${percent(high[i][j], 0)}`, side = value[i][j] >= 0.5 ? "ally" : "opponent";
+    return {
+      text: percent(value[i][j], 0), more: [`${Math.round(100 * low[i][j])}–${Math.round(100 * high[i][j])}`],
+      tint: `of-${side} ${tint(Math.abs(2 * value[i][j] - 1))}`,
+      label: `${names[i]} scores more than ${names[j]} with a probability of ${percent(value[i][j], 0)}, ${told}`,
+    };
+  }
+
+  const named = (slug) => track.names[slug] ?? slug;
 
   function improvement() {
     const found = track.improvement;
     const section = document.querySelector("[aria-labelledby=improvement]");
     section.hidden = !found;
     if (!found) return;
-    const names = found.names.map((slug) => track.names[slug] ?? slug);
-    const values = found.value.map((line, i) => line.map((value, j) => (i === j ? null : value)));
-    heatMap("matrix", names, names, values, "", {
-      low: 0, top: 1, share: true, colours: (c) => [[0, c.opponent], [0.5, c.panel], [1, c.ally]],
-    });
+    const names = found.names.map(named), shown = names.slice(0, MOST);
+    document.getElementById("left").textContent = names.length > MOST ? `The first ${MOST} of ${names.length} entries are shown; the list below has all.` : "";
+    matrix(document.getElementById("matrix"), "How likely the row's entry scores more than the column's", "Scores more", shown, shown, cell);
     fill(who, names);
     one();
   }
@@ -48,7 +48,7 @@
   function one() {
     const { names, value, low, high } = track.improvement;
     const i = Number(who.value);
-    const rows = names.map((slug, j) => [track.names[slug] ?? slug, j]).filter(([, j]) => j !== i);
+    const rows = names.map((slug, j) => [named(slug), j]).filter(([, j]) => j !== i);
     rows.sort((a, b) => value[i][b[1]] - value[i][a[1]]);
     table(document.getElementById("row"), `How likely ${who.selectedOptions[0].text} scores more than each other entry`,
       ["Scores more than", "Probability", "95 % interval"],
