@@ -68,6 +68,7 @@ def first_returns(member, field, counterpart, matches=2):
     return play(member_entry(member), few, counterpart).returns
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view", SHIPPED.views, ids=lambda view: view.name)
 def test_every_shipped_agent_plays_as_its_lines_say(view):
     fields = [load_field(name) for name in view.fields]
@@ -113,6 +114,7 @@ def test_every_folder_of_an_agent_is_a_member_and_all_together_are_small():
     assert size < LARGEST_MB * 1e6
 
 
+@pytest.mark.slow
 def test_the_page_is_what_the_lines_give():
     text = page(SHIPPED)
     assert (SHIPPED.folder / "README.md").read_text() == text

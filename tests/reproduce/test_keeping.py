@@ -16,7 +16,7 @@ from fpg_bench.training.maddpg_seeds import Together
 TINY = Budget("tiny", 4_000, 8, 25, 2, 1)
 PLANNED = replace(conditions_of("fig4", "paper", full=False)[0], changes={"rounds_per_match": 2})
 
-pytestmark = pytest.mark.usefixtures("cache")
+pytestmark = [pytest.mark.usefixtures("cache"), pytest.mark.slow]
 
 
 def job_of(folder, learner="torch"):

@@ -121,6 +121,7 @@ def test_the_same_seed_gives_the_same_rows(made, cache, tmp_path):
     assert again.read()[BASE, 0].rows == RunFile(out, "paper", "tiny").read()[BASE, 0].rows
 
 
+@pytest.mark.slow
 def test_runs_are_added_beside_those_that_are_there(made, tmp_path):
     out, *_ = made
     there, file = RunFile(out, "paper", "tiny").read(), RunFile(tmp_path, "paper", "tiny")

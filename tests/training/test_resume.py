@@ -101,6 +101,7 @@ def test_a_run_goes_on_where_it_was_and_ends_with_the_steps_asked_for(algorithm,
     assert not (tmp_path / "run" / "checkpoints").exists()
 
 
+@pytest.mark.slow
 def test_runs_of_neighbouring_seeds_play_other_matches(tmp_path, monkeypatch):
     seeds = []
     for seed in (0, 1):
