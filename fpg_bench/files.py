@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import functools
 import glob
 import gzip
 import json
@@ -67,13 +69,19 @@ def read_yaml(path: Path, what: str) -> dict[str, Any]:
     if _too_deep(text):  # the parser's time grows with the square of the depth
         raise UserError(f"{what} {path}: not valid YAML: more than {_DEEPEST} brackets within brackets")
     try:
-        content = _CarefulLoader(text).get_single_data()
+        content = copy.deepcopy(_parsed(text))
     except UserError:
         raise
     except Exception as error:  # PyYAML lets errors of many kinds out, tagged values above all
         said = " ".join(str(error).split()) or type(error).__name__
         raise UserError(f"{what} {path}: not valid YAML: {said}") from error
     return _mapping(content, path, what)
+
+
+@functools.lru_cache(maxsize=32)
+def _parsed(text: str) -> Any:
+    """What a YAML text says; a board reads the same fields again and again, and its parser is slow."""
+    return _CarefulLoader(text).get_single_data()
 
 
 def _too_deep(text: str) -> bool:

@@ -11,7 +11,8 @@ from typing import Any
 LONGEST = 64_000_000  # bytes or characters
 DEEPEST = 50  # brackets within brackets
 MOST_DIGITS = 40  # of a number, its point and exponent included; a float has 24 at most
-_LONG_NUMBER = re.compile(rf"[0-9.]{{{MOST_DIGITS + 1}}}|[eE]\+?[0-9]{{3}}")
+# Of an exponent only where a number may begin: hexadecimal words are full of "e123".
+_LONG_NUMBER = re.compile(rf"[0-9.]{{{MOST_DIGITS + 1}}}|(?:^|[\s,:\[])-?[0-9.]++[eE]\+?[0-9]{{3}}")
 _HALF_PAIR = re.compile(r"\\u[dD][89a-fA-F]")
 
 

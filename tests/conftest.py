@@ -9,8 +9,6 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from tests.exporting import keep_operators
-
 # Workers share the cores, and networks as small as ours only wait for a second thread.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -32,11 +30,6 @@ def pytest_make_parametrize_id(val):
     """Names of tests without addresses of objects, so that all workers collect the same ones."""
     name = str(val)
     return re.sub(r" at 0x[0-9a-f]+", "", name) if " at 0x" in name else None
-
-
-def pytest_runtest_setup(item):
-    """From the second test that exports on, exporting is quick."""
-    keep_operators()
 
 
 @pytest.hookimpl(tryfirst=True)  # before some are left out by their marks

@@ -21,8 +21,8 @@ ROOT = Path(__file__).parents[1]
 
 
 def install_wheel(folder: Path) -> Path:
-    """Build the wheel of this repository and unpack it; gives the folder with the package in it."""
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT)]
+    """Build this repository's sdist, and the wheel from it, and unpack that; gives the package's folder."""
+    build = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(folder), str(ROOT)]
     subprocess.run(build, check=True, capture_output=True)
     (wheel,) = folder.glob("*.whl")
     target = ["--target", str(folder / "site"), str(wheel)]

@@ -77,6 +77,7 @@ def test_every_page_has_its_place_in_the_site():
     assert [place for place in names if not re.search(rf"(?m)^{place}$", told)] == []
 
 
+@pytest.mark.slow
 def test_every_id_has_a_page_of_what_it_sees_and_does(tmp_path):
     reference_pages.write_pages(tmp_path, pictures=False)
     rules = (DOCS / "rules.md").read_text()
@@ -90,6 +91,7 @@ def test_every_id_has_a_page_of_what_it_sees_and_does(tmp_path):
     assert python_runs((tmp_path / f"{DUEL.removeprefix('FPG/')}.md").read_text()) == 1
 
 
+@pytest.mark.slow
 def test_the_page_of_the_command_line_has_every_verb():
     page, listed = reference_pages.command_line_page(), reference_pages.verbs()
     assert len(listed) > 20

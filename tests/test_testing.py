@@ -174,6 +174,7 @@ def test_a_torch_model_may_differ_in_its_last_bits_and_no_more():
         check_player(Net(1e-3), "ally")
 
 
+@pytest.mark.slow
 def test_a_model_of_stable_baselines3_passes():
     from stable_baselines3 import PPO
 

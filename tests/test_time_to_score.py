@@ -34,6 +34,7 @@ def test_what_was_reached_is_a_mean_over_trainings_none_of_which_had_ended():
     assert math.isnan(reached([LOOKS, other[:2]], "return", 3.0))
 
 
+@pytest.mark.slow
 def test_trainings_in_turns_draw_the_numbers_that_they_draw_alone(monkeypatch):
     monkeypatch.setattr(taking_turns, "TURN_S", 0.0)
     together = ends("ppo", "sac", "td3")
@@ -55,6 +56,7 @@ def test_a_training_that_fails_does_not_stop_the_others(monkeypatch, capsys):
     assert "bad: diverged" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_report_is_written_and_nothing_trained_twice(tmp_path, monkeypatch, capsys):
     (tmp_path / "settings.yml").write_text(
         "small: {n_envs: 4, n_steps: 50, batch_size: 50, n_epochs: 1}\n"

@@ -170,6 +170,12 @@ def wheel(tmp_path_factory):
     return install_wheel(tmp_path_factory.mktemp("wheel"))
 
 
+def test_the_wheel_is_small_and_holds_the_agents(wheel):
+    (file,) = wheel.parent.glob("*.whl")
+    assert file.stat().st_size < 15_000_000
+    assert len(list((wheel / "fpg_bench" / "baselines").rglob("policy.onnx"))) > 50
+
+
 def lines_in(python, folder, lines):
     """The status and the words of each line, run in an environment."""
     done = run(python, "-c", RUN, json.dumps(lines), cwd=folder)

@@ -68,16 +68,18 @@ def first_returns(member, field, counterpart, matches=2):
     return play(member_entry(member), few, counterpart).returns
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view", SHIPPED.views, ids=lambda view: view.name)
 def test_every_shipped_agent_plays_as_its_lines_say(view):
+    fields = [load_field(name) for name in view.fields]
+    lines_of = {field: read_zoo_lines(SHIPPED, view, field) for field in fields}
     for member in SHIPPED.members(view.name):
         if not member.shipped:
             continue
         about = load_agent(member.name).about
         assert (about["id"], about["training_seed"]) == (view.id, member.seed), member.name
         assert about["training_steps"] == member.steps, member.name
-        for field in map(load_field, view.fields):
-            lines = read_zoo_lines(SHIPPED, view, field)
+        for field, lines in lines_of.items():
             kept = {
                 line.counterpart: line
                 for line in lines
@@ -112,9 +114,11 @@ def test_every_folder_of_an_agent_is_a_member_and_all_together_are_small():
     assert size < LARGEST_MB * 1e6
 
 
+@pytest.mark.slow
 def test_the_page_is_what_the_lines_give():
-    assert (SHIPPED.folder / "README.md").read_text() == page(SHIPPED)
-    for link in re.findall(r"\]\(([^)]+)\)", page(SHIPPED)):
+    text = page(SHIPPED)
+    assert (SHIPPED.folder / "README.md").read_text() == text
+    for link in re.findall(r"\]\(([^)]+)\)", text):
         assert (SHIPPED.folder / link.partition("#")[0]).is_file(), link
 
 

@@ -54,6 +54,10 @@ class Duel:
         self.plans: list[Plan | None] = [None] * self.count
         self._limits = Limits.of(scenario)
         self._histories: list[list[np.ndarray]] = [[] for _ in range(self.count if planner else 0)]
+        self._flown: dict[int, np.ndarray] = {}
+        self._sees_ally = getattr(planner, "tier", "") == "ally"
+        if self._sees_ally:
+            self.arena.keep_flown()
 
     def reset(
         self,
@@ -119,6 +123,8 @@ class Duel:
             mask & (self.arena.games["step"] == self.scenario.steps_per_round)
         ).tolist():
             self._histories[game].append(self.arena.segments[game].copy())
+            if self.arena.flown_m is not None:
+                self._flown[game] = self.arena.flown_m[game].copy()
 
     def _plan(self, mask: np.ndarray) -> None:
         requests = [self._request(game) for game in np.flatnonzero(mask).tolist()]
@@ -134,6 +140,7 @@ class Duel:
         played = self.arena.games[game]
         if played["round"] == 0:
             self._histories[game].clear()
+            self._flown.pop(game, None)
         key = np.empty(1, np.uint64)
         draws.derived_keys(key, self.arena.games["round_key"][game : game + 1].copy(), draws.PLANNER_SEED)
         return Request(
@@ -145,7 +152,8 @@ class Duel:
             seed=int(played["seed"]),
             match=int(played["match"]),
             round=int(played["round"]),
-            ally_path=self.arena.ally_path(game) if getattr(self.planner, "tier", "") == "ally" else None,
+            ally_path=self.arena.ally_path(game) if self._sees_ally else None,
+            ally_flown=self._flown.get(game),
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from pathlib import Path
 from typing import Any
@@ -181,10 +182,16 @@ def _check_shipped(field: Field, counterpart: Counterpart) -> None:
 
 def _check(field: Field, counterpart: Counterpart) -> None:
     """Raise UserError where a counterpart names a player or planner that can't be had."""
+    fliers = (field.opponent,) if field.side == PLANNER else ()
+    _check_players(field.other_side, counterpart, fliers, tuple(map(identity, counterpart.players)))
+
+
+@functools.lru_cache(maxsize=512)
+def _check_players(side: str, counterpart: Counterpart, fliers: tuple[str, ...], of: tuple[str, ...]) -> None:
+    """Load all players once; ``of``: what they were then, as a board reads the same fields many times."""
     for player in counterpart.players:
-        identity(player)
-        as_player(player, field.other_side, counterpart.scenario)
-    if field.side == PLANNER:
-        as_player(field.opponent, "opponent", counterpart.scenario)
+        as_player(player, side, counterpart.scenario)
+    for player in fliers:
+        as_player(player, "opponent", counterpart.scenario)
     if counterpart.planner is not None:
         as_planner(counterpart.planner, counterpart.scenario)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from fpg_bench.checks import is_whole
 from fpg_bench.errors import UserError
 from fpg_bench.game.measures import GREATEST, measures
 from fpg_bench.game.state import TALLY
@@ -169,19 +168,15 @@ def _read_plans(row: Any, where: str) -> Plans:
     sound = isinstance(row, dict) and row.keys() in (known, known | {"useless"})
     if not sound or not all(_are_counts(row[key]) for key in row if key in ("statuses", "useless")):
         raise UserError(f"{where} does not tell of its plans what it should")
-    if not _is_number(row["seconds"]):
+    if not _are_numbers([row["seconds"]]):
         raise UserError(f"{where} does not tell of its plans what it should")
     if row["tokens"] is not None and not _is_count(row["tokens"]):
         raise UserError(f"{where}: tokens: expected a whole number, got {row['tokens']!r:.40}")
     return Plans(**row)
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _ENDLESS
-
-
 def _is_count(value: Any) -> bool:
-    return is_whole(value, 0) and value < _ENDLESS
+    return _are_numbers([value], {int}) and value >= 0
 
 
 def _are_counts(value: Any) -> bool:
@@ -192,20 +187,27 @@ def _is_word(value: Any) -> bool:
     return isinstance(value, str) and len(value) <= _LONGEST and value.isprintable()
 
 
-def _are(values: Any, check: Any) -> bool:
-    return isinstance(values, list | tuple) and bool(values) and all(map(check, values))
+def _are_numbers(values: Any, kinds: Set[type] = frozenset({int, float})) -> bool:
+    """Whether there are some and all are of these kinds; without a loop, as a board has millions of them."""
+    if not isinstance(values, list | tuple) or not values or not set(map(type, values)) <= kinds:
+        return False
+    return all(map(_ENDLESS.__gt__, map(abs, values)))
+
+
+def _are_all_counts(values: Any) -> bool:
+    return _are_numbers(values, {int}) and min(values) >= 0
 
 
 _WORDS = ("field", "field_hash", "entry", "fingerprint", "counterpart", "rounds_sha256")
 _CHECKS = (
     lambda row: all(_is_word(row[key]) for key in _WORDS),
     lambda row: row["training_seed"] is None or _is_count(row["training_seed"]),
-    lambda row: _are(row["returns"], _is_number) and _is_count(row["lost"]),
+    lambda row: _are_numbers(row["returns"]) and _is_count(row["lost"]),
     lambda row: row["lost"] <= len(row["returns"]),
-    lambda row: all(_are(row[key], _is_count) for key in ("ally_points", "jam_points")),
+    lambda row: all(_are_all_counts(row[key]) for key in ("ally_points", "jam_points")),
     lambda row: len(row["ally_points"]) == len(row["jam_points"]),
     lambda row: isinstance(row["tally"], dict) and tuple(row["tally"]) == TALLIES,
-    lambda row: _are(list(row["tally"].values()), _is_number) and row["tally"]["steps"] > 0,
+    lambda row: _are_numbers(list(row["tally"].values())) and row["tally"]["steps"] > 0,
 )
 
 

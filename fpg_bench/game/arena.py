@@ -63,6 +63,7 @@ class Arena:
         self.opponent_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
         self._ally_actions = np.zeros((self.count, ACTION_SIZE), np.float32)
         self._opponent_actions = np.zeros((self.count, ACTION_SIZE), np.float32)
+        self.flown_m: np.ndarray | None = None
         self._pool: ThreadPoolExecutor | None = None
         self._begun = False
         self._bind()
@@ -126,6 +127,7 @@ class Arena:
         kernel.begin(
             games, mask, self.ally_observations, self.opponent_observations, self.segments, self._rules
         )
+        self._note_flown()
 
     def check_reset(self, mask: np.ndarray, horizons: np.ndarray | None) -> None:
         """Raise UserError where a mask has another shape or a horizon lies outside the round."""
@@ -153,6 +155,15 @@ class Arena:
             kernel.play(0, self.count, *self._arguments)
         else:
             self._step_in_threads()
+        self._note_flown()
+
+    def keep_flown(self) -> None:
+        """Keep from now on where each ally is after each second of its round."""
+        self.flown_m = np.zeros((self.count, self.scenario.steps_per_round + 1, 3))
+
+    def _note_flown(self) -> None:
+        if self.flown_m is not None:
+            self.flown_m[np.arange(self.count), self.games["step"]] = self.games["ally_position"]
 
     def _step_in_threads(self) -> None:
         """Split the games; the calling thread takes the last part."""

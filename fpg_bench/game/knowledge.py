@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +46,7 @@ class KnowledgeBase:
 
     def canonical(self) -> list[dict[str, Any]]:
         """What the game reads of it, for the scenario's hash: words of advice are not played."""
-        return [{k: v for k, v in asdict(e).items() if k not in ("strategy", "advice")} for e in self.entries]
+        return [{k: v for k, v in vars(e).items() if k not in ("strategy", "advice")} for e in self.entries]
 
 
 def load_knowledge(name: str, jamming_types: tuple[str, ...]) -> KnowledgeBase | None:

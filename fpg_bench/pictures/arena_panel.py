@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+from fpg_bench.pictures.canvas import ALLY, OPPONENT
 from fpg_bench.pictures.recording import Recording
 
-# Okabe and Ito's colours, told apart by colour-blind eyes too.
-ALLY, OPPONENT, SPREADING = "#0072B2", "#D55E00", "#56B4E9"
+SPREADING = "#56B4E9"
 INK, GREY, PALE, GROUND = "#1b1f24", "#5f6773", "#cdd3db", "#f1f4f8"
 _COLOURS = {"ally": ALLY, "opponent": OPPONENT}
 _AZIMUTH, _ELEVATION = math.radians(-62), math.radians(40)

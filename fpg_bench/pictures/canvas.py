@@ -1,8 +1,10 @@
-"""An empty figure to draw on, without a window and without matplotlib's global state."""
+"""An empty figure to draw on, without a window or matplotlib's global state; and both sides' colours."""
 
 from __future__ import annotations
 
 from typing import Any
+
+ALLY, OPPONENT = "#0072b2", "#d55e00"  # Okabe and Ito's, told apart by colour-blind eyes, too
 
 
 def blank_figure(width: float, height: float, dpi: int = 100) -> Any:

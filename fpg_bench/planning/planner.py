@@ -76,6 +76,7 @@ class Request:
         seed, match, round: which round of which match it is.
         ally_path: ``(T + 1, 3)`` in m, where the ally is after each second if it flies at full speed;
             for planners of the tier ``ally`` alone, None for all others.
+        ally_flown: the same of the match's round before, as the ally flew it; None in a match's first.
     """
 
     history: np.ndarray
@@ -87,6 +88,7 @@ class Request:
     match: int = 0
     round: int = 0
     ally_path: np.ndarray | None = None
+    ally_flown: np.ndarray | None = None
 
 
 class Planner(Protocol):

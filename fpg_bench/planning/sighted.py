@@ -1,7 +1,8 @@
-"""Planners of the tier ``ally``: they see the path that the ally flies at full speed. Upper bounds."""
+"""Planners of the tier ``ally``: they see the path that the ally flies. Upper bounds."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -38,18 +39,31 @@ class Optimised(BatchPlanner):
 
     That reward is the distance reward (Eq. 6) and the SNR drop of a tone that covers the ally in a fixed
     share of the seconds; how the ally hops is not known.
+
+    Args:
+        scenario: what is played.
+        flown: take the ally's path as it flew it in the match's round before, where there is one, and not
+            as it would be at full speed: a bound for allies that choose their speed.
     """
 
     name, tier = "optimised", "ally"
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, flown: bool = False) -> None:
+        self._flown = flown
+        if flown:
+            self.name = "optimised-flown"
         drop = _COVERED * scenario.snr_drop_weight * 20 / math.log(10)
         near_m = max(scenario.distance_reward_m, 1.0)
         self._rules = np.array([scenario.distance_reward, near_m, drop, scenario.minimum_distance_m])
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
         """The improved chase that starts where each round does."""
-        return [Plan(self._improved(request), self.name) for request in requests]
+        return [Plan(self._improved(self._seen(request)), self.name) for request in requests]
+
+    def _seen(self, request: Request) -> Request:
+        if not self._flown or request.ally_flown is None:
+            return request
+        return dataclasses.replace(request, ally_path=request.ally_flown)
 
     def _improved(self, request: Request) -> np.ndarray:
         waypoints = _chased(request, lead=True)

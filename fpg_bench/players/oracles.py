@@ -1,4 +1,4 @@
-"""Oracles: players that see the full state. Upper bounds to measure against, never part of a panel."""
+"""Oracles: players that see the full state. Upper bounds to measure against, in no field."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ class Player(Protocol):
     Three optional attributes:
 
     * ``sees = "state"`` marks an oracle: it is handed the full state ``(n, 54)`` of
-      :mod:`fpg_bench.game.full_state` instead of its observation and never enters a panel.
+      :mod:`fpg_bench.game.full_state` instead of its observation and stands in no field.
     * ``reset(mask, seeds)`` is called at a round's start by whoever hosts a player that draws at random:
       ``mask`` (n,) bool, ``seeds`` (n,) uint64 from the game's own stream.
     * ``predict_rows(rows, ...)`` answers in some games only, where several players are drawn from; see

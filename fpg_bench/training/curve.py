@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fpg_bench.files import write_whole
-from fpg_bench.pictures.canvas import blank_figure
+from fpg_bench.pictures.canvas import ALLY, OPPONENT, blank_figure
 from fpg_bench.rows import Row
 
-_COLOURS = {"ally": "#0072b2", "opponent": "#d55e00"}
+_COLOURS = {"ally": ALLY, "opponent": OPPONENT}
 
 
 def draw_curve(rows: Sequence[Row], title: str, path: Path) -> None:

@@ -24,6 +24,7 @@ from fpg_bench.imports import reason
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer
 from fpg_bench.players.writing import stripped
 from fpg_bench.training.actor import Actor, ActorPlayer
+from fpg_bench.training.operators import keep_operators
 
 GREATEST_DIFFERENCE = 1e-4
 _OPSET = 20
@@ -40,6 +41,7 @@ def export_onnx(model: BaseAlgorithm) -> bytes:
         UserError: a policy of another kind, or one that the versions at hand can't write as ONNX.
     """
     _keep_tqdm_in_this_process()
+    keep_operators()
     actor = Actor(model)
     examples = [torch.zeros(2, OBSERVATION_SIZE)]
     names = ["observation", "action"]

@@ -66,6 +66,7 @@ def test_and_answers_to_the_bit_the_same_alone_and_in_any_company(name):
             assert (alone == (whole[:, some] if whole.ndim > 2 else whole)).all()
 
 
+@pytest.mark.slow
 def test_so_it_is_when_it_is_played(field):
     """Behind the door as without it, and each round as it is in fewer rounds."""
     part = Part("reader", 0, as_policy(READERS["hidden"]))

@@ -17,6 +17,8 @@ from tests.attacks.json_texts import hostile_texts
 from tests.attacks.pull_requests import spoil
 from tests.leaderboard.entering import enter
 
+pytestmark = pytest.mark.slow
+
 COUNT = 40
 
 

@@ -46,6 +46,7 @@ def test_trainings_of_their_own_are_not(side):
     assert alike(policies, side, None, {}, 5) == []
 
 
+@pytest.mark.slow
 def test_a_new_entry_is_compared_with_the_whole_board(board, in_process):
     enter(board, "ally", "first", seeds=(0, 1))
     enter(board, "ally", "second", seeds=(1, 7))

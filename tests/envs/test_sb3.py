@@ -317,6 +317,7 @@ def test_what_cannot_be_is_refused(options, message):
         make_sb3(PLANNED, **options)
 
 
+@pytest.mark.slow
 def test_the_first_game_can_be_filmed(tmp_path):
     pytest.importorskip("moviepy", reason="moviepy is in the extra video")
     view = make_sb3(ALLY, n_envs=2, seed=1, render_mode="rgb_array", scenario=SHORT)

@@ -34,6 +34,7 @@ from .playing import (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view_id", IDS)
 def test_gymnasium_finds_nothing_to_warn_of(view_id):
     with warnings.catch_warnings():

@@ -246,6 +246,7 @@ def test_a_dataframe_has_a_row_per_entry_and_needs_pandas_alone(field, monkeypat
 # Many at once
 
 
+@pytest.mark.slow
 def test_the_lines_and_the_table_are_the_same_to_the_bit(field, agents, tmp_path):
     players = [*agents, "expert", "idle", "expert"]
     for out, jobs in (("many", 2), ("one", 1)):
@@ -255,6 +256,7 @@ def test_the_lines_and_the_table_are_the_same_to_the_bit(field, agents, tmp_path
     assert (tmp_path / "many" / "table.csv").read_text() == (tmp_path / "one" / "table.csv").read_text()
 
 
+@pytest.mark.slow
 def test_a_player_that_fails_does_not_hold_up_the_others(field, tmp_path, monkeypatch):
     source = "class Bad:\n    def predict(self, *a, **k):\n        raise RuntimeError('no idea')\n"
     (tmp_path / "bad.py").write_text(source)
@@ -265,6 +267,7 @@ def test_a_player_that_fails_does_not_hold_up_the_others(field, tmp_path, monkey
     assert len(rows(tmp_path / "out")) == 2
 
 
+@pytest.mark.slow
 def test_an_agent_travels_to_the_worker(field, agents, tmp_path):
     entries = entries_of(agents[:1], load_field(field))
     expected = play_into(tmp_path / "one", field, load_field(field), entries)

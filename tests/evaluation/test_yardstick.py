@@ -27,6 +27,7 @@ class Following:
         return actions.astype(np.float32), steps + 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ally-v1", "opponent-v1", "ally-planner-v1"])
 @pytest.mark.parametrize("who", ["following", "random"])
 def test_scores_are_those_of_an_evaluation_on_the_same_seeds(name, who):

@@ -19,6 +19,8 @@ from fpg_bench.leaderboard.result import verified_result, write_result
 from fpg_bench.leaderboard.verify import verify
 from tests.leaderboard.entering import FIELD, close_season, enter, write_field
 
+pytestmark = pytest.mark.slow
+
 
 def quiet(line):
     pass

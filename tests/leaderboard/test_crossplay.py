@@ -27,6 +27,8 @@ from fpg_bench.players.naming import as_player
 from tests.leaderboard.entering import close_season, enter
 from tests.leaderboard.making import policy
 
+pytestmark = pytest.mark.slow
+
 ROUNDS = 6
 
 

@@ -11,6 +11,8 @@ from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.zoo.zoo import load_zoo
 from tests.programs import fpg, python
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 BOARD = ROOT / "leaderboard"
 

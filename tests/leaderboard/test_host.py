@@ -60,6 +60,7 @@ def host():
         yield host
 
 
+@pytest.mark.slow
 def test_a_policy_plays_as_it_does_without_a_host(host):
     for games in (1, 7):
         seen = observations(12, games)
@@ -196,6 +197,7 @@ def test_a_process_that_cannot_begin_is_told():
     sandbox.close()
 
 
+@pytest.mark.slow
 def test_a_trial_says_what_would_go_wrong():
     assert trial(as_policy(policy(0))) == []
     assert "loses rounds" in trial(as_policy(through("Sqrt")))[0]

@@ -128,6 +128,7 @@ def found():
     return dict(zip(HOSTILE, check_policies([data for data, _ in HOSTILE.values()]), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_policies_are_named_in_one_line(name, found):
     assert len(found[name]) == (3 if name == "own function" else 1)

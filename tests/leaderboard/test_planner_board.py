@@ -191,6 +191,7 @@ def test_how_often_a_model_was_recorded_must_be_told(entered, runs, message):
     assert any("lacks 'runs'" in line for line in problems(folder))
 
 
+@pytest.mark.slow
 def test_all_planners_that_ask_no_model_stand_on_the_board_as_their_scores_say():
     found = {}
     for name in (name for name in PLANNERS if name not in LLM_CONTROLS):

@@ -131,6 +131,7 @@ def test_planners_rank_by_their_scores_over_matches(toy, field):
     assert rank_ranges([entry.samples for entry in entries])[0][0] == 1
 
 
+@pytest.mark.slow
 def test_a_real_server_is_recorded_and_verified_when_it_is_gone(folder, short):
     profile = folder / "server.yml"
     profile.write_text("about: short\nresponse_format: json_schema\nseed: true\n")

@@ -285,6 +285,7 @@ def test_the_board_can_be_taken_away_whole(site):
     assert board["tracks"][0]["rows"][1]["replays"] == ["replays/ally/player-1/ab.js"]
 
 
+@pytest.mark.slow
 def test_the_front_page_stays_small_for_many_entries(tmp_path):
     build_site(example_board(200, counterparts=22), tmp_path)
     page = Page(tmp_path / "index.html")

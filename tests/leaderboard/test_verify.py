@@ -22,6 +22,8 @@ from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.rows import RowFile
 from tests.leaderboard.entering import FIELD, close_season, enter, write_field
 
+pytestmark = pytest.mark.slow
+
 BOARD = Path(__file__).parents[2] / "leaderboard"
 COUNTERPARTS = ("adaptive/pursuit", "sweep/circle")
 

@@ -25,6 +25,7 @@ def untimed(rows):
     return [{key: value for key, value in row.items() if key != "seconds"} for row in rows]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", [name for name in PLANNERS if name not in LLM_CONTROLS])
 def test_a_match_is_repeated_to_the_bit(planner, file):
     played = play(file, planner)
@@ -273,6 +274,7 @@ def test_a_planner_of_ones_own_by_name(file, tmp_path, monkeypatch):
 # The picture
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rounds", "rows"), [(1, 1), (5, 1), (6, 2), (MOST + 7, MOST // 5)])
 def test_the_picture_has_a_panel_per_round_and_a_bound(rounds, rows, tmp_path):
     from matplotlib.image import imread

@@ -219,6 +219,7 @@ def test_a_planner_whose_file_would_not_tell_all_is_refused(environment, file):
         assert play(None, planner, rounds=1)[0].row["status"] == "ok"
 
 
+@pytest.mark.slow
 def test_a_server_that_is_of_no_use_ends_the_match_which_then_goes_on(environment, file, monkeypatch):
     with FaultServer([status(404)]) as server:
         environment(server)

@@ -128,6 +128,7 @@ def test_pettingzoos_own_render_test(monkeypatch):
     pettingzoo.test.render_test(lambda **options: aec_env(scenario=SHORT, **options))
 
 
+@pytest.mark.slow
 def test_record_video_writes_a_film_of_every_step(tmp_path):
     pytest.importorskip("moviepy", reason="moviepy is in the extra video")
     env = gymnasium.make("FPG/AllyVsScripted-v0", render_mode="rgb_array", scenario=SHORT)
@@ -147,6 +148,7 @@ def frame_count(film):
     return count_frames_and_secs(str(film))[0]
 
 
+@pytest.mark.slow
 def test_films_hold_each_nth_step_and_the_last(tmp_path):
     rounds = [recorded(10), recorded(9)]
     write_gif(rounds, tmp_path / "film.gif", "two rounds", every=4)
@@ -166,9 +168,8 @@ def test_an_mp4_without_the_encoder_names_the_extra(tmp_path, monkeypatch):
 
 def test_a_window_without_pygame_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
-    env = SingleView("FPG/AllyVsScripted-v0", render_mode="human", scenario=SHORT)
     with pytest.raises(UserError, match=r"pip install \"fpg-bench\[video\]\""):
-        env.reset(seed=1)
+        SingleView("FPG/AllyVsScripted-v0", render_mode="human", scenario=SHORT)
 
 
 def test_the_window_shows_the_picture_until_it_is_closed(monkeypatch):

@@ -25,6 +25,7 @@ def test_it_comes_nearer_to_an_ally_that_only_its_rewards_tell_of(seed):
     assert away[-3:, late].mean() < away[:2, late].mean() / 2
 
 
+@pytest.mark.slow
 def test_in_the_game_it_earns_more_than_the_circle_that_it_begins_around():
     gain = rewards_by_round(CMAES(), "idle", matches=12)
     gain = gain[:, -3:].mean(axis=1) - gain[:, 0]

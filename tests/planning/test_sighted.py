@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from fpg_bench.envs.duel import make_duel
 from fpg_bench.game.arena import Arena
 from fpg_bench.planning import plan_all
 from fpg_bench.planning.interception import chase
@@ -82,6 +83,56 @@ def test_other_tiers_are_not_shown_it():
 
     play(planner := Curious(), games=1, rounds=2)
     assert planner.seen == [None, None]
+
+
+class Slow:
+    """An ally at half speed, seen by a planner that keeps what it is shown."""
+
+    def __init__(self):
+        self.planner, self.seen = Optimised(PLANNED, flown=True), []
+        self.name, self.tier = self.planner.name, "ally"
+
+    def plan_batch(self, requests):
+        self.seen += [r.ally_flown for r in requests]
+        return self.planner.plan_batch(requests)
+
+
+def test_what_the_ally_flew_is_shown_from_the_second_round_of_a_match_on():
+    duel = make_duel(2, scenario=PLANNED, planner=(slow := Slow()))
+    half_speed = np.zeros((2, 9), np.float32)
+    half_speed[:, 2] = -1.0
+    flown = {}
+    for number in range(4):
+        duel.reset(seeds=5 if number == 0 else None, new_match=number == 3)
+        places = [duel.arena.games["ally_position"].copy()]
+        for _ in range(300):
+            duel.step(half_speed, half_speed)
+            places.append(duel.arena.games["ally_position"].copy())
+        flown[number] = np.array(places)
+    for number, (first, second) in enumerate(zip(slow.seen[::2], slow.seen[1::2], strict=True)):
+        if number in (0, 3):
+            assert first is None
+            assert second is None
+        else:
+            assert np.array_equal(first, flown[number - 1][:, 0])
+            assert np.array_equal(second, flown[number - 1][:, 1])
+
+
+def test_a_slow_ally_is_met_by_whoever_knows_what_it_flew():
+    earned = {}
+    for planner in (Optimised(PLANNED), Optimised(PLANNED, flown=True)):
+        duel = make_duel(8, scenario=PLANNED, planner=planner)
+        actions = np.zeros((8, 9), np.float32)
+        actions[:, 2] = -1.0
+        for number in range(2):
+            duel.reset(seeds=5 if number == 0 else None)
+            near = np.zeros(8)
+            for _ in range(300):
+                duel.step(actions, np.zeros((8, 9), np.float32))
+                near += duel.arena.games["distance_m"] < 30
+        earned[planner.name] = near.mean() / 300
+    assert earned["optimised-flown"] > 0.5
+    assert earned["optimised"] < 0.2
 
 
 def test_an_improved_path_is_worth_more_and_stays_in_the_box():

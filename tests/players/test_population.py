@@ -58,6 +58,7 @@ def played(players, steps=700):
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_asking_each_player_only_where_it_plays_changes_no_bit():
     assert np.array_equal(played(allies()), played([AskedOfAll(player) for player in allies()]))
 

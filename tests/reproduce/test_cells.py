@@ -9,11 +9,11 @@ from fpg_bench.reproduce import cells as choosing
 from fpg_bench.reproduce import cells_report
 from fpg_bench.reproduce.cells import FIGURES, cell_conditions, cells, every_condition, neighbours
 from fpg_bench.reproduce.experiment import Budget
-from fpg_bench.reproduce.readings import POINTS, as_reading
+from fpg_bench.reproduce.readings import POINTS, Reading, as_reading
 from fpg_bench.reproduce.reproduce import reproduce
 from fpg_bench.reproduce.runs import RunFile
 
-TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
+TINY = Budget("tiny", 2_000, 8, 25, 2, 1)
 
 
 def test_the_preset_is_the_reading_that_is_trained_first():
@@ -44,6 +44,7 @@ def test_trained_readings_come_to_a_page_and_are_not_trained_again(monkeypatch, 
     for module in (choosing, cells_report):
         monkeypatch.setattr(module, "cells", lambda: two)
     monkeypatch.setattr(choosing, "_ASKED", ("planned",))
+    monkeypatch.setattr(Reading, "rounds", 4)  # in place of up to forty
     words = {"budget": TINY, "seeds": 2, "first_seed": 5, "workers": 1}
     written = reproduce("cells", tmp_path, **words, say=lambda line: None)
     assert [path.name for path in written] == ["cells.png", "cells.svg", "cells.md"]

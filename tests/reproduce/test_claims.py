@@ -54,6 +54,7 @@ def test_claims_that_are_true_hold_with_ten_seeds():
     assert by_claim(results()) == dict.fromkeys(CLAIMS, "holds")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("levels", "first"),
     [(LEVELS, "- The paper trains"), (LEVELS | {"tone": 9.0}, "- D3 of the paper's claims did not")],

@@ -76,6 +76,7 @@ def test_the_docs_state_the_verdicts_of_the_reports():
         assert stated == found
 
 
+@pytest.mark.slow
 def test_the_screens_page_is_what_its_rows_say(tmp_path):
     rows = read_screen(RUNS)
     assert [row["reading"] for row in rows] == [reading.name for reading in every_reading()]

@@ -1,5 +1,7 @@
 """A run that is killed goes on from its last checkpoint, and gives what it would have given."""
 
+from dataclasses import replace
+
 import pytest
 
 from fpg_bench.errors import UserError
@@ -11,11 +13,10 @@ from fpg_bench.reproduce.reproduce import _jobs
 from fpg_bench.reproduce.runs import RunFile
 from fpg_bench.training.maddpg_seeds import Together
 
-TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
-(PLANNED,) = conditions_of("fig4", "paper", full=False)
+TINY = Budget("tiny", 4_000, 8, 25, 2, 1)
+PLANNED = replace(conditions_of("fig4", "paper", full=False)[0], changes={"rounds_per_match": 2})
 
-
-pytestmark = pytest.mark.usefixtures("cache")
+pytestmark = [pytest.mark.usefixtures("cache"), pytest.mark.slow]
 
 
 def job_of(folder, learner="torch"):
@@ -52,7 +53,7 @@ def test_a_killed_run_goes_on_to_the_same_rows(learner, monkeypatch, tmp_path, c
     wanted = run(tmp_path / "whole", learner)
     assert not list(cache.glob("*"))
     with monkeypatch.context() as patch:
-        killed_at(patch, 6_000)
+        killed_at(patch, 3_000)
         with pytest.raises(KeyboardInterrupt):
             run(tmp_path / "killed", learner)
     assert len(list(cache.iterdir())) == 1

@@ -2,6 +2,7 @@
 
 import gzip
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -59,10 +60,15 @@ def test_runs_become_rows_figures_and_a_report(made):
 def test_pairs_on_the_other_paths_come_to_the_report_and_are_no_runs_of_their_own(monkeypatch, tmp_path):
     seen = []
     monkeypatch.setattr(reproducing, "write_report", lambda results, *_: seen.append(results) or [])
-    reproduce("fig4", tmp_path, budget=TINY, seeds=2, workers=1, say=lambda line: None)
+    budget = replace(TINY, steps=2_000)
+    (short,) = [
+        replace(each, changes={"rounds_per_match": 4}) for each in conditions_of("fig4", "paper", False)
+    ]
+    monkeypatch.setattr(reproducing, "_conditions", lambda *words: [short])
+    reproduce("fig4", tmp_path, budget=budget, seeds=2, workers=1, say=lambda line: None)
     frozen = [each for each in compare(seen[0]) if each.claim == "D1 frozen"]
     assert [each.statement.split()[4] for each in frozen] == [f"{path}," for path in FIXED_PATHS]
-    report, _ = write_report(seen[0], "paper", TINY, [], tmp_path, "made so")
+    report, _ = write_report(seen[0], "paper", budget, [], tmp_path, "made so")
     assert "2 runs of the budget `tiny`" in report.read_text()
 
 
@@ -115,6 +121,7 @@ def test_the_same_seed_gives_the_same_rows(made, cache, tmp_path):
     assert again.read()[BASE, 0].rows == RunFile(out, "paper", "tiny").read()[BASE, 0].rows
 
 
+@pytest.mark.slow
 def test_runs_are_added_beside_those_that_are_there(made, tmp_path):
     out, *_ = made
     there, file = RunFile(out, "paper", "tiny").read(), RunFile(tmp_path, "paper", "tiny")

@@ -16,6 +16,8 @@ from fpg_bench.reproduce.readings import as_reading, every_reading
 from fpg_bench.reproduce.screen import play_pair, screen, screen_all
 from fpg_bench.reproduce.screen_report import read_screen, reproduce_screen, write_screen
 
+pytestmark = pytest.mark.slow
+
 LETTER, FREE_HOPS = as_reading("letter"), as_reading("interference=once,hops=always,hop-cost=0")
 
 

@@ -30,6 +30,7 @@ class Each(nn.Module):
         return torch.stack([kind(seen) for kind in self.kinds])
 
 
+@pytest.mark.slow
 def test_onnx_computes_each_of_them_as_torch_does(tmp_path):
     module, seen = Each().eval(), torch.linspace(-30, 30, 4001)
     torch.onnx.export(module, (seen,), str(tmp_path / "each.onnx"), dynamo=True, verbose=False)

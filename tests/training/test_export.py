@@ -132,6 +132,7 @@ def test_a_policy_of_another_kind_is_refused():
         export_onnx(model)
 
 
+@pytest.mark.slow
 def test_an_export_that_plays_differently_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("fpg_bench.training.export.largest_difference", lambda *a, **k: float("nan"))
     with pytest.raises(UserError, match="differs"):

@@ -35,6 +35,7 @@ def flown(model, games, steps=250):
     return float(np.median(games.core.duel.arena.games["distance_m"]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["ppo", "ppo-stack2"])
 def test_a_pupil_flies_at_the_ally_as_its_teacher_does_and_its_spread_is_untouched(algorithm):
     model, games, parameters = pupil(

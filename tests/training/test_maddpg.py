@@ -12,6 +12,7 @@ from fpg_bench.training.maddpg import MADDPG
 # Player i gets -a_i^2 + LIKES_i a_i + PULLS_i a_0 a_1: the symmetric part of the game's Jacobian is -2 on the
 # diagonal and 0 elsewhere, so it is strongly monotone and has one equilibrium, whatever is done on the way.
 LIKES, PULLS = np.array([0.5, 0.7]), np.array([1.0, -1.0])
+FUSED = {"optimizer_kwargs": {"fused": True}}  # as shipped, and quicker
 EQUILIBRIUM = np.linalg.solve([[2, -PULLS[0]], [-PULLS[1], 2]], LIKES)
 
 
@@ -53,7 +54,8 @@ class QuadraticGame(VecEnv):
 @pytest.fixture(scope="module")
 def model():
     torch.set_num_threads(1)
-    model = MADDPG("JointPolicy", QuadraticGame(4), seed=0, batch_size=128, noise_sd=0.3, learning_starts=100)
+    words = {"seed": 0, "batch_size": 128, "noise_sd": 0.3, "learning_starts": 100, "policy_kwargs": FUSED}
+    model = MADDPG("JointPolicy", QuadraticGame(4), **words)
     return model.learn(5000)
 
 
@@ -67,9 +69,8 @@ def test_it_finds_the_equilibrium_of_a_strongly_monotone_game(model):
 @pytest.mark.parametrize(("limit", "least", "most"), [(0.0, 0.0, 0.3), (0.15, 0.3, 0.7), (1.0, 0.9, 1.1)])
 def test_a_penalty_keeps_actions_near_its_limit(limit, least, most):
     """The equilibrium's actions are 0.34 and 0.18: 0.35 and 0.18 before tanh."""
-    model = MADDPG(
-        "JointPolicy", QuadraticGame(4), seed=0, learning_starts=100, logit_penalty=10, logit_limit=limit
-    )
+    words = {"seed": 0, "learning_starts": 100, "logit_penalty": 10, "logit_limit": limit}
+    model = MADDPG("JointPolicy", QuadraticGame(4), **words, policy_kwargs=FUSED)
     act = model.learn(3000).predict(np.zeros(4, np.float32))[0][0]
     assert least * EQUILIBRIUM[0] <= act <= most * EQUILIBRIUM[0]
 

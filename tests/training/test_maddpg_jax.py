@@ -12,6 +12,8 @@ from fpg_bench.errors import UserError
 from fpg_bench.training.maddpg import MADDPG, Transitions
 from fpg_bench.training.maddpg_seeds import TorchLearner, learn_together
 
+pytestmark = pytest.mark.slow
+
 UPDATES = 100
 NETWORKS = ("actors", "critics", "actor_targets", "critic_targets")
 

@@ -101,6 +101,7 @@ def test_a_run_goes_on_where_it_was_and_ends_with_the_steps_asked_for(algorithm,
     assert not (tmp_path / "run" / "checkpoints").exists()
 
 
+@pytest.mark.slow
 def test_runs_of_neighbouring_seeds_play_other_matches(tmp_path, monkeypatch):
     seeds = []
     for seed in (0, 1):
@@ -177,7 +178,8 @@ import json, sys
 import fpg_bench.training.keeping as keeping
 from tests.training.tiny import settings, train_tiny
 keeping.SAVE_EVERY_S = 0.0
-train_tiny("sac", sys.argv[1], {"train_freq": 1}, steps=int(sys.argv[2]), resume=True, evaluations=4)
+changes = {"train_freq": 1, "gradient_steps": 2}
+train_tiny("sac", sys.argv[1], changes, steps=int(sys.argv[2]), resume=True, evaluations=4)
 """
 
 
@@ -213,7 +215,9 @@ def test_killed_once_and_stopped_once_it_still_ends_with_the_steps_asked_for(tmp
         assert process.returncode not in (0, None), error
         assert int(newest_checkpoint(out / "checkpoints").name) >= reached
     assert "stopping as soon as the run can be saved" in error
-    agent = train_tiny("sac", out, {"train_freq": 1}, steps=budget, resume=True, evaluations=4)
+    agent = train_tiny(
+        "sac", out, {"train_freq": 1, "gradient_steps": 2}, steps=budget, resume=True, evaluations=4
+    )
     load_agent(agent, "ally")
     about = json.loads((out / "run.json").read_text())
     assert (about["steps_done"], about["part"], about["finished"]) == (budget, 2, True)

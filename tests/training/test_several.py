@@ -20,15 +20,15 @@ def test_each_seed_is_trained_once_and_one_that_fails_does_not_hold_up_the_other
     (tmp_path / "seed_2").mkdir()
     (tmp_path / "seed_2" / "mine.txt").touch()
     with pytest.raises(UserError, match=r"seed_2: .*is not empty and no run's folder"):
-        train(tmp_path, [0, 2])
+        train(tmp_path, [0, 2], workers=1)
     (tmp_path / "seed_2" / "mine.txt").unlink()
-    said = train(tmp_path, [0, 2])
+    said = train(tmp_path, [0, 2], workers=1)
     told = [line.split(":")[0] for line in said if not line.startswith("under way")]  # on a slow machine
     assert told == ["seed_2", "seed_2"]
     for seed in (0, 2):
         assert load_agent(tmp_path / f"seed_{seed}" / "agent").about["training_seed"] == seed
     with pytest.raises(UserError, match="seed_0: holds this run with 1,200 steps, and its budget stays"):
-        train(tmp_path, [0, 2], steps=2400)
+        train(tmp_path, [0, 2], steps=2400, workers=1)
 
 
 @pytest.mark.process

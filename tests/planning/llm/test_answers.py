@@ -244,6 +244,7 @@ triples = st.tuples(metres, metres, metres).map(str)
 garbled = st.lists(pieces | triples | st.text(max_size=5), max_size=40).map("".join)
 
 
+@pytest.mark.slow
 @given(garbled | st.text() | st.lists(triples, min_size=2, max_size=5).map(" ".join))
 def test_no_text_is_a_crash_and_no_waypoint_is_invented(text):
     answer = read_answer(text, TWO)

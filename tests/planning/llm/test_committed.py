@@ -2,6 +2,8 @@
 
 import shutil
 
+import pytest
+
 from scripts import measure_language_model as script
 from tests.programs import ROOT
 
@@ -16,6 +18,7 @@ def columns(text):
     return {name: cells for name, *cells in zip(*lines, strict=True) if name not in TIMED}
 
 
+@pytest.mark.slow
 def test_the_transcripts_give_the_tables(tmp_path, capsys):
     shutil.copytree(COMMITTED / "transcripts", tmp_path / "transcripts")
     script.table([], tmp_path, tmp_path, matches=4)

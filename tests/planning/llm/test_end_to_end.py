@@ -55,6 +55,7 @@ def match(request, tmp_path_factory):
     return request.param, file, course
 
 
+@pytest.mark.slow
 def test_free_text_of_a_random_model_is_no_path_and_with_a_schema_all_is_valid(match):
     profile, file, (plans, _) = match
     attempts = [json.loads(line) for line in file.read_text().splitlines()]

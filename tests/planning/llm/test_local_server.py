@@ -128,6 +128,7 @@ def test_its_process_ends_with_whoever_started_it(tiny_model):
     assert is_gone(int(ran.stdout))
 
 
+@pytest.mark.slow
 def test_what_does_not_come_up_is_one_line(tiny_model, tmp_path):
     cut = tmp_path / "cut.gguf"
     cut.write_bytes(tiny_model.read_bytes()[:1000])
@@ -148,6 +149,7 @@ def test_a_deadline_leaves_room_for_a_busy_machine():
     assert Speed(70, 9).deadline_s == 470
 
 
+@pytest.mark.slow
 def test_a_match_is_flown_by_it_shown_and_kept_as_a_page(shared, tmp_path, monkeypatch, capfd):
     words = ["plan", "run", "--planner", "llm", "--rounds", "2", "--talk", "--out", str(tmp_path)]
     monkeypatch.setattr(sys, "argv", ["fpg-bench", *words])
@@ -177,6 +179,7 @@ def test_a_match_is_flown_by_it_shown_and_kept_as_a_page(shared, tmp_path, monke
         assert "--- user" in said
 
 
+@pytest.mark.slow
 def test_serve_says_what_to_export_and_ends_with_ctrl_c(tiny_model):
     words = ["-m", "fpg_bench.cli", "llm", "serve", "--model", str(tiny_model), "--port", "0"]
     process = subprocess.Popen(

@@ -18,6 +18,8 @@ from fpg_bench.training.tuning.task import FRESH_SEED, TRIAL_SEED, make_task
 from fpg_bench.training.tuning.trial import Diverged, Objective
 from fpg_bench.training.tuning.tune import tune
 
+pytestmark = pytest.mark.slow
+
 VIEW = "FPG/OpponentVsScripted-v0"
 HYPERPARAMS = f"""\
 {VIEW}:

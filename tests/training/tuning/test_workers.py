@@ -27,6 +27,7 @@ def test_two_workers_share_the_trials(tmp_path, words, capsys):
     assert "worker 1: done after" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_worker_that_does_not_see_the_study_needs_a_database(tmp_path, words, monkeypatch):
     monkeypatch.setattr(workers, "mark", lambda folder: "of another machine")
     with pytest.raises(UserError, match=r"worker 0: .* does not see .*study, where the study lies; name a"):

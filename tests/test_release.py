@@ -1,0 +1,59 @@
+"""What a release promises: one version, ids and hashes that stay."""
+
+import hashlib
+import re
+
+from fpg_bench.game.scenario import PRESETS, preset
+from fpg_bench.ids import DUEL, VIEWS
+from fpg_bench.players.agent import fields_folder
+from fpg_bench.version import __version__
+from tests.programs import ROOT
+
+IDS = {  # published: none goes, and none means another game
+    "FPG/AllyVsScripted-v0": ("ally", "adaptive", "pursuit", None),
+    "FPG/AllyVsPlanner-v0": ("ally", "adaptive", "waypoints", "interceptor"),
+    "FPG/AllyVsLLM-v0": ("ally", "adaptive", "waypoints", "llm"),
+    "FPG/OpponentVsScripted-v0": ("opponent", "expert", "pursuit", None),
+    "FPG/AllyVsPolicy-v0": ("ally", "adaptive", "pursuit", None),
+    "FPG/OpponentVsPolicy-v0": ("opponent", "expert", "pursuit", None),
+}
+HASHES = {
+    "standard": "60e61eb0686fbb75cef62d67fae4cd8a922bdae74d0af4607cf2a59020fe65d8",
+    "paper": "0fd90129e192bbf7840e0f374000c4a3e08ee74b060810bb728bf284eec8863e",
+    "figures": "c95abd590ba8255df1280371f3ab5e96ab49f633afcb3294df06d9e831b318f3",
+}
+SEASONS = {"season-1": "f52ee18d21e85b0cf25f99fb411fe43d49ad5a28b9013476e41ea7bc188caf1b"}
+
+
+def test_the_version_stands_in_one_place():
+    project = (ROOT / "pyproject.toml").read_text()
+    assert 'dynamic = ["version"]' in project
+    assert not re.search(r"^version = ", project, re.M)
+    assert re.fullmatch(r"\d+\.\d+\.\d+(\.dev\d+)?", __version__)
+
+
+def test_the_changelog_begins_with_this_version():
+    (first, *_) = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    assert first == re.sub(r"\.dev\d+", "", __version__)
+
+
+def test_headings_of_the_changelog_are_the_usual_ones():
+    text = (ROOT / "CHANGELOG.md").read_text()
+    usual = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+    assert set(re.findall(r"^### (.+)$", text, re.M)) <= usual
+
+
+def test_ids_stay():
+    assert {view.id: (view.side, view.other, view.path, view.planner) for view in VIEWS.values()} == IDS
+    assert DUEL == "FPG/duel_v0"
+
+
+def test_presets_play_the_game_that_they_played():
+    assert {name: preset(name).hash for name in PRESETS} == HASHES
+
+
+def test_a_closed_season_s_file_stays():
+    """It names its agents by their hashes, so they stay, too."""
+    folder = fields_folder()
+    found = {path.parent.name: path.read_bytes() for path in folder.glob("season-*/season.yml")}
+    assert {name: hashlib.sha256(content).hexdigest() for name, content in found.items()} == SEASONS
