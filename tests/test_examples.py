@@ -1,0 +1,26 @@
+"""The examples run at tiny size and leave an agent that plays."""
+
+import re
+
+import numpy as np
+import pytest
+
+import fpg_bench
+from tests.programs import ROOT, python
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_ppo_in_one_file_trains_and_leaves_an_agent(tmp_path):
+    words = ("--steps", 300, "--envs", 4, "--rollout", 64, "--out", tmp_path / "agent")
+    run = python(ROOT / "examples" / "ppo_single_file.py", *words)
+    assert run.returncode == 0, run.stderr
+    assert re.search(r"\d+ steps per CPU second", run.stdout)
+    actions, _ = fpg_bench.load_agent(tmp_path / "agent").predict(np.zeros((3, 15), np.float32))
+    assert actions.shape == (3, 9)
+
+
+def test_an_example_is_short():
+    files = list((ROOT / "examples").glob("*.py"))
+    assert files
+    assert all(len(file.read_text().splitlines()) <= 100 for file in files)
