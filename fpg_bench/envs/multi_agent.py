@@ -40,7 +40,7 @@ class DuelView(ParallelEnv):
 
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
         self.duel = make_duel(1, **options)
-        self.metadata = {**self.metadata, "render_modes": offered_modes()}
+        self.metadata = {**self.metadata, "render_modes": list(offered_modes())}
         self.render_mode = render_mode
         self.possible_agents = list(SIDES)
         self.agents: list[str] = []

@@ -34,7 +34,7 @@ class SingleView(gymnasium.Env):
 
     def __init__(self, view_id: str, render_mode: str | None = None, **options: Any) -> None:
         self.core = OneSided(view_id, 1, **options)
-        self.metadata = {**self.metadata, "render_modes": offered_modes()}
+        self.metadata = {**self.metadata, "render_modes": list(offered_modes())}
         self.render_mode = render_mode
         self.observation_space = observation_space()
         self.action_space = action_space()

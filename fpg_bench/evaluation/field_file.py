@@ -183,7 +183,8 @@ def _check_shipped(field: Field, counterpart: Counterpart) -> None:
 def _check(field: Field, counterpart: Counterpart) -> None:
     """Raise UserError where a counterpart names a player or planner that can't be had."""
     fliers = (field.opponent,) if field.side == PLANNER else ()
-    _check_players(field.other_side, counterpart, fliers, tuple(map(identity, counterpart.players)))
+    of = tuple(map(identity, (*counterpart.players, *fliers)))
+    _check_players(field.other_side, counterpart, fliers, of)
 
 
 @functools.lru_cache(maxsize=512)

@@ -38,6 +38,8 @@ class Arena:
             its middle and its mean reward; what a path planner may learn from.
         waypoints: ``(N, waypoints, 3)`` float64 in m, flown where the path is ``waypoints``.
         ally_observations, opponent_observations: ``(N, 15)`` float32 in [-1, 1].
+        flown_m: ``(N, T + 1, 3)`` float64, where each ally is after each second of its round; None unless
+            :meth:`keep_flown` was called.
 
     Args:
         scenario: what is played.

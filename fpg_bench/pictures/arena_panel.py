@@ -11,12 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
-from fpg_bench.pictures.canvas import ALLY, OPPONENT
+from fpg_bench.pictures.canvas import ALLY, OPPONENT, SIDE_COLOURS
 from fpg_bench.pictures.recording import Recording
 
 SPREADING = "#56B4E9"
 INK, GREY, PALE, GROUND = "#1b1f24", "#5f6773", "#cdd3db", "#f1f4f8"
-_COLOURS = {"ally": ALLY, "opponent": OPPONENT}
 _AZIMUTH, _ELEVATION = math.radians(-62), math.radians(40)
 _DOTTED = (0, (1, 3))
 
@@ -54,15 +53,15 @@ class ArenaPanel:
         self._room = 0.13 * (axes.get_xlim()[1] - axes.get_xlim()[0])  # half the width of a name
         self._draw_plans(recording)
         self._draw_base_station()
-        self._shadows = {side: self._line(GREY, alpha=0.3, linewidth=1.4) for side in _COLOURS}
-        self._drops = {side: self._line(GREY, linewidth=0.8) for side in _COLOURS}
+        self._shadows = {side: self._line(GREY, alpha=0.3, linewidth=1.4) for side in SIDE_COLOURS}
+        self._drops = {side: self._line(GREY, linewidth=0.8) for side in SIDE_COLOURS}
         self._link = self._line(ALLY, linewidth=1.3)
         self._jam = self._line(OPPONENT, linewidth=1.3)
         self._circle = self._line(OPPONENT, linewidth=1)
-        self._tracks = {side: self._line(colour, linewidth=2.2) for side, colour in _COLOURS.items()}
+        self._tracks = {side: self._line(colour, linewidth=2.2) for side, colour in SIDE_COLOURS.items()}
         self._distance = self._label(INK)  # under the markers, where they are near
-        self._markers = {side: self._marker(side) for side in _COLOURS}
-        self._labels = {side: self._label(colour) for side, colour in _COLOURS.items()}
+        self._markers = {side: self._marker(side) for side in SIDE_COLOURS}
+        self._labels = {side: self._label(colour) for side, colour in SIDE_COLOURS.items()}
 
     def _line(self, colour: str, **style: Any) -> Line2D:
         (line,) = self._axes.plot([], [], color=colour, animated=True, **style)
@@ -71,7 +70,7 @@ class ArenaPanel:
 
     def _marker(self, side: str) -> Line2D:
         shape = "o" if side == "ally" else "D"
-        return self._line(_COLOURS[side], marker=shape, ms=9, mec="white", mew=1.4)
+        return self._line(SIDE_COLOURS[side], marker=shape, ms=9, mec="white", mew=1.4)
 
     def _label(self, colour: str) -> Text:
         text = self._axes.text(
@@ -117,7 +116,7 @@ class ArenaPanel:
     def update(self, frames: np.ndarray) -> None:
         """Show the round up to the last of ``frames`` (records of dtype ``recording.FRAME``)."""
         last = frames[-1]
-        for side in _COLOURS:
+        for side in SIDE_COLOURS:
             self._update_side(side, frames[f"{side}_position"])
         ally, opponent = last["ally_position"], last["opponent_position"]
         self._set(self._link, self._base, ally)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 ALLY, OPPONENT = "#0072b2", "#d55e00"  # Okabe and Ito's, told apart by colour-blind eyes, too
+SIDE_COLOURS = {"ally": ALLY, "opponent": OPPONENT}
 
 
 def blank_figure(width: float, height: float, dpi: int = 100) -> Any:

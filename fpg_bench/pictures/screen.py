@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,10 @@ from fpg_bench.game.arena import Arena
 RENDER_MODES = {"rgb_array": ("matplotlib",), "human": ("matplotlib", "pygame")}  # and what each needs
 
 
-def offered_modes() -> list[str]:
+@functools.cache  # looking for packages takes as long as the rest of a view's making
+def offered_modes() -> tuple[str, ...]:
     """The render modes that the installed packages can show, which is what a made view's metadata names."""
-    return [mode for mode, packages in RENDER_MODES.items() if all(map(has, packages))]
+    return tuple(mode for mode, packages in RENDER_MODES.items() if all(map(has, packages)))
 
 
 class Screen:

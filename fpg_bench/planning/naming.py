@@ -41,8 +41,8 @@ _MAKERS: dict[str, Callable[[Scenario], Any]] = {
     "interceptor": Interceptor,
     **{name: partial(_language_model, name) for name in LLM_CONTROLS},
     **{name: partial(_chaser, name) for name in CHASERS},
-    "optimised": lambda scenario: Optimised(scenario),
-    "optimised-flown": lambda scenario: Optimised(scenario, flown=True),
+    "optimised": Optimised,
+    "optimised-flown": partial(Optimised, flown=True),
 }
 PLANNERS = tuple(_MAKERS)
 

@@ -13,7 +13,7 @@ import numpy as np
 from fpg_bench.files import write_whole
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import preset as scenario_of
-from fpg_bench.pictures.canvas import ALLY, OPPONENT, blank_figure
+from fpg_bench.pictures.canvas import SIDE_COLOURS, blank_figure
 from fpg_bench.reproduce.conditions import BASE, FIXED_PATHS, LLM, NO_KNOWLEDGE, NO_PLANNER, PLANNERS
 from fpg_bench.reproduce.results import Results
 from fpg_bench.reproduce.windows import FIFTH, STAGES, WINDOWS
@@ -58,7 +58,7 @@ def rewards(
         figure = blank_figure(width, 0.4 + height * lines)
         panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
         for axes, condition in zip(panels.flat, there, strict=False):
-            for side, colour in (("ally", ALLY), ("opponent", OPPONENT)):
+            for side, colour in SIDE_COLOURS.items():
                 _draw_reward(axes, results, condition, side, colour)
             title = base if condition == BASE else _TITLES.get(condition, condition)
             axes.set_title(f"{title} (n = {len(results.seeds(condition))})", fontsize=10)
@@ -107,7 +107,7 @@ def frequencies(results: Results, preset: str) -> Any:
     shares = [each / each.sum(axis=1, keepdims=True) for each in counts]
     top = np.max(shares)
     for axes, stage, share in zip(panels, STAGES, shares, strict=True):
-        for side, (name, colour) in enumerate((("ally", ALLY), ("opponent", OPPONENT))):
+        for side, (name, colour) in enumerate(SIDE_COLOURS.items()):
             shift = 2.8 * (side - 0.5)
             axes.bar(points + shift, share[side], 2.8, color=colour, alpha=0.75, label=name)
             _mark(axes, points, share[side], shift, top * (1.06 + 0.08 * side), colour)
@@ -167,7 +167,7 @@ def paths(results: Results, preset: str) -> Any:
     figure = blank_figure(2.6 * len(there) + 0.6, 3.2)
     for axes, condition in zip(figure.subplots(1, len(there), squeeze=False)[0], there, strict=True):
         row = results.runs[condition][seed][-1]
-        for side, colour in (("ally", ALLY), ("opponent", OPPONENT)):
+        for side, colour in SIDE_COLOURS.items():
             x, y, _ = np.reshape(row[f"{side}_path"], (-1, 3)).T
             axes.plot(x, y, color=colour, lw=1.3, label=side)
             axes.plot(x[0], y[0], "o", color=colour, ms=4)

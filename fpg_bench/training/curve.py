@@ -7,10 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fpg_bench.files import write_whole
-from fpg_bench.pictures.canvas import ALLY, OPPONENT, blank_figure
+from fpg_bench.pictures.canvas import SIDE_COLOURS, blank_figure
 from fpg_bench.rows import Row
-
-_COLOURS = {"ally": ALLY, "opponent": OPPONENT}
 
 
 def draw_curve(rows: Sequence[Row], title: str, path: Path) -> None:
@@ -25,7 +23,7 @@ def draw_curve(rows: Sequence[Row], title: str, path: Path) -> None:
     axes = figure.subplots()
     for side in dict.fromkeys(row["side"] for row in rows):
         points = [(row["steps"], row["score"]) for row in rows if row["side"] == side]
-        axes.plot(*zip(*points, strict=True), "o-", ms=3, color=_COLOURS[side], label=side)
+        axes.plot(*zip(*points, strict=True), "o-", ms=3, color=SIDE_COLOURS[side], label=side)
     axes.set(xlabel="steps", ylabel="score (few rounds, tuning seeds)", title=title)
     axes.legend(frameon=False)
     axes.spines[["top", "right"]].set_visible(False)

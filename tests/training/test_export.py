@@ -1,3 +1,5 @@
+import importlib
+
 import numpy as np
 import onnx
 import pytest
@@ -8,6 +10,7 @@ from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
 from fpg_bench import make_sb3
 from fpg_bench.errors import UserError
 from fpg_bench.players.agent import OnnxPlayer, load_agent
+from fpg_bench.training import operators
 from fpg_bench.training.export import export_agent, export_onnx
 
 ABOUT = {
@@ -138,3 +141,10 @@ def test_an_export_that_plays_differently_is_refused(tmp_path, monkeypatch):
     with pytest.raises(UserError, match="differs"):
         export_agent(a_model(PPO), tmp_path / "agent", ABOUT)
     assert not (tmp_path / "agent").exists()
+
+
+def test_this_pytorch_has_the_table_that_is_kept():
+    """Where it has none any more, exports stay right and take twice as long."""
+    operators.keep_operators()
+    registry = importlib.import_module(operators._REGISTRATION).ONNXRegistry
+    assert registry.from_torchlib() is registry.from_torchlib()

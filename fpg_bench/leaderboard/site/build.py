@@ -13,7 +13,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
 from fpg_bench.leaderboard.site import again, entry_page, scripts_data, views
 from fpg_bench.leaderboard.site.front_page import front_view
-from fpg_bench.leaderboard.site.play_data import play_files
+from fpg_bench.leaderboard.site.play_data import play_files, zoo_policies
 from fpg_bench.leaderboard.site.rivals import Policies, watched
 from fpg_bench.leaderboard.site.shown import names_of, read_tracks
 from fpg_bench.pictures.replay import replay_code, replay_markup, replay_part
@@ -61,8 +61,9 @@ def build_site(
     check_folder(folder)
     board = _with_replays(board, replays or {})
     wanted = {MARK: "made by fpg-bench leaderboard build\n"} | _pages(board, replays or {}, docs)
-    wanted |= _static() | play_files(read_tracks(board), policies or {})
-    wanted |= _scripts(board, watched(read_tracks(board), policies or {}))
+    tracks, policies, zoo = read_tracks(board), policies or {}, zoo_policies()
+    wanted |= _static() | play_files(tracks, policies, zoo)
+    wanted |= _scripts(board, watched(tracks, policies, zoo))
     wanted |= {replay.file: replay.script for found in (replays or {}).values() for replay in found}
     for name, content in wanted.items():
         progress(name)

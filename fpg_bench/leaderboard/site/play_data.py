@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,20 +24,22 @@ from fpg_bench.players.player import SIDES
 # Of static/game_policy.js.
 OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
 OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM"}
+Zoo = dict[str, tuple[dict[str, Any], dict[str, Any]]]
 # Of the zoo; all play the standard game, whatever they were trained on.
 _GROUPS = ("champion", "population", "scripted", "pursuit", "learned", "planner")
 
 
 def play_files(
-    tracks: Sequence[ShownTrack], submitted: Mapping[tuple[str, str], dict[str, Any]]
+    tracks: Sequence[ShownTrack], submitted: Mapping[tuple[str, str], dict[str, Any]], zoo: Zoo
 ) -> dict[str, str]:
     """The files of the page on which a visitor plays: its data, and one of each agent's first seed.
 
     Args:
         tracks: of a board, whose scales a visitor's score is told on.
         submitted: policies of submitted entries, by track and entry; they stand beside the zoo's.
+        zoo: what :func:`zoo_policies` gives.
     """
-    policies = _rivals(tracks, submitted)
+    policies = _rivals(tracks, submitted, zoo)
     agents = [about for about, _ in policies]
     scales = {track.key.removeprefix("opponent-"): _scale(track) for track in tracks}
     scenario = Scenario()
@@ -51,7 +53,7 @@ def play_files(
 
 
 def _rivals(
-    tracks: Sequence[ShownTrack], submitted: Mapping[tuple[str, str], dict[str, Any]]
+    tracks: Sequence[ShownTrack], submitted: Mapping[tuple[str, str], dict[str, Any]], zoo: Zoo
 ) -> list[tuple[dict[str, Any], dict[str, Any]]]:
     """What is told of each trained player, and its policy: submitted entries, then the zoo."""
     entries = {(track.key, entry.slug): (track, entry) for track in tracks for entry in track.entries}
@@ -61,7 +63,7 @@ def _rivals(
         flies = key.endswith("-learned")
         about = {"name": entry.name, "side": track.side, "flies": flies, "kind": "submitted"}
         found.append((about | {"file": submitted_file(key, slug)}, policy))
-    for name, (told, policy) in _zoo():
+    for name, (told, policy) in zoo.items():
         found.append(({"name": name, **told, "kind": "zoo", "file": agent_file(name)}, policy))
     return found
 
@@ -83,14 +85,9 @@ def _scale(track: ShownTrack) -> dict[str, float] | None:
     return None if zero is None or top is None else {"zero": zero, "top": top}
 
 
-def zoo_names() -> frozenset[str]:
-    """The zoo's agents that the page can play."""
-    return frozenset(name for name, _ in _zoo())
-
-
-def _zoo() -> Iterator[tuple[str, tuple[dict[str, Any], dict[str, Any]]]]:
+def zoo_policies() -> Zoo:
     """The zoo's agents that the page can play, by name: what is known of each, and its policy."""
-    folder = baselines_folder() / "agents"
+    folder, found = baselines_folder() / "agents", {}
     for path in sorted(folder.glob("*/*/seed_0/policy.onnx")):
         name = path.parent.parent.relative_to(folder).as_posix()
         side, _, group = path.parts[-4].partition("-")
@@ -98,7 +95,8 @@ def _zoo() -> Iterator[tuple[str, tuple[dict[str, Any], dict[str, Any]]]]:
         if policy is not None:
             about = read_json(path.parent / "agent.json", "agent")
             flies = "learned" in json.dumps(about.get("scenario_fields") or {})
-            yield name, ({"side": side, "flies": side == "opponent" and flies}, policy)
+            found[name] = {"side": side, "flies": side == "opponent" and flies}, policy
+    return found
 
 
 def rules_data(scenario: Scenario) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.leaderboard.check import load_submission
-from fpg_bench.leaderboard.site.play_data import agent_file, policy_data, submitted_file, zoo_names
+from fpg_bench.leaderboard.site.play_data import Zoo, agent_file, policy_data, submitted_file
 from fpg_bench.leaderboard.site.shown import Row, ShownEntry, ShownTrack, read_tracks
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.scripts import ALLIES, OPPONENTS
@@ -44,12 +44,12 @@ def _first_policy(home: Path) -> dict[str, Any] | None:
         return None  # submit verify says what is wrong
 
 
-def watched(tracks: Sequence[ShownTrack], policies: Policies) -> dict[str, dict[str, Row]]:
+def watched(tracks: Sequence[ShownTrack], policies: Policies, zoo: Zoo) -> dict[str, dict[str, Row]]:
     """By side and entry, the player that stands for it on the page, and the path that it flies.
 
     Entries are left out that the page can't play.
     """
-    zoo, found = zoo_names(), {side: dict[str, Row]() for side in SIDES}
+    found = {side: dict[str, Row]() for side in SIDES}
     for track in tracks:
         for entry in track.entries:
             player = _player(track, entry, policies, zoo)
@@ -59,7 +59,7 @@ def watched(tracks: Sequence[ShownTrack], policies: Policies) -> dict[str, dict[
     return found
 
 
-def _player(track: ShownTrack, entry: ShownEntry, policies: Policies, zoo: frozenset[str]) -> str | None:
+def _player(track: ShownTrack, entry: ShownEntry, policies: Policies, zoo: Zoo) -> str | None:
     plays = entry.row.get("plays")
     if (track.key, entry.slug) in policies:
         return f"agent:{submitted_file(track.key, entry.slug)}"

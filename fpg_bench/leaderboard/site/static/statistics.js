@@ -21,13 +21,13 @@
 
   /** A cell of the matrix: blue where the one on the left is likelier ahead, orange where the other is. */
   function cell(i, j) {
-    const { value, low, high } = track.improvement, names = track.improvement.names.map(named);
+    const { names, value, low, high } = track.improvement;
     if (i === j || value[i][j] === null) return null;
     const told = `${percent(low[i][j], 0)} to ${percent(high[i][j], 0)}`, side = value[i][j] >= 0.5 ? "ally" : "opponent";
     return {
       text: percent(value[i][j], 0), more: [`${Math.round(100 * low[i][j])}–${Math.round(100 * high[i][j])}`],
       tint: `of-${side} ${tint(Math.abs(2 * value[i][j] - 1))}`,
-      label: `${names[i]} scores more than ${names[j]} with a probability of ${percent(value[i][j], 0)}, ${told}`,
+      label: `${named(names[i])} scores more than ${named(names[j])} with a probability of ${percent(value[i][j], 0)}, ${told}`,
     };
   }
 
