@@ -2,7 +2,7 @@
 "use strict";
 const fpgProfile = (() => {
   const NS = "http://www.w3.org/2000/svg";
-  const WIDTH = 900, HEIGHT = 380, LEFT = 58, RIGHT = 14, TOP = 12, BOTTOM = 46;
+  const WIDTH = 900, HEIGHT = 380, LEFT = 82, RIGHT = 14, TOP = 18, BOTTOM = 46;
   const DASHES = ["", "9 5", "2 4", "10 4 2 4", "16 5", "5 3"];
   const MARKS = ["M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0", "M-4,-4h8v8h-8z", "M0,-5l5,8h-10z", "M0,-5l5,5l-5,5l-5,-5z", "M-4,-4l8,8M4,-4l-8,8", "M0,-5v10M-5,0h10"];
 
@@ -67,7 +67,7 @@ const fpgProfile = (() => {
     lines.forEach(({ name }, k) => {
       const item = legend.appendChild(document.createElement("li"));
       const swatch = node(item, "svg", { viewBox: "0 -8 44 16", width: 44, height: 16, "aria-hidden": "true", class: "profiles" });
-      curve(swatch, k, [[0, 0], [22, 0], [44, 0]], 1e9);
+      curve(swatch, k, [[0, 0], [22, 0], [44, 0]], 0); // without marks but that in the middle
       node(swatch.firstChild, "path", { d: MARKS[k], transform: "translate(22,0)" });
       item.append(name);
     });
