@@ -17,7 +17,7 @@ from fpg_bench.errors import UserError, printable
 from fpg_bench.planning.llm.client import Client
 from fpg_bench.planning.llm.local import server as local
 from fpg_bench.planning.llm.local.models import GGUF
-from fpg_bench.planning.llm.local.server import LocalServer, Speed, shared_server
+from fpg_bench.planning.llm.local.server import LocalServer, Speed, free_cores, shared_server
 from fpg_bench.planning.llm.servers import endpoint_from_environment
 
 SAY = [{"role": "user", "content": "Say something."}]
@@ -191,3 +191,12 @@ def test_serve_says_what_to_export_and_ends_with_ctrl_c(tiny_model):
     _, said = process.communicate(timeout=30)
     assert process.returncode == 130
     assert len(said.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("cores", "load", "free"), [(8, 0.2, 8), (8, 3.4, 5), (8, 7.0, 4), (2, 0.3, 2), (2, 1.1, 1), (1, 5.0, 1)]
+)
+def test_it_takes_the_cores_that_are_free_and_half_of_them_at_least(monkeypatch, cores, load, free):
+    monkeypatch.setattr("os.sched_getaffinity", lambda pid: set(range(cores)))
+    monkeypatch.setattr("os.getloadavg", lambda: (load, 0.0, 0.0))
+    assert free_cores() == free

@@ -53,13 +53,19 @@ class Speed:
         return max(_SHORTEST_DEADLINE_S, round(_PATIENCE * self.plan_s))
 
 
+def free_cores() -> int:
+    """How many cores nothing has used in the last minute; never less than half of them, or than one."""
+    cores = len(os.sched_getaffinity(0))
+    return max(1, cores // 2, round(cores - os.getloadavg()[0]))
+
+
 class LocalServer:
     """Serves a GGUF file on loopback.
 
     Args:
         file: the model.
-        threads: how many; None: half of its cores, eight at most. They wait for each other, so that
-            more of them than are free make it slow.
+        threads: how many; None: as many as cores are free now, :func:`free_cores`. They wait for each
+            other, so that more of them than are free make it slow.
         context: the longest prompt with its answer, in tokens.
         port: 0: any that is free.
 
@@ -75,7 +81,7 @@ class LocalServer:
     def __init__(self, file: Path, threads: int | None = None, context: int = CONTEXT, port: int = 0) -> None:
         need("local-llm", "xllamacpp")
         self.file, self.context = file, context
-        self.threads = threads or max(1, min(len(os.sched_getaffinity(0)) // 2, _MOST_THREADS))
+        self.threads = threads or min(free_cores(), _MOST_THREADS)
         self.started_again = 0
         self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115  as long as the server
         self._process, self._address = self._started(port)
