@@ -33,7 +33,7 @@ def fetch(
 def serve(
     model: Annotated[Path | None, typer.Option(help="a GGUF file; default: the fetched one")] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="on loopback; 0: any that is free")] = 8080,
-    threads: Annotated[int | None, typer.Option(min=1, help="default: the free cores, half of all at least")] = None,
+    threads: Annotated[int | None, typer.Option(min=1, help="default: the cores that are free")] = None,
     context: Annotated[int, typer.Option(min=512, help="tokens of a prompt with its answer")] = 8192,
 ) -> None:
     """Serve a model as an OpenAI-compatible server on this machine, until Ctrl-C.
