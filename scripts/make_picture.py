@@ -1,6 +1,6 @@
-"""Draw the picture of the README: one step of a round as the renderer shows it.
+"""Draw the moving picture of the README: the first 170 steps of a round as the renderer shows them.
 
-python scripts/make_picture.py docs/game.png
+python scripts/make_picture.py docs/game.gif
 """
 
 from __future__ import annotations
@@ -8,18 +8,18 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from matplotlib.image import imsave
-
 from fpg_bench import make_duel
-from fpg_bench.pictures.rendering import Renderer
+from fpg_bench.pictures.film import write_gif
+from fpg_bench.pictures.recording import Recording
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.seat import Seat
 
 STEPS, SEED = 170, 12
+EVERY = 3  # steps from one frame to the next
 
 
 def main(path: Path) -> None:
-    """Play expert-spread against adaptive and draw step 170."""
+    """Play expert-spread against adaptive."""
     duel = make_duel(1)
     ally, opponent = (
         Seat(side, [as_player(name, side, duel.scenario)], duel.arena)
@@ -28,12 +28,11 @@ def main(path: Path) -> None:
     mask = duel.reset(seeds=SEED)
     ally.begin(mask)
     opponent.begin(mask)
-    renderer = Renderer(duel.arena)
-    renderer.record(begin=True)
+    recording = Recording(duel.arena, 0)
     for _ in range(STEPS):
         duel.arena.step(ally.act(), opponent.act())
-        renderer.record(begin=False)
-    imsave(path, renderer.draw())
+        recording.add()
+    write_gif([recording], path, every=EVERY)
 
 
 if __name__ == "__main__":
