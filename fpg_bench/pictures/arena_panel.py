@@ -144,7 +144,10 @@ class ArenaPanel:
         for side, place, away in (("ally", ally, upward), ("opponent", opponent, -upward)):
             across = min(max(place[0], left + self._room), right - self._room)
             self._labels[side].set_position((across, place[1] + away * self._room / 3.5))
-        self._distance.set_position((ally + opponent) / 2 + (self._room / 2.5, 0))
+        across, upwards = (ally + opponent) / 2
+        if abs(ally[0] - opponent[0]) < self._room:  # else it would stand under a marker
+            across = max(ally[0], opponent[0])
+        self._distance.set_position((across + self._room / 2, upwards))
         self._distance.set_text(f"{last['distance_m']:.0f} m")
 
     def _set(self, line: Line2D, *points: Any) -> None:
