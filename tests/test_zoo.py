@@ -176,7 +176,7 @@ def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
     ]
     zoo = load_zoo(tiny)
     assert (tiny / "README.md").read_text() == page(zoo)
-    assert (tiny / "scores/small/curves.png").is_file()
+    assert (tiny / "scores/small/curves.svg").is_file()
     for member in zoo.members():
         field = load_field(member.view.fields[0])
         assert load_agent(member.folder).about["side"] == member.view.side == field.side

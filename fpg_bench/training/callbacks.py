@@ -11,7 +11,18 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from fpg_bench.jobs.run import LINE_EVERY_S
 
-WATCHED = ("overlap_ratio", "jamming_success_rate", "snr_db", "hop_rate", "spread_ratio", "near_ratio")
+WATCHED = (
+    "overlap_ratio",
+    "jamming_success_rate",
+    "outage",
+    "snr_db",
+    "capacity_mbit_s",
+    "hop_rate",
+    "spread_ratio",
+    "near_ratio",
+    "ally_return",
+    "opponent_return",
+)
 
 
 class GameMeasures(BaseCallback):

@@ -15,7 +15,7 @@ from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.evaluation.table import as_markdown
 from fpg_bench.files import write_whole
 from fpg_bench.zoo.curves import curve_file
-from fpg_bench.zoo.pictures import PICTURES, colours, draw_curves, draw_improvement, draw_profiles
+from fpg_bench.zoo.pictures import PICTURES, draw_curves, draw_improvement, draw_profiles, styles
 from fpg_bench.zoo.scores import read_zoo_lines
 from fpg_bench.zoo.zoo import Zoo, ZooView
 
@@ -46,7 +46,7 @@ training seed: the machine was shared, and the others were held up by other work
 """
 _PROFILES = (
     "Performance profiles: the share of runs (a training seed against a counterpart) that earn more than τ a "
-    "step; thin lines are single training seeds, the dashed one is the best script."
+    "step; thin lines are single training seeds, the grey one is the best script."
 )
 _IMPROVEMENT = (
     "Probability of improvement: how likely a new training of the one earns more than one of the other "
@@ -55,7 +55,7 @@ _IMPROVEMENT = (
 )
 _CURVES = (
     "Learning curves: the score on tuning seeds, mean and range over training seeds, while they all train; "
-    "the dashed line is the best script on the evaluation seeds."
+    "the grey line is the best script on the evaluation seeds."
 )
 
 
@@ -76,15 +76,15 @@ def page(zoo: Zoo) -> str:
 
 def draw_pictures(zoo: Zoo, view: ZooView, summaries: Sequence[Summary]) -> None:
     """Draw a view's pictures beside its lines, of its public field."""
-    paths = [zoo.scores(view) / f"{name}.png" for name in PICTURES]
+    paths = [zoo.scores(view) / f"{name}.svg" for name in PICTURES]
     best = best_script(summaries)
     shown = {s.entry: s.rewards.mean(axis=2) for s in summaries if s.trained or s is best}
     levels = {best.entry: best.score.value} if best else {}
-    coloured = colours(view.steps)
+    styled = styles(view.steps)
     if rows := curve_file(zoo, view).read():
-        draw_curves(rows, levels, coloured, paths[0])
-    draw_profiles(shown, coloured, paths[1])
-    draw_improvement(shown, coloured, paths[2])
+        draw_curves(rows, levels, styled, paths[0])
+    draw_profiles(shown, styled, paths[1])
+    draw_improvement(shown, styled, paths[2])
 
 
 def best_script(summaries: Sequence[Summary]) -> Summary | None:
@@ -109,7 +109,7 @@ def _section(zoo: Zoo, view: ZooView) -> str:
         for name, words in zip(PICTURES, (_CURVES, _PROFILES, _IMPROVEMENT), strict=True):
             if name == PICTURES[0] and not curve_file(zoo, view).read():
                 continue  # agents whose training was scored on another scale have no curves
-            body += [words, "", f"![{name} of {view.name}](scores/{view.name}/{name}.png)", ""]
+            body += [words, "", f"![{name} of {view.name}](scores/{view.name}/{name}.svg)", ""]
     return "\n".join([*head, *body])
 
 

@@ -17,6 +17,7 @@ from fpg_bench.ids import VIEWS
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.rows import RowFile
 from fpg_bench.training.algorithms import ALGORITHMS
+from fpg_bench.training.callbacks import WATCHED
 from fpg_bench.training.checkpoints import newest_checkpoint
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
@@ -112,13 +113,8 @@ def test_tensorboard_shows_the_game(run):
     events = EventAccumulator(str(run))
     events.Reload()
     tags = set(events.Tags()["scalars"])
-    assert {
-        "game/overlap_ratio",
-        "game/jamming_success_rate",
-        "game/hop_rate",
-        "rollout/ep_rew_mean",
-        "field/score",
-    } <= tags
+    assert {f"game/{name}" for name in WATCHED} | {"rollout/ep_rew_mean", "field/score"} <= tags
+    assert {"outage", "capacity_mbit_s", "opponent_return"} < set(WATCHED)
     assert all(0 <= event.value <= 1 for event in events.Scalars("game/jamming_success_rate"))
 
 

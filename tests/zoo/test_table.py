@@ -76,5 +76,5 @@ def test_pictures_are_the_same_each_time(zoo):
     images = []
     for _ in range(2):
         write_page(zoo)
-        images.append((zoo.folder / "scores" / "small" / "profiles.png").read_bytes())
+        images.append((zoo.folder / "scores" / "small" / "profiles.svg").read_bytes())
     assert images[0] == images[1]
