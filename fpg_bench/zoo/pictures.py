@@ -28,7 +28,7 @@ Styles = Mapping[str, Mapping[str, Any]]
 
 
 def styles(algorithms: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Each algorithm's colour and dashes, the same in all pictures of a view; a script has none: it is grey."""
+    """Each algorithm's colour and dashes, the same in all pictures of a view; scripts have none."""
     looks = zip(_COLOURS, _DASHES, strict=True)
     return {name: {"color": colour, "ls": ls} for name, (colour, ls) in zip(algorithms, looks, strict=False)}
 

@@ -50,9 +50,9 @@ def test_a_table_of_algorithms_and_scripts_with_pictures(zoo, tmp_path):
     assert lines["expert"][3] == f"{expert.score.value:.1f}"
     assert lines["ppo"][-1] == "1.5 |"  # minutes
     for name in ("curves", "profiles", "improvement"):
-        assert f"(scores/small/{name}.png)" in text
-        image = (zoo.folder / "scores" / "small" / f"{name}.png").read_bytes()
-        assert image.startswith(b"\x89PNG")
+        assert f"(scores/small/{name}.svg)" in text
+        image = (zoo.folder / "scores" / "small" / f"{name}.svg").read_bytes()
+        assert image.startswith(b"<?xml")
         assert len(image) < 100_000
 
 
