@@ -23,11 +23,22 @@ from fpg_bench.training.tuning.worker import shown
 PAGE = "report.html"
 _SEEN = (TrialState.COMPLETE, TrialState.PRUNED, TrialState.FAIL, TrialState.RUNNING)
 _PLOTS: tuple[tuple[str, Callable[[optuna.Study], Any]], ...] = (
-    ("History", visualization.plot_optimization_history),
-    ("Along the way", visualization.plot_intermediate_values),
-    ("Importances", visualization.plot_param_importances),
-    ("Slices", visualization.plot_slice),
+    ("The best score so far", visualization.plot_optimization_history),
+    ("Scores along the way", visualization.plot_intermediate_values),
+    ("Which values matter", visualization.plot_param_importances),
+    ("Scores by each value", visualization.plot_slice),
 )
+# The library's words, and ours
+_WORDS = {
+    "Best Value": "best score so far",
+    "Feasible Trial": "trial",
+    "Hyperparameter": "",
+    "Hyperparameter Importance": "share of the score's variance",
+    "Intermediate Value": "score",
+    "Objective Value": "score",
+    "Step": "evaluation during training",
+    "Trial": "trial",
+}
 
 
 def write_report(
@@ -67,9 +78,13 @@ def _page(study: optuna.Study, task: Task) -> str:
         f"{task.algorithm} on {task.view_id}, {task.seeds} seeds of {task.steps:,} steps a trial; score: "
         f"score on {task.field}, tuning seeds, {task.rounds} rounds per counterpart."
     )
-    style = "body{font-family:sans-serif;margin:2em}td,th{padding:.2em .8em;text-align:left}"
+    style = (
+        "body{font-family:sans-serif;margin:1em auto;padding:0 1em;max-width:75em}"
+        "td,th{padding:.2em .8em;text-align:left}.table{overflow-x:auto}"
+    )
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{style}</style>'
+        '<meta name="viewport" content="width=device-width">'
         f"<h1>{title}</h1><p>{about}</p>{_plots(study)}<h2>Trials</h2>{_table(study, task)}</html>\n"
     )
 
@@ -81,13 +96,22 @@ def _plots(study: optuna.Study) -> str:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                drawn = plot(study).to_html(full_html=False, include_plotlyjs=library)
+                figure = _in_our_words(plot(study))
+            drawn = figure.to_html(full_html=False, include_plotlyjs=library, config={"responsive": True})
         except (ValueError, RuntimeError) as error:  # too few trials for importances
             drawn = f"<p>{html.escape(str(error))}</p>"
         else:
             library = False
         found.append(f"<h2>{heading}</h2>{drawn}")
     return "".join(found)
+
+
+def _in_our_words(figure: Any) -> Any:
+    figure.update_layout(title=None, margin={"t": 20, "l": 60, "r": 20})
+    figure.for_each_trace(lambda trace: trace.update(name=_WORDS.get(trace.name, trace.name)))
+    for each in (figure.for_each_xaxis, figure.for_each_yaxis):
+        each(lambda axis: axis.update(title_text=_WORDS.get(axis.title.text, axis.title.text)))
+    return figure
 
 
 def _table(study: optuna.Study, task: Task) -> str:
@@ -100,7 +124,7 @@ def _table(study: optuna.Study, task: Task) -> str:
         state = trial.user_attrs.get("error") or trial.state.name.lower()
         cells = (str(trial.number), state, score, interval, values)
         lines.append("<tr>" + "".join(f"<td>{html.escape(cell)}" for cell in cells))
-    return f"<table>{''.join(lines)}</table>"
+    return f'<div class="table"><table>{"".join(lines)}</table></div>'
 
 
 def _is_whole(trial: optuna.trial.FrozenTrial, task: Task) -> bool:

@@ -189,8 +189,10 @@ def test_nothing_to_confirm_or_show(tmp_path):
 
 def test_the_report_is_one_page_that_needs_no_network(study, files):
     page = write_report(files / "study").read_text()
-    for heading in ("History", "Along the way", "Importances", "Slices", "Trials"):
+    headings = ("The best score so far", "Scores along the way", "Which values matter", "Scores by each value")
+    for heading in (*headings, "Trials"):
         assert f"<h2>{heading}</h2>" in page
+    assert not re.search("Objective Value|Intermediate Value|Feasible Trial|Hyperparameter", page)
     assert page.count("Plotly.newPlot") >= 3
     assert not re.search(r"<(script|link)[^>]+(src|href)=", page)
     assert f"<td>{study.best_value:.1f}" in page
