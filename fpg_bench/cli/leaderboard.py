@@ -23,7 +23,10 @@ def build(
         bool, typer.Option(help="simulate the rounds to watch that are not there; those that are stay")
     ] = True,
     docs: Annotated[
-        str, typer.Option(help="where the documentation's site is, from OUT; default: nowhere")
+        str,
+        typer.Option(
+            help="where the documentation's site is, from OUT; default: its rules stand in the site"
+        ),
     ] = "",
 ) -> None:
     """Write the site: it needs no network and no server.

@@ -66,6 +66,9 @@ def test_there_is_a_page_for_all_that_is_to_be_seen(site):
         "statistics.html",
         "compare.html",
         "submit.html",
+        "rules.html",
+        "measures.html",
+        "glossary.html",
     }
     entries = {f"entries/ally/player-{k}.html" for k in range(7)}
     assert names == shared | entries | {f"entries/opponent-pursuit/player-{k}.html" for k in range(2)}
@@ -264,10 +267,26 @@ def test_the_page_on_submitting_shows_the_docs_own_commands(pages, site):
 def test_the_page_on_submitting_leads_to_the_docs_where_they_are(tmp_path, pages, site):
     build_site(example_board(1), tmp_path, docs="../site")
     links = re.findall(r'<a href="../site/([\w-]+)\.html[^"]*">', (tmp_path / "submit.html").read_text())
-    assert len(links) == 6
+    assert len(links) == 9  # three of them at the foot
     folder = Path(__file__).parents[2] / "docs"
     assert [page for page in links if not (folder / f"{page}.md").is_file()] == []
     assert "docs/submitting.md" in pages[site / "submit.html"].text  # where nobody said
+    entry = (tmp_path / "entries/ally/player-0.html").read_text()
+    assert 'href="../../../site/rules.html"' in entry
+    assert not (tmp_path / "rules.html").exists()
+
+
+@pytest.mark.parametrize("name", ["rules", "measures", "glossary"])
+def test_the_words_of_the_docs_stand_in_the_site_with_links_that_hold(pages, site, name):
+    page = pages[site / f"{name}.html"]
+    source = (Path(__file__).parents[2] / "docs" / f"{name}.md").read_text()
+    titles = [line.lstrip("# ") for line in source.splitlines() if re.match(r"##? \S", line)]
+    assert [title for title in titles if title.replace("`", "") not in "".join(page.text)] == []
+    assert not re.search(r":::|<!--|\]\(|\*\*", "".join(page.text))
+    ids = {path: {has["id"] for _, has in found.elements if "id" in has} for path, found in pages.items()}
+    links = [has["href"] for tag, has in page.elements if tag == "a" and "href" in has]
+    for target, _, anchor in (link.partition("#") for link in links if link.endswith("html") or "#" in link):
+        assert not anchor or anchor in ids[(site / target).resolve() if target else site / f"{name}.html"]
 
 
 def test_the_docs_example_of_ranks_comes_out_and_its_table_says_the_same(capsys):

@@ -38,6 +38,9 @@ PAGES = (
     "statistics.html",
     "compare.html",
     "submit.html",
+    "rules.html",
+    "measures.html",
+    "glossary.html",
 )
 PATIENCE_MS = 60_000  # a browser on a busy machine is slow
 expect.set_options(timeout=PATIENCE_MS)

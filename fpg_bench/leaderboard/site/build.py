@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
-from fpg_bench.leaderboard.site import again, entry_page, scripts_data, views
+from fpg_bench.leaderboard.site import again, entry_page, reading, scripts_data, views
 from fpg_bench.leaderboard.site.front_page import front_view
 from fpg_bench.leaderboard.site.play_data import play_files, zoo_policies
 from fpg_bench.leaderboard.site.rivals import Policies, watched
@@ -46,8 +46,8 @@ def build_site(
         progress: called with each file's name.
         policies: by track and entry, the policies of submitted entries that a visitor can play against; see
             :func:`fpg_bench.leaderboard.site.rivals.submitted_policies`.
-        docs: where the documentation's site is, seen from the folder, ``..`` for instance; empty: it is named
-            and not linked.
+        docs: where the documentation's site is, seen from the folder, ``..`` for instance; empty: the pages
+            of :mod:`fpg_bench.leaderboard.site.reading` stand in this one, others are named and not linked.
 
     Returns:
         The files, sorted.
@@ -99,6 +99,8 @@ def _with_replays(board: Row, replays: Replays) -> Row:
 
 def _pages(board: Row, replays: Replays, docs: str) -> dict[str, str]:
     """All HTML pages by their names."""
+    from markupsafe import Markup
+
     environment, read = _environment(board, docs), read_tracks(board)
     names = names_of(read)
     tracks = [views.track_view(track, names) for track in read]
@@ -112,6 +114,10 @@ def _pages(board: Row, replays: Replays, docs: str) -> dict[str, str]:
         ("crossplay.html", "crossplay.html", {"crossplay": crossplay}),
         ("submit.html", "submit.html", {}),
     ]
+    for name, title in reading.PAGES.items() if not docs else ():
+        shown.append(
+            (f"{name}.html", "reading.html", {"title": title, "text": Markup(reading.reading(name))})
+        )
     for track in read:
         for entry in track.entries:
             rounds = replays.get((track.key, entry.slug), [])
@@ -124,14 +130,15 @@ def _pages(board: Row, replays: Replays, docs: str) -> dict[str, str]:
     }
 
 
-def _told(docs: str, page: str, words: str, heading: str = "") -> Markup:
+def _told(docs: str, page: str, words: str, heading: str = "", root: str = "") -> Markup:
     """A link to a page of the documentation; where that is nowhere, the words and the page's file."""
     from markupsafe import Markup
 
-    if not docs:
+    if not docs and page not in reading.PAGES:
         return Markup("{} (<code>docs/{}.md</code>)").format(words, page)
     anchor = f"#{heading}" if heading else ""
-    return Markup('<a href="{}/{}.html{}">{}</a>').format(docs, page, anchor, words)
+    folder = docs if "://" in docs else root + (docs or ".")
+    return Markup('<a href="{}/{}.html{}">{}</a>').format(folder, page, anchor, words)
 
 
 def _environment(board: Row, docs: str) -> Environment:

@@ -1,0 +1,76 @@
+"""The documentation's rules, measures and glossary as pages of the site: a visitor needs no other host."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cache
+from html import escape
+from importlib import resources
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from markdown_it import MarkdownIt
+    from markdown_it.token import Token
+
+PAGES = {"rules": "Rules", "measures": "Measures", "glossary": "Glossary"}
+
+
+def reading(name: str) -> str:
+    """The HTML of one of ``PAGES``; links lead to others of them, and nowhere else."""
+    text = re.sub(r"<!--.*?-->\n?", "", (_folder() / f"{name}.md").read_text("utf-8"))
+    parts = re.split(r"^:::(?:\{glossary\})?\n", text, flags=re.MULTILINE)  # outside, inside, outside
+    return "".join(_defined(part) if k % 2 else _rendered(part) for k, part in enumerate(parts))
+
+
+def _folder() -> Path:
+    """Where the documentation lies: in the installed package, else in the repository."""
+    package = Path(str(resources.files("fpg_bench")))
+    installed = package / "docs"
+    return installed if installed.is_dir() else package.parent / "docs"
+
+
+@cache
+def _markdown() -> MarkdownIt:
+    from markdown_it import MarkdownIt
+
+    markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
+    markdown.add_render_rule("table_open", lambda *_: '<div class="scroll" tabindex="0"><table>\n')
+    markdown.add_render_rule("table_close", lambda *_: "</table></div>\n")
+    return markdown
+
+
+def _rendered(text: str) -> str:
+    markdown = _markdown()
+    tokens = markdown.parse(text)
+    for token, following in pairwise(tokens):
+        if token.type == "heading_open":
+            token.attrSet("id", re.sub(r"[^\w -]", "", following.content).lower().replace(" ", "-"))
+        elif token.type == "fence":
+            token.attrSet("tabindex", "0")
+    for token in tokens:
+        _keep_within(token.children or [])
+    return markdown.renderer.render(tokens, markdown.options, {})
+
+
+def _keep_within(tokens: Sequence[Token]) -> None:
+    """Links stay within the site; where a page is not there, its link is mere text."""
+    tag = "a"
+    for token in tokens:
+        if token.type == "link_open":
+            name, mark, anchor = str(token.attrs.pop("href")).partition("#")
+            page = name.removesuffix(".md")
+            tag = "a" if page in PAGES or not name else "span"
+            if tag == "a":
+                token.attrs["href"] = (f"{page}.html" if name else "") + mark + anchor
+        if token.type in ("link_open", "link_close"):
+            token.tag = tag
+
+
+def _defined(text: str) -> str:
+    """A list of terms: each on a line of its own, its definition indented below it."""
+    terms = re.findall(r"^(\S.*)\n((?:  .*\n)+)", text, re.MULTILINE)
+    lines = (f"<dt>{escape(term)}</dt><dd>{_rendered(meaning)}</dd>\n" for term, meaning in terms)
+    return f"<dl>\n{''.join(lines)}</dl>\n"
