@@ -189,7 +189,12 @@ def test_nothing_to_confirm_or_show(tmp_path):
 
 def test_the_report_is_one_page_that_needs_no_network(study, files):
     page = write_report(files / "study").read_text()
-    headings = ("The best score so far", "Scores along the way", "Which values matter", "Scores by each value")
+    headings = (
+        "The best score so far",
+        "Scores along the way",
+        "Which values matter",
+        "Scores by each value",
+    )
     for heading in (*headings, "Trials"):
         assert f"<h2>{heading}</h2>" in page
     assert not re.search("Objective Value|Intermediate Value|Feasible Trial|Hyperparameter", page)
