@@ -1,5 +1,6 @@
-"""The examples run at tiny size and leave an agent that plays."""
+"""The examples run at tiny size and leave an agent that plays; one whose framework is missing is skipped."""
 
+import importlib.util
 import re
 
 import numpy as np
@@ -11,9 +12,12 @@ from tests.programs import ROOT, python
 
 @pytest.mark.process
 @pytest.mark.slow
-def test_ppo_in_one_file_trains_and_leaves_an_agent(tmp_path):
+@pytest.mark.parametrize(("name", "needs"), [("ppo_single_file", "torch"), ("sbx_ppo", "sbx")])
+def test_an_example_trains_and_leaves_an_agent(name, needs, tmp_path):
+    if importlib.util.find_spec(needs) is None:
+        pytest.skip(f"{needs} is not installed")
     words = ("--steps", 300, "--envs", 4, "--rollout", 64, "--out", tmp_path / "agent")
-    run = python(ROOT / "examples" / "ppo_single_file.py", *words)
+    run = python(ROOT / "examples" / f"{name}.py", *words)
     assert run.returncode == 0, run.stderr
     assert re.search(r"\d+ steps per CPU second", run.stdout)
     actions, _ = fpg_bench.load_agent(tmp_path / "agent").predict(np.zeros((3, 15), np.float32))
