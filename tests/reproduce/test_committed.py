@@ -47,6 +47,20 @@ def test_the_report_is_what_the_runs_say(committed, tmp_path):
             assert (COMMITTED / f"figures/{figure}-{preset}.{form}").is_file()
 
 
+def test_the_page_says_what_the_runs_of_the_papers_own_budget_say(tmp_path):
+    budget = BUDGETS["paper"]
+    file = RunFile(RUNS, "paper", budget.name)
+    results = read_results(file, {name: [300, 301, 302] for name, _ in file.read()})
+    (condition,) = conditions_of("fig4", "paper", full=False)
+    for heading in results.about[condition.name].values():
+        assert heading["scenario"] == f"paper, {condition.scenario('paper').hash}"
+    made, _ = write_report(results, "paper", budget, ["fig5"], tmp_path, "fpg-bench reproduce fig4")
+    lines = [line for line in made.read_text().splitlines() if line.startswith("| planned |")]
+    page = (COMMITTED.parent / "reproduction.md").read_text()
+    assert len(fifths := [line for line in lines if "to" in line.split("|")[2]]) == 5
+    assert [line for line in fifths if line not in page] == []
+
+
 def test_the_report_of_figures_is_what_its_runs_say_on_fresh_seeds(tmp_path):
     budget = BUDGETS["hundredth"]
     file = RunFile(RUNS, "figures", budget.name)
