@@ -3,6 +3,7 @@ import json
 import math
 import re
 import shutil
+from hashlib import sha256
 
 import numpy as np
 import pytest
@@ -16,8 +17,11 @@ from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.crossplay import play_missing
 from fpg_bench.leaderboard.nash import nash
 from fpg_bench.leaderboard.result import verified_result, write_result
+from fpg_bench.leaderboard.site.play_data import policy_data
+from fpg_bench.leaderboard.site.rivals import submitted_policies
 from fpg_bench.leaderboard.verify import verify
 from tests.leaderboard.entering import FIELD, close_season, enter, write_field
+from tests.leaderboard.making import model, node, weights
 
 pytestmark = pytest.mark.slow
 
@@ -380,3 +384,17 @@ def test_the_verb_says_who_is_left_out_and_keeps_rounds_that_it_does_not_simulat
     assert capsys.readouterr().out.startswith("2 entries, 1 rounds to watch")
     assert sorted(site.glob("replays/*/*/*.js")) == rounds
     assert rounds[0].name in (site / "entries/ally/wise.html").read_text()
+
+
+def test_the_page_gets_the_first_policy_of_each_verified_entry_that_it_can_play(entered):
+    board = make_board(entered)
+    assert not submitted_policies(board, entered)  # a product of matrices is no operator of the page
+    seed = entered / "submissions/ally/linear/seed_0"
+    layers = [node("Gemm", ["observation", "w"], ["raw"]), node("Tanh", ["raw"], ["action"])]
+    policy = model(layers, [weights()])
+    about = json.loads((seed / "agent.json").read_text())
+    (seed / "agent.json").write_text(json.dumps(about | {"policy_sha256": sha256(policy).hexdigest()}))
+    (seed / "policy.onnx").write_bytes(policy)
+    assert submitted_policies(board, entered) == {("ally", "linear"): policy_data(policy)}
+    (seed / "policy.onnx").write_bytes(b"no policy")
+    assert not submitted_policies(board, entered)

@@ -123,3 +123,34 @@ def test_arena_spectrum_and_controls_stand_on_a_phone_at_once(visit):  # noqa: F
         box = page.locator(f"#replay-{name}").bounding_box()
         assert box["y"] >= 0, name
         assert box["y"] + box["height"] <= PHONE["height"], name
+
+
+def test_one_finger_on_the_arena_scrolls_the_page_and_two_turn_it(visit):  # noqa: F811
+    page = visit(WATCHED, viewport=PHONE, has_touch=True, is_mobile=True)
+    expect(page.locator("#replay-step")).to_have_attribute("max", "300")
+    page.evaluate("document.querySelector('.plots').scrollIntoView()")
+    box = page.locator("#replay-arena").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    picture = "document.getElementById('replay-arena').toDataURL()"
+    before, at = page.evaluate(picture), page.evaluate("scrollY")
+    fingers = page.context.new_cdp_session(page)
+
+    def touch(kind, *points):
+        told = {"type": kind, "touchPoints": [{"x": across, "y": down} for across, down in points]}
+        fingers.send("Input.dispatchTouchEvent", told)
+
+    touch("touchStart", (x, y))
+    for moved in range(10, 100, 10):
+        touch("touchMove", (x, y - moved))
+    touch("touchEnd")
+    page.wait_for_function("at => scrollY >= at + 40", arg=at)
+    assert page.evaluate(picture) == before
+    page.wait_for_timeout(300)  # it may glide on
+    at, middle = page.evaluate("scrollY"), page.locator("#replay-arena").bounding_box()
+    y = middle["y"] + middle["height"] / 2
+    touch("touchStart", (x - 40, y), (x + 40, y))
+    for moved in (30, 60):
+        touch("touchMove", (x - 40 + moved, y), (x + 40 + moved, y))
+    touch("touchEnd")
+    page.wait_for_function(f"before => {picture} !== before", arg=before)
+    assert page.evaluate("scrollY") == at
