@@ -407,6 +407,11 @@ def test_no_page_scrolls_sideways_on_a_phone(visit, site):
         page.goto(f"{site.as_uri()}/{name}")
         wide = page.evaluate("document.documentElement.scrollWidth")
         assert wide <= PHONE["width"], name
+        here = page.locator("nav [aria-current]")
+        if here.count():
+            box = here.bounding_box()
+            assert box["x"] >= 0, name
+            assert box["x"] + box["width"] <= PHONE["width"], name
 
 
 def test_the_skip_link_comes_first_and_leads_to_the_content(visit):
