@@ -12,7 +12,9 @@ from tests.programs import ROOT, python
 
 @pytest.mark.process
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "needs"), [("ppo_single_file", "torch"), ("sbx_ppo", "sbx")])
+@pytest.mark.parametrize(
+    ("name", "needs"), [("ppo_single_file", "torch"), ("sbx_ppo", "sbx"), ("torchrl_ppo", "torchrl")]
+)
 def test_an_example_trains_and_leaves_an_agent(name, needs, tmp_path):
     if importlib.util.find_spec(needs) is None:
         pytest.skip(f"{needs} is not installed")

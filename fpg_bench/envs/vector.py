@@ -54,6 +54,7 @@ class VectorView(VectorEnv):
         if mode is None:
             known = " or ".join(repr(mode.value) for mode in _MODES)
             raise UserError(f"autoreset_mode: expected {known}, got {autoreset_mode!r}")
+        self.autoreset_mode = mode  # Gymnasium's own vectors have it beside the metadata; TorchRL asks for it
         self._same_step = mode is AutoresetMode.SAME_STEP
         self.metadata = {**self.metadata, "autoreset_mode": mode}
         self.core = OneSided(view_id, num_envs, **options)

@@ -67,7 +67,7 @@ def test_same_step_begins_the_next_round_as_gymnasiums_own_batch_does(mode):
     own = {"autoreset_mode": AutoresetMode.SAME_STEP}
     theirs = gymnasium.make_vec(ALLY, GAMES, vectorization_mode="sync", vector_kwargs=own, scenario=SHORT)
     ours = make(autoreset_mode=mode)
-    assert ours.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    assert ours.metadata["autoreset_mode"] is ours.autoreset_mode is AutoresetMode.SAME_STEP
     assert make().metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
     assert np.array_equal(theirs.reset(seed=3)[0], ours.reset(seed=3)[0])
     for action in tape(GAMES, 2 * STEPS):
