@@ -1,6 +1,7 @@
 # make benchmark: set up and run the main job. make test: set up and run the tests.
 # make test-fast: those that start nothing and are quick. make coverage: which lines and branches are tested.
 # make test-lowest: a small suite on the lowest versions that pyproject.toml allows.
+# make test-examples: the examples with the frameworks that they are for, in an environment of their own.
 # make docs: the site of the documentation, with the board, in build/docs.
 PYTHON ?= python3
 STEPS ?= 2000000
@@ -11,7 +12,7 @@ LOWEST = tests/envs/test_single.py tests/envs/test_vector.py tests/envs/test_mul
 
 PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: benchmark test test-fast test-lowest coverage docs clean
+.PHONY: benchmark test test-fast test-lowest test-examples coverage docs clean
 
 benchmark: .venv/.train
 	$(BIN)/fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo-fast --restart
@@ -52,5 +53,14 @@ test-lowest: .venv-lowest/.ready
 	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check -c .venv-lowest/lowest.txt -e ".[train,video]" pytest hypothesis
 	touch $@
 
+test-examples: .venv-examples/.ready
+	.venv-examples/bin/python -m pytest tests/test_examples.py
+
+.venv-examples/.ready: pyproject.toml constraints.txt examples/requirements.txt
+	$(PYTHON) -m venv .venv-examples
+	.venv-examples/bin/python -m pip install --quiet --disable-pip-version-check \
+		-c constraints.txt -r examples/requirements.txt -e ".[tune,leaderboard]" pytest hypothesis
+	touch $@
+
 clean:
-	rm -rf .venv .venv-lowest build docs/reference/generated results/benchmark*
+	rm -rf .venv .venv-examples .venv-lowest build docs/reference/generated results/benchmark*

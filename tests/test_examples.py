@@ -9,12 +9,17 @@ import pytest
 import fpg_bench
 from tests.programs import ROOT, python
 
+NEEDS = {
+    "benchmarl_maddpg": "benchmarl",
+    "ppo_single_file": "torch",
+    "sbx_ppo": "sbx",
+    "torchrl_ppo": "torchrl",
+}
+
 
 @pytest.mark.process
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "needs"), [("ppo_single_file", "torch"), ("sbx_ppo", "sbx"), ("torchrl_ppo", "torchrl")]
-)
+@pytest.mark.parametrize(("name", "needs"), NEEDS.items())
 def test_an_example_trains_and_leaves_an_agent(name, needs, tmp_path):
     if importlib.util.find_spec(needs) is None:
         pytest.skip(f"{needs} is not installed")
@@ -26,7 +31,7 @@ def test_an_example_trains_and_leaves_an_agent(name, needs, tmp_path):
     assert actions.shape == (3, 9)
 
 
-def test_an_example_is_short():
-    files = list((ROOT / "examples").glob("*.py"))
-    assert files
-    assert all(len(file.read_text().splitlines()) <= 100 for file in files)
+def test_all_examples_are_run_and_short():
+    files = {file.stem: file for file in (ROOT / "examples").glob("*.py")}
+    assert files.keys() == NEEDS.keys()
+    assert all(len(file.read_text().splitlines()) <= 100 for file in files.values())
