@@ -14,6 +14,15 @@ from pathlib import Path
 from fpg_bench.players.agent import baselines_folder
 from tests.programs import ROOT, python
 
+BUDGETS = (
+    (r"(--steps |\bsteps: |total_timesteps=)[\d_]+", r"\g<1>2000"),
+    (r"(.*) --seeds 0-2 (.*)", r"\1 --seed 0 \2/seed_0\n\1 --seed 1 \2/seed_1\n\1 --seed 2 \2/seed_2"),
+    (r"fpg-bench submit run .*", ""),  # the verdict has tests of its own
+    (r"fpg-bench train ", "fpg-bench train --evaluations 0 "),
+    (r"--matches \d+", "--matches 1"),
+    (r"matches=\d+", "matches=1"),
+)
+
 _FPG_BENCH = """\
 from pathlib import Path
 from fpg_bench.players import agent
@@ -26,6 +35,13 @@ main()
 def blocks(text: str) -> list[tuple[str, str]]:
     """The (language, code) of each block."""
     return re.findall(r"```(\w+)\n(.*?)```", text, re.DOTALL)
+
+
+def small(text: str) -> str:
+    """The same words with budgets that a test can bear."""
+    for pattern, budget in BUDGETS:
+        text = re.sub(pattern, budget, text)
+    return text
 
 
 def small_baselines(folder: Path) -> Path:

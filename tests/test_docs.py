@@ -9,7 +9,7 @@ import pytest
 
 from fpg_bench.ids import DUEL, VIEWS
 from fpg_bench.planning import LLM_CONTROLS
-from tests.pages import Reader, blocks, broken_links, small_baselines
+from tests.pages import Reader, blocks, broken_links, small, small_baselines
 from tests.planning.llm.fault_server import FaultServer, answer
 from tests.programs import ROOT
 
@@ -20,14 +20,6 @@ import reference_pages  # noqa: E402
 RUN = sorted([*DOCS.glob("tutorials/*.md"), *DOCS.glob("how-to/*.md")])
 WRITTEN = sorted(
     [*DOCS.glob("*.md"), *(DOCS / "explanation").glob("*.md"), *(DOCS / "reference").glob("*.md")]
-)
-BUDGETS = (
-    (r"(--steps |\bsteps: )[\d_]+", r"\g<1>2000"),
-    (r"(.*) --seeds 0-2 (.*)", r"\1 --seed 0 \2/seed_0\n\1 --seed 1 \2/seed_1\n\1 --seed 2 \2/seed_2"),
-    (r"fpg-bench submit run .*", ""),  # the verdict has tests of its own
-    (r"fpg-bench train ", "fpg-bench train --evaluations 0 "),
-    (r"--matches \d+", "--matches 1"),
-    (r"matches=\d+", "matches=1"),
 )
 WAYPOINTS = [{"x": 200 + 50 * i, "y": 700, "z": 300} for i in range(16)]
 
@@ -42,13 +34,6 @@ def python_runs(text):
     for code in found:
         exec(compile(code, "block", "exec"), {})
     return len(found)
-
-
-def small(text):
-    """The same words with budgets that a test can bear."""
-    for pattern, budget in BUDGETS:
-        text = re.sub(pattern, budget, text)
-    return text
 
 
 @pytest.mark.process

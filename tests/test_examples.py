@@ -1,12 +1,15 @@
 """The examples run at tiny size and leave an agent that plays; one whose framework is missing is skipped."""
 
 import importlib.util
+import itertools
+import json
 import re
 
 import numpy as np
 import pytest
 
 import fpg_bench
+from tests.pages import Reader, small, small_baselines
 from tests.programs import ROOT, python
 
 NEEDS = {
@@ -35,3 +38,25 @@ def test_all_examples_are_run_and_short():
     files = {file.stem: file for file in (ROOT / "examples").glob("*.py")}
     assert files.keys() == NEEDS.keys()
     assert all(len(file.read_text().splitlines()) <= 100 for file in files.values())
+
+
+def kind_of(code):
+    """What Jupyter does with a cell."""
+    return {"!": "bash", "%": "magic"}.get(code[0], "python")
+
+
+@pytest.mark.process
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "last"), [("quick_start", "mine .* score"), ("enter_the_board", "my-first: nothing is wrong")]
+)
+def test_a_notebook_runs_from_its_first_cell_to_its_last(name, last, tmp_path):
+    notebook = json.loads((ROOT / "examples" / f"{name}.ipynb").read_text())
+    cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    assert not any(cell.get("outputs") for cell in notebook["cells"])
+    install, *cells = cells
+    assert re.fullmatch(r'%pip install --quiet "fpg-bench\[[\w,]+\]"', install)
+    reader = Reader(tmp_path / "here", small_baselines(tmp_path / "baselines"), MPLBACKEND="agg")
+    for kind, codes in itertools.groupby(cells, kind_of):
+        reader.does(kind, small(re.sub("(?m)^!", "", "\n".join(codes))))
+    assert re.search(last, reader.said)
