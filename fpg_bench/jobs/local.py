@@ -19,6 +19,7 @@ from fpg_bench.jobs.job import Outcome
 
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 _ORPHAN_S = 30.0
+_FEEDER_S = 5.0
 
 
 class LocalPool:
@@ -54,11 +55,18 @@ class LocalPool:
                     os.kill(number, signal.SIGINT)
 
     def close(self) -> None:
-        """Let the idle workers end, and kill the others."""
+        """Let the idle workers end, and kill the others.
+
+        The last to hold a pool's semaphore may be the thread that feeds its queue. An interpreter that ends does
+        not wait for it, and loky's tracker would warn below the command's last line.
+        """
         for process, _ in self._busy.values():
             process.shutdown(kill_workers=True)
         for process in self._idle:
             process.shutdown()
+        for thread in threading.enumerate():
+            if thread.name == "QueueFeederThread":
+                thread.join(_FEEDER_S)
 
     def _ready(self) -> tuple[Any, int]:
         """A worker that waits for a call, and its process id."""
