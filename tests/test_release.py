@@ -32,9 +32,11 @@ def test_the_version_stands_in_one_place():
     assert re.fullmatch(r"\d+\.\d+\.\d+(\.dev\d+)?", __version__)
 
 
-def test_the_changelog_begins_with_this_version():
-    (first, *_) = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)
-    assert first == re.sub(r"\.dev\d+", "", __version__)
+def test_the_changelog_begins_with_this_version_and_dates_it_once_it_is_released():
+    version, rest = re.search(r"^## (\S+) (.+)$", (ROOT / "CHANGELOG.md").read_text(), re.M).groups()
+    assert version == re.sub(r"\.dev\d+", "", __version__)
+    dated = re.fullmatch(r"\(\d{4}-\d\d-\d\d\)", rest)
+    assert dated if version == __version__ else rest == "(not released yet)"
 
 
 def test_headings_of_the_changelog_are_the_usual_ones():
