@@ -13,9 +13,12 @@ from tests.pages import Reader, small, small_baselines
 from tests.programs import ROOT, python
 
 NEEDS = {
+    "agilerl_ppo": "agilerl",
     "benchmarl_maddpg": "benchmarl",
     "ppo_single_file": "torch",
+    "rllib_ppo": "tree",
     "sbx_ppo": "sbx",
+    "tianshou_ppo": "tianshou",
     "torchrl_ppo": "torchrl",
 }
 
