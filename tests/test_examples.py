@@ -16,7 +16,7 @@ NEEDS = {
     "agilerl_ppo": "agilerl",
     "benchmarl_maddpg": "benchmarl",
     "ppo_single_file": "torch",
-    "rllib_ppo": "tree",
+    "rllib_ppo": "ormsgpack",
     "sbx_ppo": "sbx",
     "tianshou_ppo": "tianshou",
     "torchrl_ppo": "torchrl",
