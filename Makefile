@@ -2,6 +2,7 @@
 # make test-fast: those that start nothing and are quick. make coverage: which lines and branches are tested.
 # make test-lowest: a small suite on the lowest versions that pyproject.toml allows.
 # make test-examples: the examples with the frameworks that they are for, in an environment of their own.
+# make test-examples-older: those whose frameworks need older libraries, in another one.
 # make docs: the site of the documentation, with the board, in build/docs.
 PYTHON ?= python3
 STEPS ?= 2000000
@@ -12,7 +13,7 @@ LOWEST = tests/envs/test_single.py tests/envs/test_vector.py tests/envs/test_mul
 
 PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: benchmark test test-fast test-lowest test-examples coverage docs clean
+.PHONY: benchmark test test-fast test-lowest test-examples test-examples-older coverage docs clean
 
 benchmark: .venv/.train
 	$(BIN)/fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo-fast --restart
@@ -62,5 +63,15 @@ test-examples: .venv-examples/.ready
 		-c constraints.txt -r examples/requirements.txt -e ".[tune,leaderboard]" pytest hypothesis
 	touch $@
 
+# Those whose frameworks need older libraries than the constraints name.
+test-examples-older: .venv-examples-older/.ready
+	.venv-examples-older/bin/python -m pytest tests/test_examples.py -k "agilerl or rllib or tianshou"
+
+.venv-examples-older/.ready: pyproject.toml examples/requirements-older.txt
+	$(PYTHON) -m venv .venv-examples-older
+	.venv-examples-older/bin/python -m pip install --quiet --disable-pip-version-check \
+		-r examples/requirements-older.txt -e ".[tune,leaderboard]" pytest hypothesis
+	touch $@
+
 clean:
-	rm -rf .venv .venv-examples .venv-lowest build docs/reference/generated results/benchmark*
+	rm -rf .venv .venv-examples .venv-examples-older .venv-lowest build docs/reference/generated results/benchmark*
