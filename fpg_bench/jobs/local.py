@@ -57,8 +57,8 @@ class LocalPool:
     def close(self) -> None:
         """Let the idle workers end, and kill the others.
 
-        The last to hold a pool's semaphore may be the thread that feeds its queue. An interpreter that ends does
-        not wait for it, and loky's tracker would warn below the command's last line.
+        The last to hold a pool's semaphore may be the thread that feeds its queue. An interpreter that ends
+        does not wait for it, and loky's tracker would warn below the command's last line.
         """
         for process, _ in self._busy.values():
             process.shutdown(kill_workers=True)
