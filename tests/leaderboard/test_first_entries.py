@@ -1,5 +1,6 @@
 """The board as it is committed: who stands on it, and what a small sample of it says when played again."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import make_case, submission_folders
 from fpg_bench.players.scripted import SCRIPTED
+from fpg_bench.version import __version__
 from fpg_bench.zoo.zoo import load_zoo
 from tests.programs import fpg, python
 
@@ -97,7 +99,9 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
     assert (run.returncode, run.stderr) == (0, "")
     assert run.stdout.startswith("ally/expert: verified: ")
     written = tmp_path / "results/ally/expert.jsonl"
-    assert written.read_bytes() == (BOARD / "results/ally/expert.jsonl").read_bytes()
+    committed = (BOARD / "results/ally/expert.jsonl").read_text()
+    (then,) = re.findall('"version":"(.+?)"', committed)
+    assert written.read_text() == committed.replace(f'"{then}"', f'"{__version__}"')
     written.write_text(written.read_text().replace('"known":{"value":', '"known":{"value":9', 1))
     verified = submit("verify", "--folder", str(tmp_path), "--sample", "5%", "--sample-seed", "3")
     assert verified.returncode == 1
