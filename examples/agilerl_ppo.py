@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from agilerl.algorithms import PPO
 from agilerl.rollouts.on_policy import collect_rollouts
+from stable_baselines3.common.utils import set_random_seed
 from torch import nn
 
 import fpg_bench
@@ -35,7 +36,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("runs/agilerl"))
     args = parser.parse_args()
-    torch.manual_seed(args.seed)
+    set_random_seed(args.seed)
     games = gymnasium.make_vec(
         ID, args.envs, vectorization_mode="vector_entry_point", autoreset_mode="SameStep"
     )

@@ -11,6 +11,7 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import torch
+from stable_baselines3.common.utils import set_random_seed
 from tianshou.algorithm import PPO
 from tianshou.algorithm.modelfree.reinforce import ProbabilisticActorPolicy
 from tianshou.algorithm.optim import AdamOptimizerFactory
@@ -29,9 +30,7 @@ class Games(BaseVectorEnv):
     """One compiled batch, whose rounds begin and end together."""
 
     def __init__(self, count: int, seed: int) -> None:
-        self.games = gymnasium.make_vec(
-            ID, count, vectorization_mode="vector_entry_point", autoreset_mode="SameStep"
-        )
+        self.games = gymnasium.make_vec(ID, count, "vector_entry_point", autoreset_mode="SameStep")
         self.env_num, self.is_async, self.is_closed = count, False, False
         self.first, _ = self.games.reset(seed=seed)
 
@@ -76,7 +75,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("runs/tianshou"))
     args = parser.parse_args()
-    torch.manual_seed(args.seed)
+    set_random_seed(args.seed)
     games, actor, size = Games(args.envs, args.seed), Net(9), args.envs * args.rollout
     policy = ProbabilisticActorPolicy(
         actor=actor, dist_fn=lambda found: Independent(Normal(*found), 1), action_space=games.action_space[0]
@@ -87,12 +86,13 @@ def main() -> None:
     updates = {"batch_size": 2048, "update_step_num_repetitions": 10}
     began = time.process_time()
     ppo.run_training(OnPolicyTrainerParams(training_collector=collector, **length, **updates))
-    print(f"{collector.collect_step / (time.process_time() - began):.0f} steps per CPU second")
+    steps = collector.collect_step
+    print(f"{steps / (time.process_time() - began):.0f} steps per CPU second")
     form = {"input_names": ["observation"], "output_names": ["action"], "opset_version": 20}
     sizes = ({0: torch.export.Dim("n")},)
     within = nn.Sequential(actor.layers, nn.Hardtanh()).eval()  # what the game takes
     exported = torch.onnx.export(within, (torch.zeros(2, 15),), dynamic_shapes=sizes, dynamo=True, **form)
-    about = {"algorithm": "PPO", "id": ID, "training_seed": args.seed, "training_steps": args.steps}
+    about = {"algorithm": "PPO", "id": ID, "training_seed": args.seed, "training_steps": steps}
     fpg_bench.write_agent(args.out, exported.model_proto.SerializeToString(), **about)
 
 

@@ -16,7 +16,7 @@ NEEDS = {
     "agilerl_ppo": "agilerl",
     "benchmarl_maddpg": "benchmarl",
     "ppo_single_file": "torch",
-    "rllib_ppo": "ormsgpack",
+    "rllib_ppo": "ormsgpack",  # ray is here without what RLlib needs
     "sbx_ppo": "sbx",
     "tianshou_ppo": "tianshou",
     "torchrl_ppo": "torchrl",

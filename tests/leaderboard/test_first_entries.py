@@ -99,9 +99,9 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
     assert (run.returncode, run.stderr) == (0, "")
     assert run.stdout.startswith("ally/expert: verified: ")
     written = tmp_path / "results/ally/expert.jsonl"
-    committed = (BOARD / "results/ally/expert.jsonl").read_text()
-    (then,) = re.findall('"version":"(.+?)"', committed)
-    assert written.read_text() == committed.replace(f'"{then}"', f'"{__version__}"')
+    committed = (BOARD / "results/ally/expert.jsonl").read_bytes()
+    (then,) = re.findall(b'"version":"(.+?)"', committed)
+    assert written.read_bytes() == committed.replace(then, __version__.encode(), 1)
     written.write_text(written.read_text().replace('"known":{"value":', '"known":{"value":9', 1))
     verified = submit("verify", "--folder", str(tmp_path), "--sample", "5%", "--sample-seed", "3")
     assert verified.returncode == 1
