@@ -1,12 +1,16 @@
-"""The readings that decide, trained: the one that the screen names, each of its neighbours, and the letter.
+"""The readings that decide, trained: those under which the screen finds a claim that turns.
 
-A neighbour settles one point otherwise. So each of them says what hangs on that point where both sides learn.
+They are compared with the preset ``figures``, under which most claims come out between scripts. A cell is
+one of its neighbours, which settle one point otherwise, or the letter. What is trained there are the
+conditions of the claims that turn. Exploration is an axis as well: noise of 5 MHz hides a tone, whose half
+width is 2.5 MHz.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 from fpg_bench.game.names import JAMMING_TYPES
@@ -16,8 +20,61 @@ from fpg_bench.reproduce.results import Results
 
 PRESET = "paper"  # whose readings they are
 FIGURES = as_reading("interference=once,hops=always,hop-cost=0,memory=for-ever")
-# What a claim needs: D1 frozen and D2 the first, D3 the types, D4 the last two.
-_ASKED = (BASE, *JAMMING_TYPES, NO_KNOWLEDGE, NO_PLANNER)
+MHZ_A_UNIT = 50.0  # of the action that is a frequency
+LOW_NOISE = 0.04  # on actions: 2 MHz
+# What has to be trained for a claim; D1 is asked of frozen pairs.
+NEEDED: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "D1": (BASE,),
+        "D2": (BASE,),
+        "D3 level": JAMMING_TYPES,
+        "D3 order": JAMMING_TYPES,
+        "D4 knowledge": (BASE, NO_KNOWLEDGE),
+        "D4 planner": (BASE, NO_PLANNER),
+    }
+)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A reading, and what is trained under it.
+
+    Attributes:
+        reading: which.
+        claims: those that are asked, of :data:`NEEDED`.
+        noise_sd: standard deviation of the exploration noise on actions in [-1, 1]; None: the usual one.
+    """
+
+    reading: Reading
+    claims: tuple[str, ...]
+    noise_sd: float | None = None
+
+    @property
+    def name(self) -> str:
+        """The reading's, and the noise if it is another one."""
+        return self.reading.name if self.noise_sd is None else f"{self.reading.name},noise={self.noise_sd}"
+
+    @property
+    def conditions(self) -> list[Condition]:
+        """What is trained, by names that hold the cell's."""
+        known = {condition.name: condition for condition in conditions_of("all", PRESET, full=False)}
+        asked = {name: None for claim in self.claims for name in NEEDED[claim]}
+        return [self._under(known[name]) for name in asked]
+
+    def results(self, results: Results) -> Results:
+        """The runs under it, by the names that its conditions have elsewhere."""
+        start = self._named("")
+        runs, about = (_without(start, each) for each in (results.runs, results.about))
+        return Results(runs, about)
+
+    def _under(self, condition: Condition) -> Condition:
+        reading = self.reading
+        changes = reading.changes | {"rounds_per_match": reading.rounds} | dict(condition.changes)
+        words = {} if self.noise_sd is None else {"noise_sd": self.noise_sd}
+        return replace(condition, name=self._named(condition.name), changes=changes, algorithm=words)
+
+    def _named(self, condition: str) -> str:
+        return f"{self.name}: {condition}"
 
 
 def neighbours(reading: Reading) -> Iterator[Reading]:
@@ -28,42 +85,27 @@ def neighbours(reading: Reading) -> Iterator[Reading]:
                 yield reading.but(**{point.replace("-", "_"): setting})
 
 
-def cells() -> list[Reading]:
-    """The readings that are trained, in the order in which they are run."""
-    return list(dict.fromkeys([FIGURES, as_reading(LETTER), *neighbours(FIGURES)]))
-
-
-def cell_conditions(reading: Reading) -> list[Condition]:
-    """What is trained under a reading, by names that hold the reading's."""
-    known = {condition.name: condition for condition in conditions_of("all", PRESET, full=False)}
-    return [_under(reading, known[name]) for name in _ASKED]
+# The claims of a cell turn between scripts; a test holds this against the rows of the screen.
+CELLS = (
+    Cell(as_reading(LETTER), tuple(NEEDED)),
+    Cell(FIGURES.but(memory="match"), ("D1", "D2", "D4 planner")),
+    Cell(FIGURES.but(hops="gated"), ("D2", "D4 knowledge")),
+    Cell(FIGURES.but(interference="twice"), ("D2", "D3 order")),
+    Cell(FIGURES.but(hop_cost="100"), ("D3 level",)),
+    Cell(FIGURES, ("D3 order",), LOW_NOISE),
+    Cell(as_reading(LETTER), ("D3 order",), LOW_NOISE),
+)
 
 
 def every_condition() -> list[Condition]:
-    """What is trained under all of them, the first reading first."""
-    return [condition for reading in cells() for condition in cell_conditions(reading)]
-
-
-def _under(reading: Reading, condition: Condition) -> Condition:
-    changes = reading.changes | {"rounds_per_match": reading.rounds} | dict(condition.changes)
-    return replace(condition, name=_named(reading, condition.name), changes=changes)
-
-
-def _named(reading: Reading, condition: str) -> str:
-    return f"{reading.name}: {condition}"
-
-
-def results_of(reading: Reading, results: Results) -> Results:
-    """The runs under a reading, by the names that its conditions have elsewhere."""
-    start = _named(reading, "")
-    runs, about = (_without(start, each) for each in (results.runs, results.about))
-    return Results(runs, about)
-
-
-def _without(start: str, found: Mapping[str, Any]) -> dict[str, Any]:
-    return {name.removeprefix(start): each for name, each in found.items() if name.startswith(start)}
+    """What is trained under all of them, in the order in which it is run."""
+    return [condition for cell in CELLS for condition in cell.conditions]
 
 
 def names(conditions: Iterable[Condition]) -> list[str]:
     """What rows call their runs, swapped paths and all."""
     return [name for condition in conditions for name in condition.runs]
+
+
+def _without(start: str, found: Mapping[str, Any]) -> dict[str, Any]:
+    return {name.removeprefix(start): each for name, each in found.items() if name.startswith(start)}

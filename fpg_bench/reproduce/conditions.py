@@ -30,6 +30,7 @@ class Condition:
         about: what it is, for the report.
         options: those of :func:`fpg_bench.envs.duel.make_duel`: ``planner``, ``path``.
         changes: fields of the scenario that are other ones.
+        algorithm: hyper-parameters of MADDPG that are other ones.
         tested: whether a claim rests on it, so that it needs all seeds.
         budgets: how many times the budget of the others it is trained.
         swaps: paths on which the trained pair is played once more, with nothing else exchanged.
@@ -39,6 +40,7 @@ class Condition:
     about: str
     options: Mapping[str, Any] = field(default_factory=lambda: {"planner": "interceptor"})
     changes: Mapping[str, Any] = field(default_factory=dict)
+    algorithm: Mapping[str, Any] = field(default_factory=dict)
     tested: bool = False
     budgets: int = 1
     swaps: tuple[str, ...] = ()

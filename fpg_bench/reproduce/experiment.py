@@ -72,11 +72,11 @@ BUDGETS: Mapping[str, Budget] = MappingProxyType(
 )
 
 
-def hyperparameters(budget: Budget) -> Hyperparameters:
-    """Table 3, and what the shipped file says where the paper says nothing."""
+def hyperparameters(budget: Budget, **others: Any) -> Hyperparameters:
+    """Table 3, what the shipped file says where the paper says nothing, and what is another one."""
     shipped = load_hyperparameters(ALGORITHM, DUEL)
     rhythm = {"train_freq": budget.train_freq, "gradient_steps": budget.gradient_steps}
-    return dataclasses.replace(shipped, n_envs=budget.games, algorithm=shipped.algorithm | rhythm)
+    return dataclasses.replace(shipped, n_envs=budget.games, algorithm=shipped.algorithm | rhythm | others)
 
 
 def run_experiment(
@@ -186,7 +186,7 @@ class _Training:
         self._make = partial(Recorded, budget.games, scenario=self.scenario, **options)
         games = self.games(training_seed(seed))
         self.core: Recorded = games.core  # type: ignore[assignment]
-        self.model: Any = make_model(ALGORITHM, games, hyperparameters(budget), seed)
+        self.model: Any = make_model(ALGORITHM, games, hyperparameters(budget, **condition.algorithm), seed)
         self.model.set_logger(configure(None, []))
 
     def games(self, first_seed: int | None, **instead: Any) -> SB3View:

@@ -20,7 +20,7 @@ from fpg_bench.reproduce.keeping import Checkpoint
 from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.results import read_results
 from fpg_bench.reproduce.runs import Run, RunFile
-from fpg_bench.training.maddpg_seeds import find_learner
+from fpg_bench.training.maddpg_seeds import LEARNERS, find_learner
 
 CELLS = "cells"
 
@@ -68,12 +68,16 @@ def reproduce(
     listed = list(_jobs(file, conditions, preset, budget, (first_seed, count), llm, learner))
     failed = run_jobs(listed, **where)
     every = names(_conditions(all_of, scenario, BUDGETS["full"], {}))
-    results = read_results(file, dict.fromkeys(every, range(first_seed, first_seed + count)))
+    every_seed = range(first_seed, first_seed + count)
+    results = read_results(file, dict.fromkeys(every, every_seed))
     words = "" if target == CELLS else f" --scenario {scenario}"
     words = f"fpg-bench reproduce {target}{words} --budget {budget.name} --seeds {count}"
     words += f" --first-seed {first_seed}" if first_seed else ""
+    words += f" --learner {learner}" if learner != LEARNERS[0] else ""
     if target == CELLS:
-        written = write_cells(results, budget, out, words)
+        every = names(conditions_of("all", "figures", full=False))
+        first = read_results(RunFile(out, "figures", budget.name), dict.fromkeys(every, every_seed))
+        written = write_cells(first, results, budget, out, words)
     else:
         drawn = draw(results, scenario, out / "figures")
         reports = write_report(results, scenario, budget, drawn, out, words)

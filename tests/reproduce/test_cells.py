@@ -7,17 +7,33 @@ import pytest
 from fpg_bench.game.scenario import PAPER, preset
 from fpg_bench.reproduce import cells as choosing
 from fpg_bench.reproduce import cells_report
-from fpg_bench.reproduce.cells import FIGURES, cell_conditions, cells, every_condition, neighbours
-from fpg_bench.reproduce.experiment import Budget
+from fpg_bench.reproduce.cells import CELLS, FIGURES, LOW_NOISE, NEEDED, Cell, every_condition, neighbours
+from fpg_bench.reproduce.claims import ASPECTS
+from fpg_bench.reproduce.conditions import BASE, Condition, conditions_of
+from fpg_bench.reproduce.experiment import Budget, hyperparameters
 from fpg_bench.reproduce.readings import POINTS, Reading, as_reading
 from fpg_bench.reproduce.reproduce import reproduce
 from fpg_bench.reproduce.runs import RunFile
+from fpg_bench.reproduce.screen_report import read_screen
+from tests.programs import ROOT
 
 TINY = Budget("tiny", 2_000, 8, 25, 2, 1)
 
 
-def test_the_preset_is_the_reading_that_is_trained_first():
-    assert cells()[0].scenario() == preset("figures")
+def verdict(parts):
+    """What the screen says of a claim: it holds, a part is the opposite, or neither is shown."""
+    if all(part["p"] < 0.05 and part["mean"] > 0 for part in parts):
+        return "holds"
+    return "the opposite" if any(part["p"] < 0.05 and part["mean"] < 0 for part in parts) else "not shown"
+
+
+def verdicts(rows, reading):
+    (row,) = [row for row in rows if row["reading"] == reading.name]
+    return {name: verdict([part for part in row["parts"] if part["claim"] == name]) for name in ASPECTS}
+
+
+def test_the_preset_is_the_reading_that_the_others_are_compared_with():
+    assert FIGURES.scenario() == preset("figures")
     assert preset("figures") != PAPER
 
 
@@ -26,33 +42,58 @@ def test_a_neighbour_settles_one_point_otherwise():
     assert len(found) == sum(len(known) - 1 for known in POINTS.values())
     for reading in found:
         assert sum(one != other for one, other in zip(reading.settings, FIGURES.settings, strict=True)) == 1
-    assert set(found) | {FIGURES, as_reading("letter")} == set(cells())
+
+
+def test_trained_are_the_letter_and_the_neighbours_under_which_a_claim_turns_between_scripts():
+    rows = read_screen(ROOT / "results/reproduction")
+    asked = {cell.reading: set(cell.claims) for cell in CELLS if cell.noise_sd is None}
+    assert asked.pop(as_reading("letter")) == set(NEEDED) == set(ASPECTS)
+    here = verdicts(rows, FIGURES)
+    for reading in neighbours(FIGURES):
+        there = verdicts(rows, reading)
+        assert {name for name in ASPECTS if here[name] != there[name]} == asked.pop(reading, set())
+    assert not asked
 
 
 def test_what_is_trained_plays_the_reading_under_names_of_its_own():
     every = every_condition()
-    assert len({condition.name for condition in every}) == len(every) == 7 * len(cells())
-    for reading in cells():
-        base, tone, *_ = cell_conditions(reading)
-        assert base.scenario("paper") == reading.scenario()
-        assert tone.scenario("paper") == dataclasses.replace(reading.scenario(), jamming_types=("tone",))
+    assert len({condition.name for condition in every}) == len(every)
+    for cell in CELLS:
+        for condition in cell.conditions:
+            name = condition.name.removeprefix(f"{cell.name}: ")
+            (known,) = [each for each in conditions_of("all", "paper", full=False) if each.name == name]
+            expected = dataclasses.replace(cell.reading.scenario(), **known.changes)
+            assert condition.scenario("paper") == expected
+            assert (condition.options, condition.tested) == (known.options, True)
+
+
+def test_a_cell_of_low_noise_trains_with_it_and_nothing_else_that_is_new():
+    budget = Budget("tiny", 2_000, 8, 25, 2, 1)
+    usual = hyperparameters(budget)
+    for cell in CELLS:
+        for condition in cell.conditions:
+            words = hyperparameters(budget, **condition.algorithm)
+            noise = {} if cell.noise_sd is None else {"noise_sd": LOW_NOISE}
+            assert words == dataclasses.replace(usual, algorithm=usual.algorithm | noise)
 
 
 @pytest.mark.slow
 def test_trained_readings_come_to_a_page_and_are_not_trained_again(monkeypatch, tmp_path):
-    two = [FIGURES, as_reading("letter")]
+    two = (Cell(as_reading("letter"), ("D2",)), Cell(FIGURES, ("D2",), LOW_NOISE))
     for module in (choosing, cells_report):
-        monkeypatch.setattr(module, "cells", lambda: two)
-    monkeypatch.setattr(choosing, "_ASKED", ("planned",))
+        monkeypatch.setattr(module, "CELLS", two)
     monkeypatch.setattr(Reading, "rounds", 4)  # in place of up to forty
+    base = Condition(BASE, "planned", tested=True, changes={"rounds_per_match": 4})
+    monkeypatch.setattr("fpg_bench.reproduce.reproduce.conditions_of", lambda *_, **__: [base])
     words = {"budget": TINY, "seeds": 2, "first_seed": 5, "workers": 1}
+    reproduce("fig4", tmp_path, scenario="figures", **words, say=lambda line: None)
     written = reproduce("cells", tmp_path, **words, say=lambda line: None)
     assert [path.name for path in written] == ["cells.png", "cells.svg", "cells.md"]
     page = (tmp_path / "cells.md").read_text()
     assert "Training seeds are 5 to 6" in page
     assert "fpg-bench reproduce cells --budget tiny --seeds 2 --first-seed 5" in page
     lines = [line.split(" | ")[0] for line in page.splitlines() if " | D2 | overlap ratio" in line]
-    assert lines == [f"| `{reading.name}`" for reading in two]
+    assert lines == ["| `figures`", "| `letter`", "| `noise=0.04`"]
     assert {seed for _, seed in RunFile(tmp_path, "cells", "tiny").read()} == {5, 6}
     said: list[str] = []
     reproduce("cells", tmp_path, **words, say=said.append)
