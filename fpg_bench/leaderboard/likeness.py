@@ -13,6 +13,7 @@ import gymnasium
 import numpy as np
 
 from fpg_bench.errors import UserError
+from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.leaderboard import host
 from fpg_bench.leaderboard.check import load_submission
 from fpg_bench.leaderboard.policies import Policy
@@ -44,38 +45,52 @@ def fresh_seed() -> int:
     return random.SystemRandom().randrange(2**31)
 
 
-def trace(player: Player, side: str, path: str | None, seed: int) -> Trace:
-    """Let a policy play rounds against scripts.
+def traces(players: Sequence[Player], side: str, path: str | None, seed: int) -> list[Trace]:
+    """Let policies play the same rounds against scripts, each for itself.
 
     Args:
-        player: the policy.
-        side: which it plays.
+        players: the policies.
+        side: which they play.
         path: how the opponent flies; None: in pursuit.
         seed: of the rounds.
     """
-    games = gymnasium.make_vec(_VIEWS[side], num_envs=_GAMES, path=path or "pursuit", **_AGAINST[side])
-    seen, _ = games.reset(seed=seed)
-    _begin(player)
-    state, starts, before, done = None, np.ones(_GAMES, bool), [], []
+    count = len(players) * _GAMES
+    games = gymnasium.make_vec(_VIEWS[side], num_envs=count, path=path or "pursuit", **_AGAINST[side])
+    seen, _ = games.reset(seed=[seed + game for game in range(_GAMES)] * len(players))
+    memories: list[Any] = [None] * len(players)
+    for player in players:
+        _begin(player, _GAMES)
+    starts, before, done = np.ones(count, bool), [], []
     for _ in range(_STEPS):
-        action, state = player.predict(seen, state, starts)
+        actions = np.empty((count, ACTION_SIZE), np.float32)
+        for number, player in enumerate(players):
+            own = slice(number * _GAMES, (number + 1) * _GAMES)
+            action, memories[number] = player.predict(seen[own], memories[number], starts[own])
+            actions[own] = _clipped(action)
         before.append(np.array(seen))
-        done.append(_clipped(action))
-        seen, _, terminated, truncated, _ = games.step(done[-1])
+        done.append(actions)
+        seen, _, terminated, truncated, _ = games.step(actions)
         starts = terminated | truncated
     games.close()
-    return Trace(np.array(before), np.array(done))
+    both = (np.split(np.array(each), len(players), axis=1) for each in (before, done))
+    return [Trace(*each) for each in zip(*both, strict=True)]
 
 
-def apart(player: Player, other: Trace) -> float:
-    """How far a policy's actions lie from another one's, where it sees what that one saw: a mean over all."""
-    _begin(player)
-    state, starts, differences = None, np.ones(_GAMES, bool), []
-    for seen, done in zip(other.seen, other.done, strict=True):
-        action, state = player.predict(seen, state, starts)
-        differences.append(np.abs(_clipped(action) - done).mean())
-        starts = np.zeros(_GAMES, bool)
-    return float(np.mean(differences))
+def apart(player: Player, others: Sequence[Trace]) -> np.ndarray:
+    """How far a policy's actions lie from others', where it sees what they saw: ``(others,)``, means."""
+    if not others:
+        return np.empty(0)
+    seen, done = (
+        np.concatenate(each, axis=1) for each in zip(*((o.seen, o.done) for o in others), strict=True)
+    )
+    count = seen.shape[1]
+    _begin(player, count)
+    state, starts, differences = None, np.ones(count, bool), []
+    for observation, theirs in zip(seen, done, strict=True):
+        action, state = player.predict(observation, state, starts)
+        differences.append(np.abs(_clipped(action) - theirs).mean(axis=1))
+        starts = np.zeros(count, bool)
+    return np.mean(differences, axis=0).reshape(len(others), _GAMES).mean(axis=1)
 
 
 def alike(
@@ -96,10 +111,10 @@ def alike(
     known, found = dict(others), []
     for policy in policies:
         with host.PolicyHost(policy) as player:
-            for name, other in known.items():
-                if (distance := apart(player, other)) < ALIKE:
+            for name, distance in zip(known, apart(player, list(known.values())).tolist(), strict=True):
+                if distance < ALIKE:
                     found.append(f"seed_{policy.seed} plays as {name} does ({distance:.3f} apart)")
-            known[f"seed_{policy.seed}"] = trace(player, side, path, seed)
+            (known[f"seed_{policy.seed}"],) = traces([player], side, path, seed)
     return found
 
 
@@ -130,27 +145,27 @@ def _of_board(board: Path, submission: Submission, seed: int) -> dict[str, Trace
             for policy in other.policies:
                 with host.PolicyHost(policy) as player:
                     name = f"{other.slug}/seed_{policy.seed}"
-                    found[name] = trace(player, other.track, other.path, seed)
+                    (found[name],) = traces([player], other.track, other.path, seed)
     return found
 
 
 def shipped_traces(side: str, path: str | None, seed: int) -> dict[str, Trace]:
     """The traces of all agents of a side that the package ships, by their names."""
-    return {name: trace(agent.load_agent(name), side, path, seed) for name in _shipped(side)}
+    players = dict(_shipped(side))
+    return dict(zip(players, traces(list(players.values()), side, path, seed), strict=True))
 
 
-def _shipped(side: str) -> Iterator[str]:
+def _shipped(side: str) -> Iterator[tuple[str, Player]]:
     home = agent.baselines_folder() / "agents"
     for folder in sorted(home.glob("*/*/seed_*"), key=Path.as_posix):
         with contextlib.suppress(UserError):  # of the other side
             name = folder.relative_to(home).as_posix()
-            agent.load_agent(name, side)
-            yield name
+            yield name, agent.load_agent(name, side)
 
 
-def _begin(player: Any) -> None:
+def _begin(player: Any, count: int) -> None:
     if hasattr(player, "reset"):
-        player.reset(np.ones(_GAMES, bool), np.arange(_GAMES, dtype=np.uint64))
+        player.reset(np.ones(count, bool), np.arange(count, dtype=np.uint64) % _GAMES)
 
 
 def _clipped(action: np.ndarray) -> np.ndarray:

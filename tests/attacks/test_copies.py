@@ -5,9 +5,9 @@ import pytest
 
 from fpg_bench.leaderboard import likeness
 from fpg_bench.leaderboard.check import load_submission
-from fpg_bench.leaderboard.likeness import alike, apart, trace
+from fpg_bench.leaderboard.likeness import alike, apart, traces
 from fpg_bench.leaderboard.verify import verify
-from fpg_bench.players.agent import OnnxPlayer, agent_folder
+from fpg_bench.players.agent import OnnxPlayer, agent_folder, load_agent
 from tests.attacks.copies import copies
 from tests.leaderboard.entering import enter
 from tests.leaderboard.making import as_policy, write_seed, write_submission
@@ -23,7 +23,7 @@ def shipped(seed):
 @pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize(("what", "data"), list(copies(shipped(0))))
 def test_a_copy_of_somebody_elses_policy_is_named(what, data):
-    other = trace(OnnxPlayer(shipped(0), {}), "ally", None, 5)
+    (other,) = traces([OnnxPlayer(shipped(0), {})], "ally", None, 5)
     (line,) = alike([as_policy(data, 0)], "ally", None, {"theirs": other}, 5)
     assert line.startswith("seed_0 plays as theirs does (0.0")
 
@@ -58,7 +58,9 @@ def test_a_new_entry_is_compared_with_the_whole_board(board, in_process):
 
 
 def test_a_copy_of_what_the_package_ships_is_named(tmp_path, in_process, monkeypatch):
-    monkeypatch.setattr(likeness, "_shipped", lambda side: [SHIPPED.format(0), SHIPPED.format(1)])
+    monkeypatch.setattr(
+        likeness, "_shipped", lambda side: ((name, load_agent(name)) for name in map(SHIPPED.format, (0, 1)))
+    )
     folder = write_submission(tmp_path / "mine", seeds=())
     for seed in (0, 1):
         write_seed(folder / f"seed_{seed}", seed, dict(copies(shipped(seed)))["weights 0.01 off"])
@@ -70,8 +72,27 @@ def test_a_copy_of_what_the_package_ships_is_named(tmp_path, in_process, monkeyp
 
 def test_the_rounds_are_others_each_time():
     player = OnnxPlayer(policy(0), {})
-    one, same, other = (trace(player, "ally", None, seed) for seed in (1, 1, 2))
+    (one, same), (other,) = (traces([player] * count, "ally", None, seed) for count, seed in ((2, 1), (1, 2)))
     assert (one.seen == same.seen).all()
     assert (one.seen != other.seen).any()
-    assert apart(player, other) == 0
+    assert (apart(player, [one, other]) == 0).all()
     assert np.isfinite(one.done).all()
+
+
+@pytest.mark.parametrize("side", ["ally", "opponent"])
+def test_many_are_traced_and_compared_as_one_would_be(side):
+    players = [
+        OnnxPlayer(
+            shipped(seed) if side == "ally" else policy(seed),
+            {},
+        )
+        for seed in range(3)
+    ]
+    together = traces(players, side, None, 5)
+    alone = [traces([player], side, None, 5)[0] for player in players]
+    for one, other in zip(together, alone, strict=True):
+        assert (one.seen == other.seen).all()
+        assert (one.done == other.done).all()
+    distances = [apart(player, together).tolist() for player in players]
+    assert distances == [[float(apart(player, [other])[0]) for other in alone] for player in players]
+    assert [row.index(0) for row in distances] == [0, 1, 2]
