@@ -1,5 +1,6 @@
 """Settings shared by all tests."""
 
+import gc
 import os
 import re
 import signal
@@ -13,6 +14,9 @@ from hypothesis import settings
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 HERE = Path(__file__).parent
+
+# Five thousand tests and what they import stay to the end: to look for waste among them takes seconds.
+gc.disable()
 
 # Derandomised: a test that fails for you fails for everybody. No deadlines: no test measures time.
 settings.register_profile("fpg_bench", deadline=None, derandomize=True, max_examples=60)
@@ -30,6 +34,12 @@ def pytest_make_parametrize_id(val):
     """Names of tests without addresses of objects, so that all workers collect the same ones."""
     name = str(val)
     return re.sub(r" at 0x[0-9a-f]+", "", name) if " at 0x" in name else None
+
+
+def pytest_collection_finish():
+    """Look for waste again, in what is made from here on."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)  # before some are left out by their marks

@@ -15,13 +15,17 @@ from fpg_bench.players.agent import baselines_folder
 from tests.programs import ROOT, python
 
 BUDGETS = (
-    (r"(--steps |\bsteps: |total_timesteps=)[\d_]+", r"\g<1>2000"),
+    (r"(--steps |\bsteps: |steps\": |timesteps=)[\d_]+", r"\g<1>2000"),
     (r"(.*) --seeds 0-2 (.*)", r"\1 --seed 0 \2/seed_0\n\1 --seed 1 \2/seed_1\n\1 --seed 2 \2/seed_2"),
-    (r"fpg-bench submit run .*", ""),  # the verdict has tests of its own
     (r"fpg-bench train ", "fpg-bench train --evaluations 0 "),
     (r"--matches \d+", "--matches 1"),
     (r"matches=\d+", "matches=1"),
+    (r"tune ppo .*", r"\g<0> --trials 2 --steps 2000 --rounds 2 --seeds 1"),
+    (r"tune-write .*", r"\g<0> --best 1 --seeds 1"),
+    (r"plan run .*", r"\g<0> --rounds 3"),
+    (r"reproduce fig\d", "reproduce tables"),
 )
+VERDICTS = (r"fpg-bench submit run .*", "")
 
 _FPG_BENCH = """\
 from pathlib import Path
@@ -37,9 +41,14 @@ def blocks(text: str) -> list[tuple[str, str]]:
     return re.findall(r"```(\w+)\n(.*?)```", text, re.DOTALL)
 
 
-def small(text: str) -> str:
-    """The same words with budgets that a test can bear."""
-    for pattern, budget in BUDGETS:
+def small(text: str, verdicts: bool = False) -> str:
+    """The same words with budgets that a test can bear.
+
+    Args:
+        text: a block.
+        verdicts: whether submissions are played, which has tests of its own.
+    """
+    for pattern, budget in BUDGETS if verdicts else (*BUDGETS, VERDICTS):
         text = re.sub(pattern, budget, text)
     return text
 
