@@ -68,11 +68,10 @@ def test_what_is_trained_plays_the_reading_under_names_of_its_own():
 
 
 def test_a_cell_of_low_noise_trains_with_it_and_nothing_else_that_is_new():
-    budget = Budget("tiny", 2_000, 8, 25, 2, 1)
-    usual = hyperparameters(budget)
+    usual = hyperparameters(TINY)
     for cell in CELLS:
         for condition in cell.conditions:
-            words = hyperparameters(budget, **condition.algorithm)
+            words = hyperparameters(TINY, **condition.algorithm)
             noise = {} if cell.noise_sd is None else {"noise_sd": LOW_NOISE}
             assert words == dataclasses.replace(usual, algorithm=usual.algorithm | noise)
 

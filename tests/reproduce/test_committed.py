@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from fpg_bench.reproduce.cells import CELLS, every_condition
+from fpg_bench.reproduce.cells_report import write_cells
 from fpg_bench.reproduce.claims import CLAIMS
-from fpg_bench.reproduce.conditions import ALL, conditions_of
+from fpg_bench.reproduce.conditions import ALL, FIXED_PATHS, conditions_of
 from fpg_bench.reproduce.experiment import BUDGETS
 from fpg_bench.reproduce.figures import FIGURES
 from fpg_bench.reproduce.readings import as_reading, every_reading
@@ -18,9 +20,10 @@ from fpg_bench.reproduce.screen_report import by_setting, read_screen, write_scr
 COMMITTED = Path(__file__).parents[2] / "docs/reproduction"
 RUNS = Path(__file__).parents[2] / "results/reproduction"
 FULL = BUDGETS["full"]
+BOTH = ("paper", "standard")
 
 
-@pytest.fixture(scope="module", params=["paper", "standard"])
+@pytest.fixture(scope="module", params=BOTH)
 def committed(request):
     """A scenario and its committed runs."""
     preset = request.param
@@ -81,6 +84,63 @@ def test_the_report_of_figures_is_what_its_runs_say_on_fresh_seeds(tmp_path):
         assert run.about["scenario"] == f"figures, {known.scenario('figures').hash}"
 
 
+def test_the_page_of_the_cells_is_what_their_runs_say_on_fresh_seeds(tmp_path):
+    budget, seeds = BUDGETS["hundredth"], range(100, 110)
+    there = RunFile(RUNS, "cells", budget.name).read()
+    every = {name: condition for condition in every_condition() for name in condition.runs}
+    assert {key: run.about["scenario"] for key, run in there.items()} == {
+        (name, seed): f"paper, {condition.scenario('paper').hash}"
+        for name, condition in every.items()
+        for seed in seeds
+    }
+    first, cells = (_results(name, budget, seeds) for name in ("figures", "cells"))
+    command = "fpg-bench reproduce cells --budget hundredth --seeds 10 --first-seed 100 --learner jax"
+    *_, page = write_cells(first, cells, budget, tmp_path, command)
+    assert page.read_text() == (COMMITTED / "cells.md").read_text()
+    for form in ("png", "svg"):
+        assert (COMMITTED / f"figures/cells.{form}").is_file()
+
+
+@pytest.fixture(scope="module")
+def again(tmp_path_factory):
+    """What the tests of runs say that no report holds, by runs: of pairs on all paths, and of cells."""
+    hundredth, fresh = BUDGETS["hundredth"], range(100, 110)
+    cells = _results("cells", hundredth, fresh)
+    every = {
+        **{f"{preset}, frozen": _results(preset, FULL, range(10), RUNS / "frozen") for preset in BOTH},
+        "standard, fresh": _results("standard", hundredth, fresh),
+        **{cell.name: cell.results(cells) for cell in CELLS},
+    }
+    found = {}
+    for name, results in every.items():
+        folder = tmp_path_factory.mktemp("report")
+        report, _ = write_report(results, "paper", hundredth, [], folder, "fpg-bench reproduce")
+        found[name] = [line for line in report.read_text().splitlines() if line.startswith("| D")]
+    return found
+
+
+def test_pairs_that_play_on_all_paths_were_trained_in_the_game_as_it_is():
+    for preset, budget, first, place in (
+        *((preset, FULL, 0, "frozen") for preset in BOTH),
+        ("standard", BUDGETS["hundredth"], 100, "."),
+    ):
+        seeds = range(first, first + 10)
+        results = _results(preset, budget, seeds, RUNS / place)
+        (base,) = conditions_of("fig4", preset, full=False)
+        for name in base.runs:
+            assert results.seeds(name) == list(seeds)
+            for heading in results.about[name].values():
+                assert heading["scenario"] == f"{preset}, {base.scenario(preset).hash}"
+
+
+@pytest.mark.parametrize("name", ["paper, frozen", "standard, frozen", "letter", "standard, fresh"])
+def test_the_page_on_paths_says_what_a_pair_earns_on_each_of_them(name, again):
+    lines = [line for line in again[name] if line.startswith("| D1 frozen | opponent")]
+    page = (COMMITTED / "question-paths.md").read_text().splitlines()
+    assert len(lines) == len(FIXED_PATHS)
+    assert [line for line in lines if line not in page] == []
+
+
 def test_the_docs_state_the_verdicts_of_the_reports():
     page = (COMMITTED.parent / "reproduction.md").read_text()
     for place, preset in ((-2, "paper"), (-1, "standard")):
@@ -102,13 +162,13 @@ def test_the_screens_page_is_what_its_rows_say(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["paths", "overlap", "types", "knowledge"])
-def test_the_page_of_a_question_quotes_the_reports_as_they_are(name):
-    reports = [(COMMITTED / f"report-{preset}.md").read_text() for preset in ("paper", "standard", "figures")]
+def test_the_page_of_a_question_quotes_the_tests_as_they_are(name, again):
+    reports = [(COMMITTED / f"report-{preset}.md").read_text() for preset in (*BOTH, "figures")]
+    told = {line for lines in (*again.values(), *(each.splitlines() for each in reports)) for line in lines}
     page = (COMMITTED / f"question-{name}.md").read_text()
     quoted = [line for line in page.splitlines() if line.startswith("| D")]
     assert len(quoted) >= 4
-    for line in quoted:
-        assert any(line in report.splitlines() for report in reports), line
+    assert [line for line in quoted if line not in told] == []
 
 
 def test_a_row_of_the_screen_is_what_the_game_gives():
@@ -123,6 +183,11 @@ def test_a_row_of_the_screen_is_what_the_game_gives():
         best[kind] = max(plays, key=lambda played: played.ally.mean()).opponent.mean()
     (part,) = [part for part in levels if part["statement"].endswith("broadband - tone")]
     assert best["broadband"] - best["tone"] == pytest.approx(part["mean"], rel=1e-4)
+
+
+def _results(preset, budget, seeds, folder=RUNS):
+    file = RunFile(folder, preset, budget.name)
+    return read_results(file, {name: seeds for name, _ in file.read()})
 
 
 def _verdicts(text: str, place: int) -> dict[str, str]:
