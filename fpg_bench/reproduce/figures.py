@@ -205,4 +205,5 @@ def save_figure(figure: Any, stem: Path) -> list[Path]:
         path = stem.with_suffix(f".{form}")
         write_whole(path, image.getvalue())
         paths.append(path)
+        figure.set_layout_engine("none")  # once it is laid out, all forms look alike
     return paths

@@ -60,6 +60,7 @@ def test_runs_become_rows_figures_and_a_report(made):
 def test_pairs_on_the_other_paths_come_to_the_report_and_are_no_runs_of_their_own(monkeypatch, tmp_path):
     seen = []
     monkeypatch.setattr(reproducing, "write_report", lambda results, *_: seen.append(results) or [])
+    monkeypatch.setattr(reproducing, "draw", lambda *_: {})
     budget = replace(TINY, steps=2_000)
     (short,) = [
         replace(each, changes={"rounds_per_match": 4}) for each in conditions_of("fig4", "paper", False)
@@ -95,7 +96,8 @@ def test_a_run_says_how_it_was_made_and_what_happened(made):
 
 
 @pytest.mark.slow
-def test_what_was_run_is_not_run_again(made):
+def test_what_was_run_is_not_run_again(made, monkeypatch):
+    monkeypatch.setattr(reproducing, "draw", lambda *_: {})
     out, _, first = made
     assert sum("begins" in line for line in first) == 3
     said: list[str] = []
