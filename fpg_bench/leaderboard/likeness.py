@@ -56,7 +56,8 @@ def traces(players: Sequence[Player], side: str, path: str | None, seed: int) ->
     """
     count = len(players) * _GAMES
     games = gymnasium.make_vec(_VIEWS[side], num_envs=count, path=path or "pursuit", **_AGAINST[side])
-    seen, _ = games.reset(seed=[seed + game for game in range(_GAMES)] * len(players))
+    seeds = [seed + game for game in range(_GAMES)] * len(players)
+    seen, _ = games.reset(seed=seeds)  # type: ignore[arg-type]  # one a game
     memories: list[Any] = [None] * len(players)
     for player in players:
         _begin(player, _GAMES)

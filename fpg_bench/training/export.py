@@ -8,6 +8,7 @@ import logging
 import tempfile
 import threading
 import warnings
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, cast
@@ -25,6 +26,7 @@ from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer
 from fpg_bench.players.writing import stripped
 from fpg_bench.training.actor import Actor, ActorPlayer
 from fpg_bench.training.operators import keep_operators
+from fpg_bench.training.template import export_by_template
 
 GREATEST_DIFFERENCE = 1e-4
 _OPSET = 20
@@ -40,9 +42,14 @@ def export_onnx(model: BaseAlgorithm) -> bytes:
     Raises:
         UserError: a policy of another kind, or one that the versions at hand can't write as ONNX.
     """
+    kind = type(model.policy).__name__
+    return export_by_template(Actor(model), partial(_exported, kind))
+
+
+def _exported(kind: str, actor: Actor) -> bytes:
+    """The ONNX of an actor, made of a policy of this kind."""
     _keep_tqdm_in_this_process()
     keep_operators()
-    actor = Actor(model)
     examples = [torch.zeros(2, OBSERVATION_SIZE)]
     names = ["observation", "action"]
     if actor.state_size:
@@ -67,7 +74,6 @@ def export_onnx(model: BaseAlgorithm) -> bytes:
                 verbose=False,
             )
         except Exception as error:  # the exporters have many kinds, none documented
-            kind = type(model.policy).__name__
             at_hand = ", ".join(f"{name} {version(name)}" for name in ("torch", "onnx", "onnxscript"))
             raise UserError(
                 f"export: {kind} can't be written as ONNX by {at_hand}: {reason(error)}"

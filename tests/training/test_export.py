@@ -3,14 +3,16 @@ import importlib
 import numpy as np
 import onnx
 import pytest
+import torch
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
+from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
 
 from fpg_bench import make_sb3
 from fpg_bench.errors import UserError
 from fpg_bench.players.agent import OnnxPlayer, load_agent
-from fpg_bench.training import operators
+from fpg_bench.training import operators, template
 from fpg_bench.training.export import export_agent, export_onnx
 
 ABOUT = {
@@ -141,6 +143,66 @@ def test_an_export_that_plays_differently_is_refused(tmp_path, monkeypatch):
     with pytest.raises(UserError, match="differs"):
         export_agent(a_model(PPO), tmp_path / "agent", ABOUT)
     assert not (tmp_path / "agent").exists()
+
+
+@pytest.fixture
+def templates(monkeypatch):
+    """Those of this process, none at first."""
+    monkeypatch.setattr(template, "_TEMPLATES", {})
+    return template._TEMPLATES
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("normalized", [False, True])
+@pytest.mark.parametrize("algorithm", [PPO, SAC, TD3])
+def test_a_shape_is_exported_once_and_each_model_as_if_it_were_alone(
+    algorithm, normalized, templates, monkeypatch
+):
+    models, chance = [a_model(algorithm, normalized) for _ in range(2)], torch.Generator().manual_seed(0)
+    for model in models:
+        for parameter in model.policy.parameters():
+            parameter.data += 0.1 * torch.randn(parameter.shape, generator=chance)
+    first = export_onnx(models[0])
+    monkeypatch.setattr("torch.onnx.export", None)
+    both = [first, export_onnx(models[1])]
+    monkeypatch.undo()
+    monkeypatch.setattr(template, "_is_plain", lambda module: False)
+    assert both == [export_onnx(model) for model in models]
+    assert both[0] != both[1]
+
+
+@pytest.mark.slow
+def test_equal_weights_are_no_other_shape(templates):
+    """The exporter makes one of equal tensors, and leaves out zeros."""
+    model = PPO("MlpPolicy", make_sb3("FPG/AllyVsScripted-v0", n_envs=2, seed=1), policy_kwargs=SMALL)
+    fresh = export_onnx(model)
+    for parameter in model.policy.parameters():
+        parameter.data += 0.1
+    other = export_onnx(model)
+    assert len(templates) == 1
+    assert len(fresh) == len(other)
+    seen = np.random.default_rng(2).uniform(-1, 1, (7, 15)).astype(np.float32)
+    ours, theirs = OnnxPlayer(other, {}).predict(seen)[0], model.predict(seen, deterministic=True)[0]
+    assert np.abs(theirs - ours).max() < 1e-5
+
+
+class Scaled(FlattenExtractor):
+    """Layers of a user's own, whose words do not say all that they do."""
+
+    def __init__(self, observation_space, scale=1.0):
+        super().__init__(observation_space)
+        self.scale = scale
+
+    def forward(self, observations):
+        return self.scale * super().forward(observations)
+
+
+@pytest.mark.slow
+def test_layers_that_are_not_torch_s_own_are_exported_each_for_itself(templates, tmp_path):
+    for scale in (1.0, 2.0):
+        words = {"features_extractor_class": Scaled, "features_extractor_kwargs": {"scale": scale}}
+        assert export_agent(a_model(PPO, policy_kwargs=words), tmp_path, ABOUT) < 1e-5
+    assert not templates
 
 
 def test_this_pytorch_has_the_table_that_is_kept():

@@ -270,6 +270,7 @@ def test_a_policy_that_the_exporter_refuses_is_refused_before_anything_is_writte
         raise RuntimeError("no such pass")
 
     monkeypatch.setattr("fpg_bench.training.export._EXPORTED", set())
+    monkeypatch.setattr("fpg_bench.training.template._TEMPLATES", {})
     monkeypatch.setattr(torch.onnx, "export", broken)
     with pytest.raises(UserError, match=r"by torch .*, onnx .*, onnxscript .*: RuntimeError: no such pass$"):
         train_tiny("ppo", tmp_path / "run")
