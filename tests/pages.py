@@ -97,7 +97,7 @@ class Reader:
             self.writes(named[1], code)
         if language == "python":
             self._runs(code, python("-c", code, **self._where))
-        for line in code.strip().splitlines() if language == "bash" else ():
+        for line in filter(None, code.splitlines()) if language == "bash" else ():
             self._enters(line)
 
     def writes(self, name: str, text: str) -> None:
