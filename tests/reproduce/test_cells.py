@@ -84,6 +84,7 @@ def test_trained_readings_come_to_a_page_and_are_not_trained_again(monkeypatch, 
     monkeypatch.setattr(Reading, "rounds", 4)  # in place of up to forty
     base = Condition(BASE, "planned", tested=True, changes={"rounds_per_match": 4})
     monkeypatch.setattr("fpg_bench.reproduce.reproduce.conditions_of", lambda *_, **__: [base])
+    monkeypatch.setattr("fpg_bench.reproduce.reproduce.draw", lambda *_: {})  # of Fig. 4
     words = {"budget": TINY, "seeds": 2, "first_seed": 5, "workers": 1}
     reproduce("fig4", tmp_path, scenario="figures", **words, say=lambda line: None)
     written = reproduce("cells", tmp_path, **words, say=lambda line: None)
