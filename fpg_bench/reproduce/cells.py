@@ -85,13 +85,13 @@ def neighbours(reading: Reading) -> Iterator[Reading]:
                 yield reading.but(**{point.replace("-", "_"): setting})
 
 
-# The claims of a cell turn between scripts; a test holds this against the rows of the screen.
+# The claims of a cell turn between scripts; a test holds this against the rows of the screen. H = 100 turns
+# one as well, D3's level, but where each step is a hop H takes 100 from the ally's reward and changes nothing.
 CELLS = (
     Cell(as_reading(LETTER), tuple(NEEDED)),
     Cell(FIGURES.but(memory="match"), ("D1", "D2", "D4 planner")),
     Cell(FIGURES.but(hops="gated"), ("D2", "D4 knowledge")),
     Cell(FIGURES.but(interference="twice"), ("D2", "D3 order")),
-    Cell(FIGURES.but(hop_cost="100"), ("D3 level",)),
     Cell(FIGURES, ("D3 order",), LOW_NOISE),
     Cell(as_reading(LETTER), ("D3 order",), LOW_NOISE),
 )

@@ -24,15 +24,20 @@ _HEAD = """\
 # The paper's claims under the readings that decide: trained players
 
 Both sides learned by MADDPG under each reading: {steps:,} game steps and {updates:,} updates a run, where the
-paper makes {paper:,} of both. That is the deviation that is left. Training seeds are {seeds}.
+paper makes {paper:,} of both. That is the deviation that is left. Training seeds are {seeds}. What was planned
+and is not trained yet: {missing}.
 
 The first line is the preset `figures`, under which most claims come out between scripted players
 ([the screen](screen.md)). Each of the others but the letter settles one point of it otherwise. They are those
 under which the screen finds that a claim turns, and what was trained are the runs of that claim. Under the
-other neighbours of `figures` no claim turns between scripts, so nothing was trained there. `noise={noise}`:
-exploration with a standard deviation of {noise_mhz:g} MHz instead of {usual_mhz:g}, less than the half width
-of a tone. How claims are tested stands in
-[the paper, reproduced](../reproduction.md#how-claims-are-tested).
+other neighbours of `figures` no claim turns between scripts, so nothing was trained there. (With H = 100 the
+ally no longer stays above the opponent. But an ally that hops in each step pays H in each step. So that game
+is the same but for a hundred a step.)
+
+`noise={noise}`: exploration with a standard deviation of {noise_mhz:g} MHz instead of {usual_mhz:g}, less
+than the half width of a tone. How claims are tested stands in
+[the paper, reproduced](../reproduction.md#how-claims-are-tested). Readings are not corrected for how many
+there are.
 
 """
 
@@ -78,7 +83,18 @@ def _head(results: Results, budget: Budget) -> str:
         noise=LOW_NOISE,
         noise_mhz=LOW_NOISE * MHZ_A_UNIT,
         usual_mhz=usual * MHZ_A_UNIT,
+        missing=", ".join(_missing(results)) or "nothing",
     )
+
+
+def _missing(results: Results) -> list[str]:
+    """The conditions of cells without a run."""
+    return [
+        f"`{_difference(cell)}: {condition.name.rpartition(': ')[2]}`"
+        for cell in CELLS
+        for condition in cell.conditions
+        if condition.name not in results.runs
+    ]
 
 
 def _by_aspect(results: Results) -> dict[str, list[Comparison]]:
