@@ -86,7 +86,7 @@ def neighbours(reading: Reading) -> Iterator[Reading]:
 
 
 # The claims of a cell turn between scripts; a test holds this against the rows of the screen. H = 100 turns
-# one as well, D3's level, but where each step is a hop H takes 100 from the ally's reward and changes nothing.
+# D3's level as well. But where each step is a hop, H takes 100 from the ally's reward and changes nothing.
 CELLS = (
     Cell(as_reading(LETTER), tuple(NEEDED)),
     Cell(FIGURES.but(memory="match"), ("D1", "D2", "D4 planner")),

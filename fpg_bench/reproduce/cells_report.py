@@ -24,8 +24,8 @@ _HEAD = """\
 # The paper's claims under the readings that decide: trained players
 
 Both sides learned by MADDPG under each reading: {steps:,} game steps and {updates:,} updates a run, where the
-paper makes {paper:,} of both. That is the deviation that is left. Training seeds are {seeds}. What was planned
-and is not trained yet: {missing}.
+paper makes {paper:,} of both. That is the deviation that is left. Training seeds are {seeds}. Planned and not
+trained yet: {missing}.
 
 The first line is the preset `figures`, under which most claims come out between scripted players
 ([the screen](screen.md)). Each of the others but the letter settles one point of it otherwise. They are those
