@@ -8,7 +8,7 @@ from typing import Any
 
 from fpg_bench.files import write_whole
 from fpg_bench.pictures.canvas import blank_figure
-from fpg_bench.reproduce.cells import CELLS, FIGURES, LOW_NOISE, MHZ_A_UNIT, Cell
+from fpg_bench.reproduce.cells import CELLS, FIGURES, LOW_NOISE, MHZ_A_UNIT, NEEDED, Cell
 from fpg_bench.reproduce.claims import ASPECTS, Comparison, aspect_of, compare, verdict
 from fpg_bench.reproduce.curve import HELD, OPEN, OPPOSITE
 from fpg_bench.reproduce.experiment import BUDGETS, Budget, hyperparameters
@@ -98,9 +98,12 @@ def _missing(results: Results) -> list[str]:
 
 
 def _by_aspect(results: Results) -> dict[str, list[Comparison]]:
+    """The tests of each claim whose runs are all there."""
     found: dict[str, list[Comparison]] = {}
     for comparison in compare(results):
-        found.setdefault(aspect_of(comparison), []).append(comparison)
+        name = aspect_of(comparison)
+        if set(NEEDED[name.removesuffix(" frozen")]) <= set(results.runs):
+            found.setdefault(name, []).append(comparison)
     return found
 
 

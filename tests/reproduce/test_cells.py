@@ -13,9 +13,11 @@ from fpg_bench.reproduce.conditions import BASE, Condition, conditions_of
 from fpg_bench.reproduce.experiment import Budget, hyperparameters
 from fpg_bench.reproduce.readings import POINTS, Reading, as_reading
 from fpg_bench.reproduce.reproduce import reproduce
+from fpg_bench.reproduce.results import Results
 from fpg_bench.reproduce.runs import RunFile
 from fpg_bench.reproduce.screen_report import read_screen
 from tests.programs import ROOT
+from tests.reproduce.made_up import results
 
 TINY = Budget("tiny", 2_000, 8, 25, 2, 1)
 
@@ -78,6 +80,13 @@ def test_a_cell_of_low_noise_trains_with_it_and_nothing_else_that_is_new():
             words = hyperparameters(TINY, **condition.algorithm)
             noise = {} if cell.noise_sd is None else {"noise_sd": LOW_NOISE}
             assert words == dataclasses.replace(usual, algorithm=usual.algorithm | noise)
+
+
+def test_a_claim_is_judged_where_all_its_runs_are_there():
+    runs = results()
+    assert set(cells_report._by_aspect(runs)) == {"D1 frozen", *ASPECTS}
+    without = {name: seeds for name, seeds in runs.runs.items() if name not in ("comb", BASE)}
+    assert not cells_report._by_aspect(Results(without, {}))
 
 
 @pytest.mark.slow
