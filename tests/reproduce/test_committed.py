@@ -6,7 +6,7 @@ import pytest
 
 from fpg_bench.reproduce.cells import CELLS, every_condition
 from fpg_bench.reproduce.cells_report import write_cells
-from fpg_bench.reproduce.claims import CLAIMS
+from fpg_bench.reproduce.claims import CLAIMS, compare, verdict
 from fpg_bench.reproduce.conditions import ALL, FIXED_PATHS, conditions_of
 from fpg_bench.reproduce.experiment import BUDGETS
 from fpg_bench.reproduce.figures import FIGURES
@@ -100,21 +100,21 @@ def test_the_page_of_the_cells_is_what_their_runs_say_on_fresh_seeds(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def again(tmp_path_factory):
-    """What the tests of runs say that no report holds, by runs: of pairs on all paths, and of cells."""
+def again():
+    """Runs that no report is made of, by what they are: pairs on all paths, and cells."""
     hundredth, fresh = BUDGETS["hundredth"], range(100, 110)
     cells = _results("cells", hundredth, fresh)
-    every = {
-        **{f"{preset}, frozen": _results(preset, FULL, range(10), RUNS / "frozen") for preset in BOTH},
-        "standard, fresh": _results("standard", hundredth, fresh),
+    return {
+        **{f"{preset}, first look": _results(preset, FULL, range(10), RUNS / "frozen") for preset in BOTH},
+        "standard": _results("standard", hundredth, fresh),
         **{cell.name: cell.results(cells) for cell in CELLS},
     }
-    found = {}
-    for name, results in every.items():
-        folder = tmp_path_factory.mktemp("report")
-        report, _ = write_report(results, "paper", hundredth, [], folder, "fpg-bench reproduce")
-        found[name] = [line for line in report.read_text().splitlines() if line.startswith("| D")]
-    return found
+
+
+def told(results, tmp_path):
+    """The lines on tests in the report of some runs."""
+    report, _ = write_report(results, "paper", BUDGETS["hundredth"], [], tmp_path, "fpg-bench reproduce")
+    return [line for line in report.read_text().splitlines() if line.startswith("| D")]
 
 
 def test_pairs_that_play_on_all_paths_were_trained_in_the_game_as_it_is():
@@ -131,19 +131,21 @@ def test_pairs_that_play_on_all_paths_were_trained_in_the_game_as_it_is():
                 assert heading["scenario"] == f"{preset}, {base.scenario(preset).hash}"
 
 
-@pytest.mark.parametrize("name", ["paper, frozen", "standard, frozen", "letter", "standard, fresh"])
-def test_the_page_on_paths_says_what_a_pair_earns_on_each_of_them(name, again):
-    lines = [line for line in again[name] if line.startswith("| D1 frozen | opponent")]
+@pytest.mark.parametrize("name", ["paper, first look", "standard, first look", "letter", "standard"])
+def test_the_page_on_paths_says_what_a_pair_earns_on_each_of_them(name, again, tmp_path):
+    lines = [line for line in told(again[name], tmp_path) if line.startswith("| D1 frozen | opponent")]
     page = (COMMITTED / "question-paths.md").read_text().splitlines()
     assert len(lines) == len(FIXED_PATHS)
     assert [line for line in lines if line not in page] == []
 
 
-def test_the_docs_state_the_verdicts_of_the_reports():
+def test_the_docs_state_the_verdicts_of_the_reports_and_of_pairs_on_all_paths(again):
     page = (COMMITTED.parent / "reproduction.md").read_text()
-    for place, preset in ((-2, "paper"), (-1, "standard")):
+    for place, preset, name in ((-2, "paper", "letter"), (-1, "standard", "standard")):
         report = (COMMITTED / f"report-{preset}.md").read_text()
         found, stated = _verdicts(report, -1), _verdicts(page, place)
+        frozen = [each for each in compare(again[name]) if each.claim == "D1 frozen"]
+        found["D1 frozen"] = f"{verdict(frozen)}, fresh seeds"
         assert set(found) == set(CLAIMS)
         assert stated == found
 
@@ -160,13 +162,13 @@ def test_the_screens_page_is_what_its_rows_say(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["paths", "overlap", "types", "knowledge"])
-def test_the_page_of_a_question_quotes_the_tests_as_they_are(name, again):
-    reports = [(COMMITTED / f"report-{preset}.md").read_text() for preset in (*BOTH, "figures")]
-    told = {line for lines in (*again.values(), *(each.splitlines() for each in reports)) for line in lines}
+def test_the_page_of_a_question_quotes_the_tests_as_they_are(name, again, tmp_path):
+    reports = [(COMMITTED / f"report-{preset}.md").read_text().splitlines() for preset in (*BOTH, "figures")]
+    lines = {line for each in (*reports, *(told(runs, tmp_path) for runs in again.values())) for line in each}
     page = (COMMITTED / f"question-{name}.md").read_text()
     quoted = [line for line in page.splitlines() if line.startswith("| D")]
     assert len(quoted) >= 4
-    assert [line for line in quoted if line not in told] == []
+    assert [line for line in quoted if line not in lines] == []
 
 
 def test_a_row_of_the_screen_is_what_the_game_gives():
