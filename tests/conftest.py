@@ -15,9 +15,6 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 HERE = Path(__file__).parent
 
-# Five thousand tests and what they import stay to the end: to look for waste among them takes seconds.
-gc.disable()
-
 # Derandomised: a test that fails for you fails for everybody. No deadlines: no test measures time.
 settings.register_profile("fpg_bench", deadline=None, derandomize=True, max_examples=60)
 settings.load_profile("fpg_bench")
@@ -36,10 +33,15 @@ def pytest_make_parametrize_id(val):
     return re.sub(r" at 0x[0-9a-f]+", "", name) if " at 0x" in name else None
 
 
-def pytest_collection_finish():
-    """Look for waste again, in what is made from here on."""
-    gc.freeze()
-    gc.enable()
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Look for no waste among five thousand tests and what they import: all stays, and it takes seconds."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)  # before some are left out by their marks

@@ -97,8 +97,9 @@ class Reader:
             self.writes(named[1], code)
         if language == "python":
             self._runs(code, python("-c", code, **self._where))
-        for line in filter(None, code.splitlines()) if language == "bash" else ():
-            self._enters(line)
+        for line in code.splitlines() if language == "bash" else ():
+            if words := shlex.split(line, comments=True):
+                self._enters(line, *words)
 
     def writes(self, name: str, text: str) -> None:
         """Write a file."""
@@ -110,8 +111,7 @@ class Reader:
     def _where(self) -> dict[str, object]:
         return {"folder": self._folder, "environment": self._environment}
 
-    def _enters(self, line: str) -> None:
-        verb, *words = shlex.split(line, comments=True)
+    def _enters(self, line: str, verb: str, *words: str) -> None:
         if verb == "export":
             name, _, value = words[0].partition("=")
             self._environment[name] = self._given.get(name, value)

@@ -25,6 +25,7 @@ from fpg_bench.players.player import Player
 # algorithm lie 0.06 to 0.95 apart; a policy and its copy with 5 % of noise on each weight, 0.00 to 0.03.
 ALIKE = 0.04
 _GAMES, _STEPS = 6, 150
+_BLOCK = 16  # traces at once
 _VIEWS = {"ally": "FPG/AllyVsScripted-v0", "opponent": "FPG/OpponentVsScripted-v0"}
 _AGAINST: dict[str, dict[str, Any]] = {
     "ally": {"opponent": ["adaptive", "tone", "comb"]},
@@ -49,11 +50,13 @@ def traces(players: Sequence[Player], side: str, path: str | None, seed: int) ->
     """Let policies play the same rounds against scripts, each for itself.
 
     Args:
-        players: the policies.
+        players: the policies, each another one where it keeps its memory itself (a ``PolicyHost``).
         side: which they play.
         path: how the opponent flies; None: in pursuit.
         seed: of the rounds.
     """
+    if not players:
+        return []
     count = len(players) * _GAMES
     games = gymnasium.make_vec(_VIEWS[side], num_envs=count, path=path or "pursuit", **_AGAINST[side])
     seeds = [seed + game for game in range(_GAMES)] * len(players)
@@ -78,9 +81,15 @@ def traces(players: Sequence[Player], side: str, path: str | None, seed: int) ->
 
 
 def apart(player: Player, others: Sequence[Trace]) -> np.ndarray:
-    """How far a policy's actions lie from others', where it sees what they saw: ``(others,)``, means."""
-    if not others:
-        return np.empty(0)
+    """How far a policy's actions lie from others', where it sees what they saw: ``(others,)``, means.
+
+    It sees some of them at a time: what a policy may cost is known for such batches.
+    """
+    blocks = [others[start : start + _BLOCK] for start in range(0, len(others), _BLOCK)]
+    return np.concatenate([np.empty(0), *(_apart(player, block) for block in blocks)])
+
+
+def _apart(player: Player, others: Sequence[Trace]) -> np.ndarray:
     seen, done = (
         np.concatenate(each, axis=1) for each in zip(*((o.seen, o.done) for o in others), strict=True)
     )
@@ -159,9 +168,12 @@ def shipped_traces(side: str, path: str | None, seed: int) -> dict[str, Trace]:
 def _shipped(side: str) -> Iterator[tuple[str, Player]]:
     home = agent.baselines_folder() / "agents"
     for folder in sorted(home.glob("*/*/seed_*"), key=Path.as_posix):
-        with contextlib.suppress(UserError):  # of the other side
-            name = folder.relative_to(home).as_posix()
-            yield name, agent.load_agent(name, side)
+        name = folder.relative_to(home).as_posix()
+        try:
+            player = agent.load_agent(name, side)
+        except UserError:  # of the other side
+            continue
+        yield name, player
 
 
 def _begin(player: Any, count: int) -> None:

@@ -2,8 +2,8 @@
 
 They are compared with the preset ``figures``, under which most claims come out between scripts. A cell is
 one of its neighbours, which settle one point otherwise, or the letter. What is trained there are the
-conditions of the claims that turn. Exploration is an axis as well: noise of 5 MHz hides a tone, whose half
-width is 2.5 MHz.
+conditions of the claims that turn. Exploration is an axis as well: noise of 5 MHz on the jammer's frequency
+hides a tone, whose half width is 2.5 MHz.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from fpg_bench.reproduce.results import Results
 
 PRESET = "paper"  # whose readings they are
 FIGURES = as_reading("interference=once,hops=always,hop-cost=0,memory=for-ever")
-MHZ_A_UNIT = 50.0  # of the action that is a frequency
-LOW_NOISE = 0.04  # on actions: 2 MHz
+LOW_NOISE = 0.04  # on actions in [-1, 1]: 2 MHz of the jammer's frequency
 # What has to be trained for a claim; D1 is asked of frozen pairs.
 NEEDED: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.files import write_whole
+from fpg_bench.game.scenario import as_scenario
 from fpg_bench.pictures.canvas import blank_figure
-from fpg_bench.reproduce.cells import CELLS, FIGURES, LOW_NOISE, MHZ_A_UNIT, NEEDED, Cell
+from fpg_bench.reproduce.cells import CELLS, FIGURES, LOW_NOISE, NEEDED, PRESET, Cell
 from fpg_bench.reproduce.claims import ASPECTS, Comparison, aspect_of, compare, verdict
 from fpg_bench.reproduce.curve import HELD, OPEN, OPPOSITE
 from fpg_bench.reproduce.experiment import BUDGETS, Budget, hyperparameters
@@ -27,82 +28,84 @@ Both sides learned by MADDPG under each reading: {steps:,} game steps and {updat
 paper makes {paper:,} of both. That is the deviation that is left. Training seeds are {seeds}. Planned and not
 trained yet: {missing}.
 
-The first line is the preset `figures`, under which most claims come out between scripted players
-([the screen](screen.md)). Each of the others but the letter settles one point of it otherwise. They are those
-under which the screen finds that a claim turns, and what was trained are the runs of that claim. Under the
-other neighbours of `figures` no claim turns between scripts, so nothing was trained there. (With H = 100 the
-ally no longer stays above the opponent. But an ally that hops in each step pays H in each step. So that game
-is the same but for a hundred a step.)
+`figures` is the preset under which most claims come out between scripted players ([the screen](screen.md)).
+Each of the other readings but the letter settles one point of it otherwise. They are those under which the
+screen finds that a claim turns. Only the runs of that claim were trained. Under the other neighbours of
+`figures` no claim turns between scripts, so nothing was trained there. (With H = 100 the ally no longer stays
+above the opponent. But an ally that hops in each step pays H in each step. So that game is the same but for a
+hundred a step.)
 
-`noise={noise}`: exploration with a standard deviation of {noise_mhz:g} MHz instead of {usual_mhz:g}, less
-than the half width of a tone. How claims are tested stands in
-[the paper, reproduced](../reproduction.md#how-claims-are-tested). Readings are not corrected for how many
-there are.
+`noise={noise}`: exploration with a standard deviation of {noise} on all actions of both sides, in place of
+{usual}. On the jammer's frequency that is {noise_mhz:g} MHz instead of {usual_mhz:g}, less than the half width
+of a tone. How claims are tested stands in [the paper, reproduced](../reproduction.md#how-claims-are-tested).
+Readings are not corrected for how many there are.
 
 """
 
 
-def write_cells(first: Results, results: Results, budget: Budget, out: Path, command: str) -> list[Path]:
+def write_cells(
+    first: Results, results: Results, seeds: range, budget: Budget, out: Path, commands: Sequence[str]
+) -> list[Path]:
     """Write ``cells.md`` and ``figures/cells``, of the cells whose runs are there.
 
     Args:
         first: the runs of the scenario ``figures``.
         results: those of the cells, by the names of :func:`fpg_bench.reproduce.cells.every_condition`.
-        budget: theirs.
+        seeds: of training; a condition counts where all of them are there.
+        budget: that of the runs.
         out: the folder.
-        command: what makes all of it again.
+        commands: what makes all of it again.
 
     Returns:
         The files; none where no run is there.
     """
-    found = {_FIRST: _by_aspect(first), **{cell: _by_aspect(cell.results(results)) for cell in CELLS}}
+    found = {_FIRST: judged(first, seeds), **{cell: judged(cell.results(results), seeds) for cell in CELLS}}
     found = {cell: each for cell, each in found.items() if each}
     if not found:
         return []
     written = save_figure(_drawn(found), out / "figures" / "cells")
-    text = _head(results, budget) + "\n\n".join(
-        f"## {title}\n\n{body}"
-        for title, body in {
-            "What comes out": _verdicts(found) + "\n\n![Each claim's weakest part](figures/cells.png)",
-            "Part by part": _parts(found),
-            "How it was made": f"```bash\n{command}\n```",
-        }.items()
-    )
-    write_whole(out / "cells.md", text + "\n")
+    parts = {
+        "What comes out": _verdicts(found) + "\n\n![Each claim's weakest part](figures/cells.png)",
+        "Part by part": _parts(found),
+        "How it was made": "```bash\n" + "\n".join(commands) + "\n```",
+    }
+    text = "\n\n".join(f"## {title}\n\n{body}" for title, body in parts.items())
+    write_whole(out / "cells.md", _head(results, seeds, budget) + text + "\n")
     return [*written, out / "cells.md"]
 
 
-def _head(results: Results, budget: Budget) -> str:
-    seeds = sorted({seed for each in results.runs.values() for seed in each})
-    usual = hyperparameters(budget).algorithm["noise_sd"]
+def _head(results: Results, seeds: range, budget: Budget) -> str:
+    usual, span_mhz = hyperparameters(budget).algorithm["noise_sd"], as_scenario(PRESET).tuning_span_mhz
     return _HEAD.format(
         steps=budget.steps,
         updates=budget.updates(),
         paper=BUDGETS["paper"].steps,
-        seeds=f"{seeds[0]} to {seeds[-1]}" if seeds else "none yet",
+        seeds=f"{seeds[0]} to {seeds[-1]}",
+        missing=", ".join(_missing(results, seeds)) or "nothing",
         noise=LOW_NOISE,
-        noise_mhz=LOW_NOISE * MHZ_A_UNIT,
-        usual_mhz=usual * MHZ_A_UNIT,
-        missing=", ".join(_missing(results)) or "nothing",
+        noise_mhz=LOW_NOISE * span_mhz,
+        usual=usual,
+        usual_mhz=usual * span_mhz,
     )
 
 
-def _missing(results: Results) -> list[str]:
-    """The conditions of cells without a run."""
+def _missing(results: Results, seeds: range) -> list[str]:
+    """The conditions of cells that lack a run."""
     return [
         f"`{_difference(cell)}: {condition.name.rpartition(': ')[2]}`"
         for cell in CELLS
         for condition in cell.conditions
-        if condition.name not in results.runs
+        if results.seeds(condition.name) != list(seeds)
     ]
 
 
-def _by_aspect(results: Results) -> dict[str, list[Comparison]]:
-    """The tests of each claim whose runs are all there."""
+def judged(results: Results, seeds: range) -> dict[str, list[Comparison]]:
+    """The tests of each claim whose runs are all there, with all of these seeds."""
+    there = {name for name in results.runs if results.seeds(name) == list(seeds)}
     found: dict[str, list[Comparison]] = {}
     for comparison in compare(results):
         name = aspect_of(comparison)
-        if set(NEEDED[name.removesuffix(" frozen")]) <= set(results.runs):
+        if set(NEEDED[name.removesuffix(" frozen")]) <= there:
             found.setdefault(name, []).append(comparison)
     return found
 

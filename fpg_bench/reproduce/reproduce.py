@@ -18,7 +18,7 @@ from fpg_bench.reproduce.experiment import BUDGETS, Budget, checkpoint_of, run_e
 from fpg_bench.reproduce.figures import draw
 from fpg_bench.reproduce.keeping import Checkpoint
 from fpg_bench.reproduce.report import write_report
-from fpg_bench.reproduce.results import read_results
+from fpg_bench.reproduce.results import Results, read_results
 from fpg_bench.reproduce.runs import Run, RunFile
 from fpg_bench.training.maddpg_seeds import LEARNERS, find_learner
 
@@ -70,20 +70,29 @@ def reproduce(
     every = names(_conditions(all_of, scenario, BUDGETS["full"], {}))
     every_seed = range(first_seed, first_seed + count)
     results = read_results(file, dict.fromkeys(every, every_seed))
-    words = "" if target == CELLS else f" --scenario {scenario}"
-    words = f"fpg-bench reproduce {target}{words} --budget {budget.name} --seeds {count}"
+    words = f"--budget {budget.name} --seeds {count}"
     words += f" --first-seed {first_seed}" if first_seed else ""
     words += f" --learner {learner}" if learner != LEARNERS[0] else ""
     if target == CELLS:
-        every = names(conditions_of("all", "figures", full=False))
-        first = read_results(RunFile(out, "figures", budget.name), dict.fromkeys(every, every_seed))
-        written = write_cells(first, results, budget, out, words)
+        first = _results_of_figures(out, budget, every_seed)
+        commands = [f"fpg-bench reproduce {part} {words}" for part in ("all --scenario figures", CELLS)]
+        written = write_cells(first, results, every_seed, budget, out, commands)
     else:
         drawn = draw(results, scenario, out / "figures")
-        reports = write_report(results, scenario, budget, drawn, out, words)
+        command = f"fpg-bench reproduce {target} --scenario {scenario} {words}"
+        reports = write_report(results, scenario, budget, drawn, out, command)
         written = [*(path for paths in drawn.values() for path in paths), *reports]
     check_all_done(failed)
     return written
+
+
+def _results_of_figures(out: Path, budget: Budget, seeds: range) -> Results:
+    """The runs of the scenario ``figures`` that are there, which the cells are compared with."""
+    file, conditions = RunFile(out, "figures", budget.name), conditions_of("all", "figures", full=False)
+    there = file.read().values()
+    for condition in conditions:
+        _check_same_game(file, there, condition, "figures")
+    return read_results(file, dict.fromkeys(names(conditions), seeds))
 
 
 def _jobs(

@@ -1,7 +1,7 @@
 """The ONNX of one network with the weights of another of its shape: to export takes a third of a second.
 
-What torch exports hangs on values where they are alike: equal tensors become one, and zeros go. So a shape is
-exported once, with weights at random, and each model's own weights are written into a copy of that.
+The exporter merges equal tensors and drops zeros. So a shape is exported once, with weights at random, and
+each model's own weights are written into a copy of that.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 
+import numpy as np
 import onnx
 import torch
 from onnx import numpy_helper
@@ -17,22 +18,29 @@ from torch import nn
 
 from fpg_bench.training.actor import Actor
 
-_TEMPLATES: dict[str, onnx.ModelProto | None] = {}  # by shape; None: its weights are not where they were
+# Layers whose words say all that they do.
+_PLAIN = (
+    *(Actor, FlattenExtractor, nn.Sequential, nn.Linear, nn.Flatten, nn.Identity),
+    *(nn.ReLU, nn.Tanh, nn.ELU, nn.SiLU, nn.GELU, nn.LeakyReLU, nn.Softplus, nn.Sigmoid),
+)
+_TEMPLATES: dict[str, onnx.ModelProto | None] = {}  # by shape; None: a weight is not where it was
 
 
 def export_by_template(actor: Actor, export: Callable[[Actor], bytes]) -> bytes:
     """What ``export`` would give, exporting each shape of networks once a process.
 
-    Networks with layers that are not torch's own, or whose weights are put together by the exporter (an
-    LSTM's), are exported each for itself.
+    Networks with a memory, or with other layers than the usual ones, are exported each for itself.
 
     Args:
         actor: what is exported.
-        export: gives the ONNX of an actor.
+        export: gives the ONNX of an actor; what it raises, this raises.
+
+    Returns:
+        The bytes of an ONNX file.
     """
     if actor.lstm is not None or not all(_is_plain(module) for module in actor.modules()):
         return export(actor)
-    shape = f"{actor} {actor.squash} {actor.clip} {actor.frames_size} {actor.mean.shape}"
+    shape = f"{actor} {actor.squash} {actor.clip} {actor.frames_size} {_sizes(actor)}"
     if shape not in _TEMPLATES:
         _TEMPLATES[shape] = _template(actor, export)
     template = _TEMPLATES[shape]
@@ -40,20 +48,25 @@ def export_by_template(actor: Actor, export: Callable[[Actor], bytes]) -> bytes:
 
 
 def _is_plain(module: nn.Module) -> bool:
-    kind = type(module)
-    return kind in (Actor, FlattenExtractor) or kind.__module__.startswith("torch.nn.modules.")
+    hooked = module._forward_hooks or module._forward_pre_hooks or "forward" in vars(module)
+    return type(module) in _PLAIN and not hooked
+
+
+def _sizes(actor: Actor) -> dict[str, tuple[int, ...]]:
+    """The sizes of all numbers that an actor plays with, by name."""
+    unused = () if np.isfinite(actor.clip) else ("mean", "scale")
+    return {name: tuple(each.shape) for name, each in actor.state_dict().items() if name not in unused}
 
 
 def _template(actor: Actor, export: Callable[[Actor], bytes]) -> onnx.ModelProto | None:
-    """The ONNX of an actor of this shape, if each of its weights stands there by its name."""
+    """The ONNX of an actor of this shape, if all its numbers stand there by their names."""
     other = copy.deepcopy(actor)
     chance = torch.Generator().manual_seed(0)
     for values in other.state_dict().values():
         values.copy_(torch.rand(values.shape, generator=chance) + 0.5)
     model = onnx.load_from_string(export(other))
     there = {each.name: tuple(each.dims) for each in model.graph.initializer}
-    weights = {name: tuple(values.shape) for name, values in actor.named_parameters()}
-    return model if weights.items() <= there.items() else None
+    return model if _sizes(actor).items() <= there.items() else None
 
 
 def _filled(template: onnx.ModelProto, actor: Actor) -> bytes:

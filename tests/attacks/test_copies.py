@@ -81,13 +81,7 @@ def test_the_rounds_are_others_each_time():
 
 @pytest.mark.parametrize("side", ["ally", "opponent"])
 def test_many_are_traced_and_compared_as_one_would_be(side):
-    players = [
-        OnnxPlayer(
-            shipped(seed) if side == "ally" else policy(seed),
-            {},
-        )
-        for seed in range(3)
-    ]
+    players = [OnnxPlayer(shipped(seed) if side == "ally" else policy(seed), {}) for seed in range(3)]
     together = traces(players, side, None, 5)
     alone = [traces([player], side, None, 5)[0] for player in players]
     for one, other in zip(together, alone, strict=True):
@@ -96,3 +90,16 @@ def test_many_are_traced_and_compared_as_one_would_be(side):
     distances = [apart(player, together).tolist() for player in players]
     assert distances == [[float(apart(player, [other])[0]) for other in alone] for player in players]
     assert [row.index(0) for row in distances] == [0, 1, 2]
+
+
+def test_more_than_are_asked_at_once_are_compared(monkeypatch):
+    player, counts = OnnxPlayer(policy(0), {}), set()
+    one, other = traces([player, OnnxPlayer(policy(1), {})], "ally", None, 5)
+    real = player.predict
+    monkeypatch.setattr(player, "predict", lambda seen, *a: counts.add(len(seen)) or real(seen, *a))
+    found = apart(player, [other] * 20 + [one] + [other] * 20)
+    assert np.flatnonzero(found == 0).tolist() == [20]
+    assert len(set(found.tolist())) == 2
+    assert max(counts) == 6 * likeness._BLOCK < 6 * 41
+    assert apart(player, []).shape == (0,)
+    assert traces([], "ally", None, 5) == []

@@ -17,7 +17,7 @@ from fpg_bench.reproduce.results import Results
 from fpg_bench.reproduce.runs import RunFile
 from fpg_bench.reproduce.screen_report import read_screen
 from tests.programs import ROOT
-from tests.reproduce.made_up import results
+from tests.reproduce.made_up import SEEDS, results
 
 TINY = Budget("tiny", 2_000, 8, 25, 2, 1)
 
@@ -84,9 +84,10 @@ def test_a_cell_of_low_noise_trains_with_it_and_nothing_else_that_is_new():
 
 def test_a_claim_is_judged_where_all_its_runs_are_there():
     runs = results()
-    assert set(cells_report._by_aspect(runs)) == {"D1 frozen", *ASPECTS}
-    without = {name: seeds for name, seeds in runs.runs.items() if name not in ("comb", BASE)}
-    assert not cells_report._by_aspect(Results(without, {}))
+    every = {"D1 frozen", *ASPECTS}
+    assert set(cells_report.judged(runs, SEEDS)) == every
+    few = {name: seeds if name != "comb" else {0: seeds[0]} for name, seeds in runs.runs.items()}
+    assert set(cells_report.judged(Results(few, {}), SEEDS)) == every - {"D3 level", "D3 order"}
 
 
 @pytest.mark.slow

@@ -92,8 +92,9 @@ def test_the_page_of_the_cells_is_what_their_runs_say_on_fresh_seeds(tmp_path):
     for (name, _), run in there.items():
         assert run.about["scenario"] == f"paper, {every[name].scenario('paper').hash}"
     first, cells = (_results(name, budget, seeds) for name in ("figures", "cells"))
-    command = "fpg-bench reproduce cells --budget hundredth --seeds 10 --first-seed 100 --learner jax"
-    *_, page = write_cells(first, cells, budget, tmp_path, command)
+    words = "--budget hundredth --seeds 10 --first-seed 100 --learner jax"
+    commands = [f"fpg-bench reproduce {part} {words}" for part in ("all --scenario figures", "cells")]
+    *_, page = write_cells(first, cells, seeds, budget, tmp_path, commands)
     assert page.read_text() == (COMMITTED / "cells.md").read_text()
     for form in ("png", "svg"):
         assert (COMMITTED / f"figures/cells.{form}").is_file()

@@ -8,12 +8,13 @@ from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
+from torch import nn
 
 from fpg_bench import make_sb3
 from fpg_bench.errors import UserError
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.training import operators, template
-from fpg_bench.training.export import export_agent, export_onnx
+from fpg_bench.training.export import export_agent, export_onnx, largest_difference
 
 ABOUT = {
     "algorithm": "x",
@@ -163,9 +164,9 @@ def test_a_shape_is_exported_once_and_each_model_as_if_it_were_alone(
         for parameter in model.policy.parameters():
             parameter.data += 0.1 * torch.randn(parameter.shape, generator=chance)
     first = export_onnx(models[0])
-    monkeypatch.setattr("torch.onnx.export", None)
-    both = [first, export_onnx(models[1])]
-    monkeypatch.undo()
+    with monkeypatch.context() as without:
+        without.setattr("torch.onnx.export", None)
+        both = [first, export_onnx(models[1])]
     monkeypatch.setattr(template, "_is_plain", lambda module: False)
     assert both == [export_onnx(model) for model in models]
     assert both[0] != both[1]
@@ -173,17 +174,13 @@ def test_a_shape_is_exported_once_and_each_model_as_if_it_were_alone(
 
 @pytest.mark.slow
 def test_equal_weights_are_no_other_shape(templates):
-    """The exporter makes one of equal tensors, and leaves out zeros."""
+    """The exporter merges equal tensors and drops zeros."""
     model = PPO("MlpPolicy", make_sb3("FPG/AllyVsScripted-v0", n_envs=2, seed=1), policy_kwargs=SMALL)
-    fresh = export_onnx(model)
-    for parameter in model.policy.parameters():
-        parameter.data += 0.1
-    other = export_onnx(model)
+    for change in (0.0, 0.1):
+        for parameter in model.policy.parameters():
+            parameter.data += change
+        assert largest_difference(model, OnnxPlayer(export_onnx(model), {})) < 1e-5
     assert len(templates) == 1
-    assert len(fresh) == len(other)
-    seen = np.random.default_rng(2).uniform(-1, 1, (7, 15)).astype(np.float32)
-    ours, theirs = OnnxPlayer(other, {}).predict(seen)[0], model.predict(seen, deterministic=True)[0]
-    assert np.abs(theirs - ours).max() < 1e-5
 
 
 class Scaled(FlattenExtractor):
@@ -197,12 +194,36 @@ class Scaled(FlattenExtractor):
         return self.scale * super().forward(observations)
 
 
+def normed():
+    """What the exporter puts into the constants of a graph."""
+    return nn.Sequential(nn.BatchNorm1d(16, affine=False), nn.ReLU())
+
+
 @pytest.mark.slow
-def test_layers_that_are_not_torch_s_own_are_exported_each_for_itself(templates, tmp_path):
-    for scale in (1.0, 2.0):
-        words = {"features_extractor_class": Scaled, "features_extractor_kwargs": {"scale": scale}}
-        assert export_agent(a_model(PPO, policy_kwargs=words), tmp_path, ABOUT) < 1e-5
-    assert not templates
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"features_extractor_class": Scaled, "features_extractor_kwargs": {"scale": 2.0}},
+        {"activation_fn": normed},
+        {"activation_fn": nn.PReLU},
+    ],
+    ids=["own", "norm", "prelu"],
+)
+def test_layers_that_do_not_say_all_are_exported_each_for_itself(words, templates):
+    for changes in ({"activation_fn": nn.ReLU}, words):
+        model = a_model(PPO, policy_kwargs=changes)
+        assert largest_difference(model, OnnxPlayer(export_onnx(model), {})) < 1e-5
+    assert len(templates) == 1
+
+
+@pytest.mark.slow
+def test_what_is_hooked_on_a_layer_is_exported_with_it(templates):
+    for hooked in (False, True):
+        model = a_model(PPO)
+        if hooked:
+            model.policy.action_net.register_forward_hook(lambda module, seen, found: 2 * found)
+        assert largest_difference(model, OnnxPlayer(export_onnx(model), {})) < 1e-5
+    assert len(templates) == 1
 
 
 def test_this_pytorch_has_the_table_that_is_kept():
