@@ -36,8 +36,8 @@ above the opponent. But an ally that hops in each step pays H in each step. So t
 hundred a step.)
 
 `noise={noise}`: exploration with a standard deviation of {noise} on all actions of both sides, in place of
-{usual}. On the jammer's frequency that is {noise_mhz:g} MHz instead of {usual_mhz:g}, less than the half width
-of a tone. How claims are tested stands in [the paper, reproduced](../reproduction.md#how-claims-are-tested).
+{usual}. On the jammer's frequency that is {noise_mhz:g} MHz instead of {usual_mhz:g}, less than a tone's half
+width. How claims are tested stands in [the paper, reproduced](../reproduction.md#how-claims-are-tested).
 Readings are not corrected for how many there are.
 
 """
