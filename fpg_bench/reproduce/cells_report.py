@@ -130,7 +130,7 @@ def _parts(found: Mapping[Cell, Found]) -> str:
 
 def _drawn(found: Mapping[Cell, Found]) -> Any:
     """A panel a claim, a line a cell: the part that is furthest from holding, with its 95 % interval."""
-    figure = blank_figure(2.4 * len(_COLUMNS) + 4, 1.2 + 0.36 * len(found))
+    figure = blank_figure(2.4 * len(_COLUMNS) + 4, 1.4 + 0.36 * len(found))
     panels = figure.subplots(1, len(_COLUMNS), sharey=True)
     for axes, name in zip(panels, _COLUMNS, strict=True):
         for line, by_aspect in enumerate(found.values()):
@@ -142,6 +142,12 @@ def _drawn(found: Mapping[Cell, Found]) -> Any:
         axes.axvline(0, color="black", lw=0.8)
         axes.set_title(name, fontsize=10)
         axes.tick_params(labelsize=8)
+        axes.locator_params(axis="x", nbins=5)
+        axes.margins(y=0.15)
+        axes.spines["right"].set_visible(False)
+    figure.supxlabel(
+        "the part that is furthest from holding: reward a step (D2: a share), 95 % interval", size=9
+    )
     panels[0].set_yticks(range(len(found)), map(_difference, found), fontsize=8)
     panels[0].invert_yaxis()
     return figure
