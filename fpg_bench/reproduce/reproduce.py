@@ -66,15 +66,15 @@ def reproduce(
     conditions = _conditions(target, scenario, budget, llm)
     preset = PRESET if target == CELLS else scenario
     listed = list(_jobs(file, conditions, preset, budget, (first_seed, count), llm, learner))
+    every_seed = range(first_seed, first_seed + count)
+    first = _results_of_figures(out, budget, every_seed) if target == CELLS else None
     failed = run_jobs(listed, **where)
     every = names(_conditions(all_of, scenario, BUDGETS["full"], {}))
-    every_seed = range(first_seed, first_seed + count)
     results = read_results(file, dict.fromkeys(every, every_seed))
     words = f"--budget {budget.name} --seeds {count}"
     words += f" --first-seed {first_seed}" if first_seed else ""
     words += f" --learner {learner}" if learner != LEARNERS[0] else ""
-    if target == CELLS:
-        first = _results_of_figures(out, budget, every_seed)
+    if first is not None:
         commands = [f"fpg-bench reproduce {part} {words}" for part in ("all --scenario figures", CELLS)]
         written = write_cells(first, results, every_seed, budget, out, commands)
     else:

@@ -4,12 +4,14 @@ import dataclasses
 
 import pytest
 
+from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import PAPER, preset
 from fpg_bench.reproduce import cells as choosing
 from fpg_bench.reproduce import cells_report
 from fpg_bench.reproduce.cells import CELLS, FIGURES, LOW_NOISE, NEEDED, Cell, every_condition, neighbours
 from fpg_bench.reproduce.claims import ASPECTS
 from fpg_bench.reproduce.conditions import BASE, Condition, conditions_of
+from fpg_bench.reproduce.curve import spots
 from fpg_bench.reproduce.experiment import Budget, hyperparameters
 from fpg_bench.reproduce.readings import POINTS, Reading, as_reading
 from fpg_bench.reproduce.reproduce import reproduce
@@ -22,16 +24,11 @@ from tests.reproduce.made_up import SEEDS, results
 TINY = Budget("tiny", 2_000, 8, 25, 2, 1)
 
 
-def verdict(parts):
-    """What the screen says of a claim: it holds, a part is the opposite, or neither is shown."""
-    if all(part["p"] < 0.05 and part["mean"] > 0 for part in parts):
-        return "holds"
-    return "the opposite" if any(part["p"] < 0.05 and part["mean"] < 0 for part in parts) else "not shown"
-
-
 def verdicts(rows, reading):
-    (row,) = [row for row in rows if row["reading"] == reading.name]
-    return {name: verdict([part for part in row["parts"] if part["claim"] == name]) for name in ASPECTS}
+    """What the screen says of each claim: whether it holds, and whether a part is the opposite."""
+    row = [row for row in rows if row["reading"] == reading.name]
+    found = {name: spots(row, name) for name in ASPECTS}
+    return {name: (spot.holds, spot.against > 0) for name, (spot,) in found.items()}
 
 
 def test_the_preset_is_the_reading_that_the_others_are_compared_with():
@@ -112,3 +109,9 @@ def test_trained_readings_come_to_a_page_and_are_not_trained_again(monkeypatch, 
     said: list[str] = []
     reproduce("cells", tmp_path, **words, say=said.append)
     assert said == []
+    file = RunFile(tmp_path, "figures", "tiny")
+    heading = {"scenario": "figures, of another day"}
+    file.add(dataclasses.replace(run, about=heading) for run in file.read().values())
+    monkeypatch.setattr("fpg_bench.reproduce.reproduce.run_jobs", None)  # nothing is trained before
+    with pytest.raises(UserError, match="played another game than figures is now"):
+        reproduce("cells", tmp_path, **words)

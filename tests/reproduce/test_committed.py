@@ -52,8 +52,7 @@ def test_the_report_is_what_the_runs_say(committed, tmp_path):
 
 def test_the_page_says_what_the_runs_of_the_papers_own_budget_say(tmp_path):
     budget = BUDGETS["paper"]
-    file = RunFile(RUNS, "paper", budget.name)
-    results = read_results(file, {name: [300, 301, 302] for name, _ in file.read()})
+    results = _results("paper", budget, [300, 301, 302])
     (condition,) = conditions_of("fig4", "paper", full=False)
     for heading in results.about[condition.name].values():
         assert heading["scenario"] == f"paper, {condition.scenario('paper').hash}"
