@@ -8,8 +8,10 @@ fork takes none along.
 from __future__ import annotations
 
 import atexit
+import contextlib
 import gc
 import importlib
+import io
 import json
 import os
 import runpy
@@ -17,6 +19,7 @@ import sys
 import threading
 import traceback
 import types
+import weakref
 from typing import Any
 
 HEAVY = (
@@ -27,13 +30,20 @@ HEAVY = (
     "fpg_bench.training.exploit",
     "fpg_bench.training.selfplay",
     "fpg_bench.training.several",
+    "cmaes",
     "matplotlib.pyplot",
+    "onnxruntime",
+    "openai",
     "plotly.graph_objects",
+    "scipy.stats",
 )
 
 
 def warm() -> None:
-    """Import what programs use, and load the compiled game and the exporter of policies."""
+    """Import what programs use, and what the first model of a process imports; load the compiled game.
+
+    A command is run as well, for what typer makes of words.
+    """
     import torch
     import tqdm
 
@@ -44,11 +54,16 @@ def warm() -> None:
     from stable_baselines3 import PPO
 
     import fpg_bench
-    from fpg_bench.training.export import export_onnx
 
     games = fpg_bench.make_sb3("FPG/AllyVsScripted-v0", n_envs=2, seed=0)
     games.reset()
-    export_onnx(PPO("MlpPolicy", games, device="cpu"))
+    PPO("MlpPolicy", games, device="cpu")
+    from fpg_bench.cli import app
+
+    with contextlib.redirect_stdout(io.StringIO()):
+        app(["fields"], standalone_mode=False)
+    for each in weakref.finalize._registry:  # what is imported is not put away
+        each.atexit = False
     assert threading.active_count() == 1
 
 

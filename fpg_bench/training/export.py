@@ -8,7 +8,6 @@ import logging
 import tempfile
 import threading
 import warnings
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, cast
@@ -24,32 +23,29 @@ from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.imports import reason
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer
 from fpg_bench.players.writing import stripped
-from fpg_bench.training.actor import Actor, ActorPlayer
-from fpg_bench.training.operators import keep_operators
-from fpg_bench.training.template import export_by_template
+from fpg_bench.training.actor import Actor
+from fpg_bench.training.plain_onnx import OPSET, plain_onnx
 
 GREATEST_DIFFERENCE = 1e-4
-_OPSET = 20
-_EXPORTED: set[str] = set()  # shapes of networks that this process has exported
 
 
 def export_onnx(model: BaseAlgorithm) -> bytes:
     """The model's deterministic policy as ONNX: ``observation`` (n, 15) to ``action`` (n, 9), float32.
 
     A policy with memory has a ``state`` (n, S) as well, and gives ``next_state``; see
-    :class:`fpg_bench.training.actor.Actor`.
+    :class:`fpg_bench.training.actor.Actor`. Layers of a user's own are read by PyTorch's exporter.
 
     Raises:
         UserError: a policy of another kind, or one that the versions at hand can't write as ONNX.
     """
-    kind = type(model.policy).__name__
-    return export_by_template(Actor(model), partial(_exported, kind))
+    actor = Actor(model)
+    plain = plain_onnx(actor)
+    return _by_exporter(type(model.policy).__name__, actor) if plain is None else plain
 
 
-def _exported(kind: str, actor: Actor) -> bytes:
-    """The ONNX of an actor, made of a policy of this kind."""
+def _by_exporter(kind: str, actor: Actor) -> bytes:
+    """The ONNX of an actor, made of a policy of this kind, by PyTorch's exporter."""
     _keep_tqdm_in_this_process()
-    keep_operators()
     examples = [torch.zeros(2, OBSERVATION_SIZE)]
     names = ["observation", "action"]
     if actor.state_size:
@@ -68,7 +64,7 @@ def _exported(kind: str, actor: Actor) -> bytes:
                 input_names=names[::2],
                 output_names=names[1::2],
                 dynamic_shapes=tuple({0: torch.export.Dim("n")} for _ in examples),
-                opset_version=_OPSET,
+                opset_version=OPSET,
                 dynamo=True,
                 external_data=False,
                 verbose=False,
@@ -117,15 +113,8 @@ def export_agent(model: BaseAlgorithm, folder: Path, about: dict[str, Any]) -> f
 
 
 def check_exportable(model: BaseAlgorithm) -> None:
-    """Raise UserError where the model's policy could not be exported once it is trained.
-
-    It is exported as it is, by the versions at hand; once a process for networks of one shape.
-    """
-    normalize = model.get_vec_normalize_env()
-    shape = f"{type(model)} {model.observation_space} {normalize is None} {model.policy}"
-    player = ActorPlayer(model) if shape in _EXPORTED else OnnxPlayer(export_onnx(model), {})
-    _checked(largest_difference(model, player, steps=20), model)
-    _EXPORTED.add(shape)
+    """Raise UserError where the model's policy could not be exported once it is trained."""
+    _checked(largest_difference(model, OnnxPlayer(export_onnx(model), {}), steps=20), model)
 
 
 def _checked(difference: float, model: BaseAlgorithm) -> float:

@@ -1,9 +1,8 @@
-import importlib
+from functools import partial
 
 import numpy as np
 import onnx
 import pytest
-import torch
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
 from stable_baselines3.common.torch_layers import FlattenExtractor
@@ -13,8 +12,10 @@ from torch import nn
 from fpg_bench import make_sb3
 from fpg_bench.errors import UserError
 from fpg_bench.players.agent import OnnxPlayer, load_agent
-from fpg_bench.training import operators, template
+from fpg_bench.training import export
+from fpg_bench.training.actor import Actor
 from fpg_bench.training.export import export_agent, export_onnx, largest_difference
+from fpg_bench.training.plain_onnx import plain_onnx
 
 ABOUT = {
     "algorithm": "x",
@@ -146,41 +147,39 @@ def test_an_export_that_plays_differently_is_refused(tmp_path, monkeypatch):
     assert not (tmp_path / "agent").exists()
 
 
-@pytest.fixture
-def templates(monkeypatch):
-    """Those of this process, none at first."""
-    monkeypatch.setattr(template, "_TEMPLATES", {})
-    return template._TEMPLATES
+@pytest.mark.parametrize(
+    ("algorithm", "words"),
+    [
+        (RecurrentPPO, {"lstm_hidden_size": 6, "lstm_kwargs": {"bias": False}}),
+        *((PPO, {"activation_fn": kind}) for kind in (nn.ELU, nn.SiLU, nn.GELU, nn.Sigmoid)),
+        (PPO, {"activation_fn": partial(nn.GELU, approximate="tanh")}),
+        (PPO, {"activation_fn": partial(nn.LeakyReLU, 0.3)}),
+    ],
+)
+def test_the_usual_layers_need_no_exporter(algorithm, words, monkeypatch):
+    monkeypatch.setattr("torch.onnx.export", None)
+    model = a_model(algorithm, policy_kwargs=words)
+    player = OnnxPlayer(export_onnx(model), {})
+    assert largest_difference(model, player) < 1e-5
+    assert player.row_wise
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("normalized", [False, True])
-@pytest.mark.parametrize("algorithm", [PPO, SAC, TD3])
-def test_a_shape_is_exported_once_and_each_model_as_if_it_were_alone(
-    algorithm, normalized, templates, monkeypatch
-):
-    models, chance = [a_model(algorithm, normalized) for _ in range(2)], torch.Generator().manual_seed(0)
-    for model in models:
-        for parameter in model.policy.parameters():
-            parameter.data += 0.1 * torch.randn(parameter.shape, generator=chance)
-    first = export_onnx(models[0])
-    with monkeypatch.context() as without:
-        without.setattr("torch.onnx.export", None)
-        both = [first, export_onnx(models[1])]
-    monkeypatch.setattr(template, "_is_plain", lambda module: False)
-    assert both == [export_onnx(model) for model in models]
-    assert both[0] != both[1]
-
-
-@pytest.mark.slow
-def test_equal_weights_are_no_other_shape(templates):
-    """The exporter merges equal tensors and drops zeros."""
-    model = PPO("MlpPolicy", make_sb3("FPG/AllyVsScripted-v0", n_envs=2, seed=1), policy_kwargs=SMALL)
-    for change in (0.0, 0.1):
-        for parameter in model.policy.parameters():
-            parameter.data += change
-        assert largest_difference(model, OnnxPlayer(export_onnx(model), {})) < 1e-5
-    assert len(templates) == 1
+@pytest.mark.parametrize(
+    ("algorithm", "frames", "words"),
+    [(PPO, 1, {}), (SAC, 3, {}), (RecurrentPPO, 3, {"lstm_hidden_size": 6, "n_lstm_layers": 2})],
+)
+def test_they_play_to_the_bit_as_by_the_exporter(algorithm, frames, words, monkeypatch):
+    model = a_model(algorithm, True, frames, policy_kwargs=words)
+    written = export_onnx(model)
+    monkeypatch.setattr(export, "plain_onnx", lambda actor: None)
+    players = [OnnxPlayer(data, {}) for data in (written, export_onnx(model))]
+    chance, states, starts = np.random.default_rng(0), [None, None], np.zeros(5, bool)
+    for _ in range(12):
+        seen = chance.uniform(-2, 2, (5, 15)).astype(np.float32)
+        found = [player.predict(seen, state, starts) for player, state in zip(players, states, strict=True)]
+        (one, other), states = zip(*found, strict=True)
+        assert one.tobytes() == other.tobytes()
 
 
 class Scaled(FlattenExtractor):
@@ -199,35 +198,24 @@ def normed():
     return nn.Sequential(nn.BatchNorm1d(16, affine=False), nn.ReLU())
 
 
+def hooked(model):
+    model.policy.action_net.register_forward_hook(lambda module, seen, found: 2 * found)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "words",
+    ("words", "change"),
     [
-        {"features_extractor_class": Scaled, "features_extractor_kwargs": {"scale": 2.0}},
-        {"activation_fn": normed},
-        {"activation_fn": nn.PReLU},
+        ({"features_extractor_class": Scaled, "features_extractor_kwargs": {"scale": 2.0}}, None),
+        ({"activation_fn": normed}, None),
+        ({"activation_fn": nn.PReLU}, None),
+        ({}, hooked),
     ],
-    ids=["own", "norm", "prelu"],
+    ids=["own", "norm", "prelu", "hooked"],
 )
-def test_layers_that_do_not_say_all_are_exported_each_for_itself(words, templates):
-    for changes in ({"activation_fn": nn.ReLU}, words):
-        model = a_model(PPO, policy_kwargs=changes)
-        assert largest_difference(model, OnnxPlayer(export_onnx(model), {})) < 1e-5
-    assert len(templates) == 1
-
-
-@pytest.mark.slow
-def test_what_is_hooked_on_a_layer_is_exported_with_it(templates):
-    for hooked in (False, True):
-        model = a_model(PPO)
-        if hooked:
-            model.policy.action_net.register_forward_hook(lambda module, seen, found: 2 * found)
-        assert largest_difference(model, OnnxPlayer(export_onnx(model), {})) < 1e-5
-    assert len(templates) == 1
-
-
-def test_this_pytorch_has_the_table_that_is_kept():
-    """Where it has none any more, exports stay right and take twice as long."""
-    operators.keep_operators()
-    registry = importlib.import_module(operators._REGISTRATION).ONNXRegistry
-    assert registry.from_torchlib() is registry.from_torchlib()
+def test_what_layers_do_not_say_is_read_by_the_exporter(words, change):
+    model = a_model(PPO, policy_kwargs=words)
+    if change:
+        change(model)
+    assert plain_onnx(Actor(model)) is None
+    assert largest_difference(model, OnnxPlayer(export_onnx(model), {})) < 1e-5

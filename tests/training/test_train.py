@@ -269,16 +269,17 @@ def test_a_policy_that_the_exporter_refuses_is_refused_before_anything_is_writte
     def broken(*args, **kwargs):
         raise RuntimeError("no such pass")
 
-    monkeypatch.setattr("fpg_bench.training.export._EXPORTED", set())
-    monkeypatch.setattr("fpg_bench.training.template._TEMPLATES", {})
     monkeypatch.setattr(torch.onnx, "export", broken)
+    mish = {"policy_kwargs": {"net_arch": [8], "activation_fn": "Mish"}}
     with pytest.raises(UserError, match=r"by torch .*, onnx .*, onnxscript .*: RuntimeError: no such pass$"):
-        train_tiny("ppo", tmp_path / "run")
+        train_tiny("ppo", tmp_path / "run", mish)
     assert not (tmp_path / "run").exists()
 
 
 def test_the_trial_export_leaves_chance_and_checks_as_they_are():
-    model = PPO("MlpPolicy", make_sb3("FPG/AllyVsScripted-v0", n_envs=2, seed=0), n_steps=4, batch_size=8)
+    games = make_sb3("FPG/AllyVsScripted-v0", n_envs=2, seed=0)
+    words = {"activation_fn": torch.nn.Mish}  # for which the exporter is asked
+    model = PPO("MlpPolicy", games, n_steps=4, batch_size=8, policy_kwargs=words)
     before = torch.get_rng_state()
     export_onnx(model)
     assert torch.equal(torch.get_rng_state(), before)
