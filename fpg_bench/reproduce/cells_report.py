@@ -25,8 +25,7 @@ _HEAD = """\
 # The paper's claims under the readings that decide: trained players
 
 Both sides learned by MADDPG under each reading: {steps:,} game steps and {updates:,} updates a run, where the
-paper makes {paper:,} of both. That is the deviation that is left. Training seeds are {seeds}. Planned and not
-trained yet: {missing}.
+paper makes {paper:,} of both. That is the deviation that is left. Training seeds are {seeds}.{missing}
 
 `figures` is the preset under which most claims come out between scripted players ([the screen](screen.md)).
 Each of the other readings but the letter settles one point of it otherwise. They are those under which the
@@ -75,13 +74,14 @@ def write_cells(
 
 
 def _head(results: Results, seeds: range, budget: Budget) -> str:
+    missing = _missing(results, seeds)
     usual, span_mhz = hyperparameters(budget).algorithm["noise_sd"], as_scenario(PRESET).tuning_span_mhz
     return _HEAD.format(
         steps=budget.steps,
         updates=budget.updates(),
         paper=BUDGETS["paper"].steps,
         seeds=f"{seeds[0]} to {seeds[-1]}",
-        missing=", ".join(_missing(results, seeds)) or "nothing",
+        missing=f"\nPlanned and not trained yet: {', '.join(missing)}." if missing else "",
         noise=LOW_NOISE,
         noise_mhz=LOW_NOISE * span_mhz,
         usual=usual,

@@ -50,13 +50,18 @@ def test_the_report_is_what_the_runs_say(committed, tmp_path):
             assert (COMMITTED / f"figures/{figure}-{preset}.{form}").is_file()
 
 
-def test_the_page_says_what_the_runs_of_the_papers_own_budget_say(tmp_path):
-    budget = BUDGETS["paper"]
-    results = _results("paper", budget, [300, 301, 302])
-    (condition,) = conditions_of("fig4", "paper", full=False)
+@pytest.mark.parametrize(
+    ("preset", "name", "seeds"),
+    [("paper", "paper", range(300, 303)), ("figures", "tenth", range(200, 210))],
+)
+def test_the_page_says_what_runs_of_more_updates_say(preset, name, seeds, tmp_path):
+    budget = BUDGETS[name]
+    results = _results(preset, budget, seeds)
+    (condition,) = conditions_of("fig4", preset, full=False)
+    assert results.seeds(condition.name) == list(seeds)
     for heading in results.about[condition.name].values():
-        assert heading["scenario"] == f"paper, {condition.scenario('paper').hash}"
-    made, _ = write_report(results, "paper", budget, ["fig5"], tmp_path, "fpg-bench reproduce fig4")
+        assert heading["scenario"] == f"{preset}, {condition.scenario(preset).hash}"
+    made, _ = write_report(results, preset, budget, ["fig5"], tmp_path, "fpg-bench reproduce fig4")
     lines = [line for line in made.read_text().splitlines() if line.startswith("| planned |")]
     page = (COMMITTED.parent / "reproduction.md").read_text()
     assert len(fifths := [line for line in lines if "to" in line.split("|")[2]]) == 5
@@ -107,6 +112,7 @@ def again():
     return {
         **{f"{preset}, first look": _results(preset, FULL, range(10), RUNS / "frozen") for preset in BOTH},
         "standard": _results("standard", hundredth, fresh),
+        "figures, more updates": _results("figures", BUDGETS["tenth"], range(200, 210)),
         **{cell.name: cell.results(cells) for cell in CELLS},
     }
 
