@@ -112,16 +112,16 @@ def test_a_bare_server_is_found_to_name_no_model_and_count_no_tokens():
 
 
 @pytest.mark.parametrize(
-    ("behaviour", "detail"),
+    ("behaviour", "detail", "deadline_s"),
     [
-        (status(401, body={"error": {"message": f"wrong key {KEY}"}}), "FPG_LLM_API_KEY"),
-        (faults.html(), "a web page"),
-        (faults.late(30, "hello"), "timeout"),
-        (faults.refusal(), "refused"),
+        (status(401, body={"error": {"message": f"wrong key {KEY}"}}), "FPG_LLM_API_KEY", 5.0),
+        (faults.html(), "a web page", 5.0),
+        (faults.late(30, "hello"), "timeout", 0.3),
+        (faults.refusal(), "refused", 5.0),
     ],
 )
-def test_where_nothing_answers_that_alone_is_found(behaviour, detail):
-    findings = found(behaviour, deadline_s=0.3)
+def test_where_nothing_answers_that_alone_is_found(behaviour, detail, deadline_s):
+    findings = found(behaviour, deadline_s=deadline_s)
     assert list(findings) == ["answer"]
     good, said = findings["answer"]
     assert good is False
