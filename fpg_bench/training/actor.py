@@ -109,8 +109,10 @@ def _actor(policy: Any) -> Any:
 
 def _lstm(policy: nn.Module) -> nn.LSTM | None:
     lstm = getattr(policy, "lstm_actor", None)
-    if lstm is not None and (lstm.bidirectional or lstm.proj_size):
-        raise UserError("export: lstm_kwargs: an LSTM with bidirectional or proj_size can't be exported")
+    if lstm is not None and (lstm.bidirectional or lstm.proj_size or lstm.batch_first):
+        raise UserError(
+            "export: lstm_kwargs: an LSTM with bidirectional, proj_size or batch_first can't be exported"
+        )
     return lstm
 
 

@@ -19,7 +19,6 @@ from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.training.actor import Actor
 
 OPSET = 20
-_IR_VERSION = 10  # of that set of operators
 
 
 def plain_onnx(actor: Actor) -> bytes | None:
@@ -45,7 +44,7 @@ def plain_onnx(actor: Actor) -> bytes | None:
     if actor.squash:
         graph.add("Tanh", latent, to="action")
     else:
-        graph.clip(latent, 1.0, to="action")
+        graph.clip(latent, -1.0, 1.0, to="action")
     if kept:
         inputs.append(_rows("state", actor.state_size))
         outputs.append(_rows("next_state", actor.state_size))
@@ -77,17 +76,16 @@ class _Graph:
         """Those of a matrix from ``start`` to before ``end``."""
         return self.add("Slice", of, self.number([start]), self.number([end]), self.number([1]))
 
-    def clip(self, of: str, limit: float, to: str = "") -> str:
-        """Numbers held between ``-limit`` and ``limit``."""
-        return self.add("Clip", of, *(self.number(np.float32(x)) for x in (-limit, limit)), to=to)
+    def clip(self, of: str, low: float, high: float, to: str = "") -> str:
+        """Numbers held between two limits."""
+        return self.add("Clip", of, self.number(np.float32(low)), self.number(np.float32(high)), to=to)
 
     def file(self, inputs: Sequence[Any], outputs: Sequence[Any]) -> bytes:
         """All of it as the bytes of an ONNX file."""
         graph = helper.make_graph(self._nodes, "policy", inputs, outputs, self._numbers)
         sets = [helper.make_opsetid("", OPSET)]
-        model = helper.make_model(
-            graph, opset_imports=sets, ir_version=_IR_VERSION, producer_name="fpg-bench"
-        )
+        oldest = helper.find_min_ir_version_for(sets)
+        model = helper.make_model(graph, producer_name="fpg-bench", opset_imports=sets, ir_version=oldest)
         return model.SerializeToString(deterministic=True)
 
 
@@ -99,7 +97,8 @@ def _normalised(graph: _Graph, actor: Actor, seen: str) -> str:
     if not np.isfinite(actor.clip):
         return seen
     centred = graph.add("Sub", seen, graph.number(actor.mean))
-    return graph.clip(graph.add("Div", centred, graph.number(actor.scale)), actor.clip)
+    scaled = graph.add("Div", centred, graph.number(actor.scale))
+    return graph.clip(scaled, -actor.clip, actor.clip)
 
 
 def _linear(graph: _Graph, layer: nn.Linear, seen: str) -> str:
@@ -126,6 +125,7 @@ _LAYERS: dict[type[nn.Module], Callable[[_Graph, Any, str], str]] = {
     nn.SiLU: lambda graph, layer, seen: graph.add("Mul", seen, graph.add("Sigmoid", seen)),
     nn.ELU: lambda graph, layer, seen: graph.add("Elu", seen, alpha=layer.alpha),
     nn.GELU: lambda graph, layer, seen: graph.add("Gelu", seen, approximate=layer.approximate),
+    nn.Hardtanh: lambda graph, layer, seen: graph.clip(seen, layer.min_val, layer.max_val),
     nn.LeakyReLU: lambda graph, layer, seen: graph.add("LeakyRelu", seen, alpha=layer.negative_slope),
 }
 
@@ -136,8 +136,11 @@ def _layer(graph: _Graph, layer: nn.Module, seen: str) -> str:
 
 
 def _is_plain(module: nn.Module) -> bool:
-    hooked = module._forward_hooks or module._forward_pre_hooks or "forward" in vars(module)
-    return type(module) in (Actor, nn.LSTM, *_LAYERS) and not hooked
+    if module._forward_hooks or module._forward_pre_hooks or "forward" in vars(module):
+        return False
+    if isinstance(module, nn.Flatten) and module.start_dim != 1:
+        return False
+    return type(module) in (Actor, nn.LSTM, *_LAYERS)
 
 
 def _remember(graph: _Graph, lstm: nn.LSTM, seen: str, start: int) -> tuple[str, list[str]]:

@@ -61,6 +61,7 @@ def test_the_page_says_what_runs_of_more_updates_say(preset, name, seeds, tmp_pa
     assert results.seeds(condition.name) == list(seeds)
     for heading in results.about[condition.name].values():
         assert heading["scenario"] == f"{preset}, {condition.scenario(preset).hash}"
+        assert heading["budget"].startswith(f"{name}, {budget.steps} steps, ")
     made, _ = write_report(results, preset, budget, ["fig5"], tmp_path, "fpg-bench reproduce fig4")
     lines = [line for line in made.read_text().splitlines() if line.startswith("| planned |")]
     page = (COMMITTED.parent / "reproduction.md").read_text()

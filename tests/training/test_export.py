@@ -124,13 +124,24 @@ def test_memory_gives_the_same_bits_in_a_batch_and_alone():
 
 
 @pytest.mark.slow
-def test_nothing_of_this_machine_is_exported(tmp_path):
-    data = export_onnx(a_model(PPO))
+@pytest.mark.parametrize("kind", [nn.Tanh, nn.Mish])
+def test_nothing_of_this_machine_is_exported(kind):
+    """Neither of ours nor of the exporter, which reads Mish."""
+    model = a_model(PPO, policy_kwargs={"activation_fn": kind})
+    assert (plain_onnx(Actor(model)) is None) == (kind is nn.Mish)
+    data = export_onnx(model)
     assert b"site-packages" not in data
     assert b".py" not in data
     proto = onnx.load_from_string(data)
     assert not proto.metadata_props
     assert not any(node.metadata_props or node.doc_string for node in proto.graph.node)
+
+
+@pytest.mark.parametrize("word", [{"batch_first": True}, {"bidirectional": True}, {"proj_size": 3}])
+def test_an_lstm_of_another_kind_is_refused(word):
+    model = a_model(RecurrentPPO, policy_kwargs={"lstm_hidden_size": 6, "lstm_kwargs": word})
+    with pytest.raises(UserError, match=f"lstm_kwargs: .*{next(iter(word))}"):
+        export_onnx(model)
 
 
 def test_a_policy_of_another_kind_is_refused():
@@ -154,6 +165,7 @@ def test_an_export_that_plays_differently_is_refused(tmp_path, monkeypatch):
         *((PPO, {"activation_fn": kind}) for kind in (nn.ELU, nn.SiLU, nn.GELU, nn.Sigmoid)),
         (PPO, {"activation_fn": partial(nn.GELU, approximate="tanh")}),
         (PPO, {"activation_fn": partial(nn.LeakyReLU, 0.3)}),
+        (PPO, {"activation_fn": partial(nn.Hardtanh, -0.5, 0.7)}),
     ],
 )
 def test_the_usual_layers_need_no_exporter(algorithm, words, monkeypatch):
@@ -171,15 +183,18 @@ def test_the_usual_layers_need_no_exporter(algorithm, words, monkeypatch):
 )
 def test_they_play_to_the_bit_as_by_the_exporter(algorithm, frames, words, monkeypatch):
     model = a_model(algorithm, True, frames, policy_kwargs=words)
-    written = export_onnx(model)
+    written = plain_onnx(Actor(model))
     monkeypatch.setattr(export, "plain_onnx", lambda actor: None)
     players = [OnnxPlayer(data, {}) for data in (written, export_onnx(model))]
-    chance, states, starts = np.random.default_rng(0), [None, None], np.zeros(5, bool)
+    chance, states, spread = np.random.default_rng(0), [None, None], []
     for _ in range(12):
-        seen = chance.uniform(-2, 2, (5, 15)).astype(np.float32)
+        seen = chance.uniform(-1, 1, (5, 15)).astype(np.float32)
+        starts = chance.random(5) < 0.2
         found = [player.predict(seen, state, starts) for player, state in zip(players, states, strict=True)]
         (one, other), states = zip(*found, strict=True)
         assert one.tobytes() == other.tobytes()
+        spread.append(one)
+    assert (np.abs(spread) < 1).mean() > 0.5
 
 
 class Scaled(FlattenExtractor):
