@@ -30,10 +30,9 @@ paper makes {paper:,} of both. That is the deviation that is left. Training seed
 `figures` is the preset under which most claims come out between scripted players ([the screen](screen.md)).
 Each of the other readings but the letter settles one point of it otherwise. They are those under which the
 screen finds that a claim turns. Only the runs of that claim were trained. Two readings change the noise of
-exploration, which the screen does not have. Under the other neighbours of
-`figures` no claim turns between scripts, so nothing was trained there. (With H = 100 the ally no longer stays
-above the opponent. But an ally that hops in each step pays H in each step. So that game is the same but for a
-hundred a step.)
+exploration, which the screen does not have. Under the other neighbours of `figures` no claim turns between
+scripts, so nothing was trained there. (With H = 100 the ally no longer stays above the opponent. But an ally
+that hops in each step pays H in each step. So that game is the same but for a hundred a step.)
 
 `noise={noise}`: exploration with a standard deviation of {noise} on all actions of both sides, in place of
 {usual}. On the jammer's frequency that is {noise_mhz:g} MHz instead of {usual_mhz:g}, less than a tone's half

@@ -154,14 +154,13 @@ def _remember(graph: _Graph, lstm: nn.LSTM, seen: str, start: int) -> tuple[str,
             graph.add("Unsqueeze", graph.columns("state", begin, begin + size), first)
             for begin in (start + layer * size, start + (layers + layer) * size)
         ]
-        weights = (_gates(lstm, f"weight_{kind}_l{layer}") for kind in ("ih", "hh"))
+        weights = [graph.number(_gates(lstm, f"weight_{kind}_l{layer}")[None]) for kind in ("ih", "hh")]
         biases = ""
         if lstm.bias:
-            both = torch.cat([_gates(lstm, f"bias_{kind}_l{layer}")[0] for kind in ("ih", "hh")])
+            both = torch.cat([_gates(lstm, f"bias_{kind}_l{layer}") for kind in ("ih", "hh")])
             biases = graph.number(both[None])
         names = [f"{name}_{layer}" for name in ("remembered", "hidden", "cell")]
-        inputs = [*map(graph.number, weights), biases, "", *before]
-        seen = graph.add("LSTM", seen, *inputs, hidden_size=size, to=names)
+        seen = graph.add("LSTM", seen, *weights, biases, "", *before, hidden_size=size, to=names)
         seen = graph.add("Squeeze", seen, graph.number([1]))
         for part, name in zip(kept, names[1:], strict=True):
             part.append(graph.add("Squeeze", name, first))
@@ -169,6 +168,6 @@ def _remember(graph: _Graph, lstm: nn.LSTM, seen: str, start: int) -> tuple[str,
 
 
 def _gates(lstm: nn.LSTM, name: str) -> torch.Tensor:
-    """Weights with a leading axis of one, their gates in ONNX's order: input, output, forget, cell."""
+    """Weights or biases, their gates in ONNX's order: input, output, forget, cell."""
     enter, forget, cell, leave = getattr(lstm, name).detach().chunk(4)
-    return torch.cat([enter, leave, forget, cell])[None]
+    return torch.cat([enter, leave, forget, cell])
