@@ -10,7 +10,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import gc
-import importlib
+import importlib.util
 import io
 import json
 import os
@@ -42,7 +42,8 @@ HEAVY = (
 def warm() -> None:
     """Import what programs use, and what the first model of a process imports; load the compiled game.
 
-    A command is run as well, for what typer makes of words.
+    An extra's library may be missing: a program that needs it will say so. A command is run as well, for
+    what typer makes of words.
     """
     import torch
     import tqdm
@@ -50,7 +51,8 @@ def warm() -> None:
     torch.set_num_threads(1)
     tqdm.tqdm.monitor_interval = 0  # else it starts a thread
     for name in HEAVY:
-        importlib.import_module(name)
+        if importlib.util.find_spec(name.partition(".")[0]) is not None:
+            importlib.import_module(name)
     from stable_baselines3 import PPO
 
     import fpg_bench
