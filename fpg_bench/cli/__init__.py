@@ -11,20 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.cli import (
-    compare,
-    export,
-    leaderboard,
-    llm,
-    plan,
-    reproduce,
-    season,
-    selfplay,
-    submit,
-    tune,
-    verbs,
-    zoo,
-)
+from fpg_bench.cli import export, leaderboard, llm, plan, reproduce, season, selfplay, tune, verbs, zoo
 from fpg_bench.errors import UserError, printable
 
 app = typer.Typer(
@@ -40,23 +27,19 @@ for verb in (
     zoo.zoo,
     zoo.players,
     zoo.fields,
-):
-    app.command()(verb)
-for learning in (
     selfplay.selfplay,
     selfplay.exploit,
     tune.tune,
     tune.tune_report,
     tune.tune_write,
+    export.export,
+    reproduce.reproduce,
 ):
-    app.command()(learning)
-for whole in (export.export, reproduce.reproduce):
-    app.command()(whole)
-plan.app.command()(compare.compare)
+    app.command()(verb)
 app.add_typer(plan.app, name="plan")
 app.add_typer(llm.app, name="llm")
-app.add_typer(submit.app, name="submit")
-app.add_typer(leaderboard.app, name="leaderboard")
+app.add_typer(leaderboard.submit, name="submit")
+app.add_typer(leaderboard.leaderboard, name="leaderboard")
 app.add_typer(season.app, name="season")
 _DEBUG = False
 _STOPPED = 130
