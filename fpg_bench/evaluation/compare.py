@@ -13,6 +13,7 @@ from fpg_bench.evaluation.field import PLANNER
 from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.planner_llm import asked, replayed
 from fpg_bench.evaluation.summary import Summary
+from fpg_bench.matches.match_planner import asks_llm
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 
 ALL = "all"
@@ -53,24 +54,17 @@ def compare(
     """
     out = Path(out)
     played = with_matches(load_field(field, side=PLANNER), matches)
-    named = [spec for named in planners for spec in (_ordinary() if named == ALL else [named])]
+    ordinary = [name for name in PLANNERS if not asks_llm(name)]
+    named = [spec for named in planners for spec in (ordinary if named == ALL else [named])]
     named = [spec for k, spec in enumerate(named) if spec not in named[:k]]
-    if llm and not any(map(_is_llm, named)):
+    if llm and not any(map(asks_llm, named)):
         raise UserError(f"{next(iter(llm))}: is for the planners {', '.join(LLM_CONTROLS)}; name one of them")
     entries: list[Entry] = [
         asked(spec, played, out / TRANSCRIPTS / spec, llm or {})
-        if _is_llm(spec)
+        if asks_llm(spec)
         else planner_entry(spec, played)
         for spec in named
     ]
     if transcripts is not None:
         entries += replayed(Path(transcripts), played, [entry.name for entry in entries])
     return play_into(out, field, played, entries, progress)
-
-
-def _ordinary() -> list[str]:
-    return [name for name in PLANNERS if not _is_llm(name)]
-
-
-def _is_llm(spec: Any) -> bool:
-    return isinstance(spec, str) and spec in LLM_CONTROLS

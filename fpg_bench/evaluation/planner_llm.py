@@ -14,6 +14,7 @@ from fpg_bench.evaluation.entry import Entry
 from fpg_bench.evaluation.field import Counterpart, Field
 from fpg_bench.evaluation.seeds import SeasonKey, current_season
 from fpg_bench.files import PACKED, read_json, write_json, write_whole
+from fpg_bench.matches.match_planner import replaying
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.planning.llm.budget import Budget
 from fpg_bench.planning.llm.chain import chain_start
@@ -100,16 +101,8 @@ def _replayed(folder: Path, field: Field) -> Entry:
         raise UserError(f"transcripts {folder}: its {PROMPT} is not the prompt that was recorded")
 
     def make(ally: Counterpart) -> LLMPlanner:
-        planner = LLMPlanner(
-            field.scenario,
-            prompt=prompt,
-            control=about["control"],
-            transcript=transcript_file(folder, ally.name),
-            mode="replay",
-            chain=chain_of(about, ally.name),
-        )
-        planner.transcript.check_told(about)
-        return planner
+        recorded, chain = transcript_file(folder, ally.name), chain_of(about, ally.name)
+        return replaying(field.scenario, prompt, about, recorded, chain)
 
     return Entry(folder.name, None, _fingerprint(about), make, LLMPlanner.tier)
 

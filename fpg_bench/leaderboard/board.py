@@ -25,12 +25,12 @@ from fpg_bench.leaderboard.board_rows import (
     short,
     texts,
     told_field,
+    worst,
 )
 from fpg_bench.leaderboard.cases import Case, case_of, entered, result_file, submission_folders
 from fpg_bench.leaderboard.crossplay import WITHIN
 from fpg_bench.leaderboard.fields import TRACKS as FOLDERS
 from fpg_bench.leaderboard.folder import brief
-from fpg_bench.leaderboard.nash import nash
 from fpg_bench.leaderboard.pairs import (
     BoardEntry,
     Pair,
@@ -40,10 +40,9 @@ from fpg_bench.leaderboard.pairs import (
     players_of,
     read_pairs,
 )
-from fpg_bench.leaderboard.ranking import improvements, profiles
+from fpg_bench.leaderboard.ranking import improvements, nash, profiles
 from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import TRACKS, Track, ranked_by
-from fpg_bench.leaderboard.worst import worst
 from fpg_bench.players.player import SIDES
 from fpg_bench.rows import Row
 from fpg_bench.version import __version__

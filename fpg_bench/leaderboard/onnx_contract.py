@@ -41,7 +41,7 @@ def check_policies(models: Sequence[bytes]) -> list[list[str]]:
 def _read(models: list[bytes]) -> None:
     """Read policies in one process; in a new one after each that ends it."""
     while models:
-        sandbox = Sandbox("fpg_bench.leaderboard.onnx_process", _READING)
+        sandbox = Sandbox("fpg_bench.leaderboard.onnx_rules", _READING)
         try:
             while models:
                 model = models.pop(0)

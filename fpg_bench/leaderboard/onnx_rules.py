@@ -1,11 +1,13 @@
 """The contract of a submitted policy, part by part: what the file may hold, and what it may cost.
 
-Read in a process of its own (see :mod:`fpg_bench.leaderboard.onnx_contract`), as a file may be made to hurt
-whoever parses it.
+It runs in a process of its own (see :mod:`fpg_bench.leaderboard.onnx_contract`), as a file may be made to
+hurt whoever parses it.
 """
 
 from __future__ import annotations
 
+import contextlib
+import json
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -14,7 +16,10 @@ import onnx
 from onnx import AttributeProto, GraphProto, ModelProto, NodeProto, TensorProto
 
 from fpg_bench.errors import UserError
+from fpg_bench.leaderboard.inside import Inside
+from fpg_bench.leaderboard.onnx_contract import SIZE
 from fpg_bench.leaderboard.onnx_cost import LARGEST_RANK, multiply_adds
+from fpg_bench.leaderboard.sandbox import Reader
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.signature import check_signature
 
@@ -43,6 +48,21 @@ _KINDS = {
 _DATA = ("raw_data", "float_data", "double_data", "int32_data", "int64_data", "uint64_data", "string_data")
 _VALUES = [AttributeProto.FLOAT, AttributeProto.INT, AttributeProto.STRING, AttributeProto.TENSOR]
 _VALUES += [AttributeProto.FLOATS, AttributeProto.INTS, AttributeProto.STRINGS]
+
+
+def main(inside: Inside) -> None:
+    """Files in, what is wrong with each out, as JSON, until whoever started the process is gone."""
+    inside.lock_down()
+    connection, reader = inside.connection, Reader(inside.connection)
+    with contextlib.suppress(EOFError, ConnectionError):
+        while True:
+            (size,) = SIZE.unpack(reader.read(SIZE.size))
+            try:
+                found = violations(reader.read(size))
+            except MemoryError:
+                found = ["takes more memory to read than a policy may"]
+            answer = json.dumps([line[:400] for line in found[:50]]).encode()
+            connection.sendall(SIZE.pack(len(answer)) + answer)
 
 
 def violations(data: bytes) -> list[str]:

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.evaluation.field import Field
+from fpg_bench.evaluation.field import PLANNER, Field
 from fpg_bench.evaluation.play import rounds, table_of
 from fpg_bench.leaderboard.check import load_submission
-from fpg_bench.leaderboard.planner_track import TRACK
 from fpg_bench.leaderboard.tracks import KNOWN, TRACKS
 from fpg_bench.planning import BatchPlanner, Plan, Planner, Request, as_planner, plan_all
 from fpg_bench.planning.llm.prompts import controlled
@@ -38,7 +37,7 @@ def marked(board: Row, folder: str | Path) -> Row:
     """
     return board | {
         "tracks": [
-            _marked(table, Path(folder)) if table["key"] == TRACK else table for table in board["tracks"]
+            _marked(table, Path(folder)) if table["key"] == PLANNER else table for table in board["tracks"]
         ]
     }
 
@@ -78,7 +77,7 @@ def shuffled_rewards(row: Row, rows: Sequence[Row], script: str | None) -> Row:
     if told["tier"] != "history" or told.get("control", "none") != "none":
         return _mark(None, "not asked: it is not said to use its rewards")
     if script is not None:
-        field = TRACKS[TRACK].field
+        field = TRACKS[PLANNER].field
         alike = answers_alike(as_planner(script, field.scenario), field)
     else:
         controls = [other for other in rows if _is_control(other, told)]
@@ -125,7 +124,7 @@ def _marked(table: Row, folder: Path) -> Row:
 def _with_marks(row: Row, table: Row, folder: Path) -> Row:
     script = None
     if row["kind"] == "script":
-        script = load_submission(folder / "submissions" / TRACK / row["slug"], contract=False).script
+        script = load_submission(folder / "submissions" / PLANNER / row["slug"], contract=False).script
     marks = {
         "first_round": first_round(row, table),
         "shuffled_rewards": shuffled_rewards(row, table["rows"], script),

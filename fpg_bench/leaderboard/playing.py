@@ -6,18 +6,20 @@ import contextlib
 import dataclasses
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import Entry, Same
-from fpg_bench.evaluation.field import Counterpart, Field
+from fpg_bench.evaluation.field import PLANNER, Counterpart, Field
 from fpg_bench.evaluation.line import Line, read_line
+from fpg_bench.evaluation.planner_llm import transcript_file
 from fpg_bench.evaluation.play import play
-from fpg_bench.leaderboard.planner_track import TRACK, replaying
 from fpg_bench.leaderboard.sandbox import PolicyFailed, missing_here
 from fpg_bench.leaderboard.submission import Policy, Submission
-from fpg_bench.leaderboard.transcripts import local
+from fpg_bench.leaderboard.transcripts import FOLDER, local, told
+from fpg_bench.matches.match_planner import replaying
 from fpg_bench.rows import RowFile
 
 LINES = "lines.jsonl"
@@ -52,8 +54,19 @@ class Part:
     def entry(self, player: Any, field: Field) -> Entry:
         """The part as an entry that meets counterparts of a field, played by a player."""
         if self.recorded is not None:
-            return Entry(self.slug, None, self.fingerprint, replaying(self.recorded, field))
+            return Entry(self.slug, None, self.fingerprint, partial(_recorded, self.recorded, field))
         return Entry(self.slug, self.seed, self.fingerprint, Same(player))
+
+
+def _recorded(folder: Path, field: Field, ally: Counterpart) -> Any:
+    """The planner of a submission's transcripts against an ally; no language model is asked.
+
+    Raises:
+        UserError: a transcript is not that of these matches: its prompts are others, or something of it is
+            missing or was changed.
+    """
+    about, prompt = told(folder, field)
+    return replaying(field.scenario, prompt, about, transcript_file(folder / FOLDER, ally.name))
 
 
 def parts_of(submission: Submission) -> list[Part]:
@@ -61,7 +74,7 @@ def parts_of(submission: Submission) -> list[Part]:
     slug = submission.slug
     if submission.script is not None:
         return [Part(slug, None, submission.script)]
-    if submission.track == TRACK:
+    if submission.track == PLANNER:
         return [Part(slug, None, "transcripts", recorded=submission.folder)]
     policies = sorted(submission.policies, key=lambda policy: policy.seed)
     return [Part(slug, policy.seed, policy, submission.zoo is not None) for policy in policies]

@@ -11,15 +11,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import Field
+from fpg_bench.evaluation.field import PLANNER, Field
 from fpg_bench.evaluation.line import Line, read_line
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.summary import Summary, summary_of
 from fpg_bench.files import write_whole
-from fpg_bench.leaderboard.planner_track import planner_facts
 from fpg_bench.leaderboard.tracks import KNOWN
+from fpg_bench.leaderboard.transcripts import told as told_of
 from fpg_bench.plain_json import read_object
+from fpg_bench.planning import as_planner
 from fpg_bench.rows import Row
 from fpg_bench.version import __version__
 
@@ -30,6 +31,7 @@ VERIFIED, NOT_VERIFIED = "verified", "not verified"
 LARGEST = 4_000_000  # bytes; those of five training seeds in a season are 400,000
 _DIGITS = 6
 _HEAD = {"kind", "slug", "track", "status", "reason", "fingerprint", "summary", "lines_sha256"}
+_TOLD = ("model", "server", "control", "prompt_hash")  # of a language model
 Fields = Mapping[str, Field]  # what a submission plays, by what it says of it
 
 
@@ -70,9 +72,24 @@ def fingerprint(submission: Submission, fields: Fields) -> Row:
         "policies": {str(policy.seed): policy.sha256 for policy in submission.policies},
         "submission": submission.fingerprint,
     }
-    if submission.track == "planner":
+    if submission.track == PLANNER:
         found["planner"] = planner_facts(submission, fields[KNOWN])
     return found
+
+
+def planner_facts(submission: Submission, field: Field) -> Row:
+    """What a result's fingerprint tells of a planner: its tier, its matches, and the language model.
+
+    Raises:
+        UserError: there is no such planner, or its transcripts do not tell.
+    """
+    matches = {"matches": field.matches}
+    if submission.script is not None:
+        return {"tier": as_planner(submission.script, field.scenario).tier, **matches}
+    about, _ = told_of(submission.folder, field)
+    prompt = Path(about["prompt"]).stem
+    runs = {"runs": submission.runs, "season": about["season"]}
+    return {"tier": "history", **matches, **runs, "prompt": prompt, **{key: about[key] for key in _TOLD}}
 
 
 def differing(one: Row, other: Row) -> list[str]:

@@ -15,7 +15,7 @@ from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.crossplay import play_missing
-from fpg_bench.leaderboard.nash import nash
+from fpg_bench.leaderboard.ranking import nash
 from fpg_bench.leaderboard.result import verified_result, write_result
 from fpg_bench.leaderboard.site.play_data import policy_data
 from fpg_bench.leaderboard.site.rivals import submitted_policies

@@ -9,7 +9,7 @@ from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.play import LOST_SCORE, play
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.leaderboard.crossplay import check_pairs, play_missing, play_pair
+from fpg_bench.leaderboard.crossplay import Team, check_pairs, play_missing, play_pair
 from fpg_bench.leaderboard.pairs import (
     BoardEntry,
     Pairs,
@@ -20,7 +20,6 @@ from fpg_bench.leaderboard.pairs import (
 )
 from fpg_bench.leaderboard.playing import Part
 from fpg_bench.leaderboard.submission import Policy
-from fpg_bench.leaderboard.team import Team
 from fpg_bench.leaderboard.verify import verify
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.naming import as_player

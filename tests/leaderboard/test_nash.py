@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.leaderboard.nash import nash
+from fpg_bench.leaderboard.ranking import nash
 
 
 def test_rock_paper_scissors_is_played_evenly():

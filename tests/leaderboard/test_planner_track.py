@@ -12,8 +12,8 @@ from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.field_file import load_field
 from fpg_bench.evaluation.statistics import rank_ranges
 from fpg_bench.evaluation.summary import summary_of
-from fpg_bench.leaderboard.planner_track import planner_facts
 from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines
+from fpg_bench.leaderboard.result import planner_facts
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from tests.planning.llm.real_server import LlamaServer
 

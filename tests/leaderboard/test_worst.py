@@ -6,8 +6,8 @@ import pytest
 from fpg_bench.evaluation.field import Counterpart, Field
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.game.scenario import STANDARD
+from fpg_bench.leaderboard.board_rows import worst
 from fpg_bench.leaderboard.pairs import Pair
-from fpg_bench.leaderboard.worst import worst
 
 
 def over(name, **means):

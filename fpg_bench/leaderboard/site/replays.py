@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import Counterpart, Field
+from fpg_bench.evaluation.field import PLANNER, Counterpart, Field
 from fpg_bench.evaluation.play import table_of
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.leaderboard.check import load_submission
-from fpg_bench.leaderboard.planner_track import TRACK as PLANNERS
 from fpg_bench.leaderboard.playing import Meeting, parts_of, seated
 from fpg_bench.leaderboard.sandbox import PolicyFailed
 from fpg_bench.leaderboard.site.shown import Row, ShownEntry, read_tracks, value_of
@@ -145,7 +144,7 @@ def _kept(path: Path, file: str) -> Replay | None:
 @contextlib.contextmanager
 def _player(submission: Submission) -> Iterator[Any]:
     """Who plays: a policy in a process of its own, or the name of a script or planner."""
-    if submission.track == PLANNERS and submission.script is None:
+    if submission.track == PLANNER and submission.script is None:
         raise UserError("transcripts are not shown as rounds")
     with seated(parts_of(submission)[0].plays) as player:
         yield player
@@ -182,7 +181,7 @@ def _play(
     table = table_of(player, field, counterpart, matches=1)
     seeds: Any = np.array(evaluation_seeds(1, field.season))
     recordings = []
-    for _ in range(field.rounds_per_match if field.side == PLANNERS else 1):
+    for _ in range(field.rounds_per_match if field.side == PLANNER else 1):
         begin(table, seeds=seeds)
         recording, seeds = Recording(table.duel.arena), None
         play_round(table, on_step=recording.add, begun=True)
