@@ -23,24 +23,59 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import spearmanr
 
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.rows import RowFile
-from fpg_bench.seasons import agreement
 from fpg_bench.seasons.choosing import diverse, representative
-from fpg_bench.seasons.close import OTHER, PROFILE
+from fpg_bench.seasons.close import OTHER, PROFILE, played
 from fpg_bench.seasons.entries import apart, of_side, read_entries
-from fpg_bench.seasons.profiles import played
 
 Choose = Callable[[np.ndarray, int], list[int]]
 PLURAL = {"ally": "allies", "opponent": "opponents"}
 SIZES = (2, 4, 6, 8, 10, 12, 16, 20, 24, 32, 40)
+
+
+def mean(returns: np.ndarray) -> np.ndarray:
+    """``(entries,)``: what entries earn a step against a field ``(entries, counterparts)`` on average."""
+    return returns.mean(axis=1)
+
+
+def worst(returns: np.ndarray, lowest: int = 1) -> np.ndarray:
+    """``(entries,)``: the mean of the so many lowest returns of each entry."""
+    return np.sort(returns, axis=1)[:, :lowest].mean(axis=1)
+
+
 SCORES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-    "mean": agreement.mean,
-    "worst": agreement.worst,
-    "lowest 2": partial(agreement.worst, lowest=2),
-    "lowest 3": partial(agreement.worst, lowest=3),
+    "mean": mean,
+    "worst": worst,
+    "lowest 2": partial(worst, lowest=2),
+    "lowest 3": partial(worst, lowest=3),
 }
+
+
+def agreement(a: np.ndarray, b: np.ndarray, score: Callable[[np.ndarray], np.ndarray]) -> float:
+    """Spearman's rank correlation of a score of the same entries under two fields."""
+    return float(spearmanr(score(a), score(b)).statistic)
+
+
+def curve(
+    a: np.ndarray,
+    b: np.ndarray,
+    score: Callable[[np.ndarray], np.ndarray],
+    sizes: list[int],
+    draws: int = 400,
+) -> list[np.ndarray]:
+    """Per size, ``(draws,)``: the agreement of random parts of two fields, of so many counterparts each."""
+    rng = np.random.default_rng(0)
+    found = []
+    for size in sizes:
+        parts = [
+            [field[:, rng.choice(field.shape[1], size, replace=False)] for field in (a, b)]
+            for _ in range(draws)
+        ]
+        found.append(np.array([agreement(x, y, score) for x, y in parts]))
+    return found
 
 
 class Closed:
@@ -102,24 +137,24 @@ def tell(
     print(f"| {PLURAL[side]} | {' | '.join(map(str, sizes))} | all |")
     print("| --- " * (len(sizes) + 2) + "|")
     for name, score in SCORES.items():
-        every = f"{agreement.agreement(a.entries, b.entries, score):.2f}"
-        drawn = agreement.curve(a.entries, b.entries, score, sizes)
+        every = f"{agreement(a.entries, b.entries, score):.2f}"
+        drawn = curve(a.entries, b.entries, score, sizes)
         cells = [f"{np.median(found):.2f} ({np.quantile(found, 0.1):.2f})" for found in drawn]
         print(f"| {name}, random | {' | '.join(cells)} | {every} |")
         for choose in (representative, diverse):
             parts = [(a.field(size, choose), b.field(size, choose)) for size in sizes]
-            chosen = [f"{agreement.agreement(x, y, score):.2f}" for x, y in parts]
+            chosen = [f"{agreement(x, y, score):.2f}" for x, y in parts]
             print(f"| {name}, {choose.__name__} | {' | '.join(chosen)} | {every} |")
     if known is not None and scripts is not None:
         parts = [[np.hstack((known, c.field(size))) for c in (a, b)] for size in sizes]
-        chosen = [agreement.agreement(x, y, agreement.worst) for x, y in parts]
+        chosen = [agreement(x, y, worst) for x, y in parts]
         print(f"| worst, representative and known | {' | '.join(f'{found:.2f}' for found in chosen)} | |")
         for what, part in (("scripts", known[:, scripts]), ("scripts and trained entries", known)):
             for name in ("mean", "worst"):
-                found = [agreement.agreement(part, c.entries, SCORES[name]) for c in (a, b)]
+                found = [agreement(part, c.entries, SCORES[name]) for c in (a, b)]
                 print(f"{name}, {what} against each closing: {found[0]:.2f}, {found[1]:.2f}")
     for name in ("mean", "worst"):
-        each = agreement.agreement(a.agents, b.agents, SCORES[name])
+        each = agreement(a.agents, b.agents, SCORES[name])
         print(f"{name}, all candidates, over {len(a.agents)} agents: {each:.2f}")
 
 

@@ -186,8 +186,8 @@ def build(
     from fpg_bench.leaderboard.planner_marks import marked
     from fpg_bench.leaderboard.sandbox import forget_keys
     from fpg_bench.leaderboard.site.build import build_site, check_folder
+    from fpg_bench.leaderboard.site.play_data import submitted_policies
     from fpg_bench.leaderboard.site.replays import make_replays
-    from fpg_bench.leaderboard.site.rivals import submitted_policies
 
     forget_keys()
     check_folder(out)

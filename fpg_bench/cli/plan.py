@@ -63,8 +63,7 @@ def run(
     """
     need("video", "matplotlib")
     from fpg_bench.matches.match import run_match
-    from fpg_bench.matches.match_page import write_match_replay
-    from fpg_bench.matches.match_picture import draw_match
+    from fpg_bench.matches.match_picture import draw_match, write_match_replay
 
     told: dict[str, Any] = {"prompt": prompt, "control": control, "server": server}
     told |= {"temperature": temperature, "sampling_seed": sampling_seed}
@@ -214,7 +213,7 @@ def _targets(out: Path | None, name: str) -> tuple[Path, Path, Path]:
 
 
 def _print_talk(played: Round) -> None:
-    from fpg_bench.matches.match_page import said_in
+    from fpg_bench.matches.match_picture import said_in
 
     for attempt in played.talk:
         for who, text in said_in(attempt):

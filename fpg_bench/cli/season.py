@@ -63,7 +63,7 @@ def show(name: NameArgument, board: BoardOption = Path("leaderboard")) -> None:
 
     Example: fpg-bench season show season-1
     """
-    from fpg_bench.seasons.show import told
+    from fpg_bench.seasons.audit import told
 
     for line in told(name, board):
         say(line)

@@ -51,9 +51,9 @@ def number(value: float | None, factor: float = 1, digits: int = 1) -> str:
     return f"{round(value * factor, digits) + 0.0:.{digits}f}"  # never -0.0
 
 
-def bounds(interval: Interval, digits: int = 1) -> str:
+def bounds(interval: Interval) -> str:
     """An interval's ends; a dash where there are none."""
-    low, high = (number(end, digits=digits) for end in (interval.low, interval.high))
+    low, high = (number(end) for end in (interval.low, interval.high))
     return "-" if low == "-" else f"[{low}, {high}]"
 
 
@@ -78,16 +78,12 @@ def _worst(s: Summary) -> str:
     return number(s.by_counterpart[s.worst].value, digits=2)
 
 
-def _marked(s: Summary) -> str:
-    return bounds(s.score) + (" †" if 0 < s.training_seeds < FEW_SEEDS else "")
-
-
 _FIRST_MEASURE = 3  # what they can be spared for: all but jamming, before the columns of returns
 _OF_PLAYERS = (
     Column("player", lambda s: s.entry),
     Column("seeds", lambda s: str(s.training_seeds or "-"), spare=2),
     Column("score", lambda s: number(s.score.value)),
-    Column("95 % interval", _marked),
+    Column("95 % interval", lambda s: bounds(s.score) + (" †" if 0 < s.training_seeds < FEW_SEEDS else "")),
     Column("return", lambda s: number(s.reward.value, digits=2), spare=2),
     Column("worst", _worst, spare=1),
     Column("against", lambda s: s.worst, spare=4),

@@ -84,8 +84,9 @@ def load_field(name: str, side: str | None = None, shipped: bool = False) -> Fie
     if content["side"] not in (*SIDES, PLANNER):
         raise UserError(f"field {path}: side: expected ally, opponent or planner, got {content['side']!r}")
     if side not in (None, content["side"]):
+        verb = "plan compare" if content["side"] == PLANNER else "evaluate"
         raise UserError(
-            f"field {name}: measures the {content['side']}, not the {side}{_verb(content['side'])}"
+            f"field {name}: measures the {content['side']}, not the {side}; write fpg-bench {verb}"
         )
     try:
         field = _field(path.stem, content)
@@ -96,10 +97,6 @@ def load_field(name: str, side: str | None = None, shipped: bool = False) -> Fie
     except UserError as error:
         raise UserError(f"field {path}: {error}") from error
     return field
-
-
-def _verb(side: str) -> str:
-    return f"; write fpg-bench {'plan compare' if side == PLANNER else 'evaluate'}"
 
 
 def _field(name: str, content: dict[str, Any]) -> Field:

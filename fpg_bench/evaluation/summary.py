@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -132,7 +132,8 @@ def _summary(lines: Sequence[Line], field: Field) -> Summary | None:
     if None in seeds and len(seeds) > 1:
         raise UserError(f"field {field.name}: {lines[0].entry} has lines with and without a training seed")
     names = [counterpart.name for counterpart in field.counterparts]
-    whole = {seed: of for seed, of in sorted(seeds.items(), key=_by_seed) if set(names) <= of.keys()}
+    order = sorted(seeds, key=lambda seed: seed or 0)
+    whole = {seed: seeds[seed] for seed in order if set(names) <= seeds[seed].keys()}
     if not whole:
         return None
     rewards = [[field.rewards(of[name].returns) for name in names] for of in whole.values()]
@@ -148,8 +149,3 @@ def _check(line: Line, field: Field) -> None:
             f"field {field.name}: the line of {line.entry} against {line.counterpart} has "
             f"{len(line.returns)} rounds, expected {field.rounds}; evaluate again into another folder"
         )
-
-
-def _by_seed(item: tuple[int | None, Mapping[str, Line]]) -> tuple[bool, int]:
-    seed = item[0]
-    return seed is None, seed or 0

@@ -53,16 +53,13 @@ def caption(field: Field) -> str:
     met = f"{len(field.counterparts)} counterparts, {field.matches} matches each"
     if field.rounds_per_match > 1:
         met += f" of {field.rounds_per_match} rounds"
+    whose = "ally's" if field.side == "ally" else "opponent's"
     return (
-        f"Field {field.name} ({field.hash[:12]}): {met}. Return: the {_whose(field)}, a step, mean over "
+        f"Field {field.name} ({field.hash[:12]}): {met}. Return: the {whose}, a step, mean over "
         f"counterparts; {field.scale.told}; worst: the lowest return a step, against one of them. Intervals: "
         "95 %, over training seeds; for scripts, planners and single training seeds over matches. † fewer "
         "than three training seeds."
     )
-
-
-def _whose(field: Field) -> str:
-    return "ally's" if field.side == "ally" else "opponent's"
 
 
 def markdown(summaries: Sequence[Summary], field: Field) -> str:

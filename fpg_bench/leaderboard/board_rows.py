@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.evaluation.columns import learning_curve, over_rounds
-from fpg_bench.evaluation.field import Field
+from fpg_bench.evaluation.field import Field, Scale
 from fpg_bench.evaluation.seeds import current_season
 from fpg_bench.evaluation.statistics import FEW_SEEDS, TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.leaderboard.cases import Case
 from fpg_bench.leaderboard.pairs import Pair
-from fpg_bench.leaderboard.result import Result, rounded
+from fpg_bench.leaderboard.result import Result, interval_row, rounded
 from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, SHIFTED
 from fpg_bench.players.player import SIDES
@@ -128,16 +128,16 @@ def figures(entry: Scored, lowest: Worst) -> Row:
         "reason": None,
         "training_seeds": known.training_seeds,
         "few_seeds": 0 < known.training_seeds < FEW_SEEDS,
-        "score": _interval(ranking.score) | {"over": ranking.over},
-        "scores": {role: _interval(of.score) | {"over": of.over} for role, of in entry.summaries.items()},
+        "score": interval_row(ranking.score) | {"over": ranking.over},
+        "scores": {role: interval_row(of.score) | {"over": of.over} for role, of in entry.summaries.items()},
         "worst": {
             "against": lowest.against,
             "where": lowest.where,
-            "return": _interval(lowest.reward),
-            **{end: short(scale.score(getattr(lowest.reward, end))) for end in ("value", "low", "high")},
+            "return": interval_row(lowest.reward),
+            **_scaled(lowest.reward, scale),
         },
         "counterparts": {
-            role: {name: _scaled(met, of) for name, met in of.by_counterpart.items()}
+            role: {name: _scaled(met, of.field.scale) for name, met in of.by_counterpart.items()}
             for role, of in entry.summaries.items()
         },
         "units": {
@@ -164,9 +164,8 @@ def _units(summary: Summary) -> list[list[float]]:
     return [np.round(summary.field.scale.score(of), 1).tolist() for of in every]
 
 
-def _scaled(reward: Interval, summary: Summary) -> Row:
+def _scaled(reward: Interval, scale: Scale) -> Row:
     """A return a step as a score."""
-    scale = summary.field.scale
     return {name: short(scale.score(getattr(reward, name))) for name in ("value", "low", "high")}
 
 
@@ -178,8 +177,8 @@ def _planner(known: Summary, result: Result) -> Row | None:
     count = sum(plans.statuses.values())
     return {
         **result.fingerprint["planner"],
-        "score_all": _interval(over_rounds(known, slice(None))),
-        "curve": [_interval(of) for of in learning_curve(known)],
+        "score_all": interval_row(over_rounds(known, slice(None))),
+        "curve": [interval_row(of) for of in learning_curve(known)],
         "valid": plans.valid,
         "valid_but_useless": plans.valid_but_useless,
         "statuses": plans.statuses,
@@ -205,10 +204,6 @@ def blank(why: str) -> Row:
         "lost": 0,
         "rounds": 0,
     }
-
-
-def _interval(interval: Interval) -> Row:
-    return {name: short(getattr(interval, name)) for name in ("value", "low", "high")}
 
 
 def short(value: Any) -> float | None:

@@ -83,25 +83,24 @@ def play_missing(
     return failed
 
 
-def check_pairs(board: str | Path, share: float, seed: int, rounds: int = ROUNDS) -> list[str]:
+def check_pairs(board: str | Path, share: float, seed: int) -> list[str]:
     """Play some pairs again, drawn at random; what differs, one line each.
 
     Args:
         board: the leaderboard's folder.
         share: of the pairs; at least one is played.
         seed: of the draw.
-        rounds: as they were played.
 
     Raises:
         UserError: a share out of range.
     """
     check_share(share)
     board = Path(board)
-    pairs = read_pairs(board, players_of_board(board), rounds)
+    pairs = read_pairs(board, players_of_board(board))
     there = [(a, o) for key, a, o in pairs.every() if key in pairs.known]
     drawn = random.Random(seed).sample(there, math.ceil(share * len(there)))
     with at_work(board):
-        played, failed = _play(board, drawn, rounds)
+        played, failed = _play(board, drawn, pairs.rounds)
     return failed + _differing(played, pairs)
 
 

@@ -107,34 +107,33 @@ def verified_result(slug: str, track: str, printed: Row, lines: Sequence[Line], 
         lines: of all its training seeds against all counterparts.
         fields: what was played.
     """
-    told = summary(lines, fields)
-    return Result(_head(slug, track, VERIFIED, None, printed, told, lines), tuple(lines))
+    return _result(slug, track, printed, tuple(lines), summary(lines, fields))
 
 
 def failed_result(slug: str, track: str, printed: Row, reason: str) -> Result:
     """The result of a submission that could not be played to its end, and why."""
-    return Result(_head(slug, track, NOT_VERIFIED, reason, printed, None, ()), ())
+    return _result(slug, track, printed, reason=reason)
 
 
-def _head(
+def _result(
     slug: str,
     track: str,
-    status: str,
-    reason: str | None,
     printed: Row,
-    told: Row | None,
-    lines: Sequence[Line],
-) -> Row:
-    return {
+    lines: tuple[Line, ...] = (),
+    told: Row | None = None,
+    reason: str | None = None,
+) -> Result:
+    head = {
         "kind": "result",
         "slug": slug,
         "track": track,
-        "status": status,
+        "status": VERIFIED if reason is None else NOT_VERIFIED,
         "reason": reason,
         "fingerprint": printed,
         "summary": told,
         "lines_sha256": _sha256(lines),
     }
+    return Result(head, lines)
 
 
 def summary(lines: Sequence[Line], fields: Fields) -> Row:

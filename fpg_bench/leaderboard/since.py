@@ -47,11 +47,11 @@ def changes_since(board: Path, revision: str) -> Changes:
     now = {path for path in listed.split("\0") if path} | {str(p.relative_to(top)) for p in _there(board)}
     changed = [path for path in sorted(before.keys() | now) if before.get(path) != _blob(top / path, commit)]
     home = board.resolve().relative_to(top)
-    names = {path: _entry(Path(path).relative_to(home).parts) for path in changed if _is_in(path, home)}
+    names = {path: _entry(Path(path), home) for path in changed}
     pairs = str(crossplay_file(home))
     return Changes(
         frozenset(name for name in names.values() if name is not None),
-        tuple(path for path in changed if names.get(path) is None and path != pairs),
+        tuple(path for path in changed if names[path] is None and path != pairs),
     )
 
 
@@ -121,12 +121,9 @@ def _blob(file: Path, commit: str) -> str | None:
     return hashlib.new(kind, b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()
 
 
-def _is_in(path: str, home: Path) -> bool:
-    return Path(path).is_relative_to(home)
-
-
-def _entry(parts: tuple[str, ...]) -> str | None:
-    """Whose a file of a board is."""
+def _entry(path: Path, home: Path) -> str | None:
+    """Whose a file of a checkout is; None where it is no entry's of the board."""
+    parts = path.relative_to(home).parts if path.is_relative_to(home) else ()
     if len(parts) < 3 or parts[0] not in ("submissions", "results") or parts[1] not in TRACKS:
         return None
     name = parts[2].removesuffix(".jsonl") if parts[0] == "results" else parts[2]

@@ -11,13 +11,13 @@ from fpg_bench.evaluation.field import Counterpart, Field
 from fpg_bench.evaluation.play import play
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.leaderboard import host
-from fpg_bench.leaderboard.host import Limits, PolicyFailed
+from fpg_bench.leaderboard.host import PolicyFailed
 from fpg_bench.leaderboard.policies import Policy
 
 _GAMES, _STEPS, _ROUNDS = 16, 25, 6
 
 
-def trial(policy: Policy, field: Field | None = None, limits: Limits | None = None) -> list[str]:
+def trial(policy: Policy, field: Field | None = None) -> list[str]:
     """What goes wrong when a policy plays random observations and some rounds, one line each.
 
     Its answers must be finite, within [-1, 1] and of the right shape.
@@ -25,10 +25,9 @@ def trial(policy: Policy, field: Field | None = None, limits: Limits | None = No
     Args:
         policy: what is tried.
         field: whose first and last counterpart it meets for some rounds; None: it meets nobody.
-        limits: of memory and time.
     """
     try:
-        with host.PolicyHost(policy, limits) as player:
+        with host.PolicyHost(policy) as player:
             lost = _random(player)
             for few, counterpart in _some(field):
                 play(player_entry(player), few, counterpart)

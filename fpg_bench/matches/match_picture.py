@@ -1,9 +1,9 @@
-"""A match as one picture: each round's paths from above, and both heights over time."""
+"""A match to be looked at: as one picture, and as one page whose rounds can be watched."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,8 @@ from matplotlib.figure import Figure
 from fpg_bench.files import write_whole
 from fpg_bench.matches.match import Round
 from fpg_bench.pictures.arena_panel import ALLY, GREY, GROUND, INK, OPPONENT, PALE, bezier_curve
+from fpg_bench.pictures.replay import write_replay
+from fpg_bench.planning.llm.attempt import Attempt
 
 MOST = 40  # panels; of a longer match evenly spaced rounds are drawn
 _ACROSS = 5
@@ -92,3 +94,30 @@ def _heading(played: Round) -> str:
     row = played.row
     told = "" if row["status"] == "ok" else f"\n{row['status']}, {row['source']}"
     return f"round {row['round']}: {played.reward_per_step:+.1f} a step{told}"
+
+
+def write_match_replay(rounds: Sequence[Round], path: Path, title: str, ally: str, opponent: str) -> None:
+    """Write the replay of a match as one HTML file, whole.
+
+    Args:
+        rounds: at least one.
+        path: the file; it is replaced.
+        title: the page's heading.
+        ally, opponent: what the players are called.
+    """
+    talks = [
+        {
+            "status": played.row["status"],
+            "talk": [{"who": who, "text": text} for each in played.talk for who, text in said_in(each)],
+        }
+        for played in rounds
+    ]
+    write_replay([played.recording for played in rounds], path, title, ally, opponent, talks)
+
+
+def said_in(attempt: Attempt) -> Iterator[tuple[str, str]]:
+    """Who said what in an attempt at a plan: the request's messages, then the answer or what went wrong."""
+    for message in (attempt.request or {}).get("messages", []):
+        yield str(message.get("role")), str(message.get("content"))
+    cost = f"{attempt.status}, {attempt.seconds:.1f} s, {attempt.tokens_out or 0} tokens"
+    yield f"{attempt.model or 'no answer'} ({cost})", attempt.text or attempt.detail

@@ -122,7 +122,8 @@ def _play(table: Table, seed: int | None, names: dict[str, str], every: int, ech
     """Play a round to its end; with ``echo``, say what happens."""
     begin(table, seeds=seed)
     recording, game = Recording(table.duel.arena), table.duel.arena.games[0]
-    for line in _heading(recording, names) if echo is not None else ():
+    heading = (_title(names), f"{_which(recording)}, path {recording.path}", _FLAGS, *_HEADING)
+    for line in heading if echo is not None else ():
         echo(line)  # type: ignore[misc]
 
     def show() -> None:
@@ -132,10 +133,6 @@ def _play(table: Table, seed: int | None, names: dict[str, str], every: int, ech
 
     play_round(table, on_step=show, begun=True)
     return recording
-
-
-def _heading(recording: Recording, names: dict[str, str]) -> tuple[str, ...]:
-    return (_title(names), f"{_which(recording)}, path {recording.path}", _FLAGS, *_HEADING)
 
 
 def _title(names: dict[str, str]) -> str:

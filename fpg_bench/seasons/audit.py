@@ -1,8 +1,8 @@
-"""Auditing a season: members are trained again, and what the entries earn against both is compared."""
+"""Looking at a season: in words, and by training members again and comparing what the entries earn."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,13 +15,14 @@ from fpg_bench.files import read_json
 from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.job import Job, check_all_done
 from fpg_bench.jobs.run import run_jobs
-from fpg_bench.seasons.candidates import is_trained, leave_agent, train_candidate
-from fpg_bench.seasons.close import OTHER
-from fpg_bench.seasons.drawing import shuffled
-from fpg_bench.seasons.entries import SeasonEntry, season_seed
-from fpg_bench.seasons.profiles import ROUNDS, played
-from fpg_bench.seasons.recipe import Recipe
-from fpg_bench.seasons.season import Season, SeasonMember
+from fpg_bench.seasons.candidates import train_candidate
+from fpg_bench.seasons.close import OTHER, ROUNDS, played
+from fpg_bench.seasons.entries import SeasonEntry, read_entries, season_seed
+from fpg_bench.seasons.recipe import Recipe, shuffled
+from fpg_bench.seasons.season import Season, SeasonMember, load_season
+from fpg_bench.training.run_folder import RunFolder
+
+_TITLES = {"opponent": "Opponents, met by allies", "ally": "Allies, met by opponents"}
 
 
 @dataclass(frozen=True)
@@ -95,11 +96,6 @@ def check_entries(season: Season, entries: list[SeasonEntry]) -> None:
         )
 
 
-def later_entries(season: Season, entries: list[SeasonEntry]) -> list[str]:
-    """The names of entries that came or changed after a season was closed: they had access to it."""
-    return [e.name for e in entries if season.entries.get(e.name) != list(e.hashes)]
-
-
 def _members(
     season: Season, names: list[str] | None, count: int, work: Path
 ) -> list[tuple[str, SeasonMember]]:
@@ -115,14 +111,8 @@ def _members(
 
 def _job(work: Path, recipe: Recipe) -> Job:
     folder = work / recipe.side / recipe.name
-    return folder_job(
-        f"{recipe.side}/{recipe.name}", folder, partial(_train, recipe), partial(is_trained, folder)
-    )
-
-
-def _train(recipe: Recipe, folder: Path) -> None:
-    train_candidate(recipe, folder)
-    leave_agent(folder)
+    train, done = partial(train_candidate, recipe), RunFolder(folder).is_finished
+    return folder_job(f"{recipe.side}/{recipe.name}", folder, train, done)
 
 
 def _compared(
@@ -152,3 +142,47 @@ def _compared(
     same = read_json(again / "agent.json", "agent")["policy_sha256"] == member.policy_sha256
     difference = float(np.abs(returns[:, 0] - returns[:, 1]).mean())
     return Audited(side, member.name, same, difference, float(np.corrcoef(returns.T)[0, 1]))
+
+
+def later_entries(season: Season, entries: list[SeasonEntry]) -> list[str]:
+    """The names of entries that came or changed after a season was closed: they had access to it."""
+    return [e.name for e in entries if season.entries.get(e.name) != list(e.hashes)]
+
+
+def told(name: str | Path, board: str | Path) -> Iterator[str]:
+    """The lines of a season, and which entries of a board came later.
+
+    Raises:
+        UserError: no such season, or files that do not fit it.
+    """
+    season = load_season(name)
+    kind = "training population" if season.number is None else f"season {season.number}"
+    yield f"{season.name}: {kind} of protocol {season.protocol}, hash {season.hash}"
+    yield f"seed {season.seed}, from the policies of {len(season.entries)} entries"
+    for side, title in _TITLES.items():
+        yield ""
+        yield f"{title}: {len(season.members[side])}, chosen from {season.candidates[side]} candidates"
+        yield from _told_members(season, side)
+    yield ""
+    yield _later(season, board)
+
+
+def _told_members(season: Season, side: str) -> Iterator[str]:
+    yield f"  {'name':5} {'paid for':9} {'by':11} {'steps':>9}  {'entries earn':>12}  trained against"
+    for member in season.members[side]:
+        recipe = member.recipe
+        flown = " (flies itself)" if recipe.path == "learned" and side == "opponent" else ""
+        yield (
+            f"  {recipe.name:5} {recipe.reward:9} {recipe.algorithm:11} {recipe.steps:9,}  "
+            f"{member.entries_earn:12.2f}  {', '.join(recipe.targets)}{flown}"
+        )
+
+
+def _later(season: Season, board: str | Path) -> str:
+    try:
+        later = later_entries(season, read_entries(board, contract=False))
+    except UserError:
+        return f"No board at {board}: nothing can be said of later entries."
+    if not later:
+        return "No entry of the board came after it was closed."
+    return f"Entered or changed after it was closed, with access to it: {', '.join(later)}"

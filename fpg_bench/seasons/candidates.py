@@ -6,9 +6,9 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.files import read_json
 from fpg_bench.ids import policy_view
 from fpg_bench.seasons.recipe import Recipe
+from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.spec import RunSpec
 from fpg_bench.training.train import train_run
 
@@ -49,15 +49,14 @@ def hyperparameters(recipe: Recipe) -> dict[str, Any]:
     return _PPO | own
 
 
-def train_candidate(recipe: Recipe, folder: Path) -> Path:
-    """Train a candidate; an unfinished one is begun again, so that the result is always the same.
+def train_candidate(recipe: Recipe, folder: Path) -> None:
+    """Train a candidate, and drop what a finished run needs no more: the model, its log and its checkpoints.
+
+    An unfinished one is begun again, so that the result is always the same.
 
     Args:
         recipe: how.
-        folder: of its run; a finished one is left as it is.
-
-    Returns:
-        The agent's folder.
+        folder: of its run; a finished one is not trained again.
 
     Raises:
         UserError: the folder holds another run, or training diverged.
@@ -71,17 +70,8 @@ def train_candidate(recipe: Recipe, folder: Path) -> Path:
         against=list(recipe.targets),
         options={"reward": recipe.reward, "path": recipe.path},
     )
-    return train_run(run, folder, evaluations=0, progress=False, restart=True)
-
-
-def is_trained(folder: Path) -> bool:
-    """Whether a candidate's run has finished."""
-    file = folder / "run.json"
-    return file.is_file() and bool(read_json(file, "run").get("finished"))
-
-
-def leave_agent(folder: Path) -> None:
-    """Drop what a finished run needs no more: the model, its log and its checkpoints."""
+    if not RunFolder(folder).is_finished():
+        train_run(run, folder, evaluations=0, progress=False, restart=True)
     for path in folder.iterdir():
         if path.name not in ("agent", "run.json", "evaluations.jsonl"):
             shutil.rmtree(path) if path.is_dir() else path.unlink()

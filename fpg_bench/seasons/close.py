@@ -14,22 +14,25 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.field import Counterpart, Field
+from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.files import read_json, read_yaml, write_whole
+from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.job import Job, check_all_done
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.players.player import SIDES
 from fpg_bench.rows import Row, RowFile
-from fpg_bench.seasons.candidates import is_trained, leave_agent, train_candidate
+from fpg_bench.seasons.candidates import train_candidate
 from fpg_bench.seasons.choosing import diverse, representative
 from fpg_bench.seasons.entries import SeasonEntry, apart, of_side, read_entries, season_seed
-from fpg_bench.seasons.fields import write_fields
-from fpg_bench.seasons.profiles import ROUNDS, played
 from fpg_bench.seasons.recipe import Recipe, draw_recipes
-from fpg_bench.seasons.season import FILE, Season, SeasonMember, write_season
+from fpg_bench.seasons.season import FILE, Season, SeasonMember, write_fields, write_season
+from fpg_bench.training.run_folder import RunFolder
 
-CANDIDATES, SIZE = 24, 12
+CANDIDATES, SIZE, ROUNDS = 24, 12, 60
 PROFILE, PLAN = "profile.jsonl", "plan.yml"
 Say = Callable[[str], None]
 OTHER = {"ally": "opponent", "opponent": "ally"}
@@ -151,9 +154,7 @@ def _job(closing: Closing, recipe: Recipe) -> Job:
 
 def _make(recipe: Recipe, meet: list[tuple[str, str, str]], seed: str, rounds: int, folder: Path) -> None:
     """Train a candidate and let all entries play against it; what is there is not done again."""
-    if not is_trained(folder):
-        train_candidate(recipe, folder)
-    leave_agent(folder)
+    train_candidate(recipe, folder)
     file = RowFile(folder / PROFILE)
     there = {row["player"] for row in file.read()}
     for entry, path, player in meet:
@@ -164,11 +165,40 @@ def _make(recipe: Recipe, meet: list[tuple[str, str, str]], seed: str, rounds: i
 
 
 def _is_met(folder: Path, players: int) -> bool:
-    return is_trained(folder) and len(RowFile(folder / PROFILE).read()) == players
+    return RunFolder(folder).is_finished() and len(RowFile(folder / PROFILE).read()) == players
 
 
 def _whole(closing: Closing, side: str) -> bool:
     return all(_job(closing, recipe).done() for recipe in closing.recipes(side))
+
+
+def played(
+    player: Any, side: str, other: Any, path: str, season: str, rounds: int = ROUNDS
+) -> dict[str, Any]:
+    """Rounds of a player against one of the other side, pooled.
+
+    Args:
+        player: whose profile it is: a name, or an object with ``predict``.
+        side: which it plays.
+        other: whom it meets.
+        path: how the opponent of the two flies.
+        season: the season's seed, from which the evaluation seeds follow.
+        rounds: how many.
+
+    Returns:
+        ``n`` rounds, and the mean returns a step ``ally`` and ``opponent``.
+
+    Raises:
+        UserError: no such player, one of the wrong side, or actions that are no numbers.
+    """
+    counterpart = Counterpart("season", (other,), as_scenario(STANDARD, opponent_path=path))
+    field = Field("season", side, STANDARD, rounds, (counterpart,), season=season)
+    try:
+        line = play(player_entry(player), field, counterpart)
+    except UserError as error:
+        raise UserError(f"{player} against {other}: {error}") from error
+    returns = {name: line.tally[f"{name}_return"] / line.tally["steps"] for name in ("ally", "opponent")}
+    return {"n": len(line.returns), **{name: round(value, 6) for name, value in returns.items()}}
 
 
 def profile(folder: Path, side: str) -> list[float]:

@@ -11,11 +11,9 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation.seeds import seed_from
 from fpg_bench.leaderboard.check import examine
 from fpg_bench.leaderboard.folder import brief
-from fpg_bench.leaderboard.submission import Submission
+from fpg_bench.leaderboard.submission import TRACKS, Submission
 from fpg_bench.players.player import SIDES
 from fpg_bench.seasons.recipe import Target
-
-TRACK_FOLDERS = ("ally", "opponent", "planner")
 
 
 @dataclass(frozen=True)
@@ -58,9 +56,7 @@ def read_entries(board: str | Path = "leaderboard", contract: bool = True) -> li
         UserError: no board there, or a submission that is not sound.
     """
     root = Path(board) / "submissions"
-    folders = sorted(
-        folder for track in TRACK_FOLDERS for folder in (root / track).glob("*") if folder.is_dir()
-    )
+    folders = sorted(folder for track in TRACKS for folder in (root / track).glob("*") if folder.is_dir())
     if not folders:
         raise UserError(f"season: {root} holds no submissions; name the leaderboard's folder")
     return [_entry(folder, contract) for folder in folders]

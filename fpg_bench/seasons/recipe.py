@@ -1,14 +1,17 @@
-"""Recipes: how each candidate for a field is trained, drawn evenly from what makes players differ."""
+"""Recipes: how each candidate for a field is trained, drawn evenly from what makes players differ.
+
+Draws follow from a season's seed by SHA-256 alone: the same on every machine, in every version.
+"""
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from fpg_bench.errors import UserError
-from fpg_bench.seasons.drawing import dealt, number, shuffled
 
 # What candidates are paid for. An ally that is paid for spending little never hops: that is the script idle.
 REWARDS = {
@@ -27,6 +30,7 @@ GAMMAS = (0.9, 0.95, 0.8)
 LOG_STDS = {"opponent": (-2.5, -1.5, -3.5), "ally": (-0.2, -1.0)}
 TARGETS = (1, 3, 1, 5)  # a single entry, or a mixture of so many
 FIRST_SEED, SEEDS = 300_000, 700_000  # training seeds that nobody else takes
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -161,3 +165,24 @@ def _met(
         players = tuple(t.players[number(len(t.players), *seed, "player", i, t.name)] for t in chosen)
         found.append((players, first.flight or "pursuit"))
     return found
+
+
+def digest(*words: object) -> str:
+    """SHA-256 of words, as 64 hexadecimal digits; slashes part them."""
+    return hashlib.sha256("/".join(map(str, words)).encode()).hexdigest()
+
+
+def number(below: int, *words: object) -> int:
+    """A whole number in [0, below)."""
+    return int(digest(*words), 16) % below
+
+
+def shuffled(items: Sequence[T], *words: object) -> list[T]:
+    """The items in a drawn order."""
+    order = sorted(range(len(items)), key=lambda i: digest(*words, i))
+    return [items[i] for i in order]
+
+
+def dealt(levels: Sequence[T], count: int, *words: object) -> list[T]:
+    """One level for each of ``count``, in a drawn order; the first ones once more where they are too few."""
+    return shuffled([levels[i % len(levels)] for i in range(count)], *words)

@@ -11,17 +11,25 @@ from typing import Any
 import yaml
 
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.seeds import SeasonKey
 from fpg_bench.files import read_yaml, write_whole
-from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.agent import baselines_folder, fields_folder
 from fpg_bench.players.player import SIDES
-from fpg_bench.seasons.drawing import digest
-from fpg_bench.seasons.recipe import Recipe
+from fpg_bench.seasons.recipe import Recipe, digest
 
 FILE = "season.yml"
 _KEYS = ("name", "number", "protocol", "seed", "candidates", "entries", "members", "versions")
 _HEAD = """# The counterparts of both sides, how each was trained, and the entries that made the seed.
 # Made by: fpg-bench season close. Members lie beside it, as <side>/<member>/policy.onnx.
 """
+# By public field: the other side, how it is met (an opponent as it was trained), and the matches.
+_TRACKS: dict[str, tuple[str, str | None, int]] = {
+    "ally-v1": ("opponent", None, 100),
+    "opponent-v1": ("ally", "pursuit", 100),
+    "opponent-learned-v1": ("ally", "learned", 100),
+    "planner-v1": ("ally", None, 30),
+}
+_COPIED = ("side", "scenario", "rounds_per_match", "opponent", "last_rounds", "scale")
 
 
 @dataclass(frozen=True)
@@ -85,18 +93,41 @@ class Season:
 
 def write_season(season: Season) -> None:
     """Write ``season.yml``, whole and last: where it is, the season is closed."""
-    content = {
-        "name": season.name,
-        "number": season.number,
-        "protocol": season.protocol,
-        "seed": season.seed,
-        "candidates": season.candidates,
-        "entries": season.entries,
-        "members": {side: [_words(member) for member in season.members[side]] for side in SIDES},
-        "versions": season.versions,
-    }
+    content = {key: getattr(season, key) for key in _KEYS}
+    content["members"] = {side: [_words(member) for member in season.members[side]] for side in SIDES}
+    _write_yaml(season.folder / FILE, _HEAD, content)
+
+
+def write_fields(season: Season, number: int) -> list[str]:
+    """Write the fields of all tracks, with the season's members as counterparts; gives their names.
+
+    Args:
+        season: that was closed.
+        number: its number.
+    """
+    key, found = SeasonKey(number, season.seed), []
+    for public, (side, path, matches) in _TRACKS.items():
+        like = read_yaml(fields_folder() / f"{public}.yml", "field")
+        content: dict[str, Any] = {name: like[name] for name in _COPIED if name in like}
+        content |= {"matches": matches, "season": season.seed}
+        content["counterparts"] = [
+            {
+                "name": member.name,
+                side: f"{season.name}/{side}/{member.name}",
+                **({"path": path or member.recipe.path} if public != "planner-v1" else {}),
+            }
+            for member in season.members[side]
+        ]
+        name = key.field_name(public)
+        head = f"# The members of {season.name}, whom no entry had met. Made by: fpg-bench season close.\n"
+        _write_yaml(season.folder.parent / f"{name}.yml", head, content)
+        found.append(name)
+    return found
+
+
+def _write_yaml(path: Path, head: str, content: dict[str, Any]) -> None:
     text = yaml.safe_dump(content, sort_keys=False, width=120, default_flow_style=None)
-    write_whole(season.folder / FILE, _HEAD + text)
+    write_whole(path, head + text)
 
 
 def load_season(name: str | Path) -> Season:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from fpg_bench.files import write_whole
 from fpg_bench.rows import Row, RowFile
-from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView, replace_rows
+from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView
 
 EVALUATIONS = "evaluations.jsonl"  # what a run's folder calls them
 CURVES = "curves.jsonl"
@@ -28,19 +30,18 @@ class Curve:
 
 def keep_curve(zoo: Zoo, member: ZooAgent, run: Path) -> None:
     """Keep the scores that a run's folder has seen while it trained, in place of what was kept before."""
-    rows = RowFile(run / EVALUATIONS).read()
-    mine = [_row(member, row) for row in rows if row["side"] == member.view.side]
-    replace_rows(curve_file(zoo, member.view), member, mine)
+    file, who = curve_file(zoo, member.view), {"algorithm": member.algorithm, "training_seed": member.seed}
+    kept = [row for row in file.read() if not who.items() <= row.items()]
+    for row in RowFile(run / EVALUATIONS).read():
+        if row["side"] == member.view.side:
+            score = round(row["score"], 2)
+            kept.append({**who, "steps": row["steps"], "seconds": row["seconds"], "score": score})
+    write_whole(file.path, "".join(json.dumps(row) + "\n" for row in kept))
 
 
 def curve_file(zoo: Zoo, view: ZooView) -> RowFile:
     """The file of a view's curves."""
     return RowFile(zoo.scores(view) / CURVES)
-
-
-def _row(member: ZooAgent, row: Row) -> Row:
-    head: Row = {"algorithm": member.algorithm, "training_seed": member.seed}
-    return head | {"steps": row["steps"], "seconds": row["seconds"], "score": round(row["score"], 2)}
 
 
 def curves(rows: Iterable[Row], over: str) -> dict[str, Curve]:

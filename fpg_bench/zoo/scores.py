@@ -57,7 +57,8 @@ def add_missing_lines(
                     c for c in field.counterparts if (entry.name, entry.training_seed, c.name) not in there
                 ]
                 if missing:
-                    progress(f"{view.name}: {_told(entry)} against {field.name}")
+                    seed = "" if entry.training_seed is None else f"/seed_{entry.training_seed}"
+                    progress(f"{view.name}: {entry.name}{seed} against {field.name}")
                 lines = [play(entry, field, counterpart) for counterpart in missing]
                 file.append(line.row() for line in lines)
                 known += lines
@@ -110,7 +111,3 @@ def _current(lines: Iterable[Line], prints: Prints, field: Field) -> list[Line]:
         if line.field_hash == field.hash[:16] and line.fingerprint == prints.get(who):
             found[*who, line.counterpart] = line
     return list(found.values())
-
-
-def _told(entry: Entry) -> str:
-    return entry.name if entry.training_seed is None else f"{entry.name}/seed_{entry.training_seed}"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
-from fpg_bench.files import read_json, write_whole
+from fpg_bench.files import write_whole
 from fpg_bench.ids import DUEL, sides_of
 from fpg_bench.jobs.job import Job
 from fpg_bench.jobs.run import run_jobs
@@ -101,10 +101,10 @@ def state(member: ZooAgent, runs: Path) -> str:
     """How far a member is: shipped, trained, begun, or missing."""
     if member.shipped:
         return "shipped"
-    file = run_folder(member, runs) / "run.json"
-    if not file.is_file():
-        return "missing"
-    return "trained" if read_json(file, "run").get("finished") else "begun"
+    folder = RunFolder(run_folder(member, runs))
+    if folder.is_finished():
+        return "trained"
+    return "begun" if (folder.path / "run.json").is_file() else "missing"
 
 
 def _take(zoo: Zoo, members: Sequence[ZooAgent], run: Path, say: Callable[[str], None], _: Path) -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,10 +10,9 @@ from typing import Any
 from fpg_bench.checks import check_keys, is_whole, mapping
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.evaluation.field_file import load_field
-from fpg_bench.files import read_json, read_yaml, write_whole
+from fpg_bench.files import read_json, read_yaml
 from fpg_bench.ids import sides_of
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.rows import Row, RowFile
 
 _KEYS = {"seeds", "views"}
 _VIEW_KEYS = {"id", "options", "fields", "steps"}
@@ -75,10 +72,6 @@ class ZooAgent:
         found = hashlib.sha256(policy.read_bytes()).hexdigest() if policy.is_file() else None
         return found == self.about().get("policy_sha256")
 
-    def is_of(self, row: Row) -> bool:
-        """Whether a row that names an algorithm and a training seed speaks of it."""
-        return (row["algorithm"], row["training_seed"]) == (self.algorithm, self.seed)
-
     def about(self) -> dict[str, Any]:
         """What its ``agent.json`` says; raises UserError where that cannot be read."""
         return read_json(self.folder / "agent.json", "agent")
@@ -116,12 +109,6 @@ class Zoo:
             known = {"/".join(m.name.split("/")[:2]) for m in every} | {view.name for view in self.views}
             raise UserError(f"the zoo has no {only!r}{nearest(str(only), known)}")
         return found
-
-
-def replace_rows(file: RowFile, member: ZooAgent, rows: Iterable[Row]) -> None:
-    """Write a member's rows into a file of its view, in the place of those that it had there."""
-    others = [row for row in file.read() if not member.is_of(row)]
-    write_whole(file.path, "".join(json.dumps(row) + "\n" for row in [*others, *rows]))
 
 
 def load_zoo(folder: Path | None = None) -> Zoo:

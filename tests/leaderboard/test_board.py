@@ -17,8 +17,7 @@ from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.crossplay import play_missing
 from fpg_bench.leaderboard.ranking import nash
 from fpg_bench.leaderboard.result import verified_result, write_result
-from fpg_bench.leaderboard.site.play_data import policy_data
-from fpg_bench.leaderboard.site.rivals import submitted_policies
+from fpg_bench.leaderboard.site.play_data import policy_data, submitted_policies
 from fpg_bench.leaderboard.verify import verify
 from tests.leaderboard.entering import FIELD, close_season, enter, write_field
 from tests.leaderboard.making import model, node, weights

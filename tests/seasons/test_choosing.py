@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import runpy
+
 import numpy as np
 import pytest
 
 from fpg_bench import UserError
-from fpg_bench.seasons.agreement import agreement, curve, mean, worst
 from fpg_bench.seasons.choosing import diverse, representative
+from tests.seasons.closing import REPOSITORY
+
+MEASURING = runpy.run_path(str(REPOSITORY / "scripts/measure_fields.py"))
+agreement, curve, mean, worst = (MEASURING[name] for name in ("agreement", "curve", "mean", "worst"))
 
 # Three entries against five candidates: 0 is weak, 1 to 3 hurt one entry each, 4 is the strongest.
 RETURNS = np.array([[20.0, 0, 9, 9, 1], [20.0, 9, 0, 9, 1], [20.0, 9, 9, 0, 1]])

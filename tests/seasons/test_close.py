@@ -12,12 +12,10 @@ import yaml
 
 from fpg_bench import UserError
 from fpg_bench.players.agent import load_agent
-from fpg_bench.seasons.audit import audit, check_entries, later_entries
-from fpg_bench.seasons.close import PROFILE, closing_of
+from fpg_bench.seasons.audit import audit, check_entries, later_entries, told
+from fpg_bench.seasons.close import PROFILE, closing_of, played
 from fpg_bench.seasons.entries import read_entries, season_seed
-from fpg_bench.seasons.profiles import played
 from fpg_bench.seasons.season import FILE, load_season
-from fpg_bench.seasons.show import told
 from tests.leaderboard.making import model, node, weights
 from tests.programs import fpg
 from tests.seasons.closing import TINY, close_tiny, in_this_process, make_board

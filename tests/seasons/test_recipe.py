@@ -8,8 +8,7 @@ import pytest
 
 from fpg_bench import UserError
 from fpg_bench.seasons.candidates import hyperparameters
-from fpg_bench.seasons.drawing import dealt, number, shuffled
-from fpg_bench.seasons.recipe import ALGORITHMS, REWARDS, STEPS, Target, draw_recipes
+from fpg_bench.seasons.recipe import ALGORITHMS, REWARDS, STEPS, Target, dealt, draw_recipes, number, shuffled
 
 ALLIES = [Target(f"ally/{name}", tuple(f"{name}/seed_{k}" for k in range(5))) for name in "abcd"]
 ALLIES += [Target("ally/expert", ("expert",)), Target("ally/idle", ("idle",))]

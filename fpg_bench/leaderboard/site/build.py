@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
-from fpg_bench.leaderboard.site import again, entry_page, reading, scripts_data, views
+from fpg_bench.leaderboard.site import entry_page, reading, scripts_data, views
 from fpg_bench.leaderboard.site.front_page import front_view
-from fpg_bench.leaderboard.site.play_data import play_files, zoo_policies
-from fpg_bench.leaderboard.site.rivals import Policies, watched
+from fpg_bench.leaderboard.site.play_data import Policies, play_files, watched, zoo_policies
 from fpg_bench.leaderboard.site.shown import names_of, read_tracks
 from fpg_bench.pictures.replay import replay_code, replay_markup, replay_part
 
@@ -45,7 +44,7 @@ def build_site(
         replays: by track and entry, the rounds that its page shows; None: none.
         progress: called with each file's name.
         policies: by track and entry, the policies of submitted entries that a visitor can play against; see
-            :func:`fpg_bench.leaderboard.site.rivals.submitted_policies`.
+            :func:`fpg_bench.leaderboard.site.play_data.submitted_policies`.
         docs: where the documentation's site is, seen from the folder, ``..`` for instance; empty: the pages
             of :mod:`fpg_bench.leaderboard.site.reading` stand in this one, others are named and not linked.
 
@@ -123,7 +122,8 @@ def _pages(board: Row, replays: Replays, docs: str) -> dict[str, str]:
             rounds = replays.get((track.key, entry.slug), [])
             content = {"entry": entry_page.entry_view(track, entry, names, board), "replays": rounds}
             shown.append((entry.page, "entry.html", content))
-            shown.append((again.badge_file(track, entry), "badge.svg", again.badge_view(track, entry)))
+            badge = entry_page.badge_view(track, entry)
+            shown.append((entry_page.badge_file(track, entry), "badge.svg", badge))
     return {
         name: environment.get_template(template).render(page=name, root="../" * name.count("/"), **content)
         for name, template, content in shown
@@ -160,19 +160,17 @@ def _environment(board: Row, docs: str) -> Environment:
 
 
 def _scripts(board: Row, watch: Row) -> dict[str, str]:
-    """The board as data: for the page's scripts, and whole for everybody else's."""
+    """The board as data: for the page's scripts, and whole for everybody else's.
+
+    With cross-play goes by which players of the page a pair's round is played.
+    """
+    crossplay = scripts_data.crossplay_data(board)
     return {
         "board.json": json.dumps(board, allow_nan=False, separators=(",", ":")) + "\n",
         "data/compare.js": scripts_data.data_file(scripts_data.compare_data(board)),
         "data/statistics.js": scripts_data.data_file(scripts_data.statistics_data(board)),
-        "data/crossplay.js": scripts_data.data_file(_crossplay(board, watch)),
+        "data/crossplay.js": scripts_data.data_file(crossplay and crossplay | {"watch": watch}),
     }
-
-
-def _crossplay(board: Row, watch: Row) -> Row | None:
-    """Cross-play, and by which players of the page a pair's round is played."""
-    found = scripts_data.crossplay_data(board)
-    return None if found is None else found | {"watch": watch}
 
 
 def _static() -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""What the page on which a visitor plays needs: the rules as numbers, and trained policies as graphs."""
+"""What the page on which a visitor plays needs: the rules as numbers, and whom it can play, as graphs."""
 
 from __future__ import annotations
 
@@ -6,32 +6,35 @@ import base64
 import json
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fpg_bench.errors import UserError
 from fpg_bench.files import read_json
 from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import RULES
-from fpg_bench.leaderboard.site.shown import ShownTrack
+from fpg_bench.leaderboard.check import load_submission
+from fpg_bench.leaderboard.site.shown import Row, ShownEntry, ShownTrack, read_tracks
 from fpg_bench.leaderboard.site.wording import finite
 from fpg_bench.pictures.replay import scenario_data, script_json
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
+from fpg_bench.players.scripts import ALLIES, OPPONENTS
 
 # Of static/game_policy.js.
 OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
 OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM"}
+Policies = Mapping[tuple[str, str], dict[str, Any]]  # of submitted entries, by track and entry
 Zoo = dict[str, tuple[dict[str, Any], dict[str, Any]]]
 # Of the zoo; all play the standard game, whatever they were trained on.
 _GROUPS = ("champion", "population", "scripted", "pursuit", "learned", "planner")
 
 
-def play_files(
-    tracks: Sequence[ShownTrack], submitted: Mapping[tuple[str, str], dict[str, Any]], zoo: Zoo
-) -> dict[str, str]:
+def play_files(tracks: Sequence[ShownTrack], submitted: Policies, zoo: Zoo) -> dict[str, str]:
     """The files of the page on which a visitor plays: its data, and one of each agent's first seed.
 
     Args:
@@ -53,7 +56,7 @@ def play_files(
 
 
 def _rivals(
-    tracks: Sequence[ShownTrack], submitted: Mapping[tuple[str, str], dict[str, Any]], zoo: Zoo
+    tracks: Sequence[ShownTrack], submitted: Policies, zoo: Zoo
 ) -> list[tuple[dict[str, Any], dict[str, Any]]]:
     """What is told of each trained player, and its policy: submitted entries, then the zoo."""
     entries = {(track.key, entry.slug): (track, entry) for track in tracks for entry in track.entries}
@@ -152,3 +155,55 @@ def _weight(values: np.ndarray) -> dict[str, Any]:
         return {"shape": list(values.shape), "whole": values.ravel().tolist()}
     floats = np.ascontiguousarray(values, "<f4").tobytes()
     return {"shape": list(values.shape), "floats": base64.b64encode(floats).decode()}
+
+
+def submitted_policies(board: Row, folder: str | Path) -> dict[tuple[str, str], dict[str, Any]]:
+    """The first training seed's policy of each verified, submitted entry that the page can play.
+
+    Args:
+        board: what :func:`fpg_bench.leaderboard.board.make_board` gives.
+        folder: the leaderboard's, which holds the submissions.
+
+    Returns:
+        By track and entry, what :func:`policy_data` gives.
+    """
+    found = {}
+    for track in read_tracks(board):
+        for entry in track.entries:
+            if track.side in SIDES and entry.verified and entry.kind == "submitted":
+                policy = _first_policy(Path(folder) / "submissions" / str(track.side) / entry.slug)
+                if policy is not None:
+                    found[track.key, entry.slug] = policy
+    return found
+
+
+def _first_policy(home: Path) -> dict[str, Any] | None:
+    try:
+        policies = load_submission(home, contract=False).policies
+        return policy_data(min(policies, key=lambda one: one.seed).model) if policies else None
+    except UserError:
+        return None  # submit verify says what is wrong
+
+
+def watched(tracks: Sequence[ShownTrack], policies: Policies, zoo: Zoo) -> dict[str, dict[str, Row]]:
+    """By side and entry, the player that stands for it on the page, and the path that it flies.
+
+    Entries are left out that the page can't play.
+    """
+    found = {side: dict[str, Row]() for side in SIDES}
+    for track in tracks:
+        for entry in track.entries:
+            player = _player(track, entry, policies, zoo)
+            if track.side in SIDES and player is not None:
+                path = "learned" if track.key.endswith("-learned") else "pursuit"
+                found[track.side][entry.slug] = {"player": player, "path": path}
+    return found
+
+
+def _player(track: ShownTrack, entry: ShownEntry, policies: Policies, zoo: Zoo) -> str | None:
+    plays = entry.row.get("plays")
+    if (track.key, entry.slug) in policies:
+        return f"agent:{submitted_file(track.key, entry.slug)}"
+    if entry.kind == "script" and plays in (*ALLIES, *OPPONENTS):
+        return f"script:{plays}"
+    return f"agent:{agent_file(plays)}" if entry.kind == "zoo" and plays in zoo else None
