@@ -57,13 +57,13 @@ class RowFile:
         lines = data.splitlines(keepends=True)
         if lines and not lines[-1].endswith(b"\n"):
             lines.pop()  # torn: the run that wrote it was stopped
-        if left_out is None:
-            return [self._row(number, line) for number, line in enumerate(lines, 1)]
         found = []
         for number, line in enumerate(lines, 1):
             try:
                 found.append(self._row(number, line))
             except UserError as error:
+                if left_out is None:
+                    raise
                 left_out(f"{error}; it is left out")
         return found
 

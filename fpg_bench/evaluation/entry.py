@@ -167,14 +167,11 @@ def _names(groups: dict[str, list[Any]], players: dict[Any, Any], name: str | No
         about = _about(players[members[0]])
         called = player_name(members[0]) if about is None else name or str(about["algorithm"])
         found |= dict.fromkeys(members, called)
-    known = Counter(found[members[0]] for members in groups.values())
-    for members in groups.values():
-        if known[found[members[0]]] > 1:
-            found |= dict.fromkeys(members, _label(members))
-    labels = Counter(found[members[0]] for members in groups.values())
-    for members in groups.values():
-        if labels[found[members[0]]] > 1:
-            found |= dict.fromkeys(members, player_name(members[0]))
+    for otherwise in (_label, lambda members: player_name(members[0])):
+        known = Counter(found[members[0]] for members in groups.values())
+        for members in groups.values():
+            if known[found[members[0]]] > 1:
+                found |= dict.fromkeys(members, otherwise(members))
     return found
 
 

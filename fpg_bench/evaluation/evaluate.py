@@ -144,13 +144,10 @@ def claim(out: Path, name: str, field: Field) -> None:
     """
     path, lines = out / ABOUT, out / LINES
     about = {"field": name, "field_hash": field.hash, "matches": field.matches}
-    if path.exists():
-        _about(out)
-    if not (path.exists() and lines.exists() and lines.stat().st_size):
+    found = _about(out) if path.exists() else None
+    if found is None or not lines.exists() or not lines.stat().st_size:
         write_json(path, about)
-        return
-    found = _about(out)
-    if found.get("field_hash") != field.hash:
+    elif found.get("field_hash") != field.hash:
         raise UserError(
             f"results {out}: hold lines of {found.get('field')} with {found.get('matches')} matches, or of "
             f"another version of it, not of {name} with {field.matches}; choose another folder"

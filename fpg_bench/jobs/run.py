@@ -72,7 +72,8 @@ def run_jobs(
             while waiting and len(running) < workers:
                 job, number = waiting.popleft()
                 if number == 1 or not job.done():  # the others were asked above
-                    running[_submitted(pool, job)] = _Try(job, number, time.monotonic())
+                    future = pool.submit(functools.partial(attempt, job.run, os.getcwd()))
+                    running[future] = _Try(job, number, time.monotonic())
                     say(f"{job.name}: begins" + (f", try {number}" if number > 1 else ""))
             for future in _ended(running):
                 told = time.monotonic()
@@ -140,10 +141,6 @@ def _pool(backend: str, address: str | None, workers: int) -> Pool:
     from fpg_bench.jobs.local import LocalPool
 
     return LocalPool()
-
-
-def _submitted(pool: Pool, job: Job) -> Any:
-    return pool.submit(functools.partial(attempt, job.run, os.getcwd()))
 
 
 def _under_way(running: Iterable[_Try], waiting: int) -> str:

@@ -39,7 +39,10 @@ def disagreements(played: Iterable[Line], kept: Iterable[Line], fields: Mapping[
     changed = [pair for pair in pairs if not pair[0].same_as(pair[1])]
     if not changed:
         return []
-    spans = {field.hash[:16]: _span(field) for field in fields.values()}
+    spans = {  # of a round's return, from 0 to 100
+        field.hash[:16]: (field.scale.top - field.scale.zero) * field.scenario.steps_per_round
+        for field in fields.values()
+    }
     found = _of_rounds(pairs, spans) + _of_means(pairs, spans)
     return found + [text for now, then in changed for text in _of_line(now, then, spans[now.field_hash])]
 
@@ -52,11 +55,6 @@ def same_to_the_bit(played: Iterable[Line], kept: Iterable[Line]) -> int:
 
 def _key(line: Line) -> Key:
     return line.training_seed, line.field, line.field_hash, line.counterpart
-
-
-def _span(field: Field) -> float:
-    """What a round's return spans from 0 to 100."""
-    return (field.scale.top - field.scale.zero) * field.scenario.steps_per_round
 
 
 def _of_rounds(pairs: list[tuple[Line, Line]], spans: Mapping[str, float]) -> list[str]:

@@ -42,21 +42,16 @@ def notes(submission: Submission, board: str | Path = "leaderboard") -> list[str
         submission: which :func:`problems` has found nothing wrong with.
         board: the leaderboard's folder that it is probably meant for, if there is one.
     """
-    return [*_few(submission), *_outside(submission.folder, Path(board))]
-
-
-def _few(submission: Submission) -> Iterator[str]:
-    count = len(submission.policies)
+    found, count = [], len(submission.policies)
     if 0 < count < FEW_SEEDS:
-        yield f"the board marks fewer than {FEW_SEEDS} training seeds, this has {count}"
-
-
-def _outside(folder: Path, board: Path) -> Iterator[str]:
-    if folder.parent.parent.name != "submissions":
-        yield "lies on no leaderboard; submit run takes <leaderboard>/submissions/<track>/<name>"
-    elif (board / "submissions").is_dir() and folder.parents[2].resolve() != board.resolve():
-        written = f"{brief(folder.parents[2])}/results"
-        yield f"does not lie in {board}/submissions; submit run writes its result to {written}"
+        found.append(f"the board marks fewer than {FEW_SEEDS} training seeds, this has {count}")
+    board, home = Path(board), submission.folder.parent.parent
+    if home.name != "submissions":
+        found.append("lies on no leaderboard; submit run takes <leaderboard>/submissions/<track>/<name>")
+    elif (board / "submissions").is_dir() and home.parent.resolve() != board.resolve():
+        written = f"{brief(home.parent)}/results"
+        found.append(f"does not lie in {board}/submissions; submit run writes its result to {written}")
+    return found
 
 
 def load_submission(folder: str | Path, contract: bool = True) -> Submission:
@@ -95,14 +90,13 @@ def examine(folder: Path, contract: bool = True) -> tuple[Submission | None, lis
     found = [*_slug(folder), *(f"{ABOUT}: {line}" for line in wrong)]
     found += [f"{ABOUT}: {line}" for line in (*_place(folder, fields), *_named(folder, fields))]
     policies, wrong = _policies(folder, fields, contract)
-    found += wrong
-    if wrong := _transcripts(folder, fields):
-        found += wrong
+    found += [*wrong, *_transcripts(folder, fields)]
     if found:
         return None, found
     told = {key: value for key, value in fields.items() if value is not None}
     optional = {"reference": None, "path": None, "training": None}
-    files = tuple(folder / TRANSCRIPTS / name for name in _transcript_names(folder))
+    recorded = names(folder / TRANSCRIPTS) if _records(fields) else []
+    files = tuple(folder / TRANSCRIPTS / name for name in recorded)
     return Submission(folder=folder, policies=policies, transcripts=files, **(optional | told)), []
 
 
@@ -207,10 +201,6 @@ def _transcripts(folder: Path, fields: dict[str, Any]) -> list[str]:
 
     problem = folder_problem(folder / TRANSCRIPTS)
     return [f"{TRANSCRIPTS}: {problem}"] if problem else check_transcripts(folder)
-
-
-def _transcript_names(folder: Path) -> list[str]:
-    return [] if folder_problem(folder / TRANSCRIPTS) else names(folder / TRANSCRIPTS)
 
 
 def taken(submission: Submission) -> Iterator[tuple[str, str]]:

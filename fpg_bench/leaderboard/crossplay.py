@@ -79,7 +79,9 @@ def play_missing(
     differing = _differing(played, pairs)
     failed += [f"{line}; replaced, commit this one" for line in differing]
     if missing or not pairs.whole:
-        _write(board, [known[key] for key, _, _ in pairs.every() if key in known])
+        rows = [known[key].row() for key, _, _ in pairs.every() if key in known]
+        lines = [json.dumps(row, separators=(",", ":")) + "\n" for row in rows]
+        write_whole(crossplay_file(board), "".join(lines))
     return failed
 
 
@@ -124,11 +126,6 @@ def _compared(
     for who in players:
         most = WITHIN * (who.scale.top - who.scale.zero)
         yield f"{who.side}'s return a step", now.reward(who.side), then.reward(who.side), most
-
-
-def _write(board: Path, pairs: Sequence[Pair]) -> None:
-    text = "".join(json.dumps(pair.row(), separators=(",", ":")) + "\n" for pair in pairs)
-    write_whole(crossplay_file(board), text)
 
 
 def _play(

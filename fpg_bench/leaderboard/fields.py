@@ -1,4 +1,9 @@
-"""``submission.yaml``: its keys, and what each of them may say."""
+"""``submission.yaml``: its keys, and what each of them may say.
+
+Names are compared as the eye takes them: letters that look alike are one letter, and what cannot be seen is
+none. The idea is that of the skeletons of Unicode's UTS #39. Its table of thousands is cut down to the
+scripts that have letters like Latin ones; NFKC and case folding do the rest.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +18,6 @@ from urllib.parse import urlsplit
 from fpg_bench.checks import is_whole
 from fpg_bench.errors import UserError, meant, nearest
 from fpg_bench.leaderboard.folder import shown
-from fpg_bench.leaderboard.lookalikes import skeleton, unseen
 
 TRACKS = ("ally", "opponent", "planner")
 PATHS = ("pursuit", "learned")
@@ -22,6 +26,39 @@ _LONGEST_TEXT = 2000
 MOST_STEPS, _MOST_HOURS, _MOST_SEED = 10**13, 10**6, 10**6
 _MOST_SEEDS = 20
 _MOST_RUNS = 10_000
+# Each Latin letter with what looks like it, folded; 0 is o, and 1 is i as l is.
+_ALIKE = {
+    "a": "аαɑᴀⲁꭺ",
+    "b": "ьвʙᏏᏴꮟ",
+    "c": "сϲᴄⲥꮯ",
+    "d": "ԁᏧꭰ",
+    "e": "еєεҽᴇꭼ",
+    "f": "ғϝꞙẝ",
+    "g": "ɡցᶃꮐ",
+    "h": "һհнʜᎻꮋ",
+    "i": "іıɩιⲓꭵjјl1ӏ|ɪǀ!",
+    "k": "кκᴋⲕꮶ",
+    "m": "мᴍⲙꮇ",
+    "n": "пηոռᴎⲛɴ",
+    "o": "оοσօᴏⲟסߋ০๐໐0ჿ",
+    "p": "рρϱᴘⲣꮲ",
+    "q": "ԛզգ",
+    "r": "гᴦⲅꭇꮁ",
+    "s": "ѕꜱꮪʂ",
+    "t": "тτᴛⲧꭲ",
+    "u": "υսᴜꭎʋ",
+    "v": "ѵνᴠꮩ",
+    "w": "ѡωԝɯᴡꮃ",
+    "x": "хχⲭ×",
+    "y": "уүγʏⲩყ",
+    "z": "ᴢꮓ",
+}
+_SKELETON = str.maketrans({other: letter for letter, others in _ALIKE.items() for other in others})
+# Letters and marks that show nothing, in blocks (first, last); all others are controls or spaces by category.
+_UNSEEN = (
+    *((0x34F, 0x34F), (0x115F, 0x1160), (0x17B4, 0x17B5), (0x180B, 0x180F), (0x2800, 0x2800)),
+    *((0x3164, 0x3164), (0xFE00, 0xFE0F), (0xFFA0, 0xFFA0), (0x1D159, 0x1D159), (0xE0000, 0xE0FFF)),
+)
 
 
 @dataclass(frozen=True)
@@ -55,11 +92,27 @@ def read_fields(content: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
 
 
 def plain(name: str) -> str:
-    """A name without what the eye does not tell apart, see :mod:`fpg_bench.leaderboard.lookalikes`.
+    """A name without what the eye does not tell apart.
 
     What has no letter or digit keeps its signs: two names of signs are alike where they are the same.
     """
-    return skeleton(name) or "".join(unicodedata.normalize("NFKC", name).casefold().split())
+    return _skeleton(name) or "".join(unicodedata.normalize("NFKC", name).casefold().split())
+
+
+def _skeleton(name: str) -> str:
+    """What is left of a name for the eye: no case, space, accent, punctuation or script; ``rn`` is ``m``."""
+    whole = unicodedata.normalize("NFKC", name.translate(_SKELETON)).casefold()
+    letters = (c for c in unicodedata.normalize("NFD", whole) if _is_seen(c))
+    return "".join(letters).translate(_SKELETON).replace("rn", "m").replace("vv", "w")
+
+
+def _is_seen(letter: str) -> bool:
+    return (unicodedata.category(letter)[0] in "LNS" or letter == "!") and not _is_unseen(letter)
+
+
+def _is_unseen(letter: str) -> bool:
+    """Whether a character leaves nothing on the page though it is no space and no control."""
+    return any(first <= ord(letter) <= last for first, last in _UNSEEN)
 
 
 def _together(content: dict[str, Any], values: dict[str, Any]) -> list[str]:
@@ -102,7 +155,7 @@ def _text(value: Any, most: int, lines: bool = False, least: int = 1) -> str:
     for letter in value:
         if unicodedata.category(letter)[0] == "C" and not (lines and letter == "\n"):
             raise UserError(f"holds the control character U+{ord(letter):04X}; leave it out")
-        if unseen(letter):
+        if _is_unseen(letter):
             raise UserError(f"holds U+{ord(letter):04X}, which cannot be seen; leave it out")
     return value
 

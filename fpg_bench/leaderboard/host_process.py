@@ -8,16 +8,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.leaderboard.host import (
-    ACTIONS,
-    FAILED,
-    FRESH,
-    HEAD,
-    LOAD,
-    READY,
-    RESET,
-    STARTS,
-)
+from fpg_bench.leaderboard.host import ACTIONS, FAILED, FRESH, HEAD, LOAD, READY, RESET, STARTS
 from fpg_bench.leaderboard.inside import Inside
 from fpg_bench.leaderboard.sandbox import Reader
 from fpg_bench.players.agent import OnnxPlayer

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 from string import Template
-from typing import Any
 
 import yaml
 
@@ -223,10 +222,7 @@ def _check_told(attempt: Attempt, row: Row, about: Row, where: str) -> None:
     for name, value in made.items():
         if value != about[name]:
             raise UserError(f"{where} was made with {name} {value!r:.60}, and not {about[name]!r:.60}")
-    if attempt.text is not None and not _is_raw(row.get("raw")):
+    raw = row.get("raw")
+    whole = isinstance(raw, dict) or (isinstance(raw, str) and len(raw) == _RAW_CUT)
+    if attempt.text is not None and not whole:
         raise UserError(f"{where} does not show the raw reply")
-
-
-def _is_raw(raw: Any) -> bool:
-    """Whether this is a raw reply, kept whole, or the beginning of a long one."""
-    return isinstance(raw, dict) or (isinstance(raw, str) and len(raw) == _RAW_CUT)

@@ -9,11 +9,7 @@ from pathlib import Path
 from fpg_bench.evaluation.line import Line
 from fpg_bench.jobs.job import outcome_of
 from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
-from fpg_bench.leaderboard.cases import (
-    Case,
-    again,
-    result_at,
-)
+from fpg_bench.leaderboard.cases import Case, again, result_at
 from fpg_bench.leaderboard.likeness import told_apart
 from fpg_bench.leaderboard.playing import failure_in, key_of, lines_in, open_in
 from fpg_bench.leaderboard.result import Result, failed_result, verified_result, write_result

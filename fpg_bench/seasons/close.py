@@ -115,7 +115,8 @@ def close(
     done = sum(job.done() for job in jobs)
     say(f"{closing.name}, seed {closing.seed[:16]}: {len(jobs)} candidates, {done} of them done")
     check_all_done(run_jobs(jobs, workers, backend, address, say))
-    members = {side: _chosen(closing, side) for side in SIDES if _whole(closing, side)}
+    whole = [side for side in SIDES if all(_job(closing, recipe).done() for recipe in closing.recipes(side))]
+    members = {side: _chosen(closing, side) for side in whole}
     if lacking := [side for side in SIDES if side not in members]:
         say(f"{closing.name}: candidates of the {' and '.join(lacking)} are not there yet; it is not closed")
         return None
@@ -166,10 +167,6 @@ def _make(recipe: Recipe, meet: list[tuple[str, str, str]], seed: str, rounds: i
 
 def _is_met(folder: Path, players: int) -> bool:
     return RunFolder(folder).is_finished() and len(RowFile(folder / PROFILE).read()) == players
-
-
-def _whole(closing: Closing, side: str) -> bool:
-    return all(_job(closing, recipe).done() for recipe in closing.recipes(side))
 
 
 def played(

@@ -16,12 +16,15 @@ Domain = tuple[float, float]
 
 def domain_of(intervals: Sequence[Score | None]) -> Domain:
     """The scores that a column of pictures spans: 0 and 100, and all that is shown."""
-    numbers = [0.0, 100.0]
-    for interval in intervals:
-        if interval is not None and interval.value is not None:
-            found = (interval.value, interval.low, interval.high)
-            numbers += [number for number in found if number is not None]
+    numbers = [0.0, 100.0, *ends_of(intervals)]
     return min(numbers), max(numbers)
+
+
+def ends_of(intervals: Sequence[Score | None]) -> list[float]:
+    """All values and ends of intervals that have a value."""
+    known = [interval for interval in intervals if interval is not None and interval.value is not None]
+    found = [end for interval in known for end in (interval.value, interval.low, interval.high)]
+    return [end for end in found if end is not None]
 
 
 def place(value: float, domain: Domain) -> float:

@@ -69,13 +69,7 @@ def _row(track: ShownTrack, entry: ShownEntry, domain: Domain, names: Names) -> 
 
 def zoomed(scores: Sequence[Score | None]) -> Domain:
     """The scores that an axis spans which is no longer than what stands on it; 0 to 100 for nothing."""
-    ends = [
-        end
-        for score in scores
-        if score is not None
-        for end in (score.value, score.low, score.high)
-        if end is not None
-    ]
+    ends = drawing.ends_of(scores)
     if not ends:
         return 0.0, 100.0
     margin = max((max(ends) - min(ends)) * 0.05, 0.5)
