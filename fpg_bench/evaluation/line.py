@@ -83,11 +83,14 @@ class Line:
     plans: Plans | None = None
 
     def row(self) -> Row:
-        """The line as a row of JSON."""
-        row = dataclasses.asdict(self)
+        """The line as a row of JSON; the numbers of its rounds, which are most of it, are not copied."""
+        row: Row = {spec.name: getattr(self, spec.name) for spec in dataclasses.fields(self)}
+        row["tally"] = dict(self.tally)
         if self.plans is None:
             del row["plans"]
-        elif self.plans.useless is None:
+            return row
+        row["plans"] = dataclasses.asdict(self.plans)
+        if self.plans.useless is None:
             del row["plans"]["useless"]
         return row
 
