@@ -183,20 +183,23 @@ def lines_in(python, folder, lines):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def check_works(python, folder, extra):
-    for line, status, said in lines_in(python, folder, [*extra.does, *extra.tries]):
+def check(python, folder, extra, base):
+    """An extra's lines work, and those of extras that stand on ``base`` name what is missing; one program."""
+    does, missing = [*extra.does, *extra.tries], missing_on(base)
+    found = lines_in(python, folder, [*does, *(line for line, _ in missing)])
+    for line, status, said in found[: len(does)]:
         assert status == 0 or (line in extra.tries and status == 2), (line, said)
         assert "not installed" not in said
         assert "a bug" not in said
-
-
-def check_names_what_is_missing(python, folder, base):
-    missing = [(line, name) for name, e in EXTRAS.items() if e.base == base for line in (*e.does, *e.tries)]
-    found = lines_in(python, folder, [line for line, _ in missing])
-    for (line, name), (_, status, said) in zip(missing, found, strict=True):
+    for (line, name), (_, status, said) in zip(missing, found[len(does) :], strict=True):
         assert status == 2, (line, said)
         assert len(said.splitlines()) == 1, (line, said)
         assert said.endswith(f'is not installed: pip install "fpg-bench[{name}]"\n'), (line, said)
+
+
+def missing_on(base):
+    """The lines that name an extra where ``base`` alone is installed, and that extra, each."""
+    return [(line, name) for name, e in EXTRAS.items() if e.base == base for line in (*e.does, *e.tries)]
 
 
 def test_every_command_is_tried():
@@ -209,9 +212,9 @@ def test_the_core_plays_and_names_the_extra_of_all_else(wheel, tmp_path):
     used = run(python, "-c", CORE, cwd=tmp_path)
     assert used.returncode == 0, used.stderr
     run_match("circle", "expert", "adaptive", seed=1, rounds=2, out=tmp_path / "match.jsonl")
-    check_works(python, tmp_path, Extra(PLAYS, REFUSES))
-    check_works(python, tmp_path, Extra(tuple(" ".join((*words, "--help")) for words in commands())))
-    check_names_what_is_missing(python, tmp_path, None)
+    helped = tuple(" ".join((*words, "--help")) for words in commands())
+    assert missing_on(None)
+    check(python, tmp_path, Extra((*PLAYS, *helped), REFUSES), None)
 
 
 @pytest.mark.parametrize("name", EXTRAS)
@@ -220,9 +223,7 @@ def test_an_extra_does_what_it_is_for(wheel, tmp_path, name):
     python = environment(tmp_path / "env", wheel, {name, extra.base} - {None})
     entry = Path("submissions/opponent/adaptive")
     shutil.copytree(ROOT / "leaderboard" / entry, tmp_path / "board" / entry)
-    check_works(python, tmp_path, extra)
-    if any(other.base == name for other in EXTRAS.values()):
-        check_names_what_is_missing(python, tmp_path, name)
+    check(python, tmp_path, extra, name)
 
 
 @pytest.mark.parametrize("agent", [AGENT, "ally-champion/ppo-stack8/seed_0"])
