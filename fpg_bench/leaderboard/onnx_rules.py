@@ -20,8 +20,7 @@ from fpg_bench.leaderboard.inside import Inside
 from fpg_bench.leaderboard.onnx_contract import SIZE
 from fpg_bench.leaderboard.onnx_cost import LARGEST_RANK, multiply_adds
 from fpg_bench.leaderboard.sandbox import Reader
-from fpg_bench.players.onnx_file import plain_model
-from fpg_bench.players.signature import check_signature
+from fpg_bench.players.onnx_file import check_signature, plain_model
 
 MOST_MULTIPLY_ADDS = 2_000_000
 MOST_NODES = 2000

@@ -10,6 +10,8 @@ import numpy as np
 from fpg_bench.errors import UserError
 from fpg_bench.extras import has, need
 from fpg_bench.game.arena import Arena
+from fpg_bench.pictures.recording import Recording
+from fpg_bench.pictures.window import FRAMES_PER_SECOND, Window
 
 RENDER_MODES = {"rgb_array": ("matplotlib",), "human": ("matplotlib", "pygame")}  # and what each needs
 
@@ -37,26 +39,38 @@ class Screen:
         if mode is not None:
             need("video", *RENDER_MODES[mode])
         self._arena, self._mode = arena, mode
-        self._renderer: Any = None
+        self._recording: Recording | None = None
+        self._picture: Any = None
+        self._window: Window | None = None
 
     def record(self, begin: bool = False) -> None:
         """Take the present step down, after a reset (``begin``) and after each step."""
         if self._mode is None:
             return
-        if self._renderer is None:
-            from fpg_bench.pictures.rendering import Renderer
-
-            self._renderer = Renderer(self._arena, human=self._mode == "human")
-        self._renderer.record(begin)
+        if begin or self._recording is None:
+            self._recording, self._picture = Recording(self._arena), None
+        else:
+            self._recording.add()
         if self._mode == "human":
-            self._renderer.show()
+            self._window = self._window or Window("Frequency point game", FRAMES_PER_SECOND)
+            if self._window.is_open:
+                self._window.show(self.draw())
+
+    def draw(self) -> np.ndarray:
+        """The picture of the round so far, ``(640, 1120, 3)`` uint8, the caller's own."""
+        if self._picture is None:
+            from fpg_bench.pictures.picture import Picture
+
+            self._picture = Picture(self._recording)  # type: ignore[arg-type]
+        drawn: np.ndarray = self._picture.draw()
+        return drawn
 
     def picture(self) -> np.ndarray | None:
         """The present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``; else None."""
-        return self._renderer.draw() if self._mode == "rgb_array" and self._renderer else None
+        return self.draw() if self._mode == "rgb_array" and self._recording else None
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        if self._window is not None:
+            self._window.close()
+        self._recording = self._picture = self._window = None

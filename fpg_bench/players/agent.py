@@ -15,10 +15,9 @@ from fpg_bench.extras import has
 from fpg_bench.files import read_json
 from fpg_bench.ids import DUEL, VIEWS, sides_of
 from fpg_bench.players.keyed import Keyed
-from fpg_bench.players.onnx_file import plain_model
+from fpg_bench.players.onnx_file import check_signature, plain_model
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.row_wise import row_wise
-from fpg_bench.players.signature import check_signature
 
 AGENT_FORMAT = 1
 _FIELDS = ("format", "algorithm", "id", "scenario", "training_seed", "training_steps", "policy_sha256")
@@ -66,27 +65,17 @@ class OnnxPlayer(Keyed):
         self.noise_size = inputs["noise"][1] if "noise" in inputs else 0
         self._outputs = ["action", "next_state"] if self.state_size else ["action"]
 
-    def predict(
-        self,
-        observation: np.ndarray,
-        state: Any = None,
-        episode_start: np.ndarray | None = None,
-        deterministic: bool = True,
-    ) -> tuple[np.ndarray, Any]:
-        """Play one step; see :class:`fpg_bench.players.player.Player`."""
-        if observation.ndim == 1:
-            actions, state = self.predict(observation[None], state, episode_start)
-            return actions[0], state
-        count = len(observation)
+    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+        count = len(seen)
         memory, steps = (None, np.zeros(count, np.int64)) if state is None else state
-        feeds = {"observation": np.ascontiguousarray(observation, np.float32)}
+        feeds = {"observation": np.ascontiguousarray(seen, np.float32)}
         if self.state_size:
             memory = np.zeros((count, self.state_size), np.float32) if memory is None else memory.copy()
-            if episode_start is not None:
-                memory[episode_start] = 0
+            if starts is not None:
+                memory[starts] = 0
             feeds["state"] = memory
         if self.noise_size:
-            steps = steps.copy() if episode_start is None else np.where(episode_start, 0, steps)
+            steps = steps.copy() if starts is None else np.where(starts, 0, steps)
             feeds["noise"] = self._noise(steps)
         found = self._run(feeds) if self.row_wise else self._one_by_one(feeds)
         if not self.state_size and not self.noise_size:
@@ -105,7 +94,7 @@ class OnnxPlayer(Keyed):
         return [of[:, 0] if of.shape[1:2] == (1,) else of for of in stacked]
 
     def _noise(self, steps: np.ndarray) -> np.ndarray:
-        from fpg_bench.players.noise import fill_noise  # its compiler is slow to load, and few draw
+        from fpg_bench.players.scripts import fill_noise  # its compiler is slow to load, and few draw
 
         noise = np.empty((len(steps), self.noise_size), np.float32)
         fill_noise(noise, self.keys(len(steps)), steps)

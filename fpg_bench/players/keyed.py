@@ -12,7 +12,7 @@ import numpy as np
 class Keyed:
     """Keeps one key per game; a game that was never given one takes its own index.
 
-    A subclass's ``predict`` treats every game by itself, and its memory is None, an array with a row per
+    What a subclass answers treats every game by itself, and its memory is None, an array with a row per
     game, or a tuple of these. So it can be asked about some of its games only.
     """
 
@@ -71,7 +71,14 @@ class Keyed:
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
     ) -> tuple[np.ndarray, Any]:
-        """Play one step; see :class:`fpg_bench.players.player.Player`."""
+        """Play one step, of one game or of many; see :class:`fpg_bench.players.player.Player`."""
+        if observation.ndim == 1:
+            actions, state = self.predict(observation[None], state, episode_start)
+            return actions[0], state
+        return self._answer(observation, state, episode_start)
+
+    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+        """What the player does in a batch of games; its policy has no other mode."""
         raise NotImplementedError
 
 

@@ -38,25 +38,15 @@ class Scripted(Keyed):
             ]
         )
 
-    def predict(
-        self,
-        observation: np.ndarray,
-        state: Any = None,
-        episode_start: np.ndarray | None = None,
-        deterministic: bool = True,
-    ) -> tuple[np.ndarray, Any]:
-        """Play one step; see :class:`fpg_bench.players.player.Player`."""
-        if observation.ndim == 1:
-            actions, state = self.predict(observation[None], state, episode_start)
-            return actions[0], state
-        count = len(observation)
+    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+        count = len(seen)
         steps = np.zeros(count, np.int64) if state is None else state.copy()
-        if episode_start is not None:
-            steps[episode_start] = 0
+        if starts is not None:
+            steps[starts] = 0
         actions = np.empty((count, ACTION_SIZE), np.float32)
-        if observation.dtype != np.float32 or not observation.flags.carray:  # what is compiled
-            observation = np.require(observation, np.float32, ("C", "A", "W"))
-        self._play(self._kind, observation, actions, steps, self.keys(count), self._scales)
+        if seen.dtype != np.float32 or not seen.flags.carray:  # what is compiled
+            seen = np.require(seen, np.float32, ("C", "A", "W"))
+        self._play(self._kind, seen, actions, steps, self.keys(count), self._scales)
         return actions, steps
 
     def __repr__(self) -> str:

@@ -19,8 +19,8 @@ from fpg_bench.matches.watching import watch
 from fpg_bench.pictures.film import write_gif, write_mp4
 from fpg_bench.pictures.picture import Picture
 from fpg_bench.pictures.recording import Recording
-from fpg_bench.pictures.rendering import FRAMES_PER_SECOND, Renderer
 from fpg_bench.pictures.time_panels import footprints
+from fpg_bench.pictures.window import FRAMES_PER_SECOND
 
 SHORT = Scenario(steps_per_round=24, waypoints=4)
 SHAPE = (640, 1120, 3)
@@ -179,7 +179,7 @@ def test_the_window_shows_the_picture_until_it_is_closed(monkeypatch):
     env.reset(seed=1)
     env.step(np.zeros(9, np.float32))
     shown = pygame.surfarray.array3d(pygame.display.get_surface()).swapaxes(0, 1)
-    np.testing.assert_array_equal(shown, env.unwrapped._screen._renderer.draw())
+    np.testing.assert_array_equal(shown, env.unwrapped._screen.draw())
     pygame.event.post(pygame.event.Event(pygame.QUIT))
     env.step(np.zeros(9, np.float32))
     assert pygame.display.get_surface() is None
@@ -190,11 +190,7 @@ def test_the_window_shows_the_picture_until_it_is_closed(monkeypatch):
 def test_any_game_of_an_arena_can_be_followed():
     duel = make_duel(3, scenario=SHORT)
     duel.reset(seeds=5)
-    pictures = []
-    for game in (0, 2):
-        renderer = Renderer(duel.arena, game=game)
-        renderer.record(begin=True)
-        pictures.append(renderer.draw())
+    pictures = [Picture(Recording(duel.arena, game)).draw() for game in (0, 2)]
     assert (pictures[0] != pictures[1]).any()
 
 

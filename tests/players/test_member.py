@@ -9,8 +9,8 @@ import pytest
 
 from fpg_bench.envs.duel import make_duel
 from fpg_bench.players.agent import load_agent
-from fpg_bench.players.member import flight_of, load_member
 from fpg_bench.players.naming import as_player
+from fpg_bench.players.population import as_member, flight_of
 from fpg_bench.players.seat import Seat
 
 PURSUER = "opponent-pursuit/ppo/seed_0"
@@ -35,18 +35,18 @@ def rounds(path, *opponents):
 
 
 def test_who_learned_in_pursuit_plays_the_same_rounds_under_learned_flight():
-    member = load_member(PURSUER)
+    member = as_member(PURSUER)
     assert (rounds("learned", member)[0] == rounds("pursuit", member)[0]).all()
     agent = load_agent(PURSUER)  # which is not told how it flew
     assert (rounds("learned", agent)[0] != rounds("pursuit", agent)[0]).any()
 
 
 def test_who_learned_to_fly_flies_itself():
-    assert (rounds("learned", load_member(FLYER))[0] == rounds("learned", load_agent(FLYER))[0]).all()
+    assert (rounds("learned", as_member(FLYER))[0] == rounds("learned", load_agent(FLYER))[0]).all()
 
 
 def test_both_kinds_are_drawn_in_one_game():
-    pursuer, flyer = load_member(PURSUER), load_member(FLYER)
+    pursuer, flyer = as_member(PURSUER), as_member(FLYER)
     mixed, seated = rounds("learned", pursuer, flyer)
     assert set(seated.ravel()) == {0, 1}
     assert (mixed[seated == 0] == rounds("pursuit", pursuer)[0][seated == 0]).all()
@@ -54,7 +54,7 @@ def test_both_kinds_are_drawn_in_one_game():
 
 
 def test_a_member_that_travels_to_a_worker_flies_as_before():
-    assert pickle.loads(pickle.dumps(load_member(PURSUER))).flies == "pursuit"
+    assert pickle.loads(pickle.dumps(as_member(PURSUER))).flies == "pursuit"
 
 
 @pytest.mark.parametrize(
