@@ -61,7 +61,7 @@ def tune(
     """
     need("tune", "optuna", "plotly")
     from fpg_bench.training.tuning.tune import tune as tune_alone
-    from fpg_bench.training.tuning.workers import tune_together
+    from fpg_bench.training.tuning.tune import tune_together
 
     tune_run: Any = partial(tune_together, workers=jobs, backend=backend, address=address)
     if (jobs, backend, address) == (1, "loky", None):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import difflib
 import inspect
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -13,20 +14,28 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.utils import LinearSchedule, set_random_seed
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
+from torch import nn
 
 from fpg_bench.checks import check_keys, flag, mapping
 from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.envs.sb3 import SB3View, make_sb3
-from fpg_bench.errors import UserError
+from fpg_bench.errors import UserError, nearest
+from fpg_bench.game.arena import ActionError
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.ids import sides_of
 from fpg_bench.imports import reason
-from fpg_bench.training.activations import as_activation
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import Hyperparameters
 
 _OURS = {"self", "env", "seed", "tensorboard_log", "verbose", "_init_setup_model"}  # not for files to say
 _SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf")
+# What may follow hidden layers: torch's elementwise activations that ONNX has, too, without weights of their
+# own and without chance. Left out: LogSigmoid, whose export differs by 8e-4.
+_NAMES = (
+    "CELU ELU GELU Hardshrink Hardsigmoid Hardswish Hardtanh LeakyReLU Mish ReLU ReLU6 SELU SiLU Sigmoid "
+    "Softplus Softshrink Softsign Tanh Tanhshrink"
+)
+ACTIVATIONS: dict[str, type[nn.Module]] = {name: getattr(nn, name) for name in _NAMES.split()}
 
 
 def make_games(view_id: str, parameters: Hyperparameters, first_seed: int, **options: Any) -> SB3View:
@@ -160,3 +169,41 @@ def _schedule(word: str, where: str) -> LinearSchedule:
         raise UserError(
             f"{where}: expected a number (1.0e-4, not 1e-4) or lin_<number>, got {word!r}"
         ) from error
+
+
+def as_activation(found: Any, where: str) -> type[nn.Module]:
+    """The activation of a name, ``ReLU`` for instance; a class of torch's kind, from Python, is itself one.
+
+    Raises:
+        UserError: no such name, or something else; ``where`` begins the message.
+    """
+    if isinstance(found, type) and issubclass(found, nn.Module):
+        return found
+    if not isinstance(found, str):
+        raise UserError(f"{where}: expected the name of an activation, ReLU for instance, got {found!r}")
+    if found not in ACTIVATIONS:
+        lower = {name.lower(): name for name in ACTIVATIONS}
+        near = difflib.get_close_matches(found.lower(), lower, n=1)
+        written = lower[near[0]] if near else found  # relu and RELU are near ReLU, too
+        raise UserError(f"{where}: unknown activation {found!r}{nearest(written, ACTIVATIONS)}")
+    return ACTIVATIONS[found]
+
+
+def tells_divergence(error: Exception, sides: Sequence[str]) -> bool:
+    """Whether an error is one that a policy without usable numbers leads to.
+
+    Either an action of a side that learns is NaN, or torch refuses the parameters of the distribution that
+    actions are drawn from: a mean that is NaN, or a standard deviation that fell to 0, which can happen while
+    all weights are finite.
+
+    Args:
+        error: what stopped the training.
+        sides: those that learn.
+    """
+    own_action = isinstance(error, ActionError) and str(error).startswith(tuple(sides))
+    return own_action or "found invalid values" in str(error)
+
+
+def is_finite(model: BaseAlgorithm) -> bool:
+    """Whether all weights of a model's policy are finite."""
+    return all(bool(torch.isfinite(weights).all()) for weights in model.policy.parameters())

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import io
 import json
 import platform
 import shutil
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -20,19 +21,19 @@ from fpg_bench.envs.one_sided import OneSided
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.evaluation.yardstick import Yardstick
-from fpg_bench.files import read_json
+from fpg_bench.files import read_json, write_whole
 from fpg_bench.game.scenario import STANDARD, Scenario
+from fpg_bench.pictures.canvas import SIDE_COLOURS, blank_figure
+from fpg_bench.rows import Row
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import GameMeasures, TrainingBar
 from fpg_bench.training.checkpoints import load_checkpoint, load_weights, newest_checkpoint, save_model
-from fpg_bench.training.curve import draw_curve
-from fpg_bench.training.divergence import is_finite, tells_divergence
 from fpg_bench.training.export import check_exportable, export_agent
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
 from fpg_bench.training.keeping import Clock, EvalCheckpointCallback, stopped_by_ctrl_c
 from fpg_bench.training.language_model import training_planner
-from fpg_bench.training.models import by_side, make_games, make_model
+from fpg_bench.training.models import by_side, is_finite, make_games, make_model, tells_divergence
 from fpg_bench.training.run_folder import RunFolder, command_line, revision, words_of
 from fpg_bench.training.spec import RunSpec
 
@@ -208,7 +209,7 @@ class Run:
         )
         save_model(self.model, self.folder.path)
         if rows := self.folder.evaluations.read():
-            draw_curve(rows, f"{about['algorithm']}, {about['id']}", self.folder.curve)
+            _draw_curve(rows, f"{about['algorithm']}, {about['id']}", self.folder.curve)
         rate = round(done / self.seconds)
         ended = {"finished": True, "part": self._part, "steps_per_s": rate, "largest_difference": difference}
         self.folder.write(about | ended)
@@ -229,3 +230,18 @@ def _changed(scenario: Scenario) -> dict[str, Any]:
     """The fields that differ from the standard scenario."""
     values = {field.name: getattr(scenario, field.name) for field in dataclasses.fields(scenario)}
     return {name: value for name, value in values.items() if value != getattr(STANDARD, name)}
+
+
+def _draw_curve(rows: Sequence[Row], title: str, path: Path) -> None:
+    """Draw each side's score over the steps, the rows of ``evaluations.jsonl``, into a PNG file."""
+    figure = blank_figure(6, 3.6)
+    axes = figure.subplots()
+    for side in dict.fromkeys(row["side"] for row in rows):
+        points = [(row["steps"], row["score"]) for row in rows if row["side"] == side]
+        axes.plot(*zip(*points, strict=True), "o-", ms=3, color=SIDE_COLOURS[side], label=side)
+    axes.set(xlabel="steps", ylabel="score (few rounds, tuning seeds)", title=title)
+    axes.legend(frameon=False)
+    axes.spines[["top", "right"]].set_visible(False)
+    image = io.BytesIO()
+    figure.savefig(image, format="png")
+    write_whole(path, image.getvalue())

@@ -17,7 +17,7 @@ from fpg_bench.envs.sb3 import make_sb3
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.plain_json import read_object
-from fpg_bench.training.activations import ACTIVATIONS
+from fpg_bench.training.models import ACTIVATIONS
 
 KINDS: dict[str, Any] = {"ppo": PPO, "a2c": A2C, "sac": SAC, "td3": TD3}
 # What policy_kwargs may say without changing what predict computes, beside the sizes that the weights tell.

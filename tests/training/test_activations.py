@@ -12,9 +12,8 @@ from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.errors import UserError
 from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent
-from fpg_bench.training.activations import ACTIVATIONS, as_activation
 from fpg_bench.training.hyperparameters import load_hyperparameters
-from fpg_bench.training.models import make_games, make_model
+from fpg_bench.training.models import ACTIVATIONS, as_activation, make_games, make_model
 from fpg_bench.training.tuning.space import load_space, merged
 from tests.training.tiny import ALLY, settings, train_tiny
 

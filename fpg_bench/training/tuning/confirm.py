@@ -78,7 +78,7 @@ def confirm(
     for word, value in (("best", best), ("seeds", seeds), ("steps", steps)):
         if value is not None:
             whole(value, word)
-    opened = open_storage(Path(out), storage, stale=claim.try_again, say=say, there=True, **of_storage)
+    opened = open_storage(Path(out), storage, say=say, there=True, **of_storage)
     study, searched = find_study(opened, name)
     chosen = opened.patient(best_trials, study, best)
     if not chosen:

@@ -14,7 +14,6 @@ from optuna.trial import TrialState
 
 from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
-from fpg_bench.training.tuning import claim
 from fpg_bench.training.tuning.storage import PATIENCE_S, open_storage
 from fpg_bench.training.tuning.study import find_study
 from fpg_bench.training.tuning.task import Task
@@ -61,9 +60,7 @@ def write_report(
     Raises:
         UserError: no study, or one without complete trials.
     """
-    opened = open_storage(
-        Path(out), storage, stale=claim.try_again, say=say, patience_s=patience_s, there=True
-    )
+    opened = open_storage(Path(out), storage, say=say, patience_s=patience_s, there=True)
     study, task = find_study(opened, name)
     if not study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,)):
         raise UserError(f"study {study.study_name!r} in {opened.where}: no trial is complete yet")

@@ -20,6 +20,7 @@ from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 
 from fpg_bench.errors import UserError
 from fpg_bench.extras import need
+from fpg_bench.training.tuning.claim import try_again
 
 JOURNAL = "journal.log"
 HEARTBEAT_S = 60
@@ -152,7 +153,6 @@ def open_storage(
     out: Path,
     url: str | None,
     *,
-    stale: Callable[[optuna.Study, optuna.trial.FrozenTrial], None],
     say: Callable[[str], None],
     patience_s: float = PATIENCE_S,
     heartbeat_s: int = HEARTBEAT_S,
@@ -163,7 +163,6 @@ def open_storage(
     Args:
         out: the folder.
         url: a database's URL as Optuna takes it (``postgresql+psycopg://...``); None: the folder's journal.
-        stale: called with a trial whose worker is not heard of any more.
         say: prints a line.
         patience_s: how long to wait for a storage that has gone down.
         heartbeat_s: between two signs of life of a worker; after three without one its trial is given up.
@@ -183,7 +182,7 @@ def open_storage(
     where = f"storage {_without_password(url)}"
     if url.startswith("postgresql+psycopg:"):
         need("postgres", "psycopg")
-    return Storage(where, _database(url, where, stale, heartbeat_s), Patience(where, patience_s, say))
+    return Storage(where, _database(url, where, heartbeat_s), Patience(where, patience_s, say))
 
 
 def _journal(path: Path, say: Callable[[str], None], patience_s: float) -> Storage:
@@ -196,9 +195,7 @@ def _journal(path: Path, say: Callable[[str], None], patience_s: float) -> Stora
     return Storage(where, storage, Patience(where, patience_s, say))
 
 
-def _database(
-    url: str, where: str, stale: Callable[[optuna.Study, optuna.trial.FrozenTrial], None], heartbeat_s: int
-) -> RDBStorage:
+def _database(url: str, where: str, heartbeat_s: int) -> RDBStorage:
     kwargs: dict[str, Any] = {"pool_pre_ping": True}
     if url.startswith("postgresql"):
         kwargs["connect_args"] = {"connect_timeout": 10}
@@ -211,7 +208,7 @@ def _database(
                 kwargs,
                 heartbeat_interval=heartbeat_s,
                 grace_period=3 * heartbeat_s,
-                heartbeat_stale_trial_callback=stale,
+                heartbeat_stale_trial_callback=try_again,
             )
 
     for last in (False, True):

@@ -18,10 +18,9 @@ from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.ids import sides_of
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.training.actor import ActorPlayer
-from fpg_bench.training.divergence import tells_divergence
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
-from fpg_bench.training.models import make_games, make_model
+from fpg_bench.training.models import make_games, make_model, tells_divergence
 from fpg_bench.training.tuning.space import merged
 from fpg_bench.training.tuning.task import Task
 from fpg_bench.training.tuning.worker import Report

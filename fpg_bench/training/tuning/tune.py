@@ -1,15 +1,20 @@
-"""``fpg-bench tune``: search hyper-parameters of an algorithm on an id, in one worker of a study."""
+"""``fpg-bench tune``: search hyper-parameters of an algorithm on an id, in one worker or in many."""
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Callable, Collection
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import optuna
 
 from fpg_bench.checks import whole
-from fpg_bench.training.tuning import claim
+from fpg_bench.errors import UserError
+from fpg_bench.jobs.folders import mark, sees
+from fpg_bench.jobs.job import Job, check_all_done
+from fpg_bench.jobs.run import run_jobs
 from fpg_bench.training.tuning.storage import open_storage
 from fpg_bench.training.tuning.study import finished, open_study
 from fpg_bench.training.tuning.task import make_task
@@ -68,7 +73,7 @@ def tune(
     task = make_task(algorithm, view_id, **{"seeds": SEEDS, **words})
     objective, ranges = Objective(task), task.ranges()
     objective.check(ranges.first())
-    opened = open_storage(Path(out), storage, stale=claim.try_again, say=say, **of_storage)
+    opened = open_storage(Path(out), storage, say=say, **of_storage)
     halving = optuna.pruners.SuccessiveHalvingPruner(min_resource=FIRST_RUNG, reduction_factor=2)
     study = open_study(opened, name or f"{algorithm} {task.view_id}", task, halving)
     training_seeds = [task.first_seed + index for index in range(task.seeds)]
@@ -82,3 +87,54 @@ def tune(
         lost=lost,
     ).run(trials)
     return study
+
+
+def say_line(line: str) -> None:
+    """Print a line at once; can be pickled, as ``print`` cannot be once Ray has put its own in its place."""
+    print(line, flush=True)
+
+
+def tune_together(
+    algorithm: str,
+    view_id: str,
+    out: str | Path,
+    *,
+    workers: int,
+    backend: str = "loky",
+    address: str | None = None,
+    storage: str | None = None,
+    say: Callable[[str], None] = say_line,
+    **words: Any,
+) -> None:
+    """Run several workers of a study until enough trials are finished.
+
+    Args:
+        algorithm: as for :func:`tune`.
+        view_id: as there.
+        out: the study's folder.
+        workers: how many; one whose process or machine is lost is begun again, and its trial is, too.
+        backend: ``loky`` or ``ray``; see :func:`fpg_bench.jobs.run.run_jobs`.
+        address: of a Ray cluster.
+        storage: a database's URL, which workers need who do not see the folder.
+        say: prints a line, here and in the workers; can be pickled.
+        **words: the others of ``tune``.
+
+    Raises:
+        UserError: what ``tune`` raises, or no cluster.
+        KeyboardInterrupt: stopped by the user; the trials are tried again next time.
+    """
+    open_storage(Path(out), storage, say=say)  # made once, before many want to
+    folder = Path(out).absolute()
+    work = partial(_work, algorithm, view_id, folder, mark(folder), storage, words | {"say": say})
+    jobs = [Job(f"worker {k}", work) for k in range(workers)]
+    check_all_done(run_jobs(jobs, workers, backend, address, say))
+
+
+def _work(
+    algorithm: str, view_id: str, out: Path, marked: str, storage: str | None, words: dict[str, Any]
+) -> None:
+    if storage is None and not sees(out, marked):
+        raise UserError(
+            f"{socket.gethostname()} does not see {out}, where the study lies; name a database by --storage"
+        )
+    tune(algorithm, view_id, out, storage=storage, **words)

@@ -13,7 +13,6 @@ import optuna
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.statistics import Interval
-from fpg_bench.training.tuning import claim
 from fpg_bench.training.tuning.storage import open_storage
 from fpg_bench.training.tuning.study import finished, open_study
 from fpg_bench.training.tuning.task import Task
@@ -46,9 +45,7 @@ def highest_x(values, trial, report):
 
 def fake_worker(folder, objective=highest_x, *, url=None, say=print, patience_s=20, lost=(), pruner=None):
     """A worker of the study in a folder or database, and the study."""
-    storage = open_storage(
-        Path(folder), url, stale=claim.try_again, say=say, patience_s=patience_s, heartbeat_s=1
-    )
+    storage = open_storage(Path(folder), url, say=say, patience_s=patience_s, heartbeat_s=1)
     task = fake_task()
     study = open_study(storage, "fake", task, pruner or optuna.pruners.NopPruner())
     suggest = task.ranges().suggest

@@ -73,7 +73,7 @@ def test_ctrl_c_leaves_a_study_that_goes_on(folder, fpg):
     error = process.communicate(timeout=60)[1]
     assert process.returncode == 130
     assert error.splitlines()[-1] == "fpg-bench: stopped; what was finished is kept"
-    study, task = find_study(open_storage(folder / "study", None, stale=print, say=print), None)
+    study, task = find_study(open_storage(folder / "study", None, say=print), None)
     assert [trial.state.name for trial in study.trials] == ["FAIL", "WAITING"]
     assert task.steps == 100_000_000
     status, _, error = fpg(f"{TUNE} --trials 1 --steps 600")

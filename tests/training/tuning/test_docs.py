@@ -43,7 +43,7 @@ def test_the_example_of_a_space_is_one(tmp_path):
 
 def test_the_study_is_optunas_own(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    storage = open_storage(Path("runs/tune/ppo"), None, stale=print, say=print)
+    storage = open_storage(Path("runs/tune/ppo"), None, say=print)
     none = optuna.pruners.NopPruner()
     study = open_study(storage, "ppo FPG/AllyVsScripted-v0", fake_task(), none)
     trial = study.ask()

@@ -10,7 +10,7 @@ from tests.training.tuning.fake import fake_task, fake_worker, highest_x
 
 
 def opened(folder, url=None):
-    return open_storage(folder, url, stale=lambda study, trial: None, say=print)
+    return open_storage(folder, url, say=print)
 
 
 @pytest.mark.parametrize("torn", [b'{"op_code": 5, "wor', b'{"op_code":5}', b"\x00\x00\x00"])

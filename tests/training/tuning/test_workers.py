@@ -3,10 +3,10 @@
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.training.tuning import workers
+from fpg_bench.training.tuning import tune
 from fpg_bench.training.tuning.storage import open_storage
 from fpg_bench.training.tuning.study import find_study
-from fpg_bench.training.tuning.workers import tune_together
+from fpg_bench.training.tuning.tune import tune_together
 from tests.training.tuning.test_tune import HYPERPARAMS, SPACE, VIEW
 
 
@@ -21,7 +21,7 @@ def words(tmp_path):
 @pytest.mark.slow
 def test_two_workers_share_the_trials(tmp_path, words, capsys):
     tune_together("ppo", VIEW, tmp_path / "study", trials=2, **words)
-    storage = open_storage(tmp_path / "study", None, stale=lambda *_: None, say=print)
+    storage = open_storage(tmp_path / "study", None, say=print)
     study, _ = find_study(storage, None)
     assert 2 <= len(study.trials) <= 3
     assert "worker 1: done after" in capsys.readouterr().out
@@ -29,6 +29,6 @@ def test_two_workers_share_the_trials(tmp_path, words, capsys):
 
 @pytest.mark.slow
 def test_a_worker_that_does_not_see_the_study_needs_a_database(tmp_path, words, monkeypatch):
-    monkeypatch.setattr(workers, "mark", lambda folder: "of another machine")
+    monkeypatch.setattr(tune, "mark", lambda folder: "of another machine")
     with pytest.raises(UserError, match=r"worker 0: .* does not see .*study, where the study lies; name a"):
         tune_together("ppo", VIEW, tmp_path / "study", **words | {"workers": 1})
