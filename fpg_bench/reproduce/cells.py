@@ -16,7 +16,7 @@ from typing import Any
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.reproduce.conditions import BASE, NO_KNOWLEDGE, NO_PLANNER, Condition, conditions_of
 from fpg_bench.reproduce.readings import LETTER, POINTS, Reading, as_reading
-from fpg_bench.reproduce.results import Results
+from fpg_bench.reproduce.runs import Results
 
 PRESET = "paper"  # whose readings they are
 FIGURES = as_reading("interference=once,hops=always,hop-cost=0,memory=for-ever")

@@ -15,7 +15,7 @@ from fpg_bench.reproduce.curve import HELD, OPEN, OPPOSITE
 from fpg_bench.reproduce.experiment import BUDGETS, Budget, hyperparameters
 from fpg_bench.reproduce.figures import save_figure
 from fpg_bench.reproduce.report import markdown_table
-from fpg_bench.reproduce.results import Results
+from fpg_bench.reproduce.runs import Results
 
 Found = Mapping[str, Sequence[Comparison]]  # of one cell, by aspect
 _FROZEN = "D1 frozen"

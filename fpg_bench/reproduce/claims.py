@@ -10,7 +10,7 @@ import numpy as np
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.reproduce.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER, swapped
 from fpg_bench.reproduce.paired import Paired, holm, paired
-from fpg_bench.reproduce.results import Results
+from fpg_bench.reproduce.runs import Results
 from fpg_bench.reproduce.windows import STAGES
 
 LEVEL = 0.05
@@ -25,6 +25,11 @@ CLAIMS = {
     "D4": "Without the planner the opponent is worse, without the knowledge base the ally (Fig. 7)",
 }
 
+# Which jamming type earns more alone than which other one.
+STRONGER = (
+    *((kind, "tone") for kind in JAMMING_TYPES[1:]),
+    *(("broadband", kind) for kind in ("narrowband", "comb")),
+)
 # What can come out by itself where the whole claim does not.
 ASPECTS = {
     "D1": CLAIMS["D1"],
@@ -113,43 +118,33 @@ _Difference = tuple[str, str, np.ndarray, np.ndarray | None]
 
 def _differences(results: Results) -> Iterator[_Difference]:
     """The claim, what is claimed to be positive, the differences by seed, and the same with noise."""
+    reward = "opponent_reward"
     for path in FIXED_PATHS:
-        yield _between(results, "D1", f"opponent's reward: planned - {path}", "opponent_reward", BASE, path)
+        statement = f"opponent's reward: planned - {path}"
+        yield _between(results, "D1", statement, (BASE, reward), (path, reward))
     for path in FIXED_PATHS:
-        seeds = results.seeds(BASE, swapped(BASE, path))
-        both = [results.final(name, "opponent_reward", seeds) for name in (BASE, swapped(BASE, path))]
         statement = f"opponent's reward: planned - {path}, of the same pair"
-        yield "D1 frozen", statement, both[0] - both[1], None
+        found = _between(results, "D1 frozen", statement, (BASE, reward), (swapped(BASE, path), reward))
+        yield *found[:3], None
     yield from _over_time(results)
     for kind in JAMMING_TYPES:
-        yield _sides(results, kind)
-    for kind in JAMMING_TYPES[1:]:
-        yield _between(results, "D3", f"opponent's reward: {kind} - tone", "opponent_reward", kind, "tone")
-    for kind in ("narrowband", "comb"):
-        statement = f"opponent's reward: broadband - {kind}"
-        yield _between(results, "D3", statement, "opponent_reward", "broadband", kind)
+        statement = f"{kind} alone: ally's - opponent's reward"
+        yield _between(results, "D3", statement, (kind, "ally_reward"), (kind, reward))
+    for more, less in STRONGER:
+        yield _between(results, "D3", f"opponent's reward: {more} - {less}", (more, reward), (less, reward))
     statement = "opponent's reward: planned - learned path"
-    yield _between(results, "D4", statement, "opponent_reward", BASE, NO_PLANNER)
+    yield _between(results, "D4", statement, (BASE, reward), (NO_PLANNER, reward))
     statement = "ally's reward: with - without knowledge base"
-    yield _between(results, "D4", statement, "ally_reward", BASE, NO_KNOWLEDGE)
+    yield _between(results, "D4", statement, (BASE, "ally_reward"), (NO_KNOWLEDGE, "ally_reward"))
 
 
-def _between(results: Results, claim: str, statement: str, name: str, one: str, other: str) -> _Difference:
-    seeds = results.seeds(one, other)
-    finals, levels = (
-        read(one, name, seeds) - read(other, name, seeds) if seeds else np.empty(0)
-        for read in (results.final, results.level)
-    )
+def _between(
+    results: Results, claim: str, statement: str, one: tuple[str, str], other: tuple[str, str]
+) -> _Difference:
+    """A condition's column less another's."""
+    seeds = results.seeds(one[0], other[0])
+    finals, levels = (read(*one, seeds) - read(*other, seeds) for read in (results.final, results.level))
     return claim, statement, finals, levels
-
-
-def _sides(results: Results, kind: str) -> _Difference:
-    seeds = results.seeds(kind)
-    finals, levels = (
-        read(kind, "ally_reward", seeds) - read(kind, "opponent_reward", seeds) if seeds else np.empty(0)
-        for read in (results.final, results.level)
-    )
-    return "D3", f"{kind} alone: ally's - opponent's reward", finals, levels
 
 
 def _over_time(results: Results) -> Iterator[_Difference]:
@@ -159,10 +154,7 @@ def _over_time(results: Results) -> Iterator[_Difference]:
         ("overlap_ratio", "overlap ratio: early - late", -1),
         ("jamming_success_rate", "jamming success rate: late - early", 1),
     ):
-        early, late = (
-            results.mean(BASE, name, STAGES[stage], seeds) if seeds else np.empty(0)
-            for stage in ("early", "late")
-        )
+        early, late = (results.mean(BASE, name, STAGES[stage], seeds) for stage in ("early", "late"))
         yield "D2", said, sign * (late - early), None
     early, late = (results.overlap(BASE, stage, seeds) for stage in ("early", "late"))
     yield "D2", "spectrum overlap: early - late", early - late, None

@@ -79,28 +79,23 @@ _MAIN = (
     Condition(LONG, "as planned, with ten times the budget", budgets=10),
 )
 # k as a factor of the power in mW, not of its level in dBm: 20 dBm + 10 lg k, as a multiple of 20 dBm.
-_POWER_FACTORS = (1.088046, 1.03959, 0.801030, 0.951545)
+POWER_FACTORS = (1.088046, 1.03959, 0.801030, 0.951545)
 _VISIBLE = {"first_check_s": (5, 5), "check_interval_s": (5, 5)}
-_HIDDEN = {"first_check_s": (1, 5), "check_interval_s": (4, 6), "check_scale_s": 6.0}
+HIDDEN = {"first_check_s": (1, 5), "check_interval_s": (4, 6), "check_scale_s": 6.0}
+_TWICE = ("Eq. 2 and 3 to the letter: interference counts twice", {"snr_model": "paper"})
 _OTHERWISE: dict[str, dict[str, tuple[str, dict[str, Any]]]] = {
     "paper": {
-        "hidden-checks": ("the time of the next check is hidden (every 4 to 6 s)", _HIDDEN),
+        "hidden-checks": ("the time of the next check is hidden (every 4 to 6 s)", HIDDEN),
         "interference-once": ("interference counts once, beside the noise", {"snr_model": "sinr"}),
         "own-receiver": ("the opponent hears by its own receiver", {"detection": "emission"}),
     },
     "standard": {
         "visible-checks": ("checks come every 5 s, and both sides may know", _VISIBLE),
-        "interference-twice": (
-            "Eq. 2 and 3 to the letter: interference counts twice",
-            {"snr_model": "paper"},
-        ),
+        "interference-twice": _TWICE,
         "blinded": ("the opponent hears by the ally's SNR, which its jamming lowers", {"detection": "link"}),
     },
     "figures": {  # what it settles otherwise than the letter, taken back one by one
-        "interference-twice": (
-            "Eq. 2 and 3 to the letter: interference counts twice",
-            {"snr_model": "paper"},
-        ),
+        "interference-twice": _TWICE,
         "gated-hops": ("the ally learns when to hop (Eq. 5)", {"hopping": "gated"}),
         "match-memory": (
             "the planner remembers the ten rounds of a match",
@@ -114,7 +109,7 @@ _HOP_COSTS = {"paper": (0, 200), "standard": (0, 200), "figures": (100,)}  # bes
 def sensitivity(preset: str) -> tuple[Condition, ...]:
     """What the paper leaves open, settled otherwise than the scenario does, one thing at a time."""
     others = {
-        "k-power": ("k is a factor of the power, not of the dBm", {"jamming_coefficients": _POWER_FACTORS}),
+        "k-power": ("k is a factor of the power, not of the dBm", {"jamming_coefficients": POWER_FACTORS}),
         **_OTHERWISE[preset],
         **{
             f"hop-cost-{cost}": (f"a hop costs H = {cost}", {"hop_cost": cost}) for cost in _HOP_COSTS[preset]

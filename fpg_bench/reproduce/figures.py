@@ -15,7 +15,7 @@ from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import preset as scenario_of
 from fpg_bench.pictures.canvas import SIDE_COLOURS, blank_figure
 from fpg_bench.reproduce.conditions import BASE, FIXED_PATHS, LLM, NO_KNOWLEDGE, NO_PLANNER, PLANNERS
-from fpg_bench.reproduce.results import Results
+from fpg_bench.reproduce.runs import Results
 from fpg_bench.reproduce.windows import FIFTH, STAGES, WINDOWS
 
 _OVERLAP, _SUCCESS = "#009e73", "#cc79a7"  # measures of both sides, in neither side's colour

@@ -14,6 +14,7 @@ from typing import Any
 
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.reproduce.conditions import HIDDEN, POWER_FACTORS
 
 LETTER = "letter"
 REMEMBERED = {"match": 10, "for-ever": 40}  # rounds
@@ -42,8 +43,7 @@ POINTS: Mapping[str, Mapping[str, Setting]] = MappingProxyType(
         "k": {
             "level": Setting("k of Table 1 multiplies the level in dBm, as printed"),
             "power": Setting(
-                "k multiplies the power in mW: 20 dBm + 10 lg k",
-                {"jamming_coefficients": (1.088046, 1.03959, 0.801030, 0.951545)},
+                "k multiplies the power in mW: 20 dBm + 10 lg k", {"jamming_coefficients": POWER_FACTORS}
             ),
         },
         "footprints": {
@@ -67,10 +67,7 @@ POINTS: Mapping[str, Mapping[str, Setting]] = MappingProxyType(
         },
         "checks": {
             "visible": Setting("every 5 s, and both sides know"),
-            "hidden": Setting(
-                "every 4 to 6 s",
-                {"first_check_s": (1, 5), "check_interval_s": (4, 6), "check_scale_s": 6.0},
-            ),
+            "hidden": Setting("every 4 to 6 s", HIDDEN),
         },
         "receiver": {
             "link": Setting("a check hears where the ally's SNR is above M"),

@@ -15,7 +15,7 @@ from fpg_bench.reproduce.claims import CLAIMS, HOLDS, NOT_RUN, Comparison, compa
 from fpg_bench.reproduce.conditions import BASE, LLM, LONG, conditions_of, sensitivity
 from fpg_bench.reproduce.experiment import Budget
 from fpg_bench.reproduce.paired import Paired
-from fpg_bench.reproduce.results import Results
+from fpg_bench.reproduce.runs import Results
 from fpg_bench.reproduce.tables import tables
 from fpg_bench.reproduce.windows import FIFTH, FINAL, STAGES, WINDOWS
 

@@ -27,6 +27,7 @@ from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.jobs.job import Job, check_all_done
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.players.naming import as_player
+from fpg_bench.reproduce.claims import STRONGER
 from fpg_bench.reproduce.conditions import FIXED_PATHS
 from fpg_bench.reproduce.readings import REMEMBERED, Reading
 from fpg_bench.rows import Row, RowFile
@@ -214,11 +215,8 @@ def _of_types(best: Mapping[str, Played]) -> Iterator[Part]:
     for kind, played in best.items():
         statement = f"{kind} alone: ally's - opponent's reward"
         yield _difference("D3 level", statement, played.matches("ally"), played.matches("opponent"))
-    for more, less in (*((kind, "tone") for kind in JAMMING_TYPES[1:]), *_BELOW_BROADBAND):
+    for more, less in STRONGER:
         yield _earned("D3 order", f"{more} - {less}", best[more], best[less])
-
-
-_BELOW_BROADBAND = (("broadband", "narrowband"), ("broadband", "comb"))
 
 
 def _earned(claim: str, what: str, more: Played, less: Played) -> Part:

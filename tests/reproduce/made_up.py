@@ -3,7 +3,7 @@
 import numpy as np
 
 from fpg_bench.reproduce.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER, swapped
-from fpg_bench.reproduce.results import Results
+from fpg_bench.reproduce.runs import Results
 from fpg_bench.reproduce.windows import COLUMNS, FINAL, WINDOWS
 
 SEEDS = range(10)

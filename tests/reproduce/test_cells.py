@@ -15,8 +15,7 @@ from fpg_bench.reproduce.curve import spots
 from fpg_bench.reproduce.experiment import Budget, hyperparameters
 from fpg_bench.reproduce.readings import POINTS, Reading, as_reading
 from fpg_bench.reproduce.reproduce import reproduce
-from fpg_bench.reproduce.results import Results
-from fpg_bench.reproduce.runs import RunFile
+from fpg_bench.reproduce.runs import Results, RunFile
 from fpg_bench.reproduce.screen_report import read_screen
 from tests.programs import ROOT
 from tests.reproduce.made_up import SEEDS, results

@@ -12,8 +12,7 @@ from fpg_bench.reproduce.experiment import BUDGETS
 from fpg_bench.reproduce.figures import FIGURES
 from fpg_bench.reproduce.readings import as_reading, every_reading
 from fpg_bench.reproduce.report import write_report
-from fpg_bench.reproduce.results import read_results
-from fpg_bench.reproduce.runs import RunFile
+from fpg_bench.reproduce.runs import RunFile, read_results
 from fpg_bench.reproduce.screen import ASKING, NOT_ASKING, play_pair
 from fpg_bench.reproduce.screen_report import by_setting, read_screen, write_screen
 
