@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from fpg_bench.game.scenario import Scenario, preset
     from fpg_bench.players.agent import load_agent
     from fpg_bench.players.writing import write_agent
-    from fpg_bench.training.live import export_agent
+    from fpg_bench.training.export import export_agent
 
 _HOMES = {
     "Scenario": "fpg_bench.game.scenario",
@@ -35,7 +35,7 @@ _HOMES = {
     "evaluate": "fpg_bench.evaluation.evaluate",
     "load_agent": "fpg_bench.players.agent",
     "write_agent": "fpg_bench.players.writing",
-    "export_agent": "fpg_bench.training.live",
+    "export_agent": "fpg_bench.training.export",
 }
 
 __all__ = [

@@ -24,7 +24,7 @@ from stable_baselines3.common.logger import configure
 from torch import nn
 
 from fpg_bench.ids import DUEL
-from fpg_bench.training.export import export_agent
+from fpg_bench.training.export import write_exported
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_games, make_model
 
@@ -135,7 +135,7 @@ def frozen(quick: bool) -> list[Figure]:
         view = "FPG/AllyVsScripted-v0"
         parameters = load_hyperparameters("ppo", view)
         told = {"algorithm": "ppo", "id": view, "training_seed": 0, "training_steps": 0, "scenario": ""}
-        export_agent(make_model("ppo", make_games(view, parameters, 0), parameters, 0), Path(folder), told)
+        write_exported(make_model("ppo", make_games(view, parameters, 0), parameters, 0), Path(folder), told)
         runs: dict[str, Callable[[], float]] = {
             "agent": partial(ppo_rate, steps, folder),
             "script": partial(ppo_rate, steps, "expert"),

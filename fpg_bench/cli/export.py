@@ -63,7 +63,7 @@ def _from_run(run: Path, out: Path, side: str | None) -> Any:
 def _from_zip(
     path: Path, out: Path, algorithm: str | None, view_id: str, seed: int | None, not_normalized: bool
 ) -> float:
-    from fpg_bench.training.live import export_agent
+    from fpg_bench.training.export import export_agent
     from fpg_bench.training.sb3_zip import INSTEAD, load_zip
 
     if not path.is_file():

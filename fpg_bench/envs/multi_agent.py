@@ -15,8 +15,7 @@ from fpg_bench.envs.one_sided import action_space, first_seeds, observation_spac
 from fpg_bench.errors import UserError
 from fpg_bench.game.full_state import FULL_STATE_SIZE
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.pictures.screen import RENDER_MODES, Screen, offered_modes
-from fpg_bench.pictures.window import FRAMES_PER_SECOND
+from fpg_bench.pictures.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 from fpg_bench.players.player import SIDES
 
 

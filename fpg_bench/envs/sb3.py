@@ -8,7 +8,7 @@ from fpg_bench.extras import need
 need("train", "stable_baselines3")
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -122,7 +122,7 @@ class SB3View(VecEnv):
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """The attribute of this view or of its core, once per game asked for."""
         found = getattr(self if hasattr(self, attr_name) else self.core, attr_name)
-        return [found for _ in self._indices(indices)]
+        return [found for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Set an attribute of this view; it holds for all games at once.
@@ -130,7 +130,7 @@ class SB3View(VecEnv):
         Raises:
             ValueError: fewer than all games are asked for.
         """
-        if len(list(self._indices(indices))) != self.num_envs:
+        if len(list(self._get_indices(indices))) != self.num_envs:
             raise ValueError(f"set_attr: {attr_name!r} can only be set for all {self.num_envs} games at once")
         setattr(self, attr_name, value)
 
@@ -139,14 +139,11 @@ class SB3View(VecEnv):
     ) -> list[Any]:
         """Call ``method_name(game, ...)`` of the core, for each game asked for: ``measures``, ``advice``."""
         method = getattr(self.core, method_name)
-        return [method(game, *method_args, **method_kwargs) for game in self._indices(indices)]
+        return [method(game, *method_args, **method_kwargs) for game in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """True for ``Monitor``, whose infos this view writes itself."""
-        return [issubclass(wrapper_class, Monitor) for _ in self._indices(indices)]
-
-    def _indices(self, indices: int | Iterable[int] | None) -> Iterable[int]:
-        return self._get_indices(indices)
+        return [issubclass(wrapper_class, Monitor) for _ in self._get_indices(indices)]
 
 
 def make_sb3(

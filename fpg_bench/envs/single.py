@@ -12,8 +12,7 @@ from gymnasium.envs.registration import EnvSpec
 from fpg_bench.envs.one_sided import OneSided, action_space, first_seeds, observation_space, one_action
 from fpg_bench.errors import UserError
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.pictures.screen import RENDER_MODES, Screen, offered_modes
-from fpg_bench.pictures.window import FRAMES_PER_SECOND
+from fpg_bench.pictures.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 
 
 class SingleView(gymnasium.Env):

@@ -16,7 +16,7 @@ from fpg_bench.extras import need
 from fpg_bench.files import write_whole
 from fpg_bench.pictures.picture import HEIGHT, WIDTH, Picture
 from fpg_bench.pictures.recording import Recording
-from fpg_bench.pictures.window import FRAMES_PER_SECOND
+from fpg_bench.pictures.screen import FRAMES_PER_SECOND
 
 
 def check_mp4() -> None:

@@ -11,8 +11,8 @@ from fpg_bench.errors import UserError
 from fpg_bench.extras import has, need
 from fpg_bench.game.arena import Arena
 from fpg_bench.pictures.recording import Recording
-from fpg_bench.pictures.window import FRAMES_PER_SECOND, Window
 
+FRAMES_PER_SECOND = 10  # of windows and films
 RENDER_MODES = {"rgb_array": ("matplotlib",), "human": ("matplotlib", "pygame")}  # and what each needs
 
 
@@ -52,7 +52,7 @@ class Screen:
         else:
             self._recording.add()
         if self._mode == "human":
-            self._window = self._window or Window("Frequency point game", FRAMES_PER_SECOND)
+            self._window = self._window or Window()
             if self._window.is_open:
                 self._window.show(self.draw())
 
@@ -74,3 +74,44 @@ class Screen:
         if self._window is not None:
             self._window.close()
         self._recording = self._picture = self._window = None
+
+
+class Window:
+    """Opens with the first picture and is closed by the user or by :meth:`close`."""
+
+    def __init__(self) -> None:
+        import pygame
+
+        self._pygame = pygame
+        self._screen: Any = None
+        self.is_open = True
+
+    def show(self, picture: np.ndarray) -> None:
+        """Show a picture ``(height, width, 3)`` uint8 and wait until the next one is due."""
+        pygame = self._pygame
+        height, width = picture.shape[:2]
+        if self._screen is None:
+            self._open(width, height)
+        surface = pygame.image.frombuffer(np.ascontiguousarray(picture), (width, height), "RGB")
+        self._screen.blit(surface, (0, 0))
+        pygame.display.flip()
+        self._clock.tick(FRAMES_PER_SECOND)
+        if any(event.type == pygame.QUIT for event in pygame.event.get()):
+            self.close()
+
+    def _open(self, width: int, height: int) -> None:
+        pygame = self._pygame
+        pygame.display.init()
+        pygame.display.set_caption("Frequency point game")
+        try:
+            self._screen = pygame.display.set_mode((width, height))
+        except pygame.error as error:
+            raise UserError(f"render_mode 'human' needs a screen: {error}") from error
+        self._clock = pygame.time.Clock()
+
+    def close(self) -> None:
+        """Close the window; pictures shown after that are an error of the caller."""
+        if self._screen is not None:
+            self._pygame.display.quit()
+            self._screen = None
+        self.is_open = False

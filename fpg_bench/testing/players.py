@@ -45,7 +45,11 @@ def check_player(player: Any, side: str, scenario: Scenario | str | None = None)
     observations, seeds = _recorded(player, side, played)
     tolerance = TORCH_TOLERANCE if _holds_torch(player) else 0.0
     first = _replay(player, observations, seeds)
-    _check_repeats(player, observations, seeds, first, tolerance)
+    require(
+        _close(first, _replay(player, observations, seeds), tolerance),
+        "player: the same observations and seeds gave other actions; "
+        "draw from the seeds of reset(mask, seeds), and keep memory in the returned state",
+    )
     _check_batch_size(player, observations, seeds, first, tolerance)
     _check_memory(player, observations, seeds, first, tolerance)
     print(f"{name}: keeps to the contract of players")
@@ -128,17 +132,6 @@ def _replay(
         actions.append(answer.copy())
         start = np.zeros(games, bool)
     return np.array(actions)
-
-
-def _check_repeats(
-    player: Player, observations: np.ndarray, seeds: np.ndarray, first: np.ndarray, tolerance: float
-) -> None:
-    again = _replay(player, observations, seeds)
-    require(
-        _close(first, again, tolerance),
-        "player: the same observations and seeds gave other actions; "
-        "draw from the seeds of reset(mask, seeds), and keep memory in the returned state",
-    )
 
 
 def _check_batch_size(

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.errors import UserError
-from fpg_bench.testing.hands import Hands, Shown
-from fpg_bench.testing.kinds import hands_of
+from fpg_bench.testing.kinds import Hands, Shown, hands_of
 from fpg_bench.testing.requiring import require
 
 Make = Callable[[], Any]

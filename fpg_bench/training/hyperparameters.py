@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +47,7 @@ class Hyperparameters:
             "n_timesteps": self.n_timesteps,
             "normalize": self.normalize,
         }
-        values |= {"frame_stack": self.frame_stack, "imitate": self.imitate and self.imitate.words()}
+        values |= {"frame_stack": self.frame_stack, "imitate": self.imitate and asdict(self.imitate)}
         return {name: value for name, value in values.items() if value is not None} | self.algorithm
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -42,10 +42,6 @@ class Imitation:
     learning_rate: float = 0.001
     batch_size: int = 1024
     n_epochs: int = 5
-
-    def words(self) -> dict[str, Any]:
-        """As a file says it."""
-        return asdict(self)
 
 
 def parse_imitation(content: Any, where: str) -> Imitation:

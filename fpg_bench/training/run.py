@@ -28,7 +28,7 @@ from fpg_bench.rows import Row
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import GameMeasures, TrainingBar
 from fpg_bench.training.checkpoints import load_checkpoint, load_weights, newest_checkpoint, save_model
-from fpg_bench.training.export import check_exportable, export_agent
+from fpg_bench.training.export import check_exportable, write_exported
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
 from fpg_bench.training.keeping import Clock, EvalCheckpointCallback, stopped_by_ctrl_c
@@ -89,7 +89,7 @@ class Run:
         parameters, core, name = self.parameters, self.games.core, self.algorithm.name
         named = {"hyperparams": spec.hyperparams} if isinstance(spec.hyperparams, str | Path) else {}
         stack = {} if parameters.frame_stack is None else {"frame_stack": parameters.frame_stack}
-        start = {} if parameters.imitate is None else {"imitate": parameters.imitate.words()}
+        start = {} if parameters.imitate is None else {"imitate": dataclasses.asdict(parameters.imitate)}
         games = {"n_envs": parameters.n_envs, "normalize": parameters.normalize, **stack, **start}
         told = spec.told()
         about = {
@@ -204,7 +204,7 @@ class Run:
         if (flown := getattr(self.games.core.duel.planner, "flown", None)) is not None:
             about["plans"] = dict(flown)  # of this part of the run
         difference = max(
-            export_agent(player, self.folder.agent_of(side, self.sides), about | {"side": side})
+            write_exported(player, self.folder.agent_of(side, self.sides), about | {"side": side})
             for side, player in by_side(self.model, self.sides).items()
         )
         save_model(self.model, self.folder.path)

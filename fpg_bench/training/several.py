@@ -68,12 +68,12 @@ def train_runs(
     """
     if spec.options.get("planner") in LLM_CONTROLS:
         raise UserError("seeds: a language model plans for one run at a time; train each seed by itself")
-    how = {"evaluations": evaluations, "restart": restart, "resume": not restart}
+    how: Any = {"evaluations": evaluations, "restart": restart, "resume": not restart, "progress": False}
     jobs = []
     for seed in seeds:
         run, folder = dataclasses.replace(spec, seed=seed), Path(out) / f"seed_{seed}"
         done = partial(is_finished, run, folder)
-        jobs.append(folder_job(folder.name, folder, partial(_train, run, how), done))
+        jobs.append(folder_job(folder.name, folder, partial(train_run, run, **how), done))
     check_all_done(run_jobs(jobs, say=say, **workers))
 
 
@@ -92,7 +92,3 @@ def parse_seeds(text: str) -> list[int]:
     if not seeds or len(set(seeds)) < len(seeds):
         raise UserError(f"seeds: each has to be named once, got {text!r}")
     return seeds
-
-
-def _train(spec: RunSpec, how: dict[str, Any], folder: Path) -> None:
-    train_run(spec, folder, progress=False, **how)

@@ -19,8 +19,8 @@ from fpg_bench.matches.watching import watch
 from fpg_bench.pictures.film import write_gif, write_mp4
 from fpg_bench.pictures.picture import Picture
 from fpg_bench.pictures.recording import Recording
+from fpg_bench.pictures.screen import FRAMES_PER_SECOND
 from fpg_bench.pictures.time_panels import footprints
-from fpg_bench.pictures.window import FRAMES_PER_SECOND
 
 SHORT = Scenario(steps_per_round=24, waypoints=4)
 SHAPE = (640, 1120, 3)

@@ -14,7 +14,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.training import export
 from fpg_bench.training.actor import Actor
-from fpg_bench.training.export import export_agent, export_onnx, largest_difference
+from fpg_bench.training.export import export_onnx, largest_difference, write_exported
 from fpg_bench.training.plain_onnx import plain_onnx
 
 ABOUT = {
@@ -61,7 +61,7 @@ def a_model(algorithm, normalized=False, frames=1, **options):
 )
 def test_exported_agents_play_as_the_model_predicts(algorithm, options, normalized, tmp_path):
     model = a_model(algorithm, normalized, **options)
-    assert export_agent(model, tmp_path, ABOUT) < 1e-5
+    assert write_exported(model, tmp_path, ABOUT) < 1e-5
     player = load_agent(tmp_path)
     seen = np.random.default_rng(2).uniform(-1, 1, (7, 15)).astype(np.float32)
     normalize = model.get_vec_normalize_env()
@@ -90,7 +90,7 @@ def test_agents_with_memory_play_as_the_model_does_in_its_own_games(
 ):
     """Over 220 steps of SB3's own stacking and normalising, in rounds that end at different steps."""
     model = a_model(algorithm, normalized, frames, **options)
-    assert export_agent(model, tmp_path, ABOUT) < 1e-5
+    assert write_exported(model, tmp_path, ABOUT) < 1e-5
     player, core = load_agent(tmp_path), make_sb3("FPG/AllyVsScripted-v0", n_envs=4, seed=5, stagger=True)
     games = VecFrameStack(core, frames) if frames > 1 else core
     if (normalize := model.get_vec_normalize_env()) is not None:
@@ -154,7 +154,7 @@ def test_a_policy_of_another_kind_is_refused():
 def test_an_export_that_plays_differently_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("fpg_bench.training.export.largest_difference", lambda *a, **k: float("nan"))
     with pytest.raises(UserError, match="differs"):
-        export_agent(a_model(PPO), tmp_path / "agent", ABOUT)
+        write_exported(a_model(PPO), tmp_path / "agent", ABOUT)
     assert not (tmp_path / "agent").exists()
 
 

@@ -112,7 +112,7 @@ class Prompt:
             for i in self._told(history[k]):
                 place, reward = _place(history[k, i, :3]), float(history[k, i, 3])
                 words = {"second": seconds[i], "part": i + 1, "reward": _reward(reward)}
-                lines.append(row.substitute(place, **words, gain=_gain(reward - usual)))
+                lines.append(row.substitute(place, **words, gain=_reward(reward - usual, "+")))
         return Template(self.history).substitute(rounds="\n".join(lines)).strip()
 
     def _told(self, parts: np.ndarray) -> list[int]:
@@ -235,12 +235,8 @@ def _place(position: np.ndarray) -> dict[str, int]:
     return {axis: round(float(value) - 1e-6) for axis, value in zip("xyz", position, strict=True)}
 
 
-def _reward(value: float) -> str:
-    return f"{round(float(value), 2) + 0.0:.2f}"  # + 0.0: never -0.00
-
-
-def _gain(value: float) -> str:
-    return f"{round(float(value), 2) + 0.0:+.2f}"
+def _reward(value: float, sign: str = "") -> str:
+    return f"{round(float(value), 2) + 0.0:{sign}.2f}"  # + 0.0: never -0.00
 
 
 def _middles_s(limits: Limits) -> list[int]:

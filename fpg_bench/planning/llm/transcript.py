@@ -168,18 +168,18 @@ class Transcript:
 
     def last_valid(self, request: Request) -> Attempt | None:
         """The latest attempt of a request's match, before its round, that came to a path; None: none did."""
-        with self._lock:
-            self._read()
-            valid = self._valid.get((request.seed, request.match), {})
-            rounds = [number for number in valid if number < request.round]
-            return valid[max(rounds)] if rounds else None
+        valid = self._valid_before(request)
+        return valid[-1] if valid else None
 
     def paths(self, request: Request) -> list[np.ndarray]:
         """The valid paths, ``(n, 3)`` in m each, of a request's match before its round."""
+        return [np.array(attempt.waypoints) for attempt in self._valid_before(request)]
+
+    def _valid_before(self, request: Request) -> list[Attempt]:
         with self._lock:
             self._read()
             valid = self._valid.get((request.seed, request.match), {})
-            return [np.array(valid[k].waypoints) for k in sorted(valid) if k < request.round]
+            return [valid[k] for k in sorted(valid) if k < request.round]
 
     def flown(self, request: Request) -> Row | None:
         """The line that says which plan the round of a request flew; None: there is none yet.
