@@ -181,9 +181,9 @@ def _differences(results: Results) -> Iterator[_Difference]:
         statement = f"opponent's reward: planned - {path}"
         yield _between(results, "D1", statement, (BASE, reward), (path, reward))
     for path in FIXED_PATHS:
-        statement = f"opponent's reward: planned - {path}, of the same pair"
-        found = _between(results, "D1 frozen", statement, (BASE, reward), (swapped(BASE, path), reward))
-        yield *found[:3], None
+        seeds = results.seeds(BASE, swapped(BASE, path))
+        both = [results.final(name, reward, seeds) for name in (BASE, swapped(BASE, path))]
+        yield "D1 frozen", f"opponent's reward: planned - {path}, of the same pair", both[0] - both[1], None
     yield from _over_time(results)
     for kind in JAMMING_TYPES:
         statement = f"{kind} alone: ally's - opponent's reward"

