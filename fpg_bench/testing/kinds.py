@@ -86,15 +86,13 @@ class Hands:
         self.view.reset()
 
 
-class SingleHands(Hands):
+class _SingleHands(Hands):
     """One game by Gymnasium."""
 
     def reset(self, seed: Any = None) -> np.ndarray:
-        """See :class:`Hands`."""
         return self.view.reset(seed=seed)[0][None]
 
     def step(self, actions: Any) -> Shown:
-        """See :class:`Hands`."""
         observation, reward, terminated, truncated, info = self.view.step(actions)
         measures = info.get("measures")
         returns = None if measures is None else np.array([measures[f"{self.view.core.side}_return"]])
@@ -102,11 +100,10 @@ class SingleHands(Hands):
         return Shown(observation[None], np.array([reward]), over, terminated, returns, (observation,))
 
     def packed(self, actions: np.ndarray) -> Any:
-        """See :class:`Hands`."""
         return actions[0].copy()
 
 
-class VectorHands(Hands):
+class _VectorHands(Hands):
     """N games by Gymnasium, which begin their next round in a step of its own."""
 
     def __init__(self, view: Any) -> None:
@@ -115,20 +112,16 @@ class VectorHands(Hands):
         self.shape = (self.games, ACTION_SIZE)
 
     def spaces(self) -> tuple[Any, ...]:
-        """See :class:`Hands`."""
         view = self.view
         return view.observation_space, view.action_space, view.single_observation_space
 
     def holds(self, observations: np.ndarray) -> bool:
-        """See :class:`Hands`."""
         return observations in self.view.observation_space
 
     def reset(self, seed: Any = None) -> np.ndarray:
-        """See :class:`Hands`."""
         return self.view.reset(seed=seed)[0]
 
     def step(self, actions: Any) -> Shown:
-        """See :class:`Hands`."""
         observations, rewards, terminated, over, infos = self.view.step(actions)
         measures = infos.get("measures")
         returns = None if measures is None else measures[f"{self.view.core.side}_return"]
@@ -136,11 +129,10 @@ class VectorHands(Hands):
         return Shown(observations, rewards, over, terminated.any(), returns, handed)
 
     def next_round(self) -> None:
-        """See :class:`Hands`."""
         self.view.step(np.zeros(self.shape, np.float32))
 
 
-class SB3Hands(Hands):
+class _SB3Hands(Hands):
     """N games by Stable-Baselines3, of one side or of both, which begin their next round at once."""
 
     def __init__(self, view: Any) -> None:
@@ -150,13 +142,11 @@ class SB3Hands(Hands):
         self.sides = SIDES if view.action_space.shape[0] > ACTION_SIZE else ()
 
     def reset(self, seed: Any = None) -> np.ndarray:
-        """See :class:`Hands`."""
         if seed is not None:
             self.view.seed(seed)
         return self.view.reset()
 
     def step(self, actions: Any) -> Shown:
-        """See :class:`Hands`."""
         observations, rewards, over, infos = self.view.step(actions)
         handed = [observations, rewards, over]
         if not over.any():
@@ -172,7 +162,7 @@ class SB3Hands(Hands):
         """It has begun."""
 
 
-class DuelHands(Hands):
+class _DuelHands(Hands):
     """N games of both sides."""
 
     sides = SIDES
@@ -199,7 +189,6 @@ class DuelHands(Hands):
         return self._both(self.view.present())
 
     def step(self, actions: Any) -> Shown:
-        """See :class:`Hands`."""
         step = self.view.step(*actions)
         rewards = np.column_stack([step.ally_rewards, step.opponent_rewards])
         handed = (*step, self.view.state())
@@ -216,11 +205,10 @@ class DuelHands(Hands):
         return np.hstack([step.ally_observations, step.opponent_observations])
 
     def packed(self, actions: np.ndarray) -> Any:
-        """See :class:`Hands`."""
         return actions[:, :ACTION_SIZE].copy(), actions[:, ACTION_SIZE:].copy()
 
 
-class PettingZooHands(Hands):
+class _PettingZooHands(Hands):
     """One game of both sides by PettingZoo, moving at once."""
 
     sides = SIDES
@@ -229,21 +217,17 @@ class PettingZooHands(Hands):
         return self.view.duel
 
     def spaces(self) -> tuple[Any, ...]:
-        """See :class:`Hands`."""
         view = self.view
         return tuple(space(side) for side in SIDES for space in (view.observation_space, view.action_space))
 
     def holds(self, observations: np.ndarray) -> bool:
-        """See :class:`Hands`."""
         parts = zip(SIDES, np.split(observations[0], 2), strict=True)
         return all(part in self.view.observation_space(side) for side, part in parts)
 
     def reset(self, seed: Any = None) -> np.ndarray:
-        """See :class:`Hands`."""
         return self._row(self.view.reset(seed=seed)[0])
 
     def step(self, actions: Any) -> Shown:
-        """See :class:`Hands`."""
         observations, rewards, terminated, over, infos = self.view.step(actions)
         handed = (*observations.values(), self.view.state())
         ended = np.array([all(over.values())])
@@ -258,16 +242,15 @@ class PettingZooHands(Hands):
         return np.concatenate([found[side] for side in SIDES])[None]
 
     def packed(self, actions: np.ndarray) -> Any:
-        """See :class:`Hands`."""
         parts = np.split(actions[0].copy(), 2)
         return dict(zip(SIDES, parts, strict=True))
 
 
 _KINDS = (
-    ("gymnasium", "Env", SingleHands),
-    ("gymnasium.vector", "VectorEnv", VectorHands),
-    ("stable_baselines3.common.vec_env", "VecEnv", SB3Hands),
-    ("pettingzoo", "ParallelEnv", PettingZooHands),
+    ("gymnasium", "Env", _SingleHands),
+    ("gymnasium.vector", "VectorEnv", _VectorHands),
+    ("stable_baselines3.common.vec_env", "VecEnv", _SB3Hands),
+    ("pettingzoo", "ParallelEnv", _PettingZooHands),
 )
 
 
@@ -279,7 +262,7 @@ def hands_of(view: Any) -> Hands:
     """
     view = getattr(view, "unwrapped", view)
     if isinstance(view, Duel):
-        return DuelHands(view)
+        return _DuelHands(view)
     for module, name, hands in _KINDS:  # what was never imported made no view
         if module in sys.modules and isinstance(view, getattr(sys.modules[module], name)):
             return hands(view)

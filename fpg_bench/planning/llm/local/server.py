@@ -12,7 +12,6 @@ import tempfile
 import threading
 import time
 import urllib.request
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -198,11 +197,6 @@ def shared_server(file: Path) -> LocalServer:
     return server
 
 
-def server_at(url: str) -> LocalServer | None:
-    """The server of this process with this base URL; None: it is somebody else's."""
-    return _SERVERS.get(url)
-
-
 def tokens_under_way() -> int | None:
     """How many tokens of present answers the servers of this process have written; None: none is asked."""
     counts = [count for server in list(_SERVERS.values()) if (count := server.written()) is not None]
@@ -216,18 +210,12 @@ def brought_back(url: str) -> bool:
         UserError: it does not come up again.
     """
     with _GUARD:
-        server = server_at(url)
+        server = _SERVERS.get(url)
         if server is None or server.started_again:
             return False
-        for _ in _moments():
+        for _ in range(10):  # a process that was killed may take a moment to be gone
             if not server.alive:
                 server.start_again()
                 return True
+            time.sleep(0.05)
         return False
-
-
-def _moments() -> Iterator[None]:
-    """A few, since a process that was killed may take a moment to be gone."""
-    for _ in range(10):
-        yield
-        time.sleep(0.05)
