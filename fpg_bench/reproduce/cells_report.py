@@ -17,7 +17,7 @@ from fpg_bench.reproduce.figures import save_figure
 from fpg_bench.reproduce.report import markdown_table
 from fpg_bench.reproduce.runs import Results
 
-Found = Mapping[str, Sequence[Comparison]]  # of one cell, by aspect
+Found = Mapping[str, list[Comparison]]  # of one cell, by aspect
 _FROZEN = "D1 frozen"
 _COLUMNS = (_FROZEN, *(name for name in ASPECTS if name != "D1"))
 _FIRST = Cell(FIGURES, tuple(ASPECTS))  # trained as a scenario of its own
@@ -113,7 +113,8 @@ def judged(results: Results, seeds: range) -> dict[str, list[Comparison]]:
 def _verdicts(found: Mapping[Cell, Found]) -> str:
     lines = [["reading", *_COLUMNS]]
     for cell, by_aspect in found.items():
-        lines.append([_title(cell), *(_verdict(by_aspect.get(name, ())) for name in _COLUMNS)])
+        told = (verdict(by_aspect[name]) if name in by_aspect else "-" for name in _COLUMNS)
+        lines.append([_title(cell), *told])
     return markdown_table(lines)
 
 
@@ -156,10 +157,6 @@ def _drawn(found: Mapping[Cell, Found]) -> Any:
 def _size(comparison: Comparison) -> float:
     found = comparison.found
     return found.mean / max(found.high - found.mean, 1e-12)
-
-
-def _verdict(comparisons: Sequence[Comparison]) -> str:
-    return verdict(list(comparisons)) if comparisons else "-"
 
 
 def _title(cell: Cell) -> str:

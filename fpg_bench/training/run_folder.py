@@ -55,8 +55,10 @@ class RunFolder:
         Raises:
             UserError: another process holds it, or it is not empty and no run's folder.
         """
-        started = (self.path / "run.json").exists()
-        if not started and not all(map(_is_of_a_start, self._names())):
+        there = os.listdir(self.path) if self.path.exists() else []
+        # A run that was killed before its run.json was whole may have left these
+        others = [name for name in there if name != EVALUATIONS and not name.startswith(".run.json.")]
+        if others and "run.json" not in there:
             raise UserError(f"{self.path}: is not empty and no run's folder; choose another")
         with contextlib.ExitStack() as stack:
             try:
@@ -64,9 +66,6 @@ class RunFolder:
             except UserError as error:
                 raise UserError(f"{self.path}: another process is training in this folder") from error
             yield
-
-    def _names(self) -> list[str]:
-        return os.listdir(self.path) if self.path.exists() else []
 
     def found(self, about: dict[str, Any], again: bool) -> dict[str, Any] | None:
         """What the folder says of this very run, None where none was begun.
@@ -125,11 +124,6 @@ class RunFolder:
     def write(self, about: dict[str, Any]) -> None:
         """Write ``run.json``."""
         write_json(self.path / "run.json", about)
-
-
-def _is_of_a_start(name: str) -> bool:
-    """Whether a file may be left by a run that was killed before its ``run.json`` was whole."""
-    return name == EVALUATIONS or name.startswith(".run.json.")
 
 
 def command_line(*words: str, **options: Any) -> str:

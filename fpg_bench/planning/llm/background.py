@@ -72,7 +72,9 @@ class BackgroundPlanner(BatchPlanner):
             UserError: the planner has failed since the last call, or its transcript does not fit.
             OSError: its transcript cannot be written.
         """
-        self._check_thread()
+        if self._error is not None:
+            failed = f"planner {self.planner.name} failed beside the game: {self._error}"
+            raise UserError(failed) from self._error
         plans: list[Plan] = []
         new: list[tuple[Request, Row]] = []
         for request in requests:
@@ -87,11 +89,6 @@ class BackgroundPlanner(BatchPlanner):
         self._transcript.add_flown([line for _, line in new])
         self._submit([request for request, _ in new])
         return plans
-
-    def _check_thread(self) -> None:
-        if self._error is not None:
-            failed = f"planner {self.planner.name} failed beside the game: {self._error}"
-            raise UserError(failed) from self._error
 
     def _game(self, request: Request) -> _Game:
         """The game of a request; one whose match begins has the circle before it."""

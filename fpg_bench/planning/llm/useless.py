@@ -39,17 +39,13 @@ def why_useless(
     if _too_long(waypoints, request).mean() > 0.5:
         return UNFLYABLE
     known = [*past, *request.history[..., :3]]
-    return REPEATED if any(_copies(waypoints, path) for path in known) else ""
+    return REPEATED if any(_near(waypoints, path).mean() >= _MOST for path in known) else ""
 
 
 def _near(waypoints: np.ndarray, other: np.ndarray) -> np.ndarray:
     """``(n,)`` bool: which points are those of another path, or are one point."""
     found: np.ndarray = np.abs(waypoints - other).max(axis=1) <= SAME_M
     return found
-
-
-def _copies(waypoints: np.ndarray, other: np.ndarray) -> bool:
-    return bool(_near(waypoints, other).mean() >= _MOST)
 
 
 def _too_long(waypoints: np.ndarray, request: Request) -> np.ndarray:

@@ -114,7 +114,8 @@ def _in_our_words(figure: Any) -> Any:
 def _table(study: optuna.Study, task: Task) -> str:
     lines = ["<tr><th>trial<th>state<th>score<th>95 % interval<th>values"]
     for trial in sorted(study.get_trials(deepcopy=False, states=_SEEN), key=lambda t: -(t.value or -1e9)):
-        values = shown(task.ranges().values(trial.params)) if _is_whole(trial, task) else ""
+        drawn = trial.params.keys() >= task.space.keys()  # it may have ended before all its values were
+        values = shown(task.ranges().values(trial.params)) if drawn else ""
         low, high, _ = trial.user_attrs.get("interval", (None, None, ""))
         interval = "" if low is None else f"[{low:.1f}, {high:.1f}]"
         score = "" if trial.value is None else f"{trial.value:.1f}"
@@ -122,8 +123,3 @@ def _table(study: optuna.Study, task: Task) -> str:
         cells = (str(trial.number), state, score, interval, values)
         lines.append("<tr>" + "".join(f"<td>{html.escape(cell)}" for cell in cells))
     return f'<div class="table"><table>{"".join(lines)}</table></div>'
-
-
-def _is_whole(trial: optuna.trial.FrozenTrial, task: Task) -> bool:
-    """Whether all its values were drawn before it ended."""
-    return trial.params.keys() >= task.space.keys()

@@ -8,9 +8,8 @@ import os
 import threading
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Any, TypeVar
 
 import optuna
@@ -109,13 +108,13 @@ class Storage:
         self.where, self.optuna, self.patient = where, storage, patient
         self.journal = isinstance(storage, JournalStorage)
 
-    def beating(self, trial: optuna.Trial) -> Heartbeat:
+    def beating(self, trial: optuna.Trial) -> contextlib.AbstractContextManager[None]:
         """A context in which a database is told that the trial's worker lives; the first time at once."""
-        number = trial._trial_id  # a private door, opened here alone: heartbeats know trials by no other name
         if isinstance(self.optuna, JournalStorage):
-            return Heartbeat(None, number)
+            return contextlib.nullcontext()
+        number = trial._trial_id  # a private door, opened here alone: heartbeats know trials by no other name
         self.patient(self.optuna.record_heartbeat, number)
-        return Heartbeat(self.optuna, number)
+        return _heartbeat(self.optuna, number)
 
     def fail_stale(self, study: optuna.Study) -> None:
         """Fail the trials whose worker has not been heard of for long (a database's only)."""
@@ -124,29 +123,23 @@ class Storage:
             fail_stale_trials(study)
 
 
-class Heartbeat:
-    """Tells a database every now and then that a trial's worker lives; a beat that fails is left out."""
+@contextlib.contextmanager
+def _heartbeat(storage: RDBStorage, trial: int) -> Iterator[None]:
+    """Tell a database every now and then that a trial's worker lives; a beat that fails is left out."""
+    stop = threading.Event()
 
-    def __init__(self, storage: Any, trial: int) -> None:
-        self._storage, self._trial = storage, trial
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._beat, daemon=True)
-
-    def __enter__(self) -> None:
-        if self._storage is not None:
-            self._thread.start()
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._stop.set()
-        if self._storage is not None:
-            self._thread.join()
-
-    def _beat(self) -> None:
-        while not self._stop.wait(self._storage.heartbeat_interval):
+    def beat() -> None:
+        while not stop.wait(storage.heartbeat_interval):
             with contextlib.suppress(*_DOWN):  # the next one may be heard
-                self._storage.record_heartbeat(self._trial)
+                storage.record_heartbeat(trial)
+
+    thread = threading.Thread(target=beat, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
 
 
 def open_storage(

@@ -83,7 +83,7 @@ def _edited(
     lines: list[str], view_id: str, entry: dict[str, Any], changed: set[str], comment: list[str]
 ) -> list[str]:
     """The file's lines with the entry's changed keys and the comment."""
-    start = next((i for i, line in enumerate(lines) if _is_head(line, view_id)), None)
+    start = next((i for i, line in enumerate(lines) if line.startswith(f"{view_id}:")), None)
     if start is None:
         return [*lines, f"{view_id}:", *comment, *_block(entry, set(entry))]
     head = lines[start]
@@ -104,10 +104,6 @@ def _edited(
         if not inside:
             kept.append(line)
     return [*lines[: start + 1], *comment, *kept, *_block(entry, unwritten), *lines[end:]]
-
-
-def _is_head(line: str, view_id: str) -> bool:
-    return line.startswith(f"{view_id}:")
 
 
 def _block(entry: dict[str, Any], keys: set[str]) -> list[str]:
