@@ -1,4 +1,4 @@
-"""Players that draw at random: each game's draws come from the stream of its own round."""
+"""What players are made of: one answer for many games, and draws from the stream of each game's own round."""
 
 from __future__ import annotations
 
@@ -9,7 +9,28 @@ from typing import Any
 import numpy as np
 
 
-class Keyed:
+class Batched:
+    """Answers what it sees in a batch of games, or in one alone."""
+
+    def predict(
+        self,
+        observation: np.ndarray,
+        state: Any = None,
+        episode_start: np.ndarray | None = None,
+        deterministic: bool = True,
+    ) -> tuple[np.ndarray, Any]:
+        """Play one step, of one game or of many; see :class:`fpg_bench.players.player.Player`."""
+        if observation.ndim == 1:
+            actions, state = self.predict(observation[None], state, episode_start)
+            return actions[0], state
+        return self._answer(observation, state, episode_start)
+
+    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+        """What the player does in a batch of games; its policy has no other mode."""
+        raise NotImplementedError
+
+
+class Keyed(Batched):
     """Keeps one key per game; a game that was never given one takes its own index.
 
     What a subclass answers treats every game by itself, and its memory is None, an array with a row per
@@ -63,23 +84,6 @@ class Keyed:
         with self.playing(rows, count):
             actions, memory = self.predict(observation[rows], _taken(state, rows), starts, deterministic)
         return actions, _put(state, rows, memory, count)
-
-    def predict(
-        self,
-        observation: np.ndarray,
-        state: Any = None,
-        episode_start: np.ndarray | None = None,
-        deterministic: bool = True,
-    ) -> tuple[np.ndarray, Any]:
-        """Play one step, of one game or of many; see :class:`fpg_bench.players.player.Player`."""
-        if observation.ndim == 1:
-            actions, state = self.predict(observation[None], state, episode_start)
-            return actions[0], state
-        return self._answer(observation, state, episode_start)
-
-    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
-        """What the player does in a batch of games; its policy has no other mode."""
-        raise NotImplementedError
 
 
 def _taken(state: Any, rows: np.ndarray) -> Any:

@@ -1,4 +1,4 @@
-"""Oracles: players that see the full state. Upper bounds to measure against, in no field."""
+"""Oracles: players that see the full state ``(n, 54)``. Upper bounds to measure against, in no field."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from fpg_bench.game.full_state import ALLY, OPPONENT
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import KNOWN_FREQUENCY, NEXT_CHECK, OWN_FREQUENCY, RELATIVE_POSITION
 from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.players.keyed import Batched
 
 ORACLES = ("oracle",)
 
 
-class OracleAlly:
+class OracleAlly(Batched):
     """Spreads in just the seconds in which a check comes, and leaves a frequency that is known."""
 
     sees = "state"
@@ -23,18 +24,11 @@ class OracleAlly:
         self._check_s = scenario.check_scale_s
         self._half_point = 1.0 / (scenario.frequency_points - 1)
 
-    def predict(
-        self,
-        observation: np.ndarray,
-        state: Any = None,
-        episode_start: np.ndarray | None = None,
-        deterministic: bool = True,
-    ) -> tuple[np.ndarray, Any]:
-        """Play one step from the full state ``(n, 54)``; see :class:`fpg_bench.players.player.Player`."""
-        frequency = observation[:, ALLY + OWN_FREQUENCY]
-        known = observation[:, OPPONENT + KNOWN_FREQUENCY]
-        due = observation[:, OPPONENT + NEXT_CHECK] * self._check_s < 1.5
-        actions = np.zeros((len(observation), ACTION_SIZE), np.float32)
+    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+        frequency = seen[:, ALLY + OWN_FREQUENCY]
+        known = seen[:, OPPONENT + KNOWN_FREQUENCY]
+        due = seen[:, OPPONENT + NEXT_CHECK] * self._check_s < 1.5
+        actions = np.zeros((len(seen), ACTION_SIZE), np.float32)
         actions[:, 0] = np.where(np.abs(frequency - known) < self._half_point, 1, -1)
         actions[:, 1] = np.where(due, 1, -1)
         actions[:, 2] = 1
@@ -43,7 +37,7 @@ class OracleAlly:
         return actions, None
 
 
-class OracleOpponent:
+class OracleOpponent(Batched):
     """A single tone on the ally's true frequency, flying straight at it.
 
     An upper bound against allies that hop when they are jammed; one that hops every second has left by
@@ -55,20 +49,13 @@ class OracleOpponent:
     def __init__(self, scenario: Scenario) -> None:
         self._box = np.asarray(scenario.box_m)
 
-    def predict(
-        self,
-        observation: np.ndarray,
-        state: Any = None,
-        episode_start: np.ndarray | None = None,
-        deterministic: bool = True,
-    ) -> tuple[np.ndarray, Any]:
-        """Play one step from the full state ``(n, 54)``; see :class:`fpg_bench.players.player.Player`."""
-        actions = np.full((len(observation), ACTION_SIZE), -1, np.float32)
+    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+        actions = np.full((len(seen), ACTION_SIZE), -1, np.float32)
         actions[:, 0] = 1
-        actions[:, 4] = observation[:, ALLY + OWN_FREQUENCY]
+        actions[:, 4] = seen[:, ALLY + OWN_FREQUENCY]
         actions[:, 5] = 1
         start = OPPONENT + RELATIVE_POSITION
-        root = observation[:, start : start + 3]
+        root = seen[:, start : start + 3]
         away = np.sign(root) * root**2 * self._box
         actions[:, 6:] = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 10.0)
         return actions, None

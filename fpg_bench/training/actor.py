@@ -14,6 +14,7 @@ from torch import nn
 
 from fpg_bench.errors import UserError
 from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.players.keyed import Batched
 
 Networks = tuple[nn.Module, nn.LSTM | None, nn.Module]
 
@@ -116,7 +117,7 @@ def _lstm(policy: nn.Module) -> nn.LSTM | None:
     return lstm
 
 
-class ActorPlayer:
+class ActorPlayer(Batched):
     """Plays a model's present policy through torch, as its exported agent will.
 
     Args:
@@ -129,20 +130,13 @@ class ActorPlayer:
     def __init__(self, model: BaseAlgorithm) -> None:
         self._actor = Actor(model)
 
-    def predict(
-        self,
-        observation: np.ndarray,
-        state: Any = None,
-        episode_start: np.ndarray | None = None,
-        deterministic: bool = True,
-    ) -> tuple[np.ndarray, Any]:
-        """Play one step; see :class:`fpg_bench.players.player.Player`."""
-        seen = torch.from_numpy(np.array(observation, np.float32))
+    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+        observation = torch.from_numpy(np.array(seen, np.float32))
         with torch.inference_mode():
             if not self._actor.state_size:
-                return self._actor(seen).numpy(), None
-            memory = torch.zeros(len(seen), self._actor.state_size) if state is None else state.clone()
-            if episode_start is not None:
-                memory[torch.from_numpy(episode_start)] = 0
-            action, memory = self._actor(seen, memory)
+                return self._actor(observation).numpy(), None
+            memory = torch.zeros(len(observation), self._actor.state_size) if state is None else state.clone()
+            if starts is not None:
+                memory[torch.from_numpy(starts)] = 0
+            action, memory = self._actor(observation, memory)
         return action.numpy(), memory

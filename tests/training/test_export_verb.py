@@ -13,7 +13,7 @@ import fpg_bench
 from fpg_bench.cli.export import export as export_verb
 from fpg_bench.errors import UserError
 from fpg_bench.players.agent import load_agent
-from fpg_bench.training.live import export_agent
+from fpg_bench.training.export import export_agent
 from fpg_bench.training.sb3_zip import load_zip
 from tests.programs import fpg
 from tests.training.tiny import train_tiny

@@ -69,7 +69,7 @@ def watched(monkeypatch, at=None):
 
 def stopped(algorithm, out, monkeypatch, at=600, **options):
     """A run that is stopped at a step, right after its checkpoint was written; it will export nothing."""
-    monkeypatch.setattr(run, "export_agent", lambda *a: 0.0)
+    monkeypatch.setattr(run, "write_exported", lambda *a: 0.0)
     monkeypatch.setattr("fpg_bench.training.keeping.SAVE_EVERY_S", -1.0)
     watch = watched(monkeypatch, at)
     with pytest.raises(KeyboardInterrupt):
