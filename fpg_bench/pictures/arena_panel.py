@@ -28,9 +28,9 @@ def project(points: Any) -> np.ndarray:
     return np.stack([across, z * math.cos(_ELEVATION) - deep * math.sin(_ELEVATION)], axis=-1)
 
 
-def bezier_curve(control_points: np.ndarray, points: int = 100) -> np.ndarray:
-    """``(points, 3)`` places along the cubic Bezier curve of ``(4, 3)`` control points."""
-    t = np.linspace(0, 1, points)[:, None]
+def bezier_curve(control_points: np.ndarray) -> np.ndarray:
+    """``(100, 3)`` places along the cubic Bezier curve of ``(4, 3)`` control points."""
+    t = np.linspace(0, 1, 100)[:, None]
     u = 1 - t
     return np.hstack([u**3, 3 * u * u * t, 3 * u * t * t, t**3]) @ control_points
 

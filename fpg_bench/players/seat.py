@@ -19,23 +19,20 @@ from fpg_bench.players.scripted import player_seeds
 class Seat:
     """Plays one side of an arena with one player, or with several drawn per round from the game's stream.
 
-    Of several, one with ``predict_rows`` is asked about the games where it plays in this round. Any other is
-    asked about every game, so that its memory stays in step, and is heard where it plays.
+    Stochastic policies play their mode. Of several players, one with ``predict_rows`` is asked about the
+    games where it plays in this round. Any other is asked about every game, so that its memory stays in
+    step, and is heard where it plays.
 
     Args:
         side: ``ally`` or ``opponent``.
         players: at least one.
         arena: the games.
-        deterministic: whether stochastic policies play their mode.
     """
 
-    def __init__(
-        self, side: str, players: Sequence[Player], arena: Arena, deterministic: bool = True
-    ) -> None:
+    def __init__(self, side: str, players: Sequence[Player], arena: Arena) -> None:
         self.side = side
         self.players = tuple(players)
         self._arena = arena
-        self._deterministic = deterministic
         self._observations = arena.ally_observations if side == "ally" else arena.opponent_observations
         self._memories: list[Any] = [None] * len(self.players)
         self._starts = np.ones(arena.count, bool)
@@ -95,7 +92,7 @@ class Seat:
         """A player's answer: in these games where it can be asked about some only, else in all."""
         player = self.players[index]
         seen = full_state(self._arena) if getattr(player, "sees", "") == "state" else self._observations
-        told = (seen, self._memories[index], self._starts, self._deterministic)
+        told = (seen, self._memories[index], self._starts, True)
         count = self._arena.count
         try:
             if rows is not None and hasattr(player, "predict_rows"):

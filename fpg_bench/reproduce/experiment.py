@@ -61,9 +61,9 @@ class Budget:
     gradient_steps: int
     seeds: int
 
-    def updates(self, budgets: int = 1) -> int:
+    def updates(self) -> int:
         """About how many updates a run makes."""
-        return budgets * self.steps // self.games // self.train_freq * self.gradient_steps
+        return self.steps // self.games // self.train_freq * self.gradient_steps
 
 
 BUDGETS: Mapping[str, Budget] = MappingProxyType(
@@ -155,7 +155,7 @@ def run_experiment(
         seeds: of training. The same seed begins with the same networks and matches under every condition.
         place: a folder for the transcripts of a language model.
         llm: options of a language model's planner, and ``transcript`` to replay one.
-        learner: who updates the networks; see :func:`fpg_bench.training.maddpg_seeds.learn_together`.
+        learner: who updates the networks; see :class:`fpg_bench.training.maddpg_seeds.Together`.
 
     Returns:
         What happened under each seed.

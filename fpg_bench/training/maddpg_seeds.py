@@ -28,8 +28,10 @@ if TYPE_CHECKING:
 LEARNERS = ("torch", "jax")
 
 
-def learn_together(seeded: Mapping[int, MADDPG], steps: int, learner: str = "torch") -> None:
-    """Train several models, each by its own games, buffer and chance, as ``learn`` would train it alone.
+class Together:
+    """Several models that learn at once, each by its own games, buffer and chance, as it would alone.
+
+    It can be pickled, and what comes of that goes on as this would.
 
     Args:
         seeded: new ones by their training seeds, alike in everything else.
@@ -39,17 +41,6 @@ def learn_together(seeded: Mapping[int, MADDPG], steps: int, learner: str = "tor
 
     Raises:
         UserError: another learner, or one whose packages are missing.
-    """
-    together = Together(seeded, steps, learner)
-    while not together.done:
-        together.go_on()
-
-
-class Together:
-    """Several models that learn at once. It can be pickled, and what comes of that goes on as this would.
-
-    Args:
-        seeded, steps, learner: those of :func:`learn_together`, which says what is raised.
     """
 
     def __init__(self, seeded: Mapping[int, MADDPG], steps: int, learner: str = "torch") -> None:

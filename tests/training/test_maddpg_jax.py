@@ -10,7 +10,8 @@ from torch import nn
 from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.errors import UserError
 from fpg_bench.training.maddpg import MADDPG, Transitions
-from fpg_bench.training.maddpg_seeds import TorchLearner, learn_together
+from fpg_bench.training.maddpg_seeds import TorchLearner
+from tests.training.test_maddpg_seeds import learn_together
 
 pytestmark = pytest.mark.slow
 

@@ -14,7 +14,7 @@ from optuna.trial import TrialState
 
 from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
-from fpg_bench.training.tuning.storage import PATIENCE_S, open_storage
+from fpg_bench.training.tuning.storage import open_storage
 from fpg_bench.training.tuning.study import find_study
 from fpg_bench.training.tuning.task import Task
 from fpg_bench.training.tuning.worker import shown
@@ -45,14 +45,13 @@ def write_report(
     *,
     storage: str | None = None,
     name: str | None = None,
-    patience_s: float = PATIENCE_S,
     say: Callable[[str], None] = print,
 ) -> Path:
     """Write ``report.html`` into a study's folder; the page needs no network.
 
     Args:
         out: the study's folder.
-        storage, name, patience_s, say: as in :func:`fpg_bench.training.tuning.tune.tune`.
+        storage, name, say: as in :func:`fpg_bench.training.tuning.tune.tune`.
 
     Returns:
         The page.
@@ -60,7 +59,7 @@ def write_report(
     Raises:
         UserError: no study, or one without complete trials.
     """
-    opened = open_storage(Path(out), storage, say=say, patience_s=patience_s, there=True)
+    opened = open_storage(Path(out), storage, say=say, there=True)
     study, task = find_study(opened, name)
     if not study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,)):
         raise UserError(f"study {study.study_name!r} in {opened.where}: no trial is complete yet")
