@@ -36,14 +36,9 @@ def chase(path, start, speed, lead, track):
 
 
 def chase_waypoints(path: np.ndarray, start: np.ndarray, limits: Limits, lead: bool = True) -> np.ndarray:
-    """The waypoints ``(n, 3)`` of a chase after an ally on ``path`` ``(T + 1, 3)``; all in m."""
+    """The waypoints ``(n, 3)`` of a chase after an ally on ``path`` ``(T + 1, 3)``, in the box; all in m."""
     track = np.empty_like(path)
     chase(path, start, limits.speed_m_s, lead, track)
-    return at_times(track, limits)
-
-
-def at_times(track: np.ndarray, limits: Limits) -> np.ndarray:
-    """Where a track ``(T + 1, 3)``, one place a second, is when the waypoints are due; inside the box."""
     seconds, due = np.arange(len(track)), limits.due_s()
     places = [np.interp(due, seconds, track[:, axis]) for axis in range(3)]
     return np.clip(np.column_stack(places), 0, limits.box_m)

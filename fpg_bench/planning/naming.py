@@ -8,12 +8,13 @@ from types import MappingProxyType
 from typing import Any
 
 from fpg_bench.errors import UserError, nearest
+from fpg_bench.game.names import PATROLS
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.imports import has_any, import_object, ready
 from fpg_bench.planning.climbing import HillClimb
 from fpg_bench.planning.evolution import CMAES
 from fpg_bench.planning.interceptor import Interceptor
-from fpg_bench.planning.patterns import PATTERNS, pattern
+from fpg_bench.planning.patterns import Hold, Patrol, Random
 from fpg_bench.planning.planner import Planner, called, check_described
 from fpg_bench.planning.sighted import CHASERS, Chaser, Optimised
 
@@ -35,7 +36,9 @@ def _language_model(name: str, scenario: Scenario) -> Any:
 
 
 _MAKERS: dict[str, Callable[[Scenario], Any]] = {
-    **{name: partial(pattern, name) for name in PATTERNS},
+    **{name: partial(Patrol, name) for name in PATROLS},
+    "hold": lambda scenario: Hold(),
+    "random": lambda scenario: Random(),
     "hill-climb": lambda scenario: HillClimb(),
     "cma-es": lambda scenario: CMAES(),
     "interceptor": Interceptor,

@@ -55,10 +55,3 @@ class Random:
 
 
 PATTERNS = (*PATROLS, "hold", "random")
-
-
-def pattern(name: str, scenario: Scenario) -> Patrol | Hold | Random:
-    """The pattern planner of a name in ``PATTERNS``."""
-    if name in PATROLS:
-        return Patrol(name, scenario)
-    return Hold() if name == "hold" else Random()

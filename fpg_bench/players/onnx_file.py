@@ -45,11 +45,6 @@ def plain_model(data: bytes) -> ModelProto:
     return model
 
 
-def plain_bytes(data: bytes) -> bytes:
-    """The bytes of :func:`plain_model`: what a session is made of."""
-    return plain_model(data).SerializeToString(deterministic=True)
-
-
 def _clear(messages: Iterable[Any], fields: Iterable[str]) -> None:
     for message in messages:
         for name in fields:

@@ -17,7 +17,6 @@ from fpg_bench.files import read_yaml
 from fpg_bench.players.agent import baselines_folder
 
 _KEYS = {"float": {"low", "high", "log"}, "int": {"low", "high", "log"}, "choice": {"choices"}}
-_NEEDED = {"float": {"low", "high"}, "int": {"low", "high"}, "choice": {"choices"}}
 _LIKE = {"recurrent-ppo": "ppo"}  # searched in the space of another
 
 
@@ -111,7 +110,7 @@ def _check(wanted: Any, where: str) -> None:
     if not isinstance(wanted, dict) or wanted.get("kind") not in _KEYS:
         raise UserError(f"{where}: expected a mapping with kind {', '.join(_KEYS)}, got {wanted!r}")
     kind = wanted["kind"]
-    check_keys(wanted, _KEYS[kind] | {"kind"}, where, sorted(_NEEDED[kind]))
+    check_keys(wanted, _KEYS[kind] | {"kind"}, where, sorted(_KEYS[kind] - {"log"}))
     if kind == "choice":
         if not isinstance(wanted["choices"], list) or not wanted["choices"]:
             raise UserError(f"{where}: choices: expected a list, got {wanted['choices']!r}")
