@@ -23,28 +23,24 @@ class Spot:
 
     Attributes:
         reading: which.
-        statement, mean, low, high: of that part.
-        p: one-sided, that the part is not positive; the claim holds where it is below 0.025.
+        weakest: that part as it stands in a screen's row; see :class:`fpg_bench.reproduce.screen.Part`.
         against: how many parts have an interval below zero.
     """
 
     reading: Reading
-    statement: str
-    mean: float
-    low: float
-    high: float
-    p: float
+    weakest: Mapping[str, Any]
     against: int
 
     @property
     def size(self) -> float:
         """The mean in half widths of its interval: claims have different units, readings different scales."""
-        return self.mean / max((self.high - self.low) / 2, 1e-9)
+        part = self.weakest
+        return part["mean"] / max((part["high"] - part["low"]) / 2, 1e-9)
 
     @property
     def holds(self) -> bool:
-        """Whether all parts of the claim do."""
-        return self.p < LEVEL / 2
+        """Whether all parts of the claim do: the weakest one is positive, by a one-sided p below 0.025."""
+        return _not_positive(self.weakest) < LEVEL / 2
 
 
 def claims_of(rows: Sequence[Row]) -> list[str]:
@@ -61,15 +57,7 @@ def spots(rows: Sequence[Row], claim: str) -> list[Spot]:
 def _spot(row: Row, claim: str) -> Spot:
     parts = [part for part in row["parts"] if part["claim"] == claim]
     weakest = max(parts, key=_not_positive)
-    return Spot(
-        as_reading(row["reading"]),
-        weakest["statement"],
-        weakest["mean"],
-        weakest["low"],
-        weakest["high"],
-        _not_positive(weakest),
-        sum(part["high"] < 0 for part in parts),
-    )
+    return Spot(as_reading(row["reading"]), weakest, sum(part["high"] < 0 for part in parts))
 
 
 def _not_positive(part: Mapping[str, Any]) -> float:

@@ -107,7 +107,7 @@ def _held(found: dict[str, list[Spot]]) -> str:
     lines = [["claim", "the paper", "holds", "a part is the opposite", "weakest part most often"]]
     for claim, each in found.items():
         held, against = sum(spot.holds for spot in each), sum(spot.against > 0 for spot in each)
-        statements = [spot.statement for spot in each if not spot.holds]
+        statements = [spot.weakest["statement"] for spot in each if not spot.holds]
         weakest = max(set(statements), key=lambda said: (statements.count(said), said)) if statements else "-"
         lines.append([claim, ASPECTS[claim], f"{held} of {len(each)}", str(against), weakest])
     return markdown_table(lines)
