@@ -33,15 +33,16 @@ class Screen:
         UserError: another mode, or the extra ``video`` is not installed.
     """
 
+    _recording: Recording | None = None
+    _picture: Any = None
+    _window: Window | None = None
+
     def __init__(self, arena: Arena, mode: str | None) -> None:
         if mode is not None and mode not in RENDER_MODES:
             raise UserError(f"render_mode: expected None, 'rgb_array' or 'human', got {mode!r}")
         if mode is not None:
             need("video", *RENDER_MODES[mode])
         self._arena, self._mode = arena, mode
-        self._recording: Recording | None = None
-        self._picture: Any = None
-        self._window: Window | None = None
 
     def record(self, begin: bool = False) -> None:
         """Take the present step down, after a reset (``begin``) and after each step."""
