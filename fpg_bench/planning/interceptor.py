@@ -79,8 +79,7 @@ class Interceptor(BatchPlanner):
 
     def _plan(self, request: Request, fit: tuple[np.ndarray, float] | None) -> Plan:
         if fit is None:
-            r = request
-            return self._first.plan(r.history, r.current_position, r.limits, r.rng)
+            return self._first.plan_batch([request])[0]
         path = self._trace(fit[0][0], self._seconds)
         return Plan(chase_waypoints(path, request.current_position, request.limits), self.name)
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fpg_bench.game.flight import place_on_patrol
 from fpg_bench.game.names import PATHS, PATROLS
 from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.planning.planner import Limits, Plan
+from fpg_bench.planning.planner import BatchPlanner, Limits, Plan, Request
 
 
-class Patrol:
+class Patrol(BatchPlanner):
     """A circle, triangle or rectangle, flown as the patrol of the same name would be."""
 
     tier = "none"
@@ -20,38 +22,35 @@ class Patrol:
         self.name = name
         self._rules = rules_record(scenario)
 
-    def plan(
-        self, history: np.ndarray, current_position: np.ndarray, limits: Limits, rng: np.random.Generator
-    ) -> Plan:
+    def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
         """The patrol's places at the times at which the waypoints are due."""
+        return [Plan(self._places(request.limits), self.name) for request in requests]
+
+    def _places(self, limits: Limits) -> np.ndarray:
         waypoints = np.zeros((limits.waypoints, 3))
         for waypoint, due in zip(waypoints, limits.due_s(), strict=True):
             place_on_patrol(waypoint, PATHS.index(self.name), limits.speed_m_s * due, self._rules[0])
-        return Plan(np.clip(waypoints, 0, limits.box_m), self.name)
+        return np.clip(waypoints, 0, limits.box_m)
 
 
-class Hold:
+class Hold(BatchPlanner):
     """Stays where it is."""
 
     name, tier = "hold", "none"
 
-    def plan(
-        self, history: np.ndarray, current_position: np.ndarray, limits: Limits, rng: np.random.Generator
-    ) -> Plan:
+    def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
         """The current position, again and again."""
-        return Plan(np.tile(current_position, (limits.waypoints, 1)), self.name)
+        return [Plan(np.tile(r.current_position, (r.limits.waypoints, 1)), self.name) for r in requests]
 
 
-class Random:
+class Random(BatchPlanner):
     """Uniform points of the box."""
 
     name, tier = "random", "none"
 
-    def plan(
-        self, history: np.ndarray, current_position: np.ndarray, limits: Limits, rng: np.random.Generator
-    ) -> Plan:
+    def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
         """Drawn anew for every round."""
-        return Plan(rng.uniform(0, limits.box_m, (limits.waypoints, 3)), self.name)
+        return [Plan(r.rng.uniform(0, r.limits.box_m, (r.limits.waypoints, 3)), self.name) for r in requests]
 
 
 PATTERNS = (*PATROLS, "hold", "random")

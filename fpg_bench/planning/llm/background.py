@@ -95,8 +95,7 @@ class BackgroundPlanner(BatchPlanner):
         match = (request.seed, request.match)
         game = self._games.get(request.game)
         if game is None or game.match != match or request.round == 0:
-            r = request
-            circle = self._circle.plan(r.history, r.current_position, r.limits, r.rng).waypoints
+            circle = self._circle.plan_batch([request])[0].waypoints
             game = self._games[request.game] = _Game(match, circle)
         return game
 

@@ -230,14 +230,10 @@ class LLMPlanner(BatchPlanner):
         # From the transcript, so that a run that goes on, and a replay, hold the same
         held = self.transcript.last_valid(request)
         if held is None:
-            source, path = "circle", self._circle_of(request)
+            source, path = "circle", self._circle.plan_batch([request])[0].waypoints
         else:
             source, path = "held", np.array(self._checked(held, request.limits).waypoints)
         return Plan(path, source, f"fallback-{last.status}", talk.tokens, talk.seconds)
-
-    def _circle_of(self, request: Request) -> np.ndarray:
-        here, limits = request.current_position, request.limits
-        return self._circle.plan(request.history, here, limits, request.rng).waypoints
 
 
 @dataclass
