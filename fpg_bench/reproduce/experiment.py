@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
-import os
-import pickle
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -17,7 +13,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import platformdirs
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
@@ -28,6 +23,7 @@ from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
 from fpg_bench.ids import DUEL
 from fpg_bench.players.player import SIDES
 from fpg_bench.reproduce.conditions import Condition, swapped
+from fpg_bench.reproduce.keeping import Checkpoint
 from fpg_bench.reproduce.recorded import Recorded
 from fpg_bench.reproduce.runs import Run
 from fpg_bench.reproduce.windows import FINAL, window_row, windows_of
@@ -38,7 +34,6 @@ from fpg_bench.training.models import make_model
 from fpg_bench.version import __version__
 
 ALGORITHM = "maddpg"
-EVERY_S = 600.0  # a run of hours is kept so often
 _POSITIONS = 50  # of a round that is drawn
 
 
@@ -83,53 +78,6 @@ def hyperparameters(budget: Budget, **others: Any) -> Hyperparameters:
     shipped = load_hyperparameters(ALGORITHM, DUEL)
     rhythm = {"train_freq": budget.train_freq, "gradient_steps": budget.gradient_steps}
     return dataclasses.replace(shipped, n_envs=budget.games, algorithm=shipped.algorithm | rhythm | others)
-
-
-class Checkpoint:
-    """The whole state of a run in one file, which is there whole or not at all.
-
-    It is a pickle. It lies in the user's own cache, as compiled code does, never in a folder that can come
-    from elsewhere.
-
-    Args:
-        about: which run it is, in words that JSON knows; the file is named by them.
-    """
-
-    def __init__(self, about: Mapping[str, Any]) -> None:
-        name = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:24]
-        self._path = platformdirs.user_cache_path("fpg_bench") / "reproduce" / f"{name}.checkpoint"
-        self._last = time.monotonic()
-
-    def read(self) -> Any:
-        """What was kept last; None where nothing was.
-
-        Raises:
-            UserError: the file cannot be read.
-        """
-        if not self._path.exists():
-            return None
-        try:
-            return pickle.loads(self._path.read_bytes())
-        except Exception as error:  # pickle raises many kinds
-            said = " ".join(str(error).split()) or type(error).__name__
-            raise UserError(
-                f"checkpoint {self._path}: cannot be read ({said}); remove it, and the run begins again"
-            ) from error
-
-    def keep(self, state: Any, now: bool = False) -> None:
-        """Write it, if ten minutes have passed since, or ``now``."""
-        if not now and time.monotonic() - self._last < EVERY_S:
-            return
-        self._path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        unfinished = self._path.with_name(f".{self._path.name}")
-        with unfinished.open("wb") as file:
-            pickle.dump(state, file, protocol=5)
-        os.replace(unfinished, self._path)
-        self._last = time.monotonic()
-
-    def remove(self) -> None:
-        """Remove the file: what the run came to lies elsewhere."""
-        self._path.unlink(missing_ok=True)
 
 
 def run_experiment(

@@ -11,9 +11,10 @@ import numpy as np
 
 from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.files import write_whole
-from fpg_bench.reproduce.claims import CLAIMS, HOLDS, NOT_RUN, Comparison, Paired, compare, verdict
+from fpg_bench.reproduce.claims import CLAIMS, HOLDS, NOT_RUN, Comparison, compare, verdict
 from fpg_bench.reproduce.conditions import BASE, LLM, LONG, conditions_of, sensitivity
 from fpg_bench.reproduce.experiment import Budget
+from fpg_bench.reproduce.paired import Paired
 from fpg_bench.reproduce.runs import Results
 from fpg_bench.reproduce.tables import tables
 from fpg_bench.reproduce.windows import FIFTH, FINAL, STAGES, WINDOWS

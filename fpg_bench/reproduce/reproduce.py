@@ -14,8 +14,9 @@ from fpg_bench.jobs.run import run_jobs
 from fpg_bench.reproduce.cells import PRESET, every_condition, names
 from fpg_bench.reproduce.cells_report import write_cells
 from fpg_bench.reproduce.conditions import LLM, LONG, SHORT_SEEDS, Condition, conditions_of
-from fpg_bench.reproduce.experiment import BUDGETS, Budget, Checkpoint, checkpoint_of, run_experiment
+from fpg_bench.reproduce.experiment import BUDGETS, Budget, checkpoint_of, run_experiment
 from fpg_bench.reproduce.figures import draw
+from fpg_bench.reproduce.keeping import Checkpoint
 from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.runs import Results, Run, RunFile, read_results
 from fpg_bench.training.maddpg_seeds import LEARNERS, find_learner

@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.reproduce.claims import CLAIMS, Comparison, Paired, compare, holm, verdict
+from fpg_bench.reproduce.claims import CLAIMS, Comparison, compare, verdict
 from fpg_bench.reproduce.conditions import BASE
 from fpg_bench.reproduce.experiment import BUDGETS
+from fpg_bench.reproduce.paired import Paired, holm
 from fpg_bench.reproduce.report import write_report
 from tests.reproduce.made_up import LEVELS, results
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.reproduce import experiment
+from fpg_bench.reproduce import keeping
 from fpg_bench.reproduce.conditions import conditions_of
-from fpg_bench.reproduce.experiment import Budget, Checkpoint
+from fpg_bench.reproduce.experiment import Budget
+from fpg_bench.reproduce.keeping import Checkpoint
 from fpg_bench.reproduce.reproduce import _jobs
 from fpg_bench.reproduce.runs import RunFile
 from fpg_bench.training.maddpg_seeds import Together
@@ -34,7 +35,7 @@ def run(folder, learner="torch"):
 
 def killed_at(monkeypatch, steps):
     """Let a run keep all that it does, and be killed after so many steps of all its games."""
-    monkeypatch.setattr(experiment, "EVERY_S", 0.0)
+    monkeypatch.setattr(keeping, "EVERY_S", 0.0)
     whole = Together.go_on
 
     def go_on(self):
@@ -80,7 +81,7 @@ def test_a_run_is_not_lost_between_its_end_and_its_rows(monkeypatch, tmp_path, c
 
 
 def test_each_run_has_a_checkpoint_of_its_own_and_one_that_was_cut_off_is_refused(monkeypatch, cache):
-    monkeypatch.setattr(experiment, "EVERY_S", 0.0)
+    monkeypatch.setattr(keeping, "EVERY_S", 0.0)
     assert Checkpoint({"seed": 0}).read() is None
     Checkpoint({"seed": 0}).keep([1, 2])
     assert Checkpoint({"seed": 0}).read() == [1, 2]
