@@ -18,7 +18,6 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 
 from fpg_bench.envs.sb3 import SB3View
-from fpg_bench.errors import UserError
 from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
 from fpg_bench.ids import DUEL
 from fpg_bench.players.player import SIDES
