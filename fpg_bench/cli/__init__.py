@@ -13,6 +13,7 @@ import typer
 
 from fpg_bench.cli import export, leaderboard, llm, plan, reproduce, season, selfplay, tune, verbs, zoo
 from fpg_bench.errors import UserError, printable
+from fpg_bench.jobs.process import collect_less
 
 app = typer.Typer(
     help="Benchmark suite for the UAV frequency point game.",
@@ -69,6 +70,7 @@ def _options(
 
 def main() -> None:
     """Run the command line; end with one line and a non-zero status on every error."""
+    collect_less()
     signal.signal(signal.SIGTERM, _terminated)
     signal.signal(signal.SIGALRM, signal.default_int_handler)
     sys.unraisablehook = _heard_again
