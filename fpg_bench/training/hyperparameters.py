@@ -13,7 +13,7 @@ from fpg_bench.files import read_yaml
 from fpg_bench.ids import VIEWS
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
-from fpg_bench.training.imitation import Imitation, parse_imitation
+from fpg_bench.training.imitation_words import Imitation, parse_imitation
 
 CUSTOM_GAMES = 64  # games at once of a user's own class that says nothing else
 

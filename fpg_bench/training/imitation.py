@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,53 +13,13 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
 from torch.nn.functional import mse_loss
 
-from fpg_bench.checks import check_keys, whole
 from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import Player
 from fpg_bench.players.seat import Seat
-
-_LEAST = {"steps": 1, "batch_size": 2, "n_epochs": 1}
-
-
-@dataclass(frozen=True)
-class Imitation:
-    """What hyper-parameters say under ``imitate``.
-
-    Attributes:
-        teacher: a player of the learner's side, by its name.
-        steps: how many are played, over all games; they come on top of the training's.
-        learning_rate: of Adam.
-        batch_size: of an update.
-        n_epochs: how often what a round showed is learned from.
-    """
-
-    teacher: str
-    steps: int = 400_000
-    learning_rate: float = 0.001
-    batch_size: int = 1024
-    n_epochs: int = 5
-
-
-def parse_imitation(content: Any, where: str) -> Imitation:
-    """What a file says under ``imitate``; ``where`` begins the message of an error.
-
-    Raises:
-        UserError: a missing or unknown key, or a value of another kind.
-    """
-    known = Imitation.__dataclass_fields__
-    if not isinstance(content, Mapping) or not isinstance(content.get("teacher"), str):
-        raise UserError(f"{where}: expected a mapping with a teacher, a player's name; got {content!r}")
-    check_keys(content, known, where)
-    found = Imitation(**content)
-    for key, least in _LEAST.items():
-        whole(getattr(found, key), f"{where}: {key}", least)
-    rate = found.learning_rate
-    if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0 < rate < 1:
-        raise UserError(f"{where}: learning_rate: expected a number between 0 and 1, got {rate!r}")
-    return found
+from fpg_bench.training.imitation_words import Imitation
 
 
 def teacher_of(imitation: Imitation, model: BaseAlgorithm, side: str, scenario: Scenario) -> Player:

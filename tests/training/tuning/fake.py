@@ -64,6 +64,7 @@ def main(folder, url, trials, seconds, host):
     try:
         worker, _ = fake_worker(folder, slow, url=None if url == "-" else url)
         worker.run(int(trials))
+        assert "torch" not in sys.modules  # a study is kept without it
     except UserError as error:
         sys.exit(f"line: {error}")
 
