@@ -355,16 +355,17 @@ def test_a_program_ends_while_a_call_is_under_way(monkeypatch, ending):
         go.wait(60)
         return path_text()
 
-    then = {"end": "time.sleep(1)", "error": "time.sleep(1); 1 / 0", "interrupt": "time.sleep(60)"}[ending]
+    then = {"end": "input()", "error": "input(); 1 / 0", "interrupt": "time.sleep(60)"}[ending]
     with FaultServer([answer(said)]) as server:
         environment(monkeypatch, server)
         command = [sys.executable, "-c", RUN + "play(beside, rounds=1); " + then]
         hear = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731
-        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=hear) as run:
-            assert asked.wait(30)
+        pipes = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE}
+        with subprocess.Popen(command, **pipes, text=True, preexec_fn=hear) as run:
+            assert asked.wait(60)
             if ending == "interrupt":
                 run.send_signal(signal.SIGINT)
-            _, errors = run.communicate(timeout=30)  # the call would take twice as long
+            _, errors = run.communicate("now end\n", timeout=30)  # the call would take twice as long
             go.set()
     said_last = {"end": "", "error": "ZeroDivisionError", "interrupt": "KeyboardInterrupt"}[ending]
     assert (said_last in errors) if said_last else errors == ""

@@ -233,6 +233,9 @@ def says_in_its_status_line(handler, body):
     handler.end_headers()
 
 
+TRICKLE = faults.trickle(30)
+
+
 @pytest.mark.parametrize(
     "behaviour",
     [
@@ -241,7 +244,7 @@ def says_in_its_status_line(handler, body):
         lambda handler, body: handler.send(500, f"no: {KEY}"),
         faults.status(429, {"Retry-After": KEY}),
         faults.close_socket(),
-        faults.trickle(30),
+        TRICKLE,
         faults.cut_json(KEY),
         says_in_its_status_line,
         lambda handler, body: handler.wfile.write(f"{KEY}\r\n\r\n".encode()),
@@ -250,7 +253,7 @@ def says_in_its_status_line(handler, body):
 def test_the_key_is_in_no_reply_no_log_and_no_repr(behaviour, caplog):
     caplog.set_level(logging.DEBUG)
     with FaultServer([behaviour]) as fake:
-        asked = client(fake.url, deadline_s=3)
+        asked = client(fake.url, deadline_s=0.5 if behaviour is TRICKLE else 3)
         reply = ask(asked)
         assert fake.requests[0].headers["authorization"].endswith(KEY)
     assert KEY not in repr(reply) + repr(asked) + repr(vars(asked)) + caplog.text

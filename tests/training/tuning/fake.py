@@ -7,6 +7,7 @@ As a program: ``python -m tests.training.tuning.fake FOLDER URL TRIALS SECONDS H
 import socket
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import optuna
@@ -62,7 +63,8 @@ def main(folder, url, trials, seconds, host):
         return highest_x(values, trial, report)
 
     try:
-        worker, _ = fake_worker(folder, slow, url=None if url == "-" else url)
+        told = partial(print, flush=True)
+        worker, _ = fake_worker(folder, slow, url=None if url == "-" else url, say=told)
         worker.run(int(trials))
         assert "torch" not in sys.modules  # a study is kept without it
     except UserError as error:

@@ -1,7 +1,6 @@
 """A study in a real PostgreSQL, which is killed and comes back in the middle."""
 
 import os
-import time
 
 import pytest
 import sqlalchemy
@@ -40,6 +39,18 @@ def server(running):
     return running
 
 
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch):
+    """A worker of this process looks often at what the others do."""
+    monkeypatch.setattr("fpg_bench.training.tuning.worker.POLL_S", 0.1)
+
+
+def read_until(words, *processes):
+    """Wait until each of the processes has said something."""
+    for process in processes:
+        assert any(words in line for line in process.stdout), process.stderr.read()
+
+
 def test_a_server_that_goes_down_and_comes_back_in_the_middle(server, tmp_path):
     lines = []
 
@@ -63,16 +74,12 @@ def test_a_server_that_goes_down_and_comes_back_in_the_middle(server, tmp_path):
 
 def test_workers_begin_together_and_live_through_a_restart(server, tmp_path, started):
     both = [started(tmp_path, url=server.url, trials=12, seconds=0.4) for _ in range(2)]
-    for process in both:
-        for line in process.stdout:
-            if line.startswith("at work"):
-                break
+    read_until("at work", *both)
     server.kill()
-    time.sleep(1)
+    read_until("does not answer", *both)
     server.start()
     said = [process.communicate(timeout=120) for process in both]
     assert [process.returncode for process in both] == [0, 0], said
-    assert any("does not answer" in out for out, _ in said)
     trials = fake_worker(tmp_path, url=server.url)[1].trials
     complete = [trial for trial in trials if trial.state == TrialState.COMPLETE]
     assert 12 <= len(complete) <= 13
@@ -112,9 +119,7 @@ def test_a_machine_that_dies_is_missed_by_its_heartbeat(server, tmp_path, at_wor
 
 def test_a_machine_that_lives_is_not_missed(server, tmp_path, started):
     process = started(tmp_path, url=server.url, trials=1, seconds=5, host="elsewhere")
-    for line in process.stdout:
-        if line.startswith("at work"):
-            break
+    read_until("at work", process)
     worker, study = fake_worker(tmp_path, url=server.url)
     worker.run(1)  # longer than a heartbeat may be late
     assert [trial.state for trial in study.trials] == [TrialState.COMPLETE]
