@@ -38,11 +38,11 @@ views:
   duel-ally:
     id: FPG/duel_v0
     fields: [FIELD]
-    steps: {maddpg: 2400}
+    steps: {maddpg: 48}
   duel-opponent:
     id: FPG/duel_v0
     fields: [OTHER]
-    steps: {maddpg: 2400}
+    steps: {maddpg: 48}
 """
 OTHER = """\
 side: opponent
@@ -170,7 +170,7 @@ def tiny(tmp_path_factory):
 @pytest.mark.process
 def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
     found = script("--zoo", tiny, "--runs", tiny / "runs", "--list", folder=tiny)
-    kinds = (("small/td3", "5,200"), ("duel-ally/maddpg", "2,400"), ("duel-opponent/maddpg", "2,400"))
+    kinds = (("small/td3", "5,200"), ("duel-ally/maddpg", "48"), ("duel-opponent/maddpg", "48"))
     assert [line.split() for line in found.stdout.splitlines()] == [
         [f"{name}/seed_{k}", steps, "shipped"] for name, steps in kinds for k in (0, 1)
     ]
