@@ -51,7 +51,11 @@ def test_the_report_is_what_the_runs_say(committed, tmp_path):
 
 @pytest.mark.parametrize(
     ("preset", "name", "seeds"),
-    [("paper", "paper", range(300, 303)), ("figures", "tenth", range(200, 210))],
+    [
+        ("paper", "paper", range(300, 303)),
+        ("figures", "tenth", range(200, 210)),
+        ("figures", "tenth", range(400, 410)),
+    ],
 )
 def test_the_page_says_what_runs_of_more_updates_say(preset, name, seeds, tmp_path):
     budget = BUDGETS[name]
@@ -112,7 +116,12 @@ def again():
     return {
         **{f"{preset}, first look": _results(preset, FULL, range(10), RUNS / "frozen") for preset in BOTH},
         "standard": _results("standard", hundredth, fresh),
-        "figures, more updates": _results("figures", BUDGETS["tenth"], range(200, 210)),
+        **{
+            f"figures, more updates, from {first}": _results(
+                "figures", BUDGETS["tenth"], range(first, first + 10)
+            )
+            for first in (200, 400)
+        },
         **{cell.name: cell.results(cells) for cell in CELLS},
     }
 
