@@ -131,6 +131,7 @@ def test_when_no_machine_is_left(cluster, run, tmp_path, monkeypatch):  # the la
     ("address", "message"),
     [("127.0.0.1:1", "no Ray cluster answers at 127.0.0.1:1"), ("somewhere", "expected host:port")],
 )
-def test_an_address_that_does_not_answer(address, message):
+def test_an_address_that_does_not_answer(address, message, monkeypatch):
+    monkeypatch.setattr(clusters, "_ANSWER_S", 0.5)
     with pytest.raises(UserError, match=re.escape(message)):
         run_jobs([Job("job", working.threads)], backend="ray", address=address)
