@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,6 @@ from fpg_bench.evaluation.line import TALLIES, Line, Plans
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.game.measures import pool as pooled_tally
 from fpg_bench.matches.rounds import Table, play_round, seated
-from fpg_bench.matches.together import together
 from fpg_bench.planning import as_planner
 from fpg_bench.rows import Row
 
@@ -54,34 +53,6 @@ def play(
     for duel in rounds(table, field, seeds):
         found.add(duel, lost_rounds(who, duel.count))
         on_round(len(found.returns))
-    return _line(entry, field, counterpart, found)
-
-
-def play_together(entry: Entry, field: Field, counterparts: Sequence[Counterpart]) -> list[Line]:
-    """Play all matches of an entry against several counterparts, with its answers to all in one batch.
-
-    Args:
-        entry: whose player plays a side, the same one against everybody and each game for itself.
-        field: what the counterparts belong to.
-        counterparts: whom it meets.
-
-    Returns:
-        The lines of :func:`play`, to the bit.
-
-    Raises:
-        UserError: a player that can't be had, or that fails.
-    """
-    who = entry.make(counterparts[0])
-    tables = [table_of(who, field, counterpart) for counterpart in counterparts]
-    found = [_Sums(field) for _ in counterparts]
-    for _ in rounds_of(together(who, field.side, tables), field):
-        lost = np.split(lost_rounds(who, field.matches * len(tables)), len(tables))
-        for sums, table, its_lost in zip(found, tables, lost, strict=True):
-            sums.add(table.duel, its_lost)
-    return [_line(entry, field, *each) for each in zip(counterparts, found, strict=True)]
-
-
-def _line(entry: Entry, field: Field, counterpart: Counterpart, found: _Sums) -> Line:
     return Line(
         field=field.name,
         field_hash=field.hash[:16],
@@ -105,17 +76,11 @@ def table_of(who: Any, field: Field, counterpart: Counterpart, matches: int | No
 
 def rounds(table: Table, field: Field, seeds: Seeds | None = None) -> Iterator[Duel]:
     """Play all rounds of new matches; gives the games at the end of each."""
-    for _ in rounds_of([table], field, seeds):
-        yield table.duel
-
-
-def rounds_of(tables: Sequence[Table], field: Field, seeds: Seeds | None = None) -> Iterator[None]:
-    """Play all rounds of new matches at tables of as many games, together; stops at the end of each."""
-    count = tables[0].duel.count
+    count = table.duel.count
     first: Any = np.array(evaluation_seeds(count, field.season) if seeds is None else seeds(count))
     for number in range(field.rounds_per_match):
-        play_round(*tables, seeds=None if number else first)
-        yield
+        play_round(table, seeds=None if number else first)
+        yield table.duel
 
 
 def lost_rounds(player: Any, count: int) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,8 @@ from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.game.measures import pool
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.matches.rounds import Table, play_round
-from fpg_bench.matches.together import together
 from fpg_bench.players.player import Player
+from fpg_bench.players.scripted import player_seeds
 
 MATCHES = 10
 
@@ -91,7 +92,9 @@ class Yardstick:
 
     def _tables(self, player: Player) -> list[Table]:
         tables = [table_of(player, self.field, counterpart) for counterpart in self.field.counterparts]
-        return together(player, self.field.side, tables)
+        together = _Together(player, self.field.side, tables)
+        seats: list[dict[str, Any]] = [{self.field.side: seat} for seat in together.seats]
+        return [dataclasses.replace(table, **seat) for table, seat in zip(tables, seats, strict=True)]
 
 
 def _played_in(field: Field, scenario: Scenario) -> Field:
@@ -106,3 +109,46 @@ def _played_in(field: Field, scenario: Scenario) -> Field:
     alike = all(mine.scenario.hash == own.scenario.hash for mine, own in pairs)
     scale = field.scale if alike else Scale()
     return dataclasses.replace(field, scenario=scenario, counterparts=counterparts, scale=scale)
+
+
+class _Together:
+    """A player that is asked about the games of several tables at once."""
+
+    def __init__(self, player: Player, side: str, tables: Sequence[Table]) -> None:
+        self._player, self._side = player, side
+        self._games = [table.duel.arena.games for table in tables]
+        self._views = [getattr(table.duel.arena, f"{side}_observations") for table in tables]
+        self._cuts = np.cumsum([table.duel.count for table in tables])[:-1]
+        self._memory: Any = None
+        self._starts = np.zeros(sum(table.duel.count for table in tables), bool)
+        self._answers: list[np.ndarray] = []
+        self.seats = [_Part(self, k) for k in range(len(tables))]
+
+    def begin(self, index: int, mask: np.ndarray) -> None:
+        np.split(self._starts, self._cuts)[index][mask] = True
+
+    def actions(self, index: int) -> np.ndarray:
+        """The actions at one table; the first asks for all."""
+        if index == 0:
+            if self._starts.any() and hasattr(self._player, "reset"):
+                keys = np.concatenate([games["round_key"] for games in self._games])
+                self._player.reset(self._starts.copy(), player_seeds(keys, self._side))
+            seen = np.concatenate(self._views)
+            actions, self._memory = self._player.predict(seen, self._memory, self._starts.copy(), True)
+            self._starts[:] = False
+            self._answers = np.split(actions, self._cuts)
+        return self._answers[index]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Part:
+    """The seat of such a player at one table."""
+
+    whole: _Together
+    index: int
+
+    def begin(self, mask: np.ndarray) -> None:
+        self.whole.begin(self.index, mask)
+
+    def act(self) -> np.ndarray:
+        return self.whole.actions(self.index)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -16,7 +15,7 @@ from fpg_bench.evaluation.entry import Entry, Same
 from fpg_bench.evaluation.field import PLANNER, Counterpart, Field
 from fpg_bench.evaluation.line import Line, read_line
 from fpg_bench.evaluation.planner_llm import transcript_file
-from fpg_bench.evaluation.play import play, play_together
+from fpg_bench.evaluation.play import play
 from fpg_bench.leaderboard.sandbox import PolicyFailed, missing_here
 from fpg_bench.leaderboard.submission import Policy, Submission
 from fpg_bench.leaderboard.transcripts import FOLDER, local, told
@@ -26,7 +25,6 @@ from fpg_bench.rows import RowFile
 LINES = "lines.jsonl"
 FAILED = "failed"  # the key of a row that says why a part could not be played on
 OPEN = "open"  # the key of a row that says what the policy could not be kept from
-_BATCH = 256  # games of several counterparts at once: what a policy may cost is known for such batches
 Meeting = tuple[Field, Counterpart]
 Key = tuple[str, str, str]  # of a meeting: the field's name, its hash's first digits, the counterpart's name
 
@@ -93,17 +91,13 @@ def meetings_of(fields: Iterable[Field]) -> list[Meeting]:
 
 
 def part_lines(part: Part, meetings: Iterable[Meeting]) -> Iterator[Line]:
-    """Play a part against some counterparts, here and now; a policy meets several of a field at once.
+    """Play a part against some counterparts, here and now.
 
     Raises:
         PolicyFailed: a policy died, or took longer than it may.
         UserError: a transcript is not that of these matches.
     """
     with seated(part.plays) as player:
-        if isinstance(part.plays, Policy):
-            for field, counterparts in _batches(meetings):
-                yield from play_together(part.entry(player, field), field, counterparts)
-            return
         for field, counterpart in meetings:
             try:
                 line = play(part.entry(player, field), field, counterpart)
@@ -114,15 +108,6 @@ def part_lines(part: Part, meetings: Iterable[Meeting]) -> Iterator[Line]:
             # How long planning took is left out, since that is never twice the same.
             plans = line.plans and dataclasses.replace(line.plans, seconds=0.0)
             yield dataclasses.replace(line, plans=plans)
-
-
-def _batches(meetings: Iterable[Meeting]) -> Iterator[tuple[Field, list[Counterpart]]]:
-    """Meetings of a field that follow each other, as many together as a batch holds, one at least."""
-    for field, group in itertools.groupby(meetings, key=lambda meeting: meeting[0]):
-        counterparts = [counterpart for _, counterpart in group]
-        count = max(1, _BATCH // field.matches)
-        for start in range(0, len(counterparts), count):
-            yield field, counterparts[start : start + count]
 
 
 @contextlib.contextmanager

@@ -6,15 +6,13 @@ import pytest
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import planner_entry, player_entry
 from fpg_bench.evaluation.field_file import load_field
-from fpg_bench.evaluation.play import LOST_SCORE, play, play_together, rounds, table_of
+from fpg_bench.evaluation.play import LOST_SCORE, play, rounds, table_of
 from fpg_bench.evaluation.seeds import evaluation_seeds, tuning_seeds
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.matches.rounds import play_round
 from fpg_bench.planning import Plan
-from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.scripted import Scripted
-from tests.players.test_agent import model_bytes
 
 MATCHES, ROUNDS = 3, 4
 
@@ -139,38 +137,6 @@ def test_a_lost_round_scores_no_more_than_the_worst_that_was_played(field):
     line = play(entry, field, field.counterparts[0])
     scores = field.scale.score(field.rewards(line.returns))
     assert scores[1::2] == pytest.approx([min(LOST_SCORE, scores[::2].min())] * 3)
-
-
-# A side against several at once
-
-
-class Counting(OnnxPlayer):
-    """Remembers and draws, loses rounds by its draws, and notes how many games it is asked about."""
-
-    def __init__(self):
-        super().__init__(model_bytes(state=3, noise=2), {})
-        self.asked = []
-
-    def reset(self, mask, seeds):
-        super().reset(mask, seeds)
-        self.invalid = seeds % 3 == 0
-
-    def predict(self, observation, *others):
-        self.asked.append(len(observation))
-        return super().predict(observation, *others)
-
-
-@pytest.mark.parametrize("name", ["ally-v1", "ally-planner-v1"])
-def test_a_line_is_the_same_whoever_else_is_met_at_the_same_time(name):
-    """Where paths are planned, a match has several rounds."""
-    whole = load_field(name)
-    field = dataclasses.replace(whole, matches=3, counterparts=whole.counterparts[:3])
-    player = Counting()
-    lines = play_together(player_entry(player, "counting"), field, field.counterparts)
-    assert player.asked == [9] * 300 * field.rounds_per_match
-    assert lines == [play(player_entry(Counting(), "counting"), field, c) for c in field.counterparts]
-    assert len({line.rounds_sha256 for line in lines}) == 3
-    assert len({line.lost for line in lines} - {0, field.rounds}) > 0
 
 
 # Planners
