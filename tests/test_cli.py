@@ -205,6 +205,19 @@ def test_what_is_no_whole_number_is_refused(text):
 
 
 @pytest.mark.process
+def test_what_was_imported_is_not_looked_through_for_waste_as_a_command_ends():
+    code = (
+        "import atexit, gc, sys\n"
+        "atexit.register(lambda: print(gc.get_freeze_count() > 10_000))\n"  # first come, last gone
+        "sys.argv = ['fpg-bench', '--version']\n"
+        "from fpg_bench.cli import main\n"
+        "main()\n"
+    )
+    said = subprocess.check_output([sys.executable, "-c", code], text=True)
+    assert said.split()[-1] == "True"
+
+
+@pytest.mark.process
 def test_version():
     assert fpg("--version").stdout.strip() == __version__
 

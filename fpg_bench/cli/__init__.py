@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import errno
+import gc
 import os
 import pickle
 import signal
@@ -13,7 +15,6 @@ import typer
 
 from fpg_bench.cli import export, leaderboard, llm, plan, reproduce, season, selfplay, tune, verbs, zoo
 from fpg_bench.errors import UserError, printable
-from fpg_bench.jobs.process import collect_less
 
 app = typer.Typer(
     help="Benchmark suite for the UAV frequency point game.",
@@ -70,7 +71,7 @@ def _options(
 
 def main() -> None:
     """Run the command line; end with one line and a non-zero status on every error."""
-    collect_less()
+    atexit.register(gc.freeze)  # hundreds of thousands of objects, not looked through for waste at the end
     signal.signal(signal.SIGTERM, _terminated)
     signal.signal(signal.SIGALRM, signal.default_int_handler)
     sys.unraisablehook = _heard_again

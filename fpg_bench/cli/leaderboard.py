@@ -31,7 +31,7 @@ FolderOption = Annotated[Path, typer.Option(help="the leaderboard's folder")]
 @submit.callback()
 def _forget() -> None:
     """Check and verify submissions to the leaderboard."""
-    from fpg_bench.leaderboard.sandbox import forget_keys
+    from fpg_bench.leaderboard.secrets import forget_keys
 
     forget_keys()
 
@@ -184,7 +184,7 @@ def build(
 
     from fpg_bench.leaderboard.board import make_board
     from fpg_bench.leaderboard.planner_marks import marked
-    from fpg_bench.leaderboard.sandbox import forget_keys
+    from fpg_bench.leaderboard.secrets import forget_keys
     from fpg_bench.leaderboard.site.build import build_site, check_folder
     from fpg_bench.leaderboard.site.play_data import submitted_policies
     from fpg_bench.leaderboard.site.replays import make_replays

@@ -60,12 +60,11 @@ def tune(
     Example: fpg-bench tune ppo FPG/AllyVsScripted-v0 --out runs/tune
     """
     need("tune", "optuna", "plotly")
-    from fpg_bench.training.tuning.tune import tune as tune_alone
-    from fpg_bench.training.tuning.tune import tune_together
+    from fpg_bench.training.tuning import tune as tuning
 
-    tune_run: Any = partial(tune_together, workers=jobs, backend=backend, address=address)
+    tune_run: Any = partial(tuning.tune_together, workers=jobs, backend=backend, address=address)
     if (jobs, backend, address) == (1, "loky", None):
-        tune_run = tune_alone
+        tune_run = tuning.tune
     tune_run(
         algorithm,
         view_id,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import gc
 import os
 import signal
 import threading
@@ -16,7 +18,6 @@ from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from fpg_bench.jobs.job import Outcome
-from fpg_bench.jobs.process import collect_less
 
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 _ORPHAN_S = 30.0
@@ -86,7 +87,7 @@ def _begin(driver: int) -> int:
     also where a shell in the background has it ignored.
     """
     if os.getpgrp() != os.getpid():
-        collect_less()
+        atexit.register(gc.freeze)  # as commands do
         os.setpgrp()
         signal.signal(signal.SIGINT, signal.default_int_handler)
         threading.Thread(target=_end_with, args=(driver,), daemon=True).start()

@@ -8,9 +8,7 @@ that stand around it.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
-import re
 import signal
 import socket
 import struct
@@ -26,8 +24,6 @@ from fpg_bench.leaderboard.walls import Wall, missing
 
 # What the process may know of the environment: nothing that could be a secret.
 _KEPT = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "LANG")
-_SECRET = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIAL", re.IGNORECASE)
-_NEEDED = "RAY_"  # a cluster's
 _ONES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX")
 LARGEST_ANSWER = 1 << 26
 HELLO = struct.Struct("<II")  # the process as it is known outside, and the walls that stand
@@ -194,24 +190,3 @@ class Reader:
 def _environment() -> dict[str, str]:
     kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
     return kept | dict.fromkeys(_ONES, "1") | {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}
-
-
-def forget_keys() -> list[str]:
-    """Strike keys out of this process' environment, and out of what others may read of it; gives their names.
-
-    A process shows what it was started with (``/proc/<pid>/environ``) even where a variable was taken away
-    since, so that memory is written over, too.
-    """
-    names = [name for name in os.environ if _SECRET.search(name) and not name.startswith(_NEEDED)]
-    for name in names:
-        _write_over(name)
-        del os.environ[name]
-    return names
-
-
-def _write_over(name: str) -> None:
-    library = ctypes.CDLL(None)
-    library.getenv.restype = ctypes.c_void_p
-    place = library.getenv(os.fsencode(name))
-    if place:
-        ctypes.memset(place, 0, len(os.fsencode(os.environ[name])))

@@ -8,13 +8,12 @@ from types import MappingProxyType
 from typing import Any
 
 from fpg_bench.errors import UserError, nearest
-from fpg_bench.game.names import PATROLS
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.imports import has_any, import_object, ready
 from fpg_bench.planning.climbing import HillClimb
 from fpg_bench.planning.evolution import CMAES
 from fpg_bench.planning.interceptor import Interceptor
-from fpg_bench.planning.patterns import Hold, Patrol, Random
+from fpg_bench.planning.patterns import PATTERNS
 from fpg_bench.planning.planner import Planner, called, check_described
 from fpg_bench.planning.sighted import CHASERS, Chaser, Optimised
 
@@ -36,9 +35,7 @@ def _language_model(name: str, scenario: Scenario) -> Any:
 
 
 _MAKERS: dict[str, Callable[[Scenario], Any]] = {
-    **{name: partial(Patrol, name) for name in PATROLS},
-    "hold": lambda scenario: Hold(),
-    "random": lambda scenario: Random(),
+    **PATTERNS,
     "hill-climb": lambda scenario: HillClimb(),
     "cma-es": lambda scenario: CMAES(),
     "interceptor": Interceptor,

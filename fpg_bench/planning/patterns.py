@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 
@@ -53,4 +55,10 @@ class Random(BatchPlanner):
         return [Plan(r.rng.uniform(0, r.limits.box_m, (r.limits.waypoints, 3)), self.name) for r in requests]
 
 
-PATTERNS = (*PATROLS, "hold", "random")
+PATTERNS: Mapping[str, Callable[[Scenario], BatchPlanner]] = MappingProxyType(
+    {
+        **{name: partial(Patrol, name) for name in PATROLS},
+        "hold": lambda scenario: Hold(),
+        "random": lambda scenario: Random(),
+    }
+)

@@ -94,7 +94,7 @@ class OnnxPlayer(Keyed):
         return [of[:, 0] if of.shape[1:2] == (1,) else of for of in stacked]
 
     def _noise(self, steps: np.ndarray) -> np.ndarray:
-        from fpg_bench.players.scripts import fill_noise  # its compiler is slow to load, and few draw
+        from fpg_bench.players.noise import fill_noise  # its compiler is slow to load, and few draw
 
         noise = np.empty((len(steps), self.noise_size), np.float32)
         fill_noise(noise, self.keys(len(steps)), steps)

@@ -1,4 +1,4 @@
-"""A policy's ONNX file as it is read everywhere: what it says is what is played, and nothing beside it."""
+"""A policy's ONNX file as it is read everywhere: it alone is played, by the inputs that it may have."""
 
 from __future__ import annotations
 

@@ -124,11 +124,3 @@ def _away_m(seen, scales, axis):
 def _fill_random(action, keys, i, step):
     for j in range(ACTION_SIZE):
         action[j] = _draw(keys, i, step, j)
-
-
-@compiled
-def fill_noise(noise, keys, steps):
-    """Fill ``noise`` (n, k) with the draws of these rounds (n,) at these steps (n,)."""
-    for i in range(noise.shape[0]):
-        for j in range(noise.shape[1]):
-            noise[i, j], _ = draws.gaussians(keys[i], steps[i], draws.PLAYER_DRAW + j)

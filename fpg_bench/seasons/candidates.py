@@ -59,7 +59,7 @@ def train_candidate(recipe: Recipe, folder: Path) -> None:
         folder: of its run; a finished one is not trained again.
 
     Raises:
-        UserError: the folder holds another run, or training diverged.
+        UserError: the folder holds an unfinished run of another kind, or training diverged.
     """
     run = RunSpec(
         recipe.algorithm,

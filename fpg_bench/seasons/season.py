@@ -1,4 +1,4 @@
-"""A closed season: what ``season.yml`` says, and whether the members beside it are its own."""
+"""A closed season: what ``season.yml`` says, whether the members beside it are its own, and its fields."""
 
 from __future__ import annotations
 

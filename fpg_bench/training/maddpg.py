@@ -243,7 +243,7 @@ class MADDPG(OffPolicyAlgorithm):
             for part in (policy.critics, policy.critic_targets)
         )
         return Learner(
-            self,
+            policy.sizes,
             actors,
             critics,
             actor_targets,
@@ -252,6 +252,10 @@ class MADDPG(OffPolicyAlgorithm):
             policy.critic_optimizer,
             weights,
             targets,
+            self.gamma,
+            self.tau,
+            self.logit_penalty,
+            self.logit_limit,
         )
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:

@@ -21,6 +21,7 @@ from torch import nn
 
 from fpg_bench.errors import UserError
 from fpg_bench.training.maddpg import MADDPG, Transitions
+from fpg_bench.training.maddpg_learner import Sizes
 from fpg_bench.training.maddpg_policy import JointPolicy
 
 Shapes = tuple[tuple[tuple[int, int], ...], ...]  # inputs and outputs of each network's layers
@@ -104,13 +105,17 @@ class JaxLearner:
 
 @dataclass(frozen=True)
 class _Rules:
-    """How one model is updated; as :class:`fpg_bench.training.maddpg_learner.Learner` says."""
+    """How one model is updated; the words are those of :class:`fpg_bench.training.maddpg_learner.Learner`."""
 
-    model: MADDPG
+    sizes: Sizes
     actor_shapes: Shapes
     critic_shapes: Shapes
     activation: Callable[[jax.Array], jax.Array]
     adam: optax.GradientTransformation
+    gamma: float
+    tau: float
+    logit_penalty: float
+    logit_limit: float
 
     def update(self, parts: list[Part], batch: Transitions) -> tuple[list[Part], tuple[jax.Array, jax.Array]]:
         """Update critics, actors and targets once; gives the losses of critics and actors before."""
@@ -131,7 +136,7 @@ class _Rules:
         acts = jnp.tanh(jnp.concatenate(self._logits(players, seen), -1))
         judged = jnp.concatenate([seen, acts], -1)
         future = [self._made(critic, judged) for critic in _unpacked(critic_targets, self.critic_shapes)]
-        return batch.rewards + (1 - batch.dones) * self.model.gamma * jnp.concatenate(future, -1)
+        return batch.rewards + (1 - batch.dones) * self.gamma * jnp.concatenate(future, -1)
 
     def _critic_loss(self, critics: list[Network], wanted: jax.Array, batch: _Traced) -> jax.Array:
         judged = jnp.concatenate([batch.observations, batch.actions], -1)
@@ -139,18 +144,18 @@ class _Rules:
         return jnp.square(found - wanted).sum() / len(wanted)
 
     def _actor_loss(self, actors: list[Network], critics: list[Network], batch: _Traced) -> jax.Array:
-        did = jnp.split(batch.actions, np.cumsum([size for _, size in self.model.policy.sizes])[:-1], -1)
+        did = jnp.split(batch.actions, np.cumsum([size for _, size in self.sizes])[:-1], -1)
         loss = jnp.zeros(())
         for player, logits in enumerate(self._logits(actors, batch.observations)):
             acts = [*did[:player], jnp.tanh(logits), *did[player + 1 :]]
             judged = jnp.concatenate([batch.observations, *acts], -1)
             loss = loss - self._made(critics[player], judged).sum()
-            beyond = jax.nn.relu(jnp.abs(logits) - self.model.logit_limit)
-            loss = loss + self.model.logit_penalty * jnp.square(beyond).mean(-1).sum()
+            beyond = jax.nn.relu(jnp.abs(logits) - self.logit_limit)
+            loss = loss + self.logit_penalty * jnp.square(beyond).mean(-1).sum()
         return loss / len(batch.actions)
 
     def _logits(self, actors: list[Network], observations: jax.Array) -> list[jax.Array]:
-        seen = jnp.split(observations, np.cumsum([size for size, _ in self.model.policy.sizes])[:-1], -1)
+        seen = jnp.split(observations, np.cumsum([size for size, _ in self.sizes])[:-1], -1)
         return [self._made(actor, part) for actor, part in zip(actors, seen, strict=True)]
 
     def _made(self, network: Network, x: jax.Array) -> jax.Array:
@@ -166,7 +171,7 @@ class _Rules:
         return part._replace(weights=part.weights + step, moments=moments)
 
     def _followed(self, part: Part) -> Part:
-        return part._replace(targets=part.targets + self.model.tau * (part.weights - part.targets))
+        return part._replace(targets=part.targets + self.tau * (part.weights - part.targets))
 
 
 def _rules(model: MADDPG) -> _Rules:
@@ -175,11 +180,15 @@ def _rules(model: MADDPG) -> _Rules:
         known = ", ".join(kind.__name__ for kind in _ACTIVATIONS)
         raise UserError(f"learner jax: knows the activations {known}, not {policy.activation_fn.__name__}")
     return _Rules(
-        model,
+        policy.sizes,
         _shapes(policy, "actors"),
         _shapes(policy, "critics"),
         _ACTIVATIONS[policy.activation_fn],
         _adam(model),
+        model.gamma,
+        model.tau,
+        model.logit_penalty,
+        model.logit_limit,
     )
 
 

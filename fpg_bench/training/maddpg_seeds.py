@@ -186,7 +186,7 @@ def _joined(models: Sequence[MADDPG]) -> Learner:
     acting, judging = _weights(actors), _weights(critics)
     kind, rate = first.policy.optimizer_class, {"lr": first.lr_schedule(1), **first.policy.optimizer_kwargs}
     return Learner(
-        first,
+        first.policy.sizes,
         actors,
         critics,
         actor_targets,
@@ -195,6 +195,10 @@ def _joined(models: Sequence[MADDPG]) -> Learner:
         kind(judging, **rate),
         [each.data for each in acting + judging],
         [each.data for each in _weights(actor_targets + critic_targets)],
+        first.gamma,
+        first.tau,
+        first.logit_penalty,
+        first.logit_limit,
     )
 
 

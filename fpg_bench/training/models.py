@@ -1,4 +1,4 @@
-"""From hyper-parameters to a model of Stable-Baselines3 on a batch of games."""
+"""From hyper-parameters to a model of Stable-Baselines3 on a batch of games; whether it is still finite."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A training run under way: made of its spec, begun, gone on with, learned and kept."""
+"""A training run under way: made of its spec, begun, gone on with, learned, drawn and kept."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ def test_and_said_in_the_verdict(board, in_process, monkeypatch):
 FORGETS = """
 import os
 from pathlib import Path
-from fpg_bench.leaderboard.sandbox import forget_keys
+from fpg_bench.leaderboard.secrets import forget_keys
 print(*sorted(forget_keys()))
 print(dict(os.environ), Path("/proc/self/environ").read_bytes())
 """

@@ -11,7 +11,7 @@ from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.errors import UserError
 from fpg_bench.training.maddpg import MADDPG, Transitions
 from fpg_bench.training.maddpg_seeds import TorchLearner
-from tests.training.test_maddpg_seeds import learn_together
+from tests.training.tiny import learn_together
 
 pytestmark = pytest.mark.slow
 

@@ -6,7 +6,7 @@ import torch
 
 from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.training.maddpg import MADDPG
-from fpg_bench.training.maddpg_seeds import Together
+from tests.training.tiny import learn_together
 
 STEPS = 480
 
@@ -26,12 +26,6 @@ def model_of(seed, limit=0.0):
         logit_limit=limit,
         policy_kwargs=network,
     )
-
-
-def learn_together(models, steps, learner="torch"):
-    together = Together(models, steps, learner)
-    while not together.done:
-        together.go_on()
 
 
 def weights_of(model):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fpg_bench.training.maddpg_seeds import Together
 from fpg_bench.training.train import train
 
 ALLY = "FPG/AllyVsScripted-v0"
@@ -31,3 +32,10 @@ def train_tiny(algorithm, out, changes=None, view_id=ALLY, **options):
     """A run of :func:`settings`; scored nowhere unless asked for."""
     given = {"hyperparams": settings(algorithm, **(changes or {})), "progress": False, "evaluations": 0}
     return train(algorithm, view_id, out, **(given | options))
+
+
+def learn_together(models, steps, learner="torch"):
+    """Train several MADDPG models at once, to the end."""
+    together = Together(models, steps, learner)
+    while not together.done:
+        together.go_on()
