@@ -62,9 +62,12 @@ def test_the_page_says_what_runs_of_more_updates_say(preset, name, seeds, tmp_pa
     results = _results(preset, budget, seeds)
     (condition,) = conditions_of("fig4", preset, full=False)
     assert results.seeds(condition.name) == list(seeds)
-    for heading in results.about[condition.name].values():
-        assert heading["scenario"] == f"{preset}, {condition.scenario(preset).hash}"
-        assert heading["budget"].startswith(f"{name}, {budget.steps} steps, ")
+    known = {each.name: each for each in conditions_of(ALL, preset, full=True)}
+    for run, headings in results.about.items():
+        game = known[run.split("@")[0]].scenario(preset)
+        for heading in headings.values():
+            assert heading["scenario"] == f"{preset}, {game.hash}"
+            assert heading["budget"].startswith(f"{name}, {budget.steps} steps, ")
     made, _ = write_report(results, preset, budget, ["fig5"], tmp_path, "fpg-bench reproduce fig4")
     lines = [line for line in made.read_text().splitlines() if line.startswith("| planned |")]
     page = (COMMITTED.parent / "reproduction.md").read_text()
