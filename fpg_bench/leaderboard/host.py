@@ -11,6 +11,7 @@ import numpy as np
 from fpg_bench.errors import printable
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.leaderboard.sandbox import Limits, PolicyFailed, Sandbox
+from fpg_bench.players.keyed import Batched
 
 if TYPE_CHECKING:  # its process needs none of what a submission is made of
     from fpg_bench.leaderboard.policies import Policy
@@ -27,7 +28,7 @@ _ROUNDING = 1e-6
 _LONGEST_REASON = 300
 
 
-class PolicyHost:
+class PolicyHost(Batched):
     """Plays a policy in a process of its own under limits; a player to whoever plays it, and one batch only.
 
     An answer that is not finite, lies outside [-1, 1] or has another shape loses that game's round: it
@@ -43,6 +44,7 @@ class PolicyHost:
 
     Raises:
         PolicyFailed: entering, or a later ``predict``: it died or outran its limits.
+        ValueError: ``predict`` of a ``state`` that is not what the last call returned.
     """
 
     def __init__(self, policy: Policy, limits: Limits | None = None) -> None:
@@ -57,7 +59,7 @@ class PolicyHost:
         try:
             with self._sandbox.within(self.limits.start_s):
                 self._sandbox.send(HEAD.pack(LOAD, len(self.policy.model), 0), self.policy.model)
-                _, self._draws, _ = self._answer(READY)
+                _, self._draws, _ = self._head(READY)
         except PolicyFailed:
             self.close()
             raise
@@ -89,32 +91,23 @@ class PolicyHost:
             with self._running().within(self.limits.call_s):
                 self._running().send(HEAD.pack(RESET, len(mask), 0), *parts)
 
-    def predict(
-        self,
-        observation: np.ndarray,
-        state: Any = None,
-        episode_start: np.ndarray | None = None,
-        deterministic: bool = True,
-    ) -> tuple[np.ndarray, Any]:
-        """Play one step; see :class:`fpg_bench.players.player.Player`. The memory stays in the process.
+    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+        """What the process answers; the memory stays there.
 
         Raises:
             PolicyFailed: it died, failed, or gave no answer in time.
             ValueError: ``state`` is not what the last call returned: another batch has been played since.
         """
-        if observation.ndim == 1:
-            actions, state = self.predict(observation[None], state, episode_start)
-            return actions[0], state
         if state not in (None, self._calls):
             raise ValueError("a PolicyHost keeps the memory of one batch of games only")
-        count = len(observation)
+        count = len(seen)
         if len(self.invalid) != count:
             self.invalid = np.zeros(count, bool)
-        parts: list[Any] = [np.ascontiguousarray(observation, np.float32).data]
+        parts: list[Any] = [np.ascontiguousarray(seen, np.float32).data]
         flags = 0 if state is not None else FRESH
-        if episode_start is not None:
+        if starts is not None:
             flags |= STARTS
-            parts.append(np.ascontiguousarray(episode_start, bool).data)
+            parts.append(np.ascontiguousarray(starts, bool).data)
         sandbox = self._running()
         with sandbox.within(self.limits.call_s):
             sandbox.send(HEAD.pack(PLAY, count, flags), *parts)
@@ -124,7 +117,7 @@ class PolicyHost:
 
     def _actions(self, count: int) -> np.ndarray:
         """The answer; all NaN where it has another shape."""
-        _, rows, columns = self._answer(ACTIONS)
+        _, rows, columns = self._head(ACTIONS)
         if (rows, columns) != (count, ACTION_SIZE):
             return np.full((count, ACTION_SIZE), np.nan, np.float32)
         data = self._running().receive(4 * count * ACTION_SIZE)
@@ -139,7 +132,7 @@ class PolicyHost:
             actions[wrong] = 0
         return actions
 
-    def _answer(self, wanted: bytes) -> tuple[bytes, int, int]:
+    def _head(self, wanted: bytes) -> tuple[bytes, int, int]:
         """The head of the wanted message; raises PolicyFailed for every other."""
         sandbox = self._running()
         kind, first, second = HEAD.unpack(sandbox.receive(HEAD.size))
