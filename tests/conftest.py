@@ -14,6 +14,7 @@ from hypothesis import settings
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 HERE = Path(__file__).parent
+LONG = {"browser", "postgres", "ray", "slow"}
 
 # Derandomised: a test that fails for you fails for everybody. No deadlines: no test measures time.
 settings.register_profile("fpg_bench", deadline=None, derandomize=True, max_examples=60)
@@ -48,10 +49,10 @@ def pytest_collection():
 def pytest_collection_modifyitems(items):
     """Mark who asks a real language model; the longest files first, so that workers share short ones last.
 
-    They are those of this folder, then those with most that is slow.
+    They are those of this folder, then those with most that trains or starts something large.
     """
     for item in items:
         if "llama_server" in getattr(item, "fixturenames", ()):
             item.add_marker("llama")
-    slow = Counter(item.path for item in items for _ in item.iter_markers("slow"))
-    items.sort(key=lambda item: (item.path.parent != HERE, -slow[item.path]))
+    long = Counter(item.path for item in items if {mark.name for mark in item.iter_markers()} & LONG)
+    items.sort(key=lambda item: (item.path.parent != HERE, -long[item.path]))

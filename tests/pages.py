@@ -11,6 +11,8 @@ import shlex
 import subprocess
 from pathlib import Path
 
+import yaml
+
 from fpg_bench.players.agent import baselines_folder
 from tests.programs import ROOT, python
 
@@ -18,6 +20,7 @@ BUDGETS = (
     (r"(--steps |\bsteps: |steps\": |timesteps=)[\d_]+", r"\g<1>2000"),
     (r"(.*) --seeds 0-2 (.*)", r"\1 --seed 0 \2/seed_0\n\1 --seed 1 \2/seed_1\n\1 --seed 2 \2/seed_2"),
     (r"fpg-bench train ", "fpg-bench train --evaluations 0 "),
+    (r"n_steps=\d+", "n_steps=32"),
     (r"--matches \d+", "--matches 1"),
     (r"matches=\d+", "matches=1"),
     (r"tune ppo .*", r"\g<0> --trials 2 --steps 2000 --rounds 2 --seeds 1"),
@@ -54,15 +57,16 @@ def small(text: str, verdicts: bool = False) -> str:
 
 
 def small_baselines(folder: Path) -> Path:
-    """A folder like ``baselines``: fields of all their counterparts and few matches, agents of two seeds."""
+    """A folder like ``baselines``: a third of each field's counterparts, few matches, agents of two seeds."""
     whole = baselines_folder()
     for path in (*whole.iterdir(), *whole.glob("fields/*"), *whole.glob("agents/*/*/seed_[01]")):
         target = folder / path.relative_to(whole)
         target.parent.mkdir(parents=True, exist_ok=True)
         if path.match("fields/*.yml"):
-            text = path.read_text()
-            matches = 1 if "rounds_per_match" in text else 2
-            target.write_text(re.sub(r"(?m)^matches: \d+", f"matches: {matches}", text))
+            field = yaml.safe_load(path.read_text())
+            field["matches"] = 1 if "rounds_per_match" in field else 2
+            field["counterparts"] = field["counterparts"][::3]
+            target.write_text(yaml.safe_dump(field))
         elif path.name not in ("fields", "agents"):
             target.symlink_to(path)
     return folder

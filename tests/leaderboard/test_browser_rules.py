@@ -2,8 +2,6 @@
 
 import base64
 import json
-import os
-import shutil
 from itertools import cycle, islice
 from pathlib import Path
 
@@ -16,12 +14,7 @@ from fpg_bench.leaderboard.site import play_data
 from fpg_bench.matches.rounds import play_round, seated
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.players.scripts import ALLIES, OPPONENTS
-
-CHROMIUM = shutil.which("chromium")
-if CHROMIUM is None and not os.environ.get("CI"):
-    pytest.skip("chromium is not installed; .ci/run installs it", allow_module_level=True)
-
-from playwright.sync_api import sync_playwright  # noqa: E402
+from tests.leaderboard.browsing import chromium
 
 pytestmark = pytest.mark.browser
 
@@ -74,13 +67,11 @@ ASKED = """({ policy, seen }) => {
 
 @pytest.fixture(scope="module")
 def page():
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    with chromium() as browser:
         page = browser.new_page()
         for name in CODE:
             page.add_script_tag(path=STATIC / f"game_{name}.js")
         yield page
-        browser.close()
 
 
 def text(values, kind):

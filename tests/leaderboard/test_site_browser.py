@@ -1,14 +1,14 @@
 """The site in a real browser: headless Chromium, from the disk and from a server of this machine."""
 
-import os
 import re
-import shutil
 import threading
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import expect
 from scipy import stats
 
 from fpg_bench.evaluation.field_file import load_field
@@ -16,14 +16,8 @@ from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.replays import Replay, simulated
 from fpg_bench.leaderboard.site.serve import make_server
 from fpg_bench.leaderboard.submission import Submission
+from tests.leaderboard.browsing import chromium
 from tests.leaderboard.example_board import HOSTILE, example_board
-
-CHROMIUM = shutil.which("chromium")
-if CHROMIUM is None and not os.environ.get("CI"):
-    pytest.skip("chromium is not installed; .ci/run installs it", allow_module_level=True)
-
-from axe_playwright_python.sync_playwright import Axe  # noqa: E402
-from playwright.sync_api import expect, sync_playwright  # noqa: E402
 
 pytestmark = pytest.mark.browser
 
@@ -81,10 +75,8 @@ def small_site(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def browser():
-    with sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    with chromium() as found:
         yield found
-        found.close()
 
 
 @pytest.fixture

@@ -25,6 +25,7 @@ JOURNAL = "journal.log"
 HEARTBEAT_S = 60
 PATIENCE_S = 600.0
 _LONGEST_PAUSE_S = 30.0
+_AGAIN_S = 1.0
 _DOWN = (OSError, optuna.exceptions.StorageInternalError, sqlalchemy.exc.SQLAlchemyError)
 _T = TypeVar("_T")
 
@@ -210,7 +211,7 @@ def _database(url: str, where: str, heartbeat_s: int) -> RDBStorage:
         except (*_DOWN, ImportError, RuntimeError) as error:
             if last:
                 raise UserError(f"{where}: cannot be opened: {reason(error)}") from error
-            time.sleep(1)  # another worker may have been making the tables
+            time.sleep(_AGAIN_S)  # another worker may have been making the tables
     raise AssertionError
 
 

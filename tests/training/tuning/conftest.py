@@ -10,6 +10,13 @@ import pytest
 ROOT = Path(__file__).parents[3]
 
 
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch):
+    """A worker of this process looks often at what the others do, and tries a storage again at once."""
+    monkeypatch.setattr("fpg_bench.training.tuning.storage._AGAIN_S", 0.1)
+    monkeypatch.setattr("fpg_bench.training.tuning.worker.POLL_S", 0.1)
+
+
 @pytest.fixture
 def started():
     """Starts a worker of the fake study; ends it with the test."""

@@ -14,6 +14,8 @@ import optuna
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.training.tuning import claim
+from fpg_bench.training.tuning import worker as tuning_worker
 from fpg_bench.training.tuning.storage import open_storage
 from fpg_bench.training.tuning.study import finished, open_study
 from fpg_bench.training.tuning.task import Task
@@ -56,6 +58,8 @@ def fake_worker(folder, objective=highest_x, *, url=None, say=print, patience_s=
 def main(folder, url, trials, seconds, host):
     if host != "-":
         socket.gethostname = lambda: host
+    tuning_worker.POLL_S = 0.1
+    claim._UNSIGNED_S = 5  # a trial that was handed out as the database went
 
     def slow(values, trial, report):
         print(f"at work on {trial.number}", flush=True)

@@ -39,12 +39,6 @@ def server(running):
     return running
 
 
-@pytest.fixture(autouse=True)
-def impatient(monkeypatch):
-    """A worker of this process looks often at what the others do."""
-    monkeypatch.setattr("fpg_bench.training.tuning.worker.POLL_S", 0.1)
-
-
 def read_until(words, *processes):
     """Wait until each of the processes has said something."""
     for process in processes:
@@ -118,7 +112,7 @@ def test_a_machine_that_dies_is_missed_by_its_heartbeat(server, tmp_path, at_wor
 
 
 def test_a_machine_that_lives_is_not_missed(server, tmp_path, started):
-    process = started(tmp_path, url=server.url, trials=1, seconds=5, host="elsewhere")
+    process = started(tmp_path, url=server.url, trials=1, seconds=3.5, host="elsewhere")
     read_until("at work", process)
     worker, study = fake_worker(tmp_path, url=server.url)
     worker.run(1)  # longer than a heartbeat may be late
