@@ -45,7 +45,6 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
     Example: fpg-bench submit check leaderboard/submissions/ally/my-agent
     """
     from fpg_bench.leaderboard.check import load_submission, notes, problems
-    from fpg_bench.leaderboard.likeness import told_apart
     from fpg_bench.leaderboard.tracks import KNOWN
     from fpg_bench.leaderboard.trial import trial
 
@@ -54,7 +53,7 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
         submission = load_submission(folder)
         for policy in submission.policies:
             found += [f"seed_{policy.seed}: {line}" for line in trial(policy, submission.fields[KNOWN])]
-        for line in [*notes(submission), *([] if found else told_apart(submission))]:
+        for line in notes(submission):
             say(f"{folder}: note: {line}")
     for line in found:
         say(f"{folder}: {line}")
@@ -183,7 +182,6 @@ def build(
     from rich.progress import Progress
 
     from fpg_bench.leaderboard.board import make_board
-    from fpg_bench.leaderboard.planner_marks import marked
     from fpg_bench.leaderboard.secrets import forget_keys
     from fpg_bench.leaderboard.site.build import build_site, check_folder
     from fpg_bench.leaderboard.site.play_data import submitted_policies
@@ -194,7 +192,7 @@ def build(
     with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("ranks", total=None)
         left: list[str] = []
-        board = marked(make_board(folder, left.append), folder)
+        board = make_board(folder, left.append)
 
         def show(name: str) -> None:
             bar.update(task, description=name)

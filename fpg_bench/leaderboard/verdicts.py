@@ -10,7 +10,6 @@ from fpg_bench.evaluation.line import Line
 from fpg_bench.jobs.job import outcome_of
 from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
 from fpg_bench.leaderboard.cases import Case, again, result_at
-from fpg_bench.leaderboard.likeness import told_apart
 from fpg_bench.leaderboard.playing import failure_in, key_of, lines_in, open_in
 from fpg_bench.leaderboard.result import Result, failed_result, verified_result, write_result
 from fpg_bench.leaderboard.tracks import ranked_by
@@ -53,15 +52,6 @@ def open_walls(case: Case) -> str:
     """What the processes of a case's policies could not be kept from, in words; nothing where all is well."""
     found = dict.fromkeys(name for part, _ in case.wanted for name in open_in(case.work / part.name))
     return f"; this machine cannot keep a policy from {', '.join(found)}" if found else ""
-
-
-def copied(case: Case) -> str:
-    """Who of a new entry plays like whom, in words; of one that has a result it was said before."""
-    if case.known is not None:
-        return ""
-    told = outcome_of(partial(told_apart, case.submission, case.submission.folder.parents[2]))
-    lines = [told.error] if told.error is not None else told.result
-    return "".join(f"; {line}" for line in lines)
 
 
 def _first(case: Case, lines: list[Line], why: str | None) -> tuple[bool, str]:

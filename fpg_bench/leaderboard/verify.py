@@ -28,7 +28,7 @@ from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.playing import Meeting, Part, failure_in, fill, key_of, lines_in
 from fpg_bench.leaderboard.since import changes_since
 from fpg_bench.leaderboard.submission import TRACKS
-from fpg_bench.leaderboard.verdicts import Verdict, copied, judge, open_walls
+from fpg_bench.leaderboard.verdicts import Verdict, judge, open_walls
 
 
 def verify(
@@ -168,7 +168,7 @@ class _Verification:
         if case.claimed is not None:
             forget(case.claimed)
         good, line = judged.result if judged.error is None else (False, judged.error)
-        self._give(case.name, good, line + (walls.result or "") + (copied(case) if good else ""))
+        self._give(case.name, good, line + (walls.result or ""))
 
     def _keep(self, job: Job, case: Case, result: Any) -> None:
         job.keep(result)

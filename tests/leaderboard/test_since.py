@@ -23,9 +23,8 @@ def git(board, *words):
 
 
 @pytest.fixture
-def trusted(board, in_process, monkeypatch):
+def trusted(board, in_process):
     """A board with one honest entry of each side, its results and pairs, all committed."""
-    monkeypatch.setattr("fpg_bench.leaderboard.verdicts.told_apart", lambda submission, board: [])
     enter(board, "ally", "honest", seeds=(0, 1))
     enter(board, "opponent", "script", script="adaptive")
     assert all(verdict.good for verdict in verify(board, say=lambda line: None))

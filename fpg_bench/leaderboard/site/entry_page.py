@@ -16,7 +16,7 @@ from fpg_bench.leaderboard.site.shown import (
     score_of,
     value_of,
 )
-from fpg_bench.leaderboard.site.views import axis_of, entry_head, planner_marks, seeds_gap_text, worst_view
+from fpg_bench.leaderboard.site.views import axis_of, entry_head, seeds_gap_text, worst_view
 from fpg_bench.leaderboard.site.wording import finite, written
 
 _CHAR_PX = 6.6  # of a badge's letters, about
@@ -136,7 +136,6 @@ def _planner(entry: ShownEntry, domain: drawing.Domain) -> Row | None:
         ("Runs made, this one with them", written(found.get("runs"), "whole")),
         ("Begun after season", written(found.get("season"), "whole")),
         ("Tokens a plan", written(found.get("tokens"), "whole")),
-        *((label, says) for label, says, _ in planner_marks(entry)),
     ]
     return {"curve": curve, "facts": [fact for fact in facts if fact[1] != wording.NONE]}
 

@@ -125,19 +125,7 @@ def entry_head(entry: ShownEntry) -> Row:
         "had_access": bool(row.get("had_access")),
         "rank": wording.rank_text(entry.rank) if entry.verified else wording.NONE,
         "lost": wording.lost_text(row.get("lost"), row.get("rounds")),
-        "marks": [f"{label}: {says}" for label, says, flagged in planner_marks(entry) if flagged],
     }
-
-
-def planner_marks(entry: ShownEntry) -> list[tuple[str, str, bool]]:
-    """A planner's marks: what each is about, what it says, and whether it is flagged; none of players."""
-    marks = entry.planner.get("marks") or {}
-    labels = {"first_round": "First round", "shuffled_rewards": "Rewards shuffled"}
-    return [
-        (label, str(marks[name].get("says")), marks[name].get("flagged") is True)
-        for name, label in labels.items()
-        if isinstance(marks.get(name), dict)
-    ]
 
 
 def _strengths(track: ShownTrack) -> Row:
