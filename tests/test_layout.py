@@ -29,6 +29,7 @@ FLOORS = {
     "imports": 0,
     "plain_json": 0,
     "rows": 0,
+    "schema": 0,
     "jobs": 1,
     "game": 1,
     "players": 2,
