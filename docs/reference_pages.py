@@ -14,7 +14,7 @@ from typing import Any
 
 import gymnasium
 
-from fpg_bench.envs.one_sided import OneSided, action_space, observation_space
+from fpg_bench.envs.core import OneSided, action_space, observation_space
 from fpg_bench.game.scenario import preset
 from fpg_bench.ids import DUEL, VIEWS, View
 from fpg_bench.planning import LLM_CONTROLS
@@ -64,7 +64,7 @@ _VIEW = """\
 
 {options}
 
-{{class}}`fpg_bench.envs.one_sided.OneSided` says what each of them takes.
+{{class}}`fpg_bench.envs.core.OneSided` says what each of them takes.
 """
 _SINGLE = """\
 ```python

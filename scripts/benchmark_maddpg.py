@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 from benchmark_speed import Figure, interleaved, median_ratio, report
 
-from fpg_bench.envs.both_sides import make_sb3_duel
+from fpg_bench.envs.sb3 import make_sb3_duel
 from fpg_bench.reproduce.experiment import ALGORITHM, BUDGETS, hyperparameters
 from fpg_bench.training.maddpg import MADDPG
 from fpg_bench.training.maddpg_seeds import LEARNERS, find_learner

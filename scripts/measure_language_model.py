@@ -24,13 +24,12 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.columns import bounds
 from fpg_bench.evaluation.compare import TRANSCRIPTS, compare
 from fpg_bench.evaluation.evaluate import LINES
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.statistics import MATCHES, mean_interval
 from fpg_bench.evaluation.summary import Summary
-from fpg_bench.evaluation.table import as_markdown, write_table
+from fpg_bench.evaluation.table import as_markdown, bounds, write_table
 from fpg_bench.files import PACKED, write_whole
 from fpg_bench.planning.llm.packed import packed_rows
 from fpg_bench.rows import RowFile

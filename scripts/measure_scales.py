@@ -15,8 +15,7 @@ import sys
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.field import PLANNER, Field
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import PLANNER, Field, load_field
 from fpg_bench.evaluation.play import play
 from fpg_bench.players.agent import fields_folder
 from fpg_bench.players.scripted import SCRIPTED

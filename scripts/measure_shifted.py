@@ -12,8 +12,7 @@ import sys
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.field import Field
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import Field, load_field
 from fpg_bench.evaluation.play import play
 
 SCRIPTS = {

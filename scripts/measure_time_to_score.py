@@ -23,7 +23,7 @@ import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
 from taking_turns import train_together
 
-from fpg_bench.evaluation.field_file import field_of
+from fpg_bench.evaluation.field import field_of
 from fpg_bench.evaluation.seeds import training_seed
 from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.files import read_yaml, write_whole

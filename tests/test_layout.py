@@ -150,30 +150,6 @@ def test_the_private_doors_are_still_there():
     assert isinstance(trial._trial_id, int)
 
 
-def test_no_file_is_long():
-    """One noun a file: what grows longer is two things."""
-    long = {path.name for path in FILES.values() if len(path.read_text("utf-8").splitlines()) > 300}
-    assert long <= {"testing.py"}  # what users call stands together
-
-
-def parameters(function: ast.FunctionDef) -> int:
-    arguments = function.args
-    named = [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]
-    return len([of for of in named if of.arg not in ("self", "cls")])
-
-
-def test_no_function_has_more_than_eight_parameters():
-    """But for constructors, verbs of the command line, and compiled code, which knows no records."""
-    wide = {}
-    for module, path in FILES.items():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.FunctionDef) and parameters(node) > 8 and node.name != "__init__":
-                compiled = "compiled" in map(ast.unparse, node.decorator_list)
-                if not compiled and room_of(module) != "cli":
-                    wide[f"{module}.{node.name}"] = parameters(node)
-    assert not wide
-
-
 def test_the_rules_know_no_learning_library():
     known = {"numpy", "numba", "yaml", "platformdirs", "fpg_bench", "__future__", *sys.stdlib_module_names}
     for path in (PACKAGE / "game").glob("*.py"):

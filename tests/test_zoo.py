@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from fpg_bench import make_sb3
-from fpg_bench.envs.both_sides import make_sb3_duel
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.envs.sb3 import make_sb3_duel
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.play import play
 from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent

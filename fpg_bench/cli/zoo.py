@@ -63,7 +63,7 @@ def zoo() -> None:
 
 def _scores(shipped: Zoo, view: ZooView) -> dict[tuple[str, int | None], float]:
     """The score of each agent of a view over its public field, by algorithm and seed."""
-    from fpg_bench.evaluation.field_file import load_field
+    from fpg_bench.evaluation.field import load_field
     from fpg_bench.evaluation.summary import summarise
     from fpg_bench.zoo.scores import read_zoo_lines
 
@@ -105,7 +105,7 @@ def fields() -> None:
 
     Example: fpg-bench fields
     """
-    from fpg_bench.evaluation.field_file import load_field
+    from fpg_bench.evaluation.field import load_field
     from fpg_bench.players.agent import fields_folder
 
     for path in sorted(fields_folder().glob("*.yml")):

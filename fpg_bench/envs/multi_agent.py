@@ -10,8 +10,8 @@ from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import OrderEnforcingWrapper
 from pettingzoo.utils.conversions import parallel_to_aec
 
+from fpg_bench.envs.core import action_space, first_seeds, observation_space, one_action
 from fpg_bench.envs.duel import make_duel
-from fpg_bench.envs.one_sided import action_space, first_seeds, observation_space, one_action
 from fpg_bench.errors import UserError
 from fpg_bench.game.full_state import FULL_STATE_SIZE
 from fpg_bench.game.state import ACTION_SIZE

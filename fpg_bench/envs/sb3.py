@@ -1,4 +1,4 @@
-"""The Stable-Baselines3 view: a native ``VecEnv`` of N games, same-step autoreset."""
+"""Stable-Baselines3 environments: a native ``VecEnv`` of N games, of one side or of both."""
 # ruff: noqa: E402
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ import numpy as np
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvStepReturn
 
-from fpg_bench.envs.one_sided import OneSided, first_seeds, staggered_horizons
+from fpg_bench.envs.core import OneSided, TwoSided, first_seeds, staggered_horizons
 from fpg_bench.envs.single import wants_new_match
-from fpg_bench.envs.two_sided import TwoSided
 from fpg_bench.errors import UserError
 from fpg_bench.pictures.screen import Screen
 
@@ -30,7 +29,7 @@ class SB3View(VecEnv):
     handed out is a copy.
 
     Args:
-        core: the games, of which the caller plays one side (:class:`fpg_bench.envs.one_sided.OneSided`) or
+        core: the games, of which the caller plays one side (:class:`fpg_bench.envs.core.OneSided`) or
             both.
         seed: begins the first matches, game i with seed + i; None: by chance.
         stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
@@ -162,10 +161,25 @@ def make_sb3(
         seed: game i begins with a match of seed + i; None: by chance.
         stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
-        **options: those of :class:`fpg_bench.envs.one_sided.OneSided`: ``scenario``, ``opponent`` or
+        **options: those of :class:`fpg_bench.envs.core.OneSided`: ``scenario``, ``opponent`` or
             ``ally``, ``path``, ``planner``, ``knowledge``, ``jamming_types``, ``reward``, ``threads``.
 
     Raises:
         UserError: something unknown, out of range, or impossible together.
     """
     return SB3View(OneSided(view_id, n_envs, **options), seed, stagger, render_mode)
+
+
+def make_sb3_duel(n_envs: int = 1, seed: int | None = None, stagger: bool = False, **options: Any) -> SB3View:
+    """Both sides of N games as one SB3 ``VecEnv``, for :class:`fpg_bench.training.maddpg.MADDPG`.
+
+    Observations ``(N, 30)``, actions ``(N, 18)``, rewards ``(N, 2)``, the ally's first.
+
+    Args:
+        n_envs, seed, stagger: as in :func:`fpg_bench.envs.sb3.make_sb3`.
+        **options: those of :func:`fpg_bench.envs.duel.make_duel`.
+
+    Raises:
+        UserError: something unknown, out of range, or impossible together.
+    """
+    return SB3View(TwoSided(n_envs, **options), seed, stagger)

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
-from fpg_bench.envs.one_sided import OneSided, action_space, first_seeds, observation_space, one_action
+from fpg_bench.envs.core import OneSided, action_space, first_seeds, observation_space, one_action
 from fpg_bench.errors import UserError
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.pictures.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
@@ -25,7 +25,7 @@ class SingleView(gymnasium.Env):
     Args:
         view_id: one of the ids of :mod:`fpg_bench.ids`.
         render_mode: None, ``rgb_array`` or ``human``.
-        **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
+        **options: those of :class:`fpg_bench.envs.core.OneSided`.
     """
 
     _spec: EnvSpec | None = None

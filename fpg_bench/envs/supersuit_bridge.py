@@ -20,8 +20,8 @@ from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
 from fpg_bench.checks import whole
+from fpg_bench.envs.core import first_seeds
 from fpg_bench.envs.multi_agent import DuelView, parallel_env
-from fpg_bench.envs.one_sided import first_seeds
 from fpg_bench.players.player import SIDES
 
 

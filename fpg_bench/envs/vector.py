@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from fpg_bench.envs.one_sided import (
+from fpg_bench.envs.core import (
     OneSided,
     action_space,
     first_seeds,
@@ -34,7 +34,7 @@ class VectorView(VectorEnv):
         num_envs: N.
         stagger: cut the first rounds at evenly spread steps, so that the batch mixes phases.
         autoreset_mode: NEXT_STEP (``"NextStep"``) or SAME_STEP (``"SameStep"``).
-        **options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
+        **options: those of :class:`fpg_bench.envs.core.OneSided`.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012

@@ -1,20 +1,29 @@
-"""A comparison: planners against a field of allies into a results folder."""
+"""Comparison of planners against a suite of allies, language models recorded and replayed."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import hashlib
+import json
+from collections.abc import Collection, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import Entry, planner_entry
 from fpg_bench.evaluation.evaluate import Progress, play_into, with_matches
-from fpg_bench.evaluation.field import PLANNER
-from fpg_bench.evaluation.field_file import load_field
-from fpg_bench.evaluation.planner_llm import asked, replayed
+from fpg_bench.evaluation.field import PLANNER, Counterpart, Field, load_field
+from fpg_bench.evaluation.seeds import SeasonKey, current_season
 from fpg_bench.evaluation.summary import Summary
-from fpg_bench.matches.match_planner import asks_llm
+from fpg_bench.files import PACKED, read_json, write_json, write_whole
+from fpg_bench.matches.match import asks_llm, replaying
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
+from fpg_bench.planning.llm.budget import Budget
+from fpg_bench.planning.llm.chain import chain_start
+from fpg_bench.planning.llm.llm_planner import LLMPlanner
+from fpg_bench.planning.llm.prompts import load_prompt, prompt_file
+from fpg_bench.planning.llm.servers import endpoint_from_environment
+from fpg_bench.planning.llm.transcript import Transcript
 
 ALL = "all"
 TRANSCRIPTS = "transcripts"  # of language models, in a results folder
@@ -68,3 +77,176 @@ def compare(
     if transcripts is not None:
         entries += replayed(Path(transcripts), played, [entry.name for entry in entries])
     return play_into(out, field, played, entries, progress)
+
+
+ABOUT, PROMPT = "planner.json", "prompt.yml"  # lie beside a planner's transcripts, one for each ally
+_DECIDING = ("model", "control", "prompt_hash")
+_SAMPLING = ("temperature", "sampling_seed")
+_CAPS = ("calls", "tokens", "seconds")
+
+
+def asked(name: str, field: Field, folder: Path, options: Mapping[str, Any]) -> Entry:
+    """A language model that is asked and recorded; what its transcripts hold is not asked again.
+
+    Args:
+        name: one of ``LLM_CONTROLS``.
+        field: what it will play.
+        folder: where its transcripts grow.
+        options: those of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, whose caps hold for all
+            allies together, and ``server``, the profile of its endpoint.
+
+    Raises:
+        UserError: no endpoint, no such prompt, or a folder with transcripts of another model or prompt.
+    """
+    control, rest = LLM_CONTROLS[name], dict(options)
+    endpoint = endpoint_from_environment(rest.pop("server", None))
+    prompt = rest.pop("prompt", endpoint.server.prompt)
+    about: dict[str, Any] = {"model": endpoint.model, "server": endpoint.server.name, "control": control}
+    about |= {"prompt": prompt, "prompt_hash": load_prompt(prompt).hash}
+    about |= {"temperature": rest.get("temperature", endpoint.server.temperature)}
+    about |= {"sampling_seed": rest.get("sampling_seed", 0)}
+    about |= {"field": field.name, "field_hash": field.hash, "matches": field.matches}
+    about |= begun(about)
+    budget = _budget(folder, {cap: rest.pop(cap) for cap in _CAPS if cap in rest})
+
+    def make(ally: Counterpart) -> LLMPlanner:
+        header = _claimed(folder, about, field)
+        path = folder / transcript_name(ally.name)
+        planner = LLMPlanner(
+            field.scenario,
+            endpoint,
+            prompt=prompt,
+            control=control,
+            transcript=path,
+            mode="record",
+            chain=chain_of(header, ally.name),
+            **rest,
+        )
+        planner.budget = budget
+        return planner
+
+    return Entry(name, None, _fingerprint(about), make, LLMPlanner.tier)
+
+
+def replayed(folder: Path, field: Field, taken: Collection[str] = ()) -> list[Entry]:
+    """The language models whose transcripts lie in a folder, as they were recorded; no server is asked.
+
+    Args:
+        folder: holds a folder for each planner, whose name is what rows call it.
+        field: what they played.
+        taken: the names of the other planners under comparison.
+
+    Raises:
+        UserError: no transcripts there, those of another field, or a planner by the name of another.
+    """
+    found = sorted(path.parent for path in folder.glob(f"*/{ABOUT}"))
+    if not found:
+        raise UserError(f"transcripts {folder}: hold no planner; name the folder transcripts of a comparison")
+    for path in found:
+        if path.name in taken:
+            raise UserError(f"transcripts {path}: another planner here has this name; rename the folder")
+        if path.name in PLANNERS and path.name not in LLM_CONTROLS:
+            raise UserError(f"transcripts {path}: a planner of the package has this name; rename the folder")
+    return [_replayed(path, field) for path in found]
+
+
+def _replayed(folder: Path, field: Field) -> Entry:
+    about, prompt = _about(folder), load_prompt(str(folder / PROMPT))
+    _check_field(folder, about, field)
+    if prompt.hash != about["prompt_hash"]:
+        raise UserError(f"transcripts {folder}: its {PROMPT} is not the prompt that was recorded")
+
+    def make(ally: Counterpart) -> LLMPlanner:
+        recorded, chain = transcript_file(folder, ally.name), chain_of(about, ally.name)
+        return replaying(field.scenario, prompt, about, recorded, chain)
+
+    return Entry(folder.name, None, _fingerprint(about), make, LLMPlanner.tier)
+
+
+def begun(about: Mapping[str, Any]) -> dict[str, Any]:
+    """When a run begins, and what nobody could write before the present season's seed was known.
+
+    Args:
+        about: what the run is told of.
+    """
+    season = current_season()
+    header = {"begun": datetime.now(UTC).isoformat(timespec="seconds")}
+    return {**header, "season": None, "nonce": None} if season is None else header | nonce_of(about, season)
+
+
+def nonce_of(about: Mapping[str, Any], season: SeasonKey) -> dict[str, Any]:
+    """The season's number, and a hash of its seed and of what is asked whom."""
+    words = [season.seed, *(about[key] for key in (*_DECIDING, "field_hash"))]
+    return {"season": season.number, "nonce": hashlib.sha256("/".join(words).encode()).hexdigest()}
+
+
+def chain_of(about: Mapping[str, Any], ally: str) -> str | None:
+    """Where the chain of a run's transcript begins; None: what was recorded before chains has none."""
+    return chain_start(about, transcript_name(ally)) if "nonce" in about else None
+
+
+def _claimed(folder: Path, about: dict[str, Any], field: Field) -> dict[str, Any]:
+    """Say beside transcripts whose they are, and keep the prompt; refuse those of another.
+
+    Returns:
+        What stands there, from when the run was begun.
+    """
+    if any(path.stat().st_size for path in folder.glob("*.jsonl")):
+        known = _about(folder)
+        _check_field(folder, known, field)
+        for key in (*_DECIDING, *_SAMPLING):
+            if known.get(key, about[key]) != about[key]:
+                raise UserError(
+                    f"transcripts {folder}: recorded with {key} {known[key]}, not {about[key]}; choose "
+                    "another folder"
+                )
+        return known
+    if (folder / ABOUT).exists():  # another ally's matches began the run, and nothing was answered yet
+        known = _about(folder)
+        if all(known.get(key) == about[key] for key in (*_DECIDING, *_SAMPLING, "field_hash")):
+            return known
+    write_whole(folder / PROMPT, prompt_file(about["prompt"]).read_bytes())
+    write_json(folder / ABOUT, about)
+    return about
+
+
+def _check_field(folder: Path, about: Mapping[str, Any], field: Field) -> None:
+    """Check that transcripts are of the field's matches, with what to write to compare them."""
+    if about.get("field_hash") != field.hash:
+        raise UserError(
+            f"transcripts {folder}: hold matches of another field, {about.get('field')!r} with "
+            f"{about.get('matches')} matches per ally; compare them with its --field and --matches"
+        )
+
+
+def _about(folder: Path) -> dict[str, Any]:
+    about = read_json(folder / ABOUT, "transcripts")
+    if not all(isinstance(about.get(key), str) for key in _DECIDING):
+        raise UserError(f"transcripts {folder / ABOUT}: expected the keys {', '.join(_DECIDING)}")
+    return about
+
+
+def _fingerprint(about: Mapping[str, Any]) -> str:
+    told = [about[key] for key in _DECIDING] + [about[key] for key in _SAMPLING if key in about]
+    return hashlib.sha256(json.dumps(told).encode()).hexdigest()
+
+
+def _budget(folder: Path, caps: Mapping[str, float]) -> Budget:
+    """One budget for all allies, from which everything that is recorded already is taken."""
+    budget = Budget(**caps)
+    recorded = [Transcript(path, "replay") for path in sorted(folder.glob("*.jsonl"))]
+    attempts = (attempt for transcript in recorded for attempt in transcript.attempts())
+    budget.resume(attempts, f"transcripts {folder}")
+    return budget
+
+
+def transcript_name(ally: str) -> str:
+    """The name of the transcript of the matches against an ally, whose own name may be a path."""
+    return f"{ally.replace('/', '-').replace(':', '-')}.jsonl"
+
+
+def transcript_file(folder: Path, ally: str) -> Path:
+    """The transcript in a folder of the matches against an ally, packed where only that is there."""
+    plain = folder / transcript_name(ally)
+    packed = plain.with_name(plain.name + PACKED)
+    return packed if packed.exists() and not plain.exists() else plain

@@ -13,8 +13,7 @@ from typing import Any
 from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import Entry, check_kept, check_seeds, entries_of
-from fpg_bench.evaluation.field import Counterpart, Field
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import Counterpart, Field, load_field
 from fpg_bench.evaluation.line import Line, read_lines
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.summary import Summary, summarise

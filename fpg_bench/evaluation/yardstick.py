@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import PLANNER, Field, Scale
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import PLANNER, Field, Scale, load_field
 from fpg_bench.evaluation.line import Pooled
 from fpg_bench.evaluation.play import table_of
 from fpg_bench.evaluation.seeds import tuning_seeds

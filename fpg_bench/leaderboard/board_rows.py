@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.evaluation.columns import learning_curve, over_rounds
 from fpg_bench.evaluation.field import Field, Scale
 from fpg_bench.evaluation.seeds import current_season
 from fpg_bench.evaluation.statistics import FEW_SEEDS, TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.evaluation.summary import Summary
+from fpg_bench.evaluation.table import learning_curve, over_rounds
 from fpg_bench.leaderboard.cases import Case
 from fpg_bench.leaderboard.pairs import Pair
 from fpg_bench.leaderboard.result import Result, interval_row, rounded

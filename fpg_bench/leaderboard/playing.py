@@ -11,15 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.compare import transcript_file
 from fpg_bench.evaluation.entry import Entry, Same
 from fpg_bench.evaluation.field import PLANNER, Counterpart, Field
 from fpg_bench.evaluation.line import Line, read_line
-from fpg_bench.evaluation.planner_llm import transcript_file
 from fpg_bench.evaluation.play import play
 from fpg_bench.leaderboard.sandbox import PolicyFailed, missing_here
 from fpg_bench.leaderboard.submission import Policy, Submission
 from fpg_bench.leaderboard.transcripts import FOLDER, local, told
-from fpg_bench.matches.match_planner import replaying
+from fpg_bench.matches.match import replaying
 from fpg_bench.rows import RowFile
 
 LINES = "lines.jsonl"

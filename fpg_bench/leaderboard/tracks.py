@@ -7,8 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from fpg_bench.evaluation.field import Field
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import Field, load_field
 from fpg_bench.evaluation.seeds import SEASON, SeasonKey, current_season
 from fpg_bench.players.agent import fields_folder
 

@@ -10,8 +10,8 @@ from string import Template
 import yaml
 
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.compare import ABOUT, PROMPT, nonce_of, transcript_file, transcript_name
 from fpg_bench.evaluation.field import Field
-from fpg_bench.evaluation.planner_llm import ABOUT, PROMPT, nonce_of, transcript_file, transcript_name
 from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_key
 from fpg_bench.files import PACKED, read_json
 from fpg_bench.leaderboard.folder import names

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.envs.two_sided import TwoSided
+from fpg_bench.envs.core import TwoSided
 
 _KNOWLEDGE_GATE = 4
 
@@ -15,7 +15,7 @@ class Recorded(TwoSided):
     """Both sides of N games; the ally asks the knowledge base whenever it hops (Algorithm 1, line 6).
 
     Args:
-        games, **options: as for :class:`fpg_bench.envs.two_sided.TwoSided`.
+        games, **options: as for :class:`fpg_bench.envs.core.TwoSided`.
 
     Attributes:
         played: steps so far, over all games.

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import ttest_ind
 
-from fpg_bench.envs.two_sided import TwoSided
+from fpg_bench.envs.core import TwoSided
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.game.measures import spectrum_overlap
 from fpg_bench.game.names import JAMMING_TYPES

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.checks import check_keys
-from fpg_bench.envs.one_sided import OneSided
+from fpg_bench.envs.core import OneSided
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.files import read_json, read_yaml, write_json, write_whole
@@ -42,7 +42,7 @@ class Recipe:
         responders: of each, what trains it against the champion of a stage. They join the population.
         priority: how much more often the hardest of a population is drawn than the easiest, after the first
             stage.
-        options: those of :class:`fpg_bench.envs.one_sided.OneSided`.
+        options: those of :class:`fpg_bench.envs.core.OneSided`.
     """
 
     name: str

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.field import Counterpart, Field, Scale
-from fpg_bench.evaluation.field_file import side_field
+from fpg_bench.evaluation.field import Counterpart, Field, Scale, side_field
 from fpg_bench.evaluation.play import Seeds, play
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.game.scenario import Scenario

@@ -106,7 +106,7 @@ class MADDPG(OffPolicyAlgorithm):
         policy: ``JointPolicy``, the only one.
         env: games of several players as one ``VecEnv``: observations ``(n, all)``, actions ``(n, all)``,
             rewards ``(n, players)``, and an attribute ``sizes``, the size of each player's observation and
-            action; :func:`fpg_bench.envs.both_sides.make_sb3_duel` for instance.
+            action; :func:`fpg_bench.envs.sb3.make_sb3_duel` for instance.
         gamma, batch_size, learning_rate, buffer_size: Table 3 of the paper, which also says that the loss is
             the mean squared error.
         tau: how much of the networks goes into the targets at an update; the paper does not say.

@@ -17,8 +17,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
 from torch import nn
 
 from fpg_bench.checks import check_keys, flag, mapping
-from fpg_bench.envs.both_sides import make_sb3_duel
-from fpg_bench.envs.sb3 import SB3View, make_sb3
+from fpg_bench.envs.sb3 import SB3View, make_sb3, make_sb3_duel
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.arena import ActionError
 from fpg_bench.game.state import ACTION_SIZE

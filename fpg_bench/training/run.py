@@ -17,7 +17,7 @@ from typing import Any
 from stable_baselines3.common.logger import configure
 from torch.distributions import Distribution
 
-from fpg_bench.envs.one_sided import OneSided
+from fpg_bench.envs.core import OneSided
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.evaluation.yardstick import Yardstick

@@ -62,7 +62,7 @@ def selfplay(
         say: told a line per row.
         **words: the others of :class:`Selfplay` (``steps``, ``pool``, ``seed``, ``hyperparams``), and the
             game: ``scenario``, ``path``, ``knowledge``, ``jamming_types``, as for
-            :class:`fpg_bench.envs.one_sided.OneSided`.
+            :class:`fpg_bench.envs.core.OneSided`.
 
     Returns:
         The folders of both agents.

@@ -12,7 +12,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field_file import field_of
+from fpg_bench.evaluation.field import field_of
 from fpg_bench.ids import DUEL, VIEWS, find_view, sides_of
 from fpg_bench.training.algorithms import Algorithm
 from fpg_bench.training.hyperparameters import Hyperparameters
@@ -39,7 +39,7 @@ class RunSpec:
             called.
         start: the folder of a finished run of one's own, of the same side, algorithm and networks: begin
             with its weights, optimiser and normalisation, and imitate nobody.
-        options: those of :class:`fpg_bench.envs.one_sided.OneSided`, or of
+        options: those of :class:`fpg_bench.envs.core.OneSided`, or of
             :func:`fpg_bench.envs.duel.make_duel` where both sides learn.
     """
 

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable
 
 from fpg_bench.evaluation.entry import Entry, player_entry
 from fpg_bench.evaluation.evaluate import LINES, lines_of
-from fpg_bench.evaluation.field import Field
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import Field, load_field
 from fpg_bench.evaluation.line import Line
 from fpg_bench.evaluation.play import play
 from fpg_bench.players.agent import load_agent

@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.evaluation.columns import bounds, number
-from fpg_bench.evaluation.field import Field
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import Field, load_field
 from fpg_bench.evaluation.statistics import FEW_SEEDS
 from fpg_bench.evaluation.summary import Summary, summarise
-from fpg_bench.evaluation.table import as_markdown
+from fpg_bench.evaluation.table import as_markdown, bounds, number
 from fpg_bench.files import write_whole
 from fpg_bench.zoo.curves import curve_file
 from fpg_bench.zoo.pictures import PICTURES, draw_curves, draw_improvement, draw_profiles, styles

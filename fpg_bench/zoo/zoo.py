@@ -9,7 +9,7 @@ from typing import Any
 
 from fpg_bench.checks import check_keys, is_whole, mapping
 from fpg_bench.errors import UserError, nearest
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.files import read_json, read_yaml
 from fpg_bench.ids import sides_of
 from fpg_bench.players.agent import baselines_folder
@@ -25,7 +25,7 @@ class ZooView:
     Attributes:
         name: what folders and tables call it.
         id: the environment id.
-        options: what it is made with, as :class:`fpg_bench.envs.one_sided.OneSided` takes it.
+        options: what it is made with, as :class:`fpg_bench.envs.core.OneSided` takes it.
         fields: those that its agents are measured against, the public one first.
         steps: the training budget of each algorithm.
     """

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from tests.leaderboard.recording import PLANNER_FIELD, enter, record

@@ -69,5 +69,5 @@ def test_nothing_else_reads_json():
         "plain_json.py",
         "planning/llm/answers.py",
         "planning/llm/replies.py",
-        "matches/match_file.py",
+        "matches/match.py",
     }

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fpg_bench import make_duel, make_sb3
-from fpg_bench.envs.both_sides import make_sb3_duel
 from fpg_bench.envs.multi_agent import parallel_env
+from fpg_bench.envs.sb3 import make_sb3_duel
 from fpg_bench.errors import UserError
 from fpg_bench.testing import VIEW_CHECKS, check_view
 

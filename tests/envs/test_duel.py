@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fpg_bench import make_duel
+from fpg_bench.envs.core import OneSided
 from fpg_bench.envs.multi_agent import parallel_env
-from fpg_bench.envs.one_sided import OneSided
 from fpg_bench.errors import UserError
 from fpg_bench.planning import Plan
 

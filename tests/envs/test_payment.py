@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fpg_bench import Scenario, UserError
-from fpg_bench.envs.one_sided import OneSided
+from fpg_bench.envs.core import OneSided
 
 VIEWS = {"ally": "FPG/AllyVsScripted-v0", "opponent": "FPG/OpponentVsScripted-v0"}
 SECONDS = 60  # so long that D(t) enters its third piece

@@ -7,7 +7,7 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.line import read_lines
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.summary import summary_of

@@ -4,7 +4,7 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import entries_of
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.scripted import SCRIPTED, Scripted
 from tests.zoo.making import make_agent, make_zoo

@@ -14,7 +14,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation import evaluate as evaluating
 from fpg_bench.evaluation.entry import Entry, entries_of, player_entry
 from fpg_bench.evaluation.evaluate import evaluate, play_into, read_results
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.table import write_table
 from fpg_bench.jobs.run import Workers

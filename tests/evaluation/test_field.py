@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import Scale
-from fpg_bench.evaluation.field_file import field_of, load_field, side_field
+from fpg_bench.evaluation.field import Scale, field_of, load_field, side_field
 from fpg_bench.evaluation.play import rounds, table_of
 from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.players.agent import fields_folder

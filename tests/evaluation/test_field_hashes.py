@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.players.agent import fields_folder
 
 # A field that changes is another field, with a name of its own; a new one is added here.

@@ -5,7 +5,7 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import planner_entry, player_entry
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.play import LOST_SCORE, play, rounds, table_of
 from fpg_bench.evaluation.seeds import evaluation_seeds, tuning_seeds
 from fpg_bench.evaluation.summary import summarise

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import Scale
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import Scale, load_field
 from fpg_bench.evaluation.line import TALLIES, Line
 from fpg_bench.evaluation.summary import summarise, summary_of
 

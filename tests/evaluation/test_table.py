@@ -7,8 +7,7 @@ import itertools
 import pytest
 
 from fpg_bench.cli.verbs import print_table
-from fpg_bench.evaluation.field import Scale
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import Scale, load_field
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.table import as_csv, caption, lines_of_table, markdown, write_table
 from tests.evaluation.test_summary import lines_of

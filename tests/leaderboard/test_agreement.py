@@ -2,7 +2,7 @@ import dataclasses
 
 import pytest
 
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.line import TALLIES
 from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
 from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines

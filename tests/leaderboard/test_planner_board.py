@@ -11,7 +11,7 @@ from unittest import mock
 import pytest
 import yaml
 
-from fpg_bench.evaluation import planner_llm
+from fpg_bench.evaluation import compare
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.check import problems
@@ -30,7 +30,7 @@ NAMES = ["planner/hold", "planner/pursuit", "planner/toy"]
 def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "planner-v1.yml").write_text(recording.PLANNER_FIELD)
-    with mock.patch.object(planner_llm, "current_season", return_value=None):  # as the board of these tests
+    with mock.patch.object(compare, "current_season", return_value=None):  # as the board of these tests
         recording.record(folder, folder / "planner-v1.yml")
     return folder
 

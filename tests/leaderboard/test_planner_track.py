@@ -9,7 +9,7 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.compare import compare
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.statistics import rank_ranges
 from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines

@@ -5,8 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fpg_bench.evaluation.field import Scale
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import Scale, load_field
 from fpg_bench.evaluation.statistics import rank_ranges
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.leaderboard.ranking import improvements, profiles, runs

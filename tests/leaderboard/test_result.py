@@ -8,7 +8,7 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.evaluate import evaluate
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines
 from fpg_bench.leaderboard.result import (

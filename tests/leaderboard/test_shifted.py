@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.play import play
 from fpg_bench.game.scenario import STANDARD
 

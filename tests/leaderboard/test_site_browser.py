@@ -11,7 +11,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import expect
 from scipy import stats
 
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.replays import Replay, simulated
 from fpg_bench.leaderboard.site.serve import make_server

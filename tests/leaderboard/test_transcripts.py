@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.leaderboard import transcripts
 from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fpg_bench.envs.core import OneSided
 from fpg_bench.envs.duel import Duel
-from fpg_bench.envs.one_sided import OneSided
 from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder

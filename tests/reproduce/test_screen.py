@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from fpg_bench.envs.two_sided import TwoSided
+from fpg_bench.envs.core import TwoSided
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.players.naming import as_player

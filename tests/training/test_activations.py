@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import nn
 
-from fpg_bench.envs.both_sides import make_sb3_duel
+from fpg_bench.envs.sb3 import make_sb3_duel
 from fpg_bench.errors import UserError
 from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent

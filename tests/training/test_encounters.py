@@ -6,8 +6,7 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.field import Scale
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import Scale, load_field
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.game.scenario import PAPER, STANDARD, as_scenario

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from fpg_bench.envs.both_sides import make_sb3_duel
+from fpg_bench.envs.sb3 import make_sb3_duel
 from fpg_bench.training.maddpg import MADDPG
 from tests.training.tiny import learn_together
 

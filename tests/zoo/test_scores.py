@@ -4,7 +4,7 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.evaluation.evaluate import evaluate
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.zoo.scores import (

@@ -1,6 +1,6 @@
 import pytest
 
-from fpg_bench.evaluation.field_file import load_field
+from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.zoo.curves import keep_curve
 from fpg_bench.zoo.scores import add_missing_lines, read_zoo_lines

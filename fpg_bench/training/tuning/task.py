@@ -10,7 +10,7 @@ from typing import Any
 
 from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field_file import field_of, load_field
+from fpg_bench.evaluation.field import field_of, load_field
 from fpg_bench.ids import find_view
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import load_hyperparameters
@@ -41,7 +41,7 @@ class Task:
 
     Attributes:
         algorithm, view_id: what is trained, and on what.
-        options: of the games; see :class:`fpg_bench.envs.one_sided.OneSided`.
+        options: of the games; see :class:`fpg_bench.envs.core.OneSided`.
         steps: the budget of one training seed.
         seeds: how many training seeds a trial has. first_seed: the first of them.
         field: what a trained policy is scored on. field_hash: its version. rounds: per counterpart.

@@ -58,7 +58,7 @@ def tune(
             the other values come from, YAML files; None: the shipped ones), ``field`` (what a policy is
             scored on; None: the id's) and ``rounds`` (per counterpart); of the storage ``patience_s`` (how
             long to wait for one that has gone down) and ``heartbeat_s`` (how often a database is told that
-            the worker lives); and the options of :class:`fpg_bench.envs.one_sided.OneSided`.
+            the worker lives); and the options of :class:`fpg_bench.envs.core.OneSided`.
 
     Returns:
         The study, as Optuna knows it.

@@ -1,4 +1,4 @@
-"""One side of N games, the other one played by somebody: what every single-agent view wraps."""
+"""Cores of the environments: N games of which the caller plays one side or both."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from fpg_bench.envs.duel import Duel
-from fpg_bench.envs.payment import REWARDS, pay
+from fpg_bench.envs.duel import Duel, make_duel
 from fpg_bench.errors import UnknownOptionError, UserError, nearest
 from fpg_bench.game.arena import ActionError, check_seeds, described
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
@@ -22,6 +21,7 @@ from fpg_bench.ids import View, find_view
 from fpg_bench.planning import LLM_CONTROLS, as_planner
 from fpg_bench.planning.planner import called
 from fpg_bench.players.naming import as_player, player_name, policy_hash
+from fpg_bench.players.player import SIDES
 from fpg_bench.players.population import with_members
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.players.seat import Seat
@@ -64,7 +64,7 @@ class OneSided:
             that makes one, told the scenario. ``FPG/AllyVsLLM-v0`` takes those that ask a language model.
         knowledge, jamming_types: shorthand for the scenario's fields of these names.
         reward: ``own`` (None), as the rules say; or what a responder is paid for instead: ``against``,
-            ``jamming``, ``overlap``, ``spending``; see :mod:`fpg_bench.envs.payment`.
+            ``jamming``, ``overlap``, ``spending``; see :mod:`fpg_bench.envs.core`.
 
     Attributes:
         observations: ``(N, 15)`` float32, a buffer; copy what you keep.
@@ -247,3 +247,98 @@ def _path(path: Any, default: str, scenario: Any) -> Any:
     if default == "waypoints":
         return default
     return None if scenario is not None else default
+
+
+class TwoSided:
+    """N games whose sides are both played by the caller, the ally's numbers first everywhere.
+
+    Args:
+        games: how many, N.
+        **options: those of :func:`fpg_bench.envs.duel.make_duel`.
+
+    Raises:
+        UserError: something unknown, out of range, or impossible together.
+
+    Attributes:
+        sizes: of each side's observation and action.
+        side: whose return stands for a round's in SB3's statistics.
+    """
+
+    sizes = ((OBSERVATION_SIZE, ACTION_SIZE),) * 2
+    side = "ally"
+
+    def __init__(self, games: int = 1, **options: Any) -> None:
+        known = inspect.signature(make_duel).parameters
+        refuse_unknown({name: value for name, value in options.items() if name not in known}, make_duel)
+        self.duel = make_duel(games, **options)
+        self.scenario, self.count = self.duel.scenario, self.duel.count
+        self.observation_space = spaces.Box(-1.0, 1.0, (2 * OBSERVATION_SIZE,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (2 * ACTION_SIZE,), np.float32)
+
+    @property
+    def truncated(self) -> np.ndarray:
+        """``(N,)`` bool, a buffer; of the present duel, which a copy has its own of."""
+        return self.duel.arena.games["truncated"]
+
+    @property
+    def observations(self) -> np.ndarray:
+        """``(N, 30)`` float32."""
+        return np.concatenate([getattr(self.duel.arena, f"{side}_observations") for side in SIDES], axis=1)
+
+    @property
+    def rewards(self) -> np.ndarray:
+        """``(N, 2)`` float64."""
+        return np.stack([self.duel.arena.games[f"{side}_reward"] for side in SIDES], axis=1)
+
+    def reset(self, *arguments: Any, **more: Any) -> None:
+        """Begin rounds; see :meth:`fpg_bench.envs.duel.Duel.reset`."""
+        self.duel.reset(*arguments, **more)
+
+    def step(self, actions: np.ndarray) -> None:
+        """Play one step with ``(N, 18)`` actions.
+
+        Raises:
+            ActionError: a wrong shape or dtype, or NaN or infinity (the message names side, game and index).
+        """
+        shape = (self.count, 2 * ACTION_SIZE)
+        if not isinstance(actions, np.ndarray) or actions.dtype.kind != "f" or actions.shape != shape:
+            raise ActionError(f"actions: expected a float array of shape {shape}, got {described(actions)}")
+        self.duel.arena.step(*(np.ascontiguousarray(part) for part in np.split(actions, 2, axis=1)))
+
+    def measures(self, game: int) -> dict[str, float | None]:
+        """The measures of one game's present round so far."""
+        return self.duel.measures(game)
+
+
+REWARDS = ("own", "against", "jamming", "overlap", "spending")
+
+
+def pay(reward: str, side: str, games: np.ndarray, scenario: Scenario) -> np.ndarray:
+    """``(N,)`` float64: what one side is paid for the step just played.
+
+    Args:
+        reward: ``own``, the side's reward of the rules (Eq. 5 and 6); ``against``, minus the other side's;
+            ``jamming``, 1 where the ally is covered and in outage; ``overlap``, 1 where it is covered;
+            ``spending``, what it pays for hopping and spreading (Eq. 4 and 5). The ally gets minus the last
+            three.
+        side: ``ally`` or ``opponent``.
+        games: ``(N,)`` records of dtype ``state.GAME``; a view of them where that is enough.
+        scenario: what is played.
+    """
+    other = "opponent" if side == "ally" else "ally"
+    if reward == "own":
+        return games[f"{side}_reward"]
+    if reward == "against":
+        return -games[f"{other}_reward"]
+    found = _of_opponent(reward, games, scenario)
+    return found if side == "opponent" else -found
+
+
+def _of_opponent(reward: str, games: np.ndarray, scenario: Scenario) -> np.ndarray:
+    """``(N,)`` float64: what the opponent raises and the ally lowers."""
+    if reward == "spending":
+        cap = np.inf if scenario.snr_cap_db is None else scenario.snr_cap_db
+        unspent = np.minimum(games["snr_db"], cap) - scenario.snr_threshold_db
+        return unspent - games["ally_reward"]
+    outage = games["snr_db"] < scenario.snr_threshold_db
+    return (games["covered"] & (outage | (reward == "overlap"))).astype(float)
