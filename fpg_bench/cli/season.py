@@ -37,13 +37,9 @@ def close(
     """
     from fpg_bench.players.agent import baselines_folder
     from fpg_bench.players.player import SIDES
-    from fpg_bench.seasons.close import close as close_season
-    from fpg_bench.seasons.close import closing_of
+    from fpg_bench.seasons.close_season import CANDIDATES, SIZE, close_season, make_closing
 
-    words = {"candidates": candidates, "size": size}
-    closing = closing_of(
-        name, board, work, **{key: value for key, value in words.items() if value is not None}
-    )
+    closing = make_closing(name, board, work, candidates or CANDIDATES, size or SIZE)
     season = close_season(
         closing,
         out or baselines_folder() / "fields" / closing.name,
@@ -63,9 +59,9 @@ def show(name: NameArgument, board: BoardOption = Path("leaderboard")) -> None:
 
     Example: fpg-bench season show season-1
     """
-    from fpg_bench.seasons.audit import told
+    from fpg_bench.seasons.audit_season import describe_season
 
-    for line in told(name, board):
+    for line in describe_season(name, board):
         say(line)
 
 
@@ -84,14 +80,13 @@ def audit(
 
     Example: fpg-bench season audit season-1 --work runs/audit
     """
-    from fpg_bench.seasons.audit import audit as audit_season
-    from fpg_bench.seasons.entries import read_entries
-    from fpg_bench.seasons.season import load_season
+    from fpg_bench.seasons.audit_season import audit_season
+    from fpg_bench.seasons.season import load_season, read_entries
 
     season = load_season(name)
-    for found in audit_season(season, read_entries(board), work, member, count, workers=jobs, say=say):
-        policies = "the same policy" if found.same else "another policy"
+    for audited in audit_season(season, read_entries(board), work, member, count, workers=jobs, say=say):
+        policies = "the same policy" if audited.is_same else "another policy"
         say(
-            f"{found.side}/{found.name}: {policies}; entries earn {found.difference:.2f} a step "
-            f"more or less, correlation {found.correlation:.3f}"
+            f"{audited.side}/{audited.name}: {policies}; entries earn {audited.difference:.2f} per step "
+            f"more or less, correlation {audited.correlation:.3f}"
         )

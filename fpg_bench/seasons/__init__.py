@@ -1,1 +1,1 @@
-"""Seasons: fields of counterparts that are trained, in the open, only after all entries are in."""
+"""Seasons: suites of rivals that are trained, in the open, after all entries are in."""

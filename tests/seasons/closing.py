@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 from unittest.mock import patch
 
-from fpg_bench.seasons.close import close, closing_of
+from fpg_bench.seasons.close_season import close_season, make_closing
 
 REPOSITORY = Path(__file__).parents[2]
 ENTRIES = (
@@ -38,6 +38,6 @@ def in_this_process(jobs, workers=1, backend=None, address=None, say=print):
 def close_tiny(board: Path, work: Path, out: Path, name: str = "1", **words):
     """Close a season of two candidates a side; gives it and what was said."""
     said: list[str] = []
-    with patch("fpg_bench.seasons.close.run_jobs", in_this_process):
-        season = close(closing_of(name, board, work, **TINY), out, say=said.append, **words)
+    with patch("fpg_bench.seasons.close_season.run_jobs", in_this_process):
+        season = close_season(make_closing(name, board, work, **TINY), out, say=said.append, **words)
     return season, said

@@ -12,10 +12,9 @@ import yaml
 
 from fpg_bench import UserError
 from fpg_bench.players.agent import load_agent
-from fpg_bench.seasons.audit import audit, check_entries, later_entries, told
-from fpg_bench.seasons.close import PROFILE, closing_of, played
-from fpg_bench.seasons.entries import read_entries, season_seed
-from fpg_bench.seasons.season import FILE, load_season
+from fpg_bench.seasons.audit_season import audit_season, check_entries, describe_season, late_entries
+from fpg_bench.seasons.close_season import PROFILE, make_closing, play_pair
+from fpg_bench.seasons.season import FILE, load_season, read_entries, season_seed
 from tests.leaderboard.making import model, node, weights
 from tests.programs import fpg
 from tests.seasons.closing import TINY, close_tiny, in_this_process, make_board
@@ -44,24 +43,24 @@ def copied(closed, tmp_path):
 
 
 def policies(season):
-    return [(side, member.name, member.policy_sha256) for side, member in season.everyone()]
+    return [(side, member.name, member.policy_sha256) for side, member in season.all_members()]
 
 
 @pytest.mark.slow
-def test_a_season_holds_members_of_both_sides_and_how_each_was_made(closed):
+def test_a_season_has_members_of_both_sides_with_their_recipes(closed):
     season, _ = closed
     found = load_season(season.folder)
     assert found == season
     assert found.hash == season.hash
     assert {side: len(members) for side, members in found.members.items()} == {"ally": 2, "opponent": 2}
-    for side, member in found.everyone():
+    for side, member in found.all_members():
         agent = load_agent(found.agent(side, member), side)
-        assert agent.about["training_seed"] == member.recipe.training_seed
-        assert agent.about["options"]["reward"] == member.recipe.reward
+        assert agent.about["training_seed"] == member.training_seed
+        assert agent.about["options"]["reward"] == member.reward
 
 
 @pytest.mark.slow
-def test_what_is_finished_is_not_done_again(closed, board, copied):
+def test_finished_candidates_are_not_trained_again(closed, board, copied):
     season, _ = closed
     shutil.rmtree(copied / "season-1")
     again, said = close_tiny(board, copied / "work", copied / "season-1")
@@ -70,7 +69,7 @@ def test_what_is_finished_is_not_done_again(closed, board, copied):
 
 
 @pytest.mark.slow
-def test_a_candidate_that_was_killed_is_trained_anew_and_comes_out_the_same(closed, board, copied):
+def test_a_killed_candidate_is_trained_again_with_the_same_result(closed, board, copied):
     season, _ = closed
     (copied / "season-1" / FILE).unlink()  # killed while it was published
     run = copied / "work" / "opponent" / "o00"
@@ -111,9 +110,9 @@ def test_candidates_of_another_closing_are_not_taken(closed, board, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["0", "season-1", "Mine", "../x", ""])
-def test_a_closing_has_a_number_or_a_plain_name(board, tmp_path, name):
+def test_invalid_names_of_closings_are_refused(board, tmp_path, name):
     with pytest.raises(UserError, match="expected a number, or a word for a training population"):
-        closing_of(name, board, tmp_path)
+        make_closing(name, board, tmp_path)
 
 
 def test_the_seed_follows_from_all_entries_in_any_order(board):
@@ -130,7 +129,7 @@ def test_a_board_without_entries_is_refused(tmp_path):
         read_entries(tmp_path)
 
 
-def test_an_entry_that_is_not_sound_is_named(board, tmp_path):
+def test_an_invalid_entry_is_named(board, tmp_path):
     shutil.copytree(board, tmp_path / "board")
     (tmp_path / "board/submissions/opponent/tone/submission.yaml").write_text("name: x\n")
     with pytest.raises(UserError, match=r"entry opponent/tone: submission.yaml: lacks"):
@@ -142,12 +141,12 @@ def test_an_entry_that_is_missing_or_came_later_is_named(closed, board):
     season, _ = closed
     entries = read_entries(board)
     check_entries(season, entries)
-    assert later_entries(season, entries) == []
+    assert late_entries(season, entries) == []
     with pytest.raises(UserError, match="over the entry ally/expert, which is missing"):
         check_entries(season, [entry for entry in entries if entry.name != "ally/expert"])
     del season.entries["ally/expert"]
     try:
-        assert later_entries(season, entries) == ["ally/expert"]
+        assert late_entries(season, entries) == ["ally/expert"]
         with pytest.raises(UserError, match="its seed does not follow from its entries"):
             check_entries(season, entries)
     finally:
@@ -169,12 +168,18 @@ def test_a_policy_that_is_another_or_missing_is_named(copied):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda content: content.pop("seed"), "season.yml lacks 'seed'"),
-        (lambda content: content["members"].pop("ally"), "members: KeyError: 'ally'"),
-        (lambda content: content["members"]["ally"][0].update(more=1), "members: TypeError"),
+        (lambda content: content.pop("seed"), "season.yml: lacks seed"),
+        (
+            lambda content: content["members"].pop("ally"),
+            "members: expected members of ally and opponent, got opponent",
+        ),
+        (
+            lambda content: content["members"]["ally"][0].update(more=1),
+            r"members.ally\[0\]: unknown key 'more'",
+        ),
     ],
 )
-def test_a_season_file_that_is_spoiled_is_refused_in_one_line(copied, change, message):
+def test_an_invalid_season_file_is_one_line(copied, change, message):
     file = copied / "season-1" / FILE
     content = yaml.safe_load(file.read_text())
     change(content)
@@ -200,28 +205,28 @@ def test_a_member_that_answers_nan_is_named(closed, tmp_path):
     about["policy_sha256"] = hashlib.sha256(policy).hexdigest()
     (tmp_path / "agent" / "agent.json").write_text(json.dumps(about))
     with pytest.raises(UserError, match=r"expert against .*agent: opponent action of game 0: index 0 is nan"):
-        played("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed", 2)
+        play_pair("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed", 2)
 
 
 @pytest.mark.slow
-def test_a_season_is_told_in_words(closed, board):
+def test_a_season_is_described_in_words(closed, board):
     season, _ = closed
-    text = "\n".join(told(season.folder, board))
+    text = "\n".join(describe_season(season.folder, board))
     assert season.hash in text
-    assert "Opponents, met by allies: 2, chosen from 2 candidates" in text
+    assert "Opponents, rivals of allies: 2, selected from 2 candidates" in text
     assert "No entry of the board came after it was closed." in text
-    for _, member in season.everyone():
-        assert re.search(rf"{member.name} +{member.recipe.reward} +{member.recipe.algorithm} ", text)
+    for _, member in season.all_members():
+        assert re.search(rf"{member.name} +{member.reward} +{member.algorithm} ", text)
 
 
 @pytest.mark.slow
 def test_an_audit_trains_a_member_again(closed, board, tmp_path, monkeypatch):
     season, _ = closed
-    monkeypatch.setattr("fpg_bench.seasons.audit.run_jobs", in_this_process)
-    (found,) = audit(season, read_entries(board), tmp_path, ["o00"], rounds=TINY["rounds"])
-    assert (found.side, found.name, found.same, found.difference) == ("opponent", "o00", True, 0.0)
+    monkeypatch.setattr("fpg_bench.seasons.audit_season.run_jobs", in_this_process)
+    (audited,) = audit_season(season, read_entries(board), tmp_path, ["o00"], rounds=TINY["rounds"])
+    assert (audited.side, audited.name, audited.is_same, audited.difference) == ("opponent", "o00", True, 0.0)
     with pytest.raises(UserError, match="has no member 'o99'"):
-        audit(season, read_entries(board), tmp_path, ["o99"])
+        audit_season(season, read_entries(board), tmp_path, ["o99"])
 
 
 @pytest.mark.slow
