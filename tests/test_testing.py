@@ -1,19 +1,22 @@
-"""The conformance checks pass what is sound and name what is not, each by its own message."""
+"""The checkers pass what is sound, and each fault has its own message."""
 
 from __future__ import annotations
 
 import dataclasses
 
+import gymnasium
 import numpy as np
 import pytest
 
+from fpg_bench.envs.multi_agent import parallel_env
+from fpg_bench.envs.single import SingleView
 from fpg_bench.errors import UserError
 from fpg_bench.game.arena import Arena
 from fpg_bench.game.names import PATHS
 from fpg_bench.game.scenario import preset
 from fpg_bench.planning import PATTERNS, Plan
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.testing import check_planner, check_player, check_scenario
+from fpg_bench.testing import check_env, check_planner, check_player, check_scenario
 
 SCRIPTS = [(side, name) for side, names in SCRIPTED.items() for name in (*names, "oracle")]
 
@@ -333,3 +336,59 @@ def test_each_fault_of_a_game_is_caught_by_its_own_message(monkeypatch, fault, m
     monkeypatch.setattr(Arena, "step", step)
     with pytest.raises(AssertionError, match=message):
         check_scenario("standard")
+
+
+class Terminating(SingleView):
+    def step(self, action):
+        observation, reward, _, over, info = super().step(action)
+        return observation, reward, over, False, info
+
+
+class Mistaken(SingleView):
+    def step(self, action):
+        observation, reward, *rest = super().step(action)
+        return observation, 2 * reward, *rest
+
+
+class Shifted(SingleView):
+    def reset(self, *, seed=None, options=None):
+        return super().reset(seed=None, options=options)
+
+
+SHORT = dataclasses.replace(preset("standard"), steps_per_round=30)
+ALLY = "FPG/AllyVsScripted-v0"
+
+
+@pytest.mark.parametrize(
+    "env",
+    [gymnasium.make(ALLY, scenario=SHORT), SingleView("FPG/OpponentVsScripted-v0", scenario=SHORT)],
+    ids=["wrapped", "bare"],
+)
+def test_environments_by_gymnasium_pass(env, capsys):
+    check_env(env)
+    assert capsys.readouterr().out.endswith("SingleView: keeps to the contract of environments\n")
+
+
+def test_the_environment_by_pettingzoo_passes(capsys):
+    check_env(parallel_env(scenario=SHORT))
+    assert capsys.readouterr().out.endswith("DuelView: keeps to the contract of environments\n")
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        (Terminating, "env: terminated at step 30; rounds end by truncation"),
+        (Mistaken, "env: the ally's rewards sum to .*, but its measures say"),
+        (Shifted, "."),  # Gymnasium's own words
+    ],
+)
+def test_each_broken_environment_is_caught(kind, message):
+    with pytest.raises(AssertionError, match=message):
+        check_env(kind(ALLY, scenario=SHORT))
+
+
+def test_what_is_no_single_game_is_refused():
+    with pytest.raises(UserError, match="expected one game of this package"):
+        check_env(gymnasium.make_vec(ALLY, 2, scenario=SHORT))
+    with pytest.raises(UserError, match="expected one game of this package"):
+        check_env(gymnasium.make("CartPole-v1"))

@@ -1,4 +1,4 @@
-"""One contract for all views, as it is shipped in ``fpg_bench.testing``; and that it finds what is wrong."""
+"""All environments keep one contract, and its checks find what breaks it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ import pytest
 from fpg_bench import make_duel, make_sb3
 from fpg_bench.envs.multi_agent import parallel_env
 from fpg_bench.envs.sb3 import make_sb3_duel
-from fpg_bench.errors import UserError
-from fpg_bench.testing import VIEW_CHECKS, check_view
 
+from .contract import CHECKS
 from .playing import ALLY, IDS, SHORT
 
 GAMES = 3
@@ -28,15 +27,10 @@ VIEWS = {
 }
 
 
-@pytest.mark.parametrize("check", VIEW_CHECKS)
+@pytest.mark.parametrize("check", CHECKS)
 @pytest.mark.parametrize("kind", VIEWS)
 def test_the_contract_holds(kind, check):
-    VIEW_CHECKS[check](VIEWS[kind])
-
-
-def test_what_is_no_view_is_refused():
-    with pytest.raises(UserError, match="view: expected one of Gymnasium, SB3 or PettingZoo, or a duel"):
-        check_view(object)
+    CHECKS[check](VIEWS[kind])
 
 
 # A view of one game that is spoilt in one place; ``sound`` is what it did before
@@ -140,7 +134,7 @@ def spoilt(spoil):
 )
 def test_each_fault_is_found_by_its_check(spoil, check, message):
     with pytest.raises(AssertionError, match=message) as caught:
-        VIEW_CHECKS[check](spoilt(spoil))
+        CHECKS[check](spoilt(spoil))
     assert "\n" not in str(caught.value)
 
 
@@ -152,10 +146,4 @@ def test_games_of_a_batch_must_be_those_of_their_seeds():
         return view
 
     with pytest.raises(AssertionError, match="game i of a batch of seed s is not game i - 1 of seed s"):
-        VIEW_CHECKS["batch"](make)
-
-
-def test_all_checks_are_made_of_a_view():
-    check_view(partial(gymnasium.make, ALLY, scenario=SHORT))
-    with pytest.raises(AssertionError, match="the observations of step 1"):
-        check_view(spoilt(_too_wide))
+        CHECKS["batch"](make)
