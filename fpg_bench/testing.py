@@ -25,8 +25,8 @@ from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.matches.rounds import play_round, seated
 from fpg_bench.planning import Limits, Planner, Request, as_planner, plan_all
-from fpg_bench.planning.naming import find_planner
 from fpg_bench.planning.planner import check_described
+from fpg_bench.planning.registry import resolve
 from fpg_bench.players.naming import as_player, player_name
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.scripted import Scripted, player_seeds
@@ -206,7 +206,7 @@ def check_planner(planner: Planner | str, scenario: Scenario | str | None = None
         UserError: no such planner or scenario.
     """
     played = as_scenario(scenario)
-    found = find_planner(planner, played)
+    found = resolve(planner, played)
     with _as_assertions():
         check_described(found)
     limits = Limits.of(played)

@@ -19,7 +19,7 @@ from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.ids import View, find_view
 from fpg_bench.planning import LLM_CONTROLS, as_planner
-from fpg_bench.planning.planner import called
+from fpg_bench.planning.planner import planner_name
 from fpg_bench.players.naming import as_player, player_name, policy_hash
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.population import with_members
@@ -232,7 +232,7 @@ def _planner(spec: Any, view: View, scenario: Scenario) -> Any:
     planner = None if spec is None else as_planner(spec, scenario)
     if view.planner in LLM_CONTROLS and not getattr(planner, "asks_language_model", False):
         raise UserError(
-            f"planner: in {view.id} a language model plans, and {called(planner)} asks none; "
+            f"planner: in {view.id} a language model plans, and {planner_name(planner)} asks none; "
             "FPG/AllyVsPlanner-v0 takes any planner"
         )
     return planner

@@ -13,7 +13,7 @@ from fpg_bench.game.full_state import full_state
 from fpg_bench.game.measures import measures, pool
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.planning import Limits, Plan, Planner, Request, as_planner, plan_all
-from fpg_bench.planning.planner import called
+from fpg_bench.planning.planner import planner_name
 
 
 class DuelStep(NamedTuple):
@@ -133,7 +133,7 @@ class Duel:
                 self.arena.set_waypoints(request.game, plan.waypoints)
             except UserError as error:
                 where = f"seed {request.seed}, match {request.match}, round {request.round}"
-                raise UserError(f"planner {called(self.planner)}: {where}: {error}") from error
+                raise UserError(f"planner {planner_name(self.planner)}: {where}: {error}") from error
             self.plans[request.game] = plan
 
     def _request(self, game: int) -> Request:

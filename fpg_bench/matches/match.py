@@ -25,7 +25,7 @@ from fpg_bench.planning.llm.attempt import Attempt
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.prompts import Prompt
 from fpg_bench.planning.llm.servers import endpoint_from_environment
-from fpg_bench.planning.naming import LLM_CONTROLS, as_planner
+from fpg_bench.planning.registry import LLM_CONTROLS, as_planner
 from fpg_bench.players.naming import as_player, player_name
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.rows import Row, RowFile

@@ -1,4 +1,4 @@
-"""Planners that know nothing (tier ``none``): the paper's fixed shapes, holding, and chance."""
+"""Planners without any information (tier ``none``): the paper's fixed shapes, holding, and random points."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Patrol(BatchPlanner):
         self._rules = rules_record(scenario)
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
-        """The patrol's places at the times at which the waypoints are due."""
+        """Return the patrol's places at the times at which the waypoints are due."""
         return [Plan(self._places(request.limits), self.name) for request in requests]
 
     def _places(self, limits: Limits) -> np.ndarray:
@@ -36,22 +36,22 @@ class Patrol(BatchPlanner):
 
 
 class Hold(BatchPlanner):
-    """Stays where it is."""
+    """Stays at its current position."""
 
     name, tier = "hold", "none"
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
-        """The current position, again and again."""
+        """Return the current position as every waypoint."""
         return [Plan(np.tile(r.current_position, (r.limits.waypoints, 1)), self.name) for r in requests]
 
 
 class Random(BatchPlanner):
-    """Uniform points of the box."""
+    """Flies to uniform points of the box."""
 
     name, tier = "random", "none"
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
-        """Drawn anew for every round."""
+        """Draw new waypoints for every round."""
         return [Plan(r.rng.uniform(0, r.limits.box_m, (r.limits.waypoints, 3)), self.name) for r in requests]
 
 

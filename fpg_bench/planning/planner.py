@@ -1,4 +1,4 @@
-"""What a path planner is: between two rounds of a match it decides where the opponent flies next."""
+"""The path planner's contract: between two rounds of a match it decides where the opponent flies next."""
 
 from __future__ import annotations
 
@@ -9,20 +9,30 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fpg_bench.errors import UserError
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.imports import reason
 
 TIERS = ("none", "history", "ally")
+Array = NDArray[np.float64]
 
-_KINDS: dict[str, Any] = {"source": str, "status": str, "tokens": int | None, "seconds": float | int | None}
-_KINDS["useless"] = str | None
+_KINDS: dict[str, Any] = {
+    "source": str, "status": str, "tokens": int | None, "seconds": float | int | None, "useless": str | None
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a plan must keep to: box (m), opponent's speed (m/s), length of a round (s), number of points."""
+    """Limits of a plan.
+
+    Attributes:
+        box_m: the box's sides in m.
+        speed_m_s: the opponent's greatest speed in m/s.
+        round_s: length of a round in s, T.
+        waypoints: number of waypoints, n.
+    """
 
     box_m: tuple[float, ...]
     speed_m_s: float
@@ -31,27 +41,27 @@ class Limits:
 
     @classmethod
     def of(cls, scenario: Scenario) -> Limits:
-        """The limits of a scenario."""
+        """Return the limits of a scenario."""
         s = scenario
         return cls(s.box_m, s.opponent_speed_m_s, s.steps_per_round, s.waypoints)
 
     def due_s(self) -> np.ndarray:
-        """``(waypoints,)``: the whole second at which each point is due, (i + 1) T / n rounded up."""
+        """Return the whole second ``(n,)`` at which each waypoint is due, (i + 1) T / n rounded up."""
         return np.ceil((np.arange(self.waypoints) + 1) * self.round_s / self.waypoints)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Where to fly, and how it came about.
+    """A path for the next round, with its origin.
 
     Attributes:
         waypoints: ``(n, 3)`` in m, point i due at (i + 1) T / n.
         source: the planner that it came from.
         status: ``ok``, or what went wrong on the way (see the LLM planner).
         tokens: tokens that a language model read and wrote for it; None for other planners.
-        seconds: how long planning took; None: not measured.
-        useless: why a valid path of a language model is of no use (see
-            :mod:`fpg_bench.planning.llm.useless`); empty: no sign of it; None: nobody has looked.
+        seconds: planning time; None: not measured.
+        useless: the sign by which a language model's valid path is of no use (see
+            :func:`fpg_bench.planning.llm.answers.uselessness`); empty: no such sign; None: not checked.
     """
 
     waypoints: np.ndarray
@@ -64,19 +74,19 @@ class Plan:
 
 @dataclass(frozen=True)
 class Request:
-    """What a planner is asked about one game's next round.
+    """A planner's input for one game's next round.
 
     Attributes:
-        history: ``(rounds, n, 4)``: for each whole round of the match that was played and each n-th part
-            of it, the opponent's position in m in the middle of that part, and its mean reward over it.
-        current_position: ``(3,)`` in m, where the round starts.
-        limits: what the plan must keep to.
-        rng: the game's own chance for this plan.
+        history: ``(rounds, n, 4)``: for each complete round of the match so far and each n-th part of it,
+            the opponent's position in m in the middle of that part, and its mean reward over it.
+        current_position: ``(3,)`` in m, the opponent's position at the start of the round.
+        limits: of the plan.
+        rng: the game's own random generator for this plan.
         game: the game's index in its batch.
-        seed, match, round: which round of which match it is.
-        ally_path: ``(T + 1, 3)`` in m, where the ally is after each second if it flies at full speed;
+        seed, match, round: of the game.
+        ally_path: ``(T + 1, 3)`` in m, the ally's position after each second if it flies at full speed;
             for planners of the tier ``ally`` alone, None for all others.
-        ally_flown: the same of the match's round before, as the ally flew it; None in a match's first.
+        ally_flown: the same of the match's previous round, as the ally flew it; None in a match's first.
     """
 
     history: np.ndarray
@@ -94,12 +104,12 @@ class Request:
 class Planner(Protocol):
     """Decides where the opponent flies in the next round.
 
-    ``tier`` says what the planner knows: ``none``, ``history`` (own past positions and rewards) or
-    ``ally`` (the ally's path: an upper bound). Planners of different tiers are never compared without
-    saying so. One that asks a language model says so, too: its ``asks_language_model`` is True.
+    ``tier`` states the planner's information: ``none``, ``history`` (own past positions and rewards) or
+    ``ally`` (the ally's path: an upper bound). Comparisons of planners of different tiers must state them. A
+    planner that asks a language model also has ``asks_language_model = True``.
 
-    A planner that wants all waiting games at once, or more than ``plan`` is told, has ``plan_batch``, too
-    or alone: see :class:`BatchPlanner`.
+    A planner that takes all waiting games at once, or more than the arguments of ``plan``, has
+    ``plan_batch`` as well or instead: see :class:`BatchPlanner`.
     """
 
     name: str
@@ -108,24 +118,24 @@ class Planner(Protocol):
     def plan(
         self, history: np.ndarray, current_position: np.ndarray, limits: Limits, rng: np.random.Generator
     ) -> Plan:
-        """The next round's path; the arguments are those of :class:`Request`."""
+        """Return the next round's path; the arguments are those of :class:`Request`."""
         ...
 
 
 class BatchPlanner(ABC):
-    """A planner that is asked for all waiting games at once."""
+    """Base class of planners that are asked for all waiting games at once."""
 
     name: str
     tier: str
 
     @abstractmethod
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
-        """One plan for each request; none may depend on the others."""
+        """Return one plan for each request; none may depend on the others."""
 
     def plan(
         self, history: np.ndarray, current_position: np.ndarray, limits: Limits, rng: np.random.Generator
     ) -> Plan:
-        """The plan for one game, of which no more is known than this."""
+        """Return the plan for one game."""
         return self.plan_batch([Request(history, current_position, limits, rng)])[0]
 
 
@@ -133,11 +143,11 @@ def plan_all(planner: Any, requests: Sequence[Request]) -> list[Plan]:
     """Ask a planner for the plans of some games, by ``plan_batch`` where it has it.
 
     Returns:
-        One plan a request, its waypoints as an array of float, with the seconds that it took (a batch's are
-        shared out evenly).
+        One plan a request, its waypoints as an array of float, with its planning time (that of a batch is
+        divided evenly).
 
     Raises:
-        UserError: the planner fails, or answers with something else than plans.
+        UserError: the planner fails, or returns something else than plans.
     """
     start = time.perf_counter()
     try:
@@ -147,39 +157,39 @@ def plan_all(planner: Any, requests: Sequence[Request]) -> list[Plan]:
             plans = [planner.plan(r.history, r.current_position, r.limits, r.rng) for r in requests]
     except (UserError, OSError):
         raise
-    except Exception as error:  # a planner is anybody's code
-        raise UserError(f"planner {called(planner)}: its plan failed: {reason(error)}") from error
+    except Exception as error:  # a planner is arbitrary user code
+        raise UserError(f"planner {planner_name(planner)}: its plan failed: {reason(error)}") from error
     if len(plans) != len(requests):
-        raise UserError(f"planner {called(planner)}: {len(plans)} plans for {len(requests)} games")
+        raise UserError(f"planner {planner_name(planner)}: {len(plans)} plans for {len(requests)} games")
     each = (time.perf_counter() - start) / max(len(plans), 1)
-    plans = [_checked(plan, f"planner {called(planner)}") for plan in plans]
+    plans = [_checked(plan, f"planner {planner_name(planner)}") for plan in plans]
     return [plan if plan.seconds is not None else replace(plan, seconds=each) for plan in plans]
 
 
-def called(planner: Any) -> str:
-    """What messages call a planner, or a class or function that makes one: its name, else its class."""
-    names = (getattr(planner, word, None) for word in ("name", "__name__"))
+def planner_name(planner: Any) -> str:
+    """Return a planner's name for messages: its ``name`` or ``__name__``, else its class."""
+    names = (getattr(planner, attribute, None) for attribute in ("name", "__name__"))
     return next((name for name in names if isinstance(name, str) and name), type(planner).__name__)
 
 
 def check_described(planner: Any) -> None:
-    """Raise UserError where a planner does not say its name, or what it knows."""
+    """Raise UserError where a planner lacks a valid ``name`` or ``tier``."""
     name, tier = getattr(planner, "name", None), getattr(planner, "tier", None)
     if not (isinstance(name, str) and name):
-        raise UserError(f"planner {called(planner)}: its name is {name!r}; set it to a word")
+        raise UserError(f"planner {planner_name(planner)}: its name is {name!r}; set it to a word")
     if tier not in TIERS:
         raise UserError(f"planner {name}: its tier is {tier!r}; set it to one of {', '.join(TIERS)}")
 
 
-def _checked(plan: Any, who: str) -> Plan:
-    """A plan whose parts are of their kinds, its waypoints as an array; whether they fit is not asked."""
+def _checked(plan: Any, where: str) -> Plan:
+    """Return a plan with checked types and its waypoints as an array; their values are not checked."""
     if not isinstance(plan, Plan):
-        raise UserError(f"{who}: plan must give a fpg_bench.planning.Plan, got {type(plan).__name__}")
-    for part, kind in _KINDS.items():
-        if not isinstance(value := getattr(plan, part), kind):
+        raise UserError(f"{where}: plan must give a fpg_bench.planning.Plan, got {type(plan).__name__}")
+    for name, kind in _KINDS.items():
+        if not isinstance(value := getattr(plan, name), kind):
             expected = getattr(kind, "__name__", kind)
-            raise UserError(f"{who}: its plan's {part} is {value!r}; expected {expected}")
+            raise UserError(f"{where}: its plan's {name} is {value!r}; expected {expected}")
     try:
         return replace(plan, waypoints=np.asarray(plan.waypoints, float))
     except (TypeError, ValueError) as error:
-        raise UserError(f"{who}: its waypoints are no array of numbers: {reason(error)}") from error
+        raise UserError(f"{where}: its waypoints are no array of numbers: {reason(error)}") from error

@@ -13,7 +13,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.matches.match import replay_match
 from fpg_bench.matches.match_picture import MOST, draw_match
 from fpg_bench.planning import PLANNERS
-from fpg_bench.planning.naming import LLM_CONTROLS
+from fpg_bench.planning.registry import LLM_CONTROLS
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.seat import Seat
 

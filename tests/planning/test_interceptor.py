@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from fpg_bench.game.scenario import STANDARD, preset
-from fpg_bench.planning import curve_fit, curve_flight, interceptor
+from fpg_bench.planning import curve as curve_model
+from fpg_bench.planning import interceptor
 from fpg_bench.planning.interceptor import Interceptor
 from tests.planning.playing import LIMITS, PLANNED, play, request
 
@@ -71,21 +72,21 @@ def test_the_regression_finds_the_line_that_made_the_rewards():
     past = history(curve, 5, slope=4.5).reshape(-1, 4)
     ratios, rewards, line = np.zeros(80), np.zeros(80), np.zeros(3)
     rules = np.array([*BASE, 20.0, 30.0])
-    squares = curve_fit.regress(there_and_back(curve, MIDDLES_S), past, rules, ratios, rewards, line)
+    squares = curve_model.regress(there_and_back(curve, MIDDLES_S), past, rules, ratios, rewards, line)
     assert line[1] == pytest.approx(4.5, rel=0.05)  # distances are blurred by 30 m
     assert squares / 80 < 0.05
     past[:, 3] *= -1
-    squares = curve_fit.regress(there_and_back(curve, MIDDLES_S), past, rules, ratios, rewards, line)
+    squares = curve_model.regress(there_and_back(curve, MIDDLES_S), past, rules, ratios, rewards, line)
     assert line[1] == 0  # the reward never falls as the opponent comes closer
 
 
 @pytest.mark.parametrize("curve", curves(3), ids=range(3))
 def test_the_derivatives_are_those_of_differences(planner, curve):
-    n, chords = 16, curve_flight.CHORDS
+    n, chords = 16, curve_model.CHORDS
     corners, lengths = np.zeros((chords + 1, 3)), np.zeros(chords + 1)
     growth, slopes, places = np.zeros((chords + 1, 12)), np.zeros((n, 3, 13)), np.zeros((n, 3))
-    curve_flight.trace(curve, planner._times, planner._bernstein, places, corners, lengths)
-    curve_flight.differentiate(curve, planner._times, planner._bernstein, corners, lengths, growth, slopes)
+    curve_model.trace(curve, planner._times, planner._bernstein, places, corners, lengths)
+    curve_model.differentiate(curve, planner._times, planner._bernstein, corners, lengths, growth, slopes)
     for p in range(13):
         step = np.zeros(13)
         step[p] = 1e-4

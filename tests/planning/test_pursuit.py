@@ -10,8 +10,7 @@ import pytest
 from fpg_bench.envs.duel import make_duel
 from fpg_bench.game.arena import Arena
 from fpg_bench.planning import plan_all
-from fpg_bench.planning.interception import chase
-from fpg_bench.planning.sighted import Chaser, Optimised, expected_return
+from fpg_bench.planning.pursuit import Chaser, Optimised, chase, expected_return
 from tests.planning.playing import LIMITS, PLANNED, play, request
 
 NO_HISTORY = np.zeros((0, 16, 4))

@@ -1,4 +1,4 @@
-"""One grammar names a planner everywhere."""
+"""Registry of planners: a name, an import path or an object, resolved to a planner."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from typing import Any
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.imports import has_any, import_object, ready
-from fpg_bench.planning.climbing import HillClimb
-from fpg_bench.planning.evolution import CMAES
 from fpg_bench.planning.interceptor import Interceptor
 from fpg_bench.planning.patterns import PATTERNS
-from fpg_bench.planning.planner import Planner, called, check_described
-from fpg_bench.planning.sighted import CHASERS, Chaser, Optimised
+from fpg_bench.planning.planner import Planner, check_described, planner_name
+from fpg_bench.planning.pursuit import CHASERS, Chaser, Optimised
+from fpg_bench.planning.search import CMAES, HillClimb
 
-# The language model's planner, and what its controls keep from the model
+# Planners that ask a language model, and what each control withholds from the model
 LLM_CONTROLS = MappingProxyType(
     {"llm": "none", "llm-shuffled-rewards": "shuffled-rewards", "llm-no-history": "no-history"}
 )
@@ -48,25 +47,25 @@ PLANNERS = tuple(_MAKERS)
 
 
 def as_planner(spec: Any, scenario: Scenario) -> Planner:
-    """The planner that ``spec`` names, makes, or is.
+    """Return the planner that ``spec`` names, makes, or is.
 
     Args:
         spec: one of ``PLANNERS``; ``package.module:object`` (a planner, or a class or function that makes
-            one, told the scenario if it takes an argument); such a class or function; or an object with
+            one, given the scenario if it takes an argument); such a class or function; or an object with
             ``plan`` or ``plan_batch``.
         scenario: what is played.
 
     Raises:
-        UserError: no such planner, one that cannot be made, has no ``plan`` or ``plan_batch``, or does not
-            say its name and tier; or a language model and no endpoint configured.
+        UserError: no such planner, one that cannot be made, has no ``plan`` or ``plan_batch``, or no valid
+            name and tier; or a language model and no endpoint configured.
     """
-    planner = find_planner(spec, scenario)
+    planner: Planner = resolve(spec, scenario)
     check_described(planner)
     return planner
 
 
-def find_planner(spec: Any, scenario: Scenario) -> Any:
-    """As :func:`as_planner`, whatever the planner says of itself."""
+def resolve(spec: Any, scenario: Scenario) -> Any:
+    """Return the planner of a spec as :func:`as_planner` does, without checking its name and tier."""
     if isinstance(spec, str) and ":" in spec:
         return import_object(spec, "planner", _METHODS, scenario)
     if isinstance(spec, str):
@@ -75,4 +74,4 @@ def find_planner(spec: Any, scenario: Scenario) -> Any:
         return _MAKERS[spec](scenario)
     if not (callable(spec) or has_any(spec, _METHODS)):
         raise UserError(f"planner: expected a name or an object with plan, got {spec!r}")
-    return ready(spec, f"planner {called(spec)}", _METHODS, scenario)
+    return ready(spec, f"planner {planner_name(spec)}", _METHODS, scenario)

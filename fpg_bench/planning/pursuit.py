@@ -1,0 +1,154 @@
+"""Pursuit of an ally whose path is given, and the planners of tier ``ally``: upper bounds.
+
+These planners are shown the ally's path, which no opponent knows in the game.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from fpg_bench.errors import UserError
+from fpg_bench.game.compiling import compiled
+from fpg_bench.game.flight import distance_m, fly_waypoints
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.planning.planner import Array, BatchPlanner, Limits, Plan, Request
+
+CHASERS = ("pursuit", "lead-pursuit")
+_STEPS_M = np.repeat([80.0, 40.0, 20.0, 10.0, 5.0], 3)
+_COVERED = 0.3  # assumed share of seconds in which a jammed frequency is the ally's
+
+
+class Chaser(BatchPlanner):
+    """Flies at the ally (``pursuit``), or to the first point where it can be met (``lead-pursuit``)."""
+
+    tier = "ally"
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
+        """Return the chase from the start of each round."""
+        return [Plan(_chase_of(request, self.name == "lead-pursuit"), self.name) for request in requests]
+
+
+class Optimised(BatchPlanner):
+    """Improves a lead pursuit, waypoint by waypoint, while the expected reward grows.
+
+    The expected reward is the distance reward (Eq. 6) plus the SNR drop of a tone that covers the ally in a
+    fixed share of the seconds; how the ally hops is unknown.
+
+    Args:
+        scenario: what is played.
+        flown: use the ally's path as flown in the match's previous round, where there is one, instead of its
+            path at full speed: a bound for allies that choose their speed.
+    """
+
+    name, tier = "optimised", "ally"
+
+    def __init__(self, scenario: Scenario, flown: bool = False) -> None:
+        self._flown = flown
+        if flown:
+            self.name = "optimised-flown"
+        drop = _COVERED * scenario.snr_drop_weight * 20 / math.log(10)
+        near_m = max(scenario.distance_reward_m, 1.0)
+        self._rules = np.array([scenario.distance_reward, near_m, drop, scenario.minimum_distance_m])
+
+    def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
+        """Return the improved chase from the start of each round."""
+        return [Plan(self._improved(request), self.name) for request in requests]
+
+    def _improved(self, request: Request) -> Array:
+        if self._flown and request.ally_flown is not None:
+            request = dataclasses.replace(request, ally_path=request.ally_flown)
+        waypoints, limits = _chase_of(request, lead=True), request.limits
+        box, start = np.array(limits.box_m, float), request.current_position
+        _improve(
+            waypoints, request.ally_path, start, limits.speed_m_s, box, self._rules, _STEPS_M, np.empty(3)
+        )
+        return waypoints
+
+
+def chase_waypoints(path: Array, start: Array, limits: Limits, lead: bool = True) -> Array:
+    """Return the waypoints of a chase.
+
+    Args:
+        path: ``(T + 1, 3)`` in m, the ally's position after each second.
+        start: ``(3,)`` in m, the opponent's position at the start.
+        limits: of the plan.
+        lead: aim at the first place where both can be at one time, instead of the ally's present position.
+
+    Returns:
+        ``(n, 3)`` in m, inside the box.
+    """
+    track = np.empty_like(path)
+    chase(path, start, limits.speed_m_s, lead, track)
+    seconds, due = np.arange(len(track)), limits.due_s()
+    places = [np.interp(due, seconds, track[:, axis]) for axis in range(3)]
+    return np.clip(np.column_stack(places), 0, limits.box_m)
+
+
+def _chase_of(request: Request, lead: bool) -> Array:
+    if request.ally_path is None:
+        raise UserError("planners of the tier ally need Request.ally_path: ask them through plan_batch")
+    return chase_waypoints(request.ally_path, request.current_position, request.limits, lead)
+
+
+@compiled
+def chase(path, start, speed, lead, track):
+    """Fly at the ally, second by second.
+
+    Args:
+        path: ``(T + 1, 3)`` the ally's position after each second.
+        start: ``(3,)`` the opponent's position at the start.
+        speed: its greatest speed, m/s.
+        lead: aim at the first place where both can be at one time (True), or at the ally's present position.
+        track: ``(T + 1, 3)``, filled with the opponent's position after each second.
+    """
+    last, aim = path.shape[0] - 1, 0
+    for axis in range(3):
+        track[0, axis] = start[axis]
+    for k in range(last):
+        aim = max(aim, k + 1)
+        while lead and aim < last and distance_m(track[k], path[aim]) > speed * (aim - k):
+            aim += 1
+        target = path[aim if lead else k]
+        distance = distance_m(track[k], target)
+        pace = min(speed, distance / (aim - k) if lead else distance)  # arrive with the ally, not earlier
+        share = pace / distance if distance > 0.0 else 0.0
+        for axis in range(3):
+            track[k + 1, axis] = track[k, axis] + share * (target[axis] - track[k, axis])
+
+
+@compiled
+def expected_return(waypoints, path, start, speed, rules, position):
+    """Return the expected return of flying the waypoints against an ally on ``path`` (T + 1, 3)."""
+    value = 0.0
+    for axis in range(3):
+        position[axis] = start[axis]
+    for k in range(path.shape[0] - 1):
+        fly_waypoints(position, waypoints, k, path.shape[0] - 1, speed)
+        distance = distance_m(position, path[k + 1])
+        near = distance / rules[1]
+        value += rules[0] / (1.0 + near**8) - rules[2] * math.log(max(distance, rules[3]))
+    return value
+
+
+@compiled
+def _improve(waypoints, path, start, speed, box, rules, steps, position):
+    """Move single waypoints along single axes by ever smaller steps while the return grows; in place."""
+    best = expected_return(waypoints, path, start, speed, rules, position)
+    for step in steps:
+        for i in range(waypoints.shape[0] * 6):
+            w, axis = i // 6, i % 3
+            before = waypoints[w, axis]
+            moved = before + (step if i % 6 < 3 else -step)
+            waypoints[w, axis] = min(max(moved, 0.0), box[axis])
+            value = expected_return(waypoints, path, start, speed, rules, position)
+            if value > best:
+                best = value
+            else:
+                waypoints[w, axis] = before
