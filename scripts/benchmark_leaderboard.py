@@ -1,9 +1,10 @@
-"""How fast a verdict is: a submission of five training seeds on all fields of the allies' track.
+"""Measure the time of a verdict on a submission of five training seeds on all suites of the allies' track.
 
     python scripts/benchmark_leaderboard.py [--quick] [--json FILE]
 
-The yardstick plays the same rounds one after the other: a single Gymnasium view and Stable-Baselines3's
-``predict`` of a policy of the same size. Only some of its rounds are played, and scaled up.
+The reference plays the same rounds one after the other: a single Gymnasium environment and
+Stable-Baselines3's ``predict`` of a policy of the same size. Only some of its rounds are played, and the time
+is scaled up.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ ASKED_S, ASKED_RATIO = 60.0, 20.0
 
 
 def verdict_s(folder: Path, jobs: int) -> float:
-    """Seconds from the call to the verdict on a submission without a result."""
+    """Return the seconds from the call to the verdict on a submission without a result."""
     shutil.rmtree(folder / "results", ignore_errors=True)
     begin = time.perf_counter()
     (verdict,) = verify(folder, jobs=jobs, say=lambda line: None)
@@ -38,7 +39,7 @@ def verdict_s(folder: Path, jobs: int) -> float:
 
 
 def round_s(counterpart: Counterpart, rounds: int) -> float:
-    """Seconds that a round against a counterpart takes in a single view with SB3's predict."""
+    """Return the seconds of a round against a rival in a single environment with SB3's predict."""
     scenario = counterpart.scenario
     players, view = list(counterpart.players), policy_view("ally").id
     env = gymnasium.make(view, opponent=players, path=scenario.opponent_path, scenario=scenario)
@@ -55,7 +56,7 @@ def round_s(counterpart: Counterpart, rounds: int) -> float:
 
 
 def measure_all(quick: bool) -> list[Figure]:
-    """All figures of this script."""
+    """Return all figures of this script."""
     repeats, rounds = (1, 1) if quick else (3, 5)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)

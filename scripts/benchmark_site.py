@@ -1,10 +1,10 @@
-"""How long the leaderboard's site takes to build for many entries, and how soon its first table is seen.
+"""Measure how long the leaderboard's site takes to build for many entries, and to show its first table.
 
     python scripts/benchmark_site.py [--entries 200] [--folder leaderboard]
 
 Real submissions and results are copied under other names until there are so many of each kind in turn; the
 board is made of them and built as a site, without simulating rounds to watch. Where Chromium and Playwright
-are installed, the front page is opened from the disk and timed.
+are installed, the ranking is opened from the disk and timed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from fpg_bench.leaderboard.site.build import build_site
 
 
 def grow(source: Path, folder: Path, entries: int) -> None:
-    """Make a leaderboard of so many entries by copying those of another."""
+    """Make a leaderboard of ``entries`` entries by copying those of another."""
     models = [path for path in sorted(source.glob("results/*/*.jsonl")) if path.parent.name != "planner"]
     for number in range(entries):
         result = models[number % len(models)]
@@ -44,8 +44,8 @@ def grow(source: Path, folder: Path, entries: int) -> None:
 
 
 def first_table(site: Path) -> dict[str, float] | None:
-    """Milliseconds from opening the front page until something, and all of it, is drawn."""
-    chromium = shutil.which("chromium")
+    """Return the milliseconds until the ranking is painted and loaded; None without Chromium."""
+    chromium = shutil.which("chromium-headless-shell") or shutil.which("chromium")
     if chromium is None:
         return None
     from playwright.sync_api import sync_playwright
@@ -57,19 +57,19 @@ def first_table(site: Path) -> dict[str, float] | None:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1280, "height": 900})
-        page.goto((site / "index.html").as_uri())
-        found: dict[str, float] = page.evaluate(script)
+        page.goto((site / "ranking.html").as_uri())
+        times: dict[str, float] = page.evaluate(script)
         browser.close()
-    return found
+    return times
 
 
 def timed(what: str, do: Any) -> Any:
-    """Do something and print the seconds that it took."""
-    begun, used = time.perf_counter(), time.process_time()
-    found = do()
-    wall, own = time.perf_counter() - begun, time.process_time() - used
+    """Call ``do`` and print the seconds that it took."""
+    start, used = time.perf_counter(), time.process_time()
+    result = do()
+    wall, own = time.perf_counter() - start, time.process_time() - used
     print(f"{what:34} {wall:7.2f} s, of which this process computed {own:.2f} s")
-    return found
+    return result
 
 
 def main() -> None:
@@ -86,7 +86,7 @@ def main() -> None:
         timed("site, built again", lambda: build_site(board, site))
         size = sum(file.stat().st_size for file in [site / "index.html", *(site / "static").glob("*")])
         print(f"{'front page, styles and scripts':34} {size / 1e6:7.2f} MB")
-        print(f"{'front page in Chromium, ms':34} {first_table(site) or 'chromium is not installed'}")
+        print(f"{'ranking in Chromium, ms':34} {first_table(site) or 'chromium is not installed'}")
 
 
 if __name__ == "__main__":

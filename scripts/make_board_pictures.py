@@ -1,4 +1,4 @@
-"""Take the pictures of the leaderboard's front page that the docs show: on a screen and on a phone.
+"""Take screenshots of the leaderboard's front page for the docs, on a desktop and on a phone.
 
 fpg-bench leaderboard build
 python scripts/make_board_pictures.py leaderboard/site docs
@@ -16,9 +16,10 @@ PICTURES = {"leaderboard.png": (1440, 900), "leaderboard-phone.png": (390, 844)}
 
 
 def main(site: Path, folder: Path) -> None:
-    """Open the front page at each size, with its round standing still."""
+    """Open the front page at each size without motion."""
+    chromium = shutil.which("chromium-headless-shell") or shutil.which("chromium")
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         for name, (width, height) in PICTURES.items():
             page = browser.new_page(
                 viewport={"width": width, "height": height}, reduced_motion="reduce", color_scheme="light"

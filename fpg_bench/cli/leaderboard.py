@@ -184,7 +184,7 @@ def build(
     from fpg_bench.leaderboard.board import make_board
     from fpg_bench.leaderboard.secrets import forget_keys
     from fpg_bench.leaderboard.site.build import build_site, check_folder
-    from fpg_bench.leaderboard.site.play_data import submitted_policies
+    from fpg_bench.leaderboard.site.page_data import submitted_policies
     from fpg_bench.leaderboard.site.replays import make_replays
 
     forget_keys()
@@ -201,7 +201,7 @@ def build(
         files = build_site(board, out, rounds, show, docs, submitted_policies(board, folder))
     for line in left:
         say(line)
-    entries = sum(len(track["rows"]) for track in board["tracks"])
+    entries = sum(len(track.entries) for track in board.tracks)
     shown = sum(map(len, rounds.values()))
     say(f"{entries} entries, {shown} rounds to watch, {len(files)} files: open {out / 'index.html'}")
 

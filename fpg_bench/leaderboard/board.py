@@ -1,85 +1,382 @@
-"""The board: all that the site shows, as one structure that is ready for JSON."""
+"""The board: all tracks with their ranked entries, and cross-play, as dataclasses that the site shows."""
 
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from fpg_bench.errors import nearest
-from fpg_bench.evaluation.seeds import PROTOCOL, current_season
-from fpg_bench.evaluation.statistics import rank_ranges, student_half
-from fpg_bench.evaluation.summary import Summary
-from fpg_bench.jobs.job import outcome_of
-from fpg_bench.leaderboard.board_rows import (
-    blank,
-    figures,
-    had_access,
-    place,
-    scored,
-    seeds_gaps,
-    short,
-    texts,
-    told_field,
-    worst,
+from fpg_bench.evaluation.field import Scale
+from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey, current_season
+from fpg_bench.evaluation.statistics import (
+    FEW_SEEDS,
+    TRAINING_SEEDS,
+    Interval,
+    mean_interval,
+    rank_ranges,
+    student_half,
 )
+from fpg_bench.evaluation.summary import Summary
+from fpg_bench.evaluation.table import learning_curve, over_rounds
+from fpg_bench.jobs.job import outcome_of
 from fpg_bench.leaderboard.cases import Case, case_of, entered, result_file, submission_folders
 from fpg_bench.leaderboard.crossplay import WITHIN
 from fpg_bench.leaderboard.fields import TRACKS as FOLDERS
 from fpg_bench.leaderboard.folder import brief
-from fpg_bench.leaderboard.pairs import (
-    BoardEntry,
-    Pair,
-    Pairs,
-    fully_played,
-    pair_key,
-    players_of,
-    read_pairs,
-)
+from fpg_bench.leaderboard.pairs import Pair, Pairs, fully_played, pair_key, players_of, read_pairs
 from fpg_bench.leaderboard.ranking import improvements, nash, profiles
-from fpg_bench.leaderboard.submission import Submission
-from fpg_bench.leaderboard.tracks import TRACKS, Track, ranked_by
+from fpg_bench.leaderboard.result import Result, rounded
+from fpg_bench.leaderboard.submission import Submission, Training
+from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, SHIFTED, TRACKS, UNSEEN, Track, ranked_by
 from fpg_bench.players.player import SIDES
-from fpg_bench.rows import Row
 from fpg_bench.version import __version__
 
+CROSSPLAY = "cross-play"
+# Points by which a score on public seeds may exceed that on the season's seeds, beyond the track's median.
+SEEDS_GAP = 5.0
 _LONGEST_REASON = 300
+Matrix = list[list[float | None]]
 
 
-def make_board(folder: str | Path = "leaderboard", say: Callable[[str], None] = lambda line: None) -> Row:
-    """Everything that the site shows: tables with ranks, and cross-play.
+@dataclass(frozen=True)
+class Score:
+    """A score, or a return per step, with its 95 % interval.
 
-    Figures come from results alone, texts from what was submitted. A submission whose result is missing is
-    left out; one whose result does not fit it is shown as not verified.
+    Attributes:
+        low, high: None where there is a single unit.
+        over: the units of the interval: training seeds or matches.
+    """
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+    over: str = ""
+
+
+@dataclass(frozen=True)
+class BoardSuite:
+    """A suite that the entries of a track play.
+
+    Attributes:
+        role: see :meth:`fpg_bench.leaderboard.tracks.Track.fields`.
+        rounds: against each rival, per training seed.
+        rivals: their names.
+    """
+
+    role: str
+    name: str
+    hash: str
+    rounds: int
+    rivals: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class WorstCase:
+    """The lowest score known of an entry.
+
+    Attributes:
+        rival: a suite's rival, or an entry of the other side.
+        where: the suite's role, or ``cross-play``.
+    """
+
+    rival: str
+    where: str
+    score: Score
+    return_per_step: Score
+
+
+@dataclass(frozen=True)
+class Units:
+    """The scores that an entry's intervals over a suite are taken from, by rival in the suite's order."""
+
+    over: str
+    scores: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class SeedsGap:
+    """The gain on public seeds over the season's seeds, beyond the track's median, in points."""
+
+    value: float
+    is_flagged: bool
+
+
+@dataclass(frozen=True)
+class PlannerFigures:
+    """Figures of planners alone.
+
+    Attributes:
+        tier: what it is told: ``history`` or ``ally``.
+        model: the language model, if one was recorded.
+        runs: how many times it was recorded.
+        season: the season after which the recording began.
+        score_all: score over all rounds of a match.
+        curve: score in each round of a match.
+        valid, valid_but_useless: shares of the plans.
+        statuses: number of plans by their status.
+        tokens: per plan.
+    """
+
+    tier: str
+    model: str | None
+    runs: int | None
+    season: int | None
+    score_all: Score
+    curve: tuple[Score, ...]
+    valid: float | None
+    valid_but_useless: float | None
+    statuses: Mapping[str, int]
+    tokens: float | None
+
+
+@dataclass(frozen=True)
+class Figures:
+    """The figures of a verified result.
+
+    Attributes:
+        rank: best and worst rank; None where the entry has not played the suite that ranks its track.
+        score: over the suite that ranks the track, else over the public one.
+        scores: by role of the suite.
+        by_rival: scores by role and rival.
+        units: by role.
+        seeds: the score of each training seed.
+        training_seeds: 0 for scripts and planners.
+        is_late: entered or changed after the season was closed.
+        measures: over all rounds of the public suite.
+        histograms: share of time per frequency point, of ``ally`` and ``jam``.
+        lost, rounds: rounds lost by an invalid answer, and all rounds.
+    """
+
+    rank: tuple[int, int] | None
+    score: Score
+    scores: Mapping[str, Score]
+    worst: WorstCase
+    by_rival: Mapping[str, Mapping[str, Score]]
+    units: Mapping[str, Units]
+    seeds: Mapping[int, float]
+    training_seeds: int
+    has_few_seeds: bool
+    seeds_gap: SeedsGap | None
+    is_late: bool
+    measures: Mapping[str, float | None]
+    histograms: Mapping[str, tuple[float, ...]]
+    lost: int
+    rounds: int
+    planner: PlannerFigures | None
+    fingerprint: Mapping[str, Any]
+
+    @property
+    def gap(self) -> float | None:
+        """Score over the public suite minus score over the unseen suite."""
+        public, unseen = self.scores.get(KNOWN), self.scores.get(UNSEEN)
+        return None if public is None or unseen is None else public.value - unseen.value
+
+
+@dataclass(frozen=True)
+class BoardEntry:
+    """An entry of a track: the submission's own words, and its figures if it is verified.
+
+    Attributes:
+        kind: ``script``, ``zoo`` or ``submitted``.
+        plays: the script or zoo agent that it names.
+        reason: why it is not verified.
+        figures: None where it is not verified.
+        replays: files of the rounds that its page shows.
+    """
+
+    slug: str
+    name: str
+    authors: tuple[str, ...]
+    algorithm: str
+    reference: str | None
+    licence: str
+    kind: str
+    plays: str | None
+    training: Training | None
+    saw: str
+    unable: str
+    description: str
+    reason: str | None
+    figures: Figures | None
+    replays: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """Probabilities of improvement: ``value[i][j]`` that a run of entry i scores more than one of j."""
+
+    names: tuple[str, ...]
+    value: Matrix
+    low: Matrix
+    high: Matrix
+
+
+@dataclass(frozen=True)
+class Profiles:
+    """Performance profiles: the share of each entry's runs that score more than each threshold."""
+
+    thresholds: tuple[float, ...]
+    share: Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class BoardTrack:
+    """A table of the board.
+
+    Attributes:
+        ranked_by: the role of the suite that ranks it.
+        scale: returns per step that score 0 and 100.
+        entries: best first; then those without a rank, then those not verified.
+    """
+
+    key: str
+    title: str
+    side: str
+    ranked_by: str
+    suites: tuple[BoardSuite, ...]
+    scale: Scale
+    entries: tuple[BoardEntry, ...]
+    improvement: Improvement
+    profiles: Profiles
+
+    @property
+    def other_side(self) -> str:
+        """The side of the rivals."""
+        return "opponent" if self.side == "ally" else "ally"
+
+    def verified(self) -> Iterator[tuple[BoardEntry, Figures]]:
+        """Yield the verified entries with their figures, best first."""
+        for entry in self.entries:
+            if entry.figures is not None:
+                yield entry, entry.figures
+
+    @property
+    def n_ranked(self) -> int:
+        """Number of entries with a rank."""
+        return sum(figures.rank is not None for _, figures in self.verified())
+
+
+@dataclass(frozen=True)
+class NashMixture:
+    """Equilibrium of the zero-sum game in the ally's return per step: shares of both sides, and its value."""
+
+    ally: Mapping[str, float]
+    opponent: Mapping[str, float]
+    value: float
+
+
+@dataclass(frozen=True)
+class CrossPlay:
+    """Figures of all pairs of those who have played everybody.
+
+    Attributes:
+        allies, opponents: rows and columns of all matrices.
+        same_player: opponents that are left out, each with the one that is shown instead of it.
+        missing: by side, who has not played everybody.
+        returns: by side, mean return per step.
+        half: by side, half of its 95 % interval over training seeds.
+        rounds: per pair.
+    """
+
+    allies: tuple[str, ...]
+    opponents: tuple[str, ...]
+    same_player: Mapping[str, str]
+    missing: Mapping[str, tuple[str, ...]]
+    returns: Mapping[str, Matrix]
+    half: Mapping[str, Matrix]
+    jamming_success_rate: Matrix
+    rounds: int
+    nash: NashMixture
+
+
+@dataclass(frozen=True)
+class Board:
+    """Everything that the site shows.
+
+    Attributes:
+        season: the number of the newest closed season.
+        built: date of today.
+        crossplay: None where nobody has played everybody.
+    """
+
+    version: str
+    protocol: str
+    season: int | None
+    built: str
+    tracks: tuple[BoardTrack, ...]
+    crossplay: CrossPlay | None
+
+    def names(self, side: str) -> dict[str, str]:
+        """Return the entries' names by slug on a side."""
+        return {
+            entry.slug: entry.name for track in self.tracks if track.side == side for entry in track.entries
+        }
+
+    def to_json(self) -> str:
+        """Return the board as one line of JSON."""
+        return TypeAdapter(Board).dump_json(self).decode() + "\n"
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """A readable submission that has a result: its case, or the reason why the result does not count."""
+
+    submission: Submission
+    case: Case | None
+    reason: str | None
+
+
+@dataclass(frozen=True)
+class _Verified:
+    """A verified submission with its result and its summaries by role."""
+
+    submission: Submission
+    result: Result
+    summaries: Mapping[str, Summary]
+
+    @property
+    def slug(self) -> str:
+        return self.submission.slug
+
+
+def make_board(
+    folder: str | Path = "leaderboard", say: Callable[[str], None] = lambda message: None
+) -> Board:
+    """Compute the board from the results of a leaderboard's folder.
+
+    Figures come from results, texts from submissions. A submission without a result is left out; one whose
+    result does not fit is shown as not verified.
 
     Args:
-        folder: the leaderboard's.
-        say: told a line per submission that is left out or not verified, and why.
+        folder: the leaderboard's folder.
+        say: called with a line per submission that is left out or not verified, with the reason.
 
     Raises:
-        UserError: no such folder, or a file of it that can't be read as what it is.
+        UserError: no such folder, or a file of it that cannot be read.
     """
-    folder = Path(folder)
-    shown, season = _shown(folder, say), current_season()
-    cases = [case for _, case, _ in shown if case is not None]
-    pairs = read_pairs(folder, players_of(cases), say=say)
-    return {
-        "version": __version__,
-        "protocol": PROTOCOL,
-        "season": None if season is None else season.number,
-        "built": datetime.datetime.now(datetime.UTC).date().isoformat(),
-        "tracks": [_table(shown, track, list(pairs.known.values())) for track in TRACKS.values()],
-        "crossplay": _crossplay(pairs),
-    }
+    folder, season = Path(folder), current_season()
+    shown = _read_submissions(folder, say)
+    pairs = read_pairs(folder, players_of([item.case for item in shown if item.case is not None]), say=say)
+    tracks = tuple(_make_track(shown, track, list(pairs.known.values()), season) for track in TRACKS.values())
+    return Board(
+        version=__version__,
+        protocol=PROTOCOL,
+        season=None if season is None else season.number,
+        built=datetime.datetime.now(datetime.UTC).date().isoformat(),
+        tracks=tracks,
+        crossplay=_make_crossplay(pairs),
+    )
 
 
-def _shown(board: Path, say: Callable[[str], None]) -> list[tuple[Submission, Case | None, str | None]]:
-    """Every readable submission that has a result: its case, or why the result does not count."""
-    found: list[tuple[Submission, Case | None, str | None]] = []
+def _read_submissions(board: Path, say: Callable[[str], None]) -> list[_Shown]:
+    shown: list[_Shown] = []
     for path in sorted((board / "submissions").glob("[!.]*/")):
         if path.name not in FOLDERS:
             say(f"submissions/{path.name}: left out: is no track{nearest(path.name, FOLDERS)}")
@@ -92,137 +389,329 @@ def _shown(board: Path, say: Callable[[str], None]) -> list[tuple[Submission, Ca
         if read.error is not None:
             say(f"{name}: left out: {read.error}")  # nothing of it can be trusted, not even its name
             continue
-        submission: Submission = read.result
-        case, why = _case(board, submission)
-        found.append((submission, case, why))
-        if why is not None:
-            say(f"{name}: not verified: {why}")
-    return found
+        item = _with_case(board, read.result)
+        shown.append(item)
+        if item.reason is not None:
+            say(f"{name}: not verified: {item.reason}")
+    return shown
 
 
-def _case(board: Path, submission: Submission) -> tuple[Case | None, str | None]:
-    """The case of a submission whose result counts; None, and why it does not, of any other."""
+def _with_case(board: Path, submission: Submission) -> _Shown:
     read = outcome_of(partial(case_of, board, submission))
     if read.error is not None:
-        return None, read.error
+        return _Shown(submission, None, read.error)
     case: Case = read.result
     if case.known is None or case.known.verified:
-        return case, None
-    return None, "".join(c if c.isprintable() else " " for c in case.known.head["reason"][:_LONGEST_REASON])
+        return _Shown(submission, case, None)
+    reason = case.known.head["reason"][:_LONGEST_REASON]
+    return _Shown(submission, None, "".join(c if c.isprintable() else " " for c in reason))
 
 
-def _table(shown: Iterable[Any], track: Track, pairs: list[Pair]) -> Row:
-    """One table: its rows from best to worst, those that are not ranked or not verified last."""
-    fields = track.fields()
-    mine = [item for item in shown if (item[0].track, item[0].path) == (track.side, track.path)]
+def _make_track(
+    shown: Iterable[_Shown], track: Track, pairs: Sequence[Pair], season: SeasonKey | None
+) -> BoardTrack:
+    suites = track.fields()
+    role = ranked_by(suites)
+    items = [
+        item for item in shown if (item.submission.track, item.submission.path) == (track.side, track.path)
+    ]
     verified = [
-        scored(case, case.known, ranked_by(fields))
-        for _, case, _ in mine
-        if case is not None and case.known is not None and case.known.verified
+        _Verified(item.submission, item.case.known, item.case.known.summaries(item.case.fields))
+        for item in items
+        if item.case is not None and item.case.known is not None
     ]
-    verified.sort(key=place)
-    ranked = [entry for entry in verified if entry.ranking is not None]
-    ranking = [entry.ranking for entry in ranked if entry.ranking is not None]
-    ranks = rank_ranges([summary.samples for summary in ranking])
-    by_slug = {entry.result.slug: rank for entry, rank in zip(ranked, ranks, strict=True)}
-    gaps = seeds_gaps(verified)
-    rows = [
-        texts(entry.case.submission)
-        | figures(entry, worst(entry.result.slug, track.side, entry.summaries, pairs))
-        | {"rank": list(by_slug[slug]) if (slug := entry.result.slug) in by_slug else None}
-        | {"seeds_gap": gaps.get(slug), "had_access": had_access(entry.case.submission)}
-        for entry in verified
+    ranked = sorted(
+        (item for item in verified if role in item.summaries),
+        key=lambda item: (-item.summaries[role].score.value, item.slug),
+    )
+    ranking = [item.summaries[role] for item in ranked]
+    ranges = rank_ranges([summary.samples for summary in ranking])
+    ranks = {item.slug: rank for item, rank in zip(ranked, ranges, strict=True)}
+    gaps = _seeds_gaps(verified)
+    entries = [
+        _make_entry(
+            item.submission,
+            figures=_make_figures(
+                item,
+                item.summaries.get(role, item.summaries[KNOWN]),
+                worst_case(item.slug, track.side, item.summaries, pairs),
+                rank=ranks.get(item.slug),
+                seeds_gap=gaps.get(item.slug),
+                is_late=_is_late(item.submission, season),
+            ),
+        )
+        for item in verified
     ]
-    rows += [texts(submission) | blank(why) for submission, _, why in mine if why is not None]
+    entries += [_make_entry(item.submission, reason=item.reason) for item in items if item.reason is not None]
+    return BoardTrack(
+        key=track.key,
+        title=track.title,
+        side=track.side,
+        ranked_by=role,
+        suites=tuple(
+            BoardSuite(role, suite.name, suite.hash, suite.rounds, tuple(c.name for c in suite.counterparts))
+            for role, suite in suites.items()
+        ),
+        scale=track.field.scale,
+        entries=tuple(sorted(entries, key=_place)),
+        improvement=_make_improvement(ranking),
+        profiles=_make_profiles(ranking),
+    )
+
+
+def _place(entry: BoardEntry) -> tuple[bool, bool, float, str]:
+    """Sort key of entries: ranked ones by score, then those without a rank, then those not verified."""
+    figures = entry.figures
+    if figures is None:
+        return True, True, 0.0, entry.slug
+    return False, figures.rank is None, -figures.score.value, entry.slug
+
+
+def _is_late(submission: Submission, season: SeasonKey | None) -> bool:
+    """The entry came or changed after the season was closed, so it may have trained on the members."""
+    policies = [policy.sha256 for policy in submission.policies]
+    name = f"{submission.track}/{submission.slug}"
+    return season is not None and bool(policies) and not season.met(name, policies)
+
+
+def _seeds_gaps(verified: Iterable[_Verified]) -> dict[str, SeedsGap]:
+    """Return who gains more on public seeds than others do; flagged beyond some points and beyond chance."""
+    gaps = {
+        item.slug: _seeds_gap(item.summaries[PUBLIC], item.summaries[KNOWN])
+        for item in verified
+        if PUBLIC in item.summaries
+    }
+    median = float(np.median([value for value, _ in gaps.values()])) if gaps else 0.0
     return {
-        "key": track.key,
-        "title": track.title,
-        "side": track.side,
-        "ranked_by": ranked_by(fields),
-        "fields": [told_field(role, field) for role, field in fields.items()],
-        "scale": {"zero": track.field.scale.zero, "top": track.field.scale.top},
-        "rows": rows,
-        "improvement": _improvement(ranking),
-        "profiles": _profiles(ranking),
+        slug: SeedsGap(_short(value - median), value - median > SEEDS_GAP and low > median)
+        for slug, (value, low) in gaps.items()
     }
 
 
-def _improvement(standings: Sequence[Summary]) -> Row:
-    table = improvements(standings)
+def _seeds_gap(on_public_seeds: Summary, on_season_seeds: Summary) -> tuple[float, float]:
+    """Return the difference of two scores, and the lower end of its 95 % interval over matches."""
+    from scipy.stats import ttest_ind
 
-    def each(name: str) -> list[list[float | None]]:
-        return [[None if cell is None else short(getattr(cell, name)) for cell in row] for row in table]
+    one, other = (
+        summary.field.scale.score(summary.rewards.mean(axis=(0, 1)))
+        for summary in (on_public_seeds, on_season_seeds)
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):  # a single match has no spread
+        interval = ttest_ind(one, other, equal_var=False).confidence_interval()
+    return float(one.mean() - other.mean()), float(interval.low)
 
-    names = [entry.entry for entry in standings]
-    return {"names": names, "value": each("value"), "low": each("low"), "high": each("high")}
+
+def _make_entry(
+    submission: Submission, figures: Figures | None = None, reason: str | None = None
+) -> BoardEntry:
+    kind = "script" if submission.script is not None else "zoo" if submission.zoo is not None else "submitted"
+    return BoardEntry(
+        slug=submission.slug,
+        name=submission.name,
+        authors=tuple(submission.authors),
+        algorithm=submission.algorithm,
+        reference=submission.reference,
+        licence=submission.licence,
+        kind=kind,
+        plays=submission.script or submission.zoo,
+        training=submission.training,
+        saw=submission.saw,
+        unable=submission.unable,
+        description=submission.description,
+        reason=reason,
+        figures=figures,
+    )
 
 
-def _profiles(standings: Sequence[Summary]) -> Row:
-    thresholds, shares = profiles(standings)
-    return {
-        "thresholds": [short(value) for value in thresholds],
-        "share": {
-            entry.entry: [short(value) for value in row] for entry, row in zip(standings, shares, strict=True)
+def _make_figures(
+    item: _Verified,
+    ranking: Summary,
+    worst: WorstCase,
+    rank: tuple[int, int] | None,
+    seeds_gap: SeedsGap | None,
+    is_late: bool,
+) -> Figures:
+    summaries = item.summaries
+    public = summaries[KNOWN]
+    played = [line for summary in summaries.values() for line in summary.lines]
+    return Figures(
+        rank=rank,
+        score=_score(ranking.score),
+        scores={role: _score(summary.score) for role, summary in summaries.items()},
+        worst=worst,
+        by_rival={
+            role: {
+                name: _score(interval, summary.field.scale)
+                for name, interval in summary.by_counterpart.items()
+            }
+            for role, summary in summaries.items()
         },
-    }
+        units={role: _make_units(summary) for role, summary in summaries.items() if role != PUBLIC},
+        seeds={seed: _short(score) for seed, score in ranking.seed_scores().items() if seed is not None},
+        training_seeds=public.training_seeds,
+        has_few_seeds=0 < public.training_seeds < FEW_SEEDS,
+        seeds_gap=seeds_gap,
+        is_late=is_late,
+        measures={"return": public.reward.value, **public.measures},
+        histograms={
+            side: tuple(_short(share) for share in counts / max(counts.sum(), 1))
+            for side, counts in zip(("ally", "jam"), public.pooled.histogram, strict=True)
+        },
+        lost=sum(line.lost for line in played),
+        rounds=sum(len(line.returns) for line in played),
+        planner=_make_planner_figures(public, item.result),
+        fingerprint=item.result.fingerprint,
+    )
 
 
-def _crossplay(pairs: Pairs) -> Row | None:
-    """The matrices of those who have all played each other, and the Nash mixtures of the ally's return.
+def _make_units(summary: Summary) -> Units:
+    by_rival = [summary.units(summary.rewards[:, k : k + 1]) for k in range(summary.rewards.shape[1])]
+    scores = [np.round(summary.field.scale.score(rewards), 1).tolist() for rewards in by_rival]
+    return Units(summary.over, tuple(map(tuple, scores)))
 
-    None where nobody has.
+
+def _make_planner_figures(public: Summary, result: Result) -> PlannerFigures | None:
+    plans = public.pooled.plans
+    if plans is None:
+        return None
+    facts = result.fingerprint["planner"]
+    return PlannerFigures(
+        tier=facts["tier"],
+        model=facts.get("model"),
+        runs=facts.get("runs"),
+        season=facts.get("season"),
+        score_all=_score(over_rounds(public, slice(None))),
+        curve=tuple(map(_score, learning_curve(public))),
+        valid=plans.valid,
+        valid_but_useless=plans.valid_but_useless,
+        statuses=plans.statuses,
+        tokens=None if plans.tokens is None else plans.tokens / sum(plans.statuses.values()),
+    )
+
+
+def worst_case(
+    slug: str, side: str, summaries: Mapping[str, Summary], pairs: Iterable[Pair] = ()
+) -> WorstCase:
+    """Return the lowest return per step of an entry over all suites under its own rules, and over cross-play.
+
+    It is an upper bound of the true worst case: a player that the entry has not met may hold it lower.
+
+    Args:
+        slug: the entry's slug.
+        side: ``ally``, ``opponent`` or ``planner``.
+        summaries: by role; changed rules and public seeds do not count.
+        pairs: of cross-play.
     """
+    other = "opponent" if side == "ally" else "ally"
+    cases: list[tuple[Interval, str, str]] = [
+        (summary.by_counterpart[summary.worst], summary.worst, role)
+        for role, summary in summaries.items()
+        if role not in (SHIFTED, PUBLIC)
+    ]
+    for pair in pairs:
+        if side in SIDES and getattr(pair, side) == slug:
+            reward = mean_interval(np.array(pair.rewards(side)), TRAINING_SEEDS)
+            cases.append((reward, getattr(pair, other), CROSSPLAY))
+    reward, rival, where = min(cases, key=lambda case: case[0].value)
+    return WorstCase(rival, where, _score(reward, summaries[KNOWN].field.scale), _score(reward))
+
+
+def _score(interval: Interval, scale: Scale | None = None) -> Score:
+    """Return an interval to the digits that count; with a scale, of a return per step as a score."""
+    value, low, high = (
+        float(end if scale is None else scale.score(end))
+        for end in (interval.value, interval.low, interval.high)
+    )
+    return Score(_short(value), rounded(low), rounded(high), interval.over)
+
+
+def _make_improvement(ranking: Sequence[Summary]) -> Improvement:
+    table = improvements(ranking)
+
+    def matrix(end: str) -> Matrix:
+        return [[None if cell is None else _short(getattr(cell, end)) for cell in row] for row in table]
+
+    names = tuple(summary.entry for summary in ranking)
+    return Improvement(names, matrix("value"), matrix("low"), matrix("high"))
+
+
+def _make_profiles(ranking: Sequence[Summary]) -> Profiles:
+    thresholds, shares = profiles(ranking)
+    return Profiles(
+        tuple(map(_short, thresholds)),
+        {summary.entry: tuple(map(_short, row)) for summary, row in zip(ranking, shares, strict=True)},
+    )
+
+
+def _make_crossplay(pairs: Pairs) -> CrossPlay | None:
     allies, opponents = fully_played(pairs)
     if not allies or not opponents:
         return None
     played = [[pairs.known[pair_key(a, o, pairs.rounds)] for o in opponents] for a in allies]
-    returns = {side: [[short(pair.reward(side)) for pair in line] for line in played] for side in SIDES}
-    half = {side: [[_half(pair, side) for pair in line] for line in played] for side in SIDES}
-    found = nash(-np.array(returns["ally"]))  # the ally, who chooses rows, minimises
-    return {
-        "allies": [a.slug for a in allies],
-        "opponents": [o.slug for o in opponents],
-        "missing": {
-            side: [entry.slug for entry in every if entry not in shown]
-            for side, every, shown in (
+    returns = {side: [[_short(pair.reward(side)) for pair in row] for row in played] for side in SIDES}
+    half = {side: [[_half(pair, side) for pair in row] for row in played] for side in SIDES}
+    jammed = [[pair.jamming_success_rate for pair in row] for row in played]
+    equilibrium = nash(-np.array(returns["ally"]))  # the ally, who chooses rows, minimises
+    left_out = _same_players(
+        [entry.identity for entry in opponents], [*map(np.array, returns.values()), np.array(jammed)]
+    )
+    shown = [column for column in range(len(opponents)) if column not in left_out]
+    slugs = [entry.slug for entry in opponents]
+    shares = dict.fromkeys((slugs[column] for column in shown), 0.0)
+    for column, share in enumerate(equilibrium.columns):  # a player has the shares of all its entries
+        shares[slugs[left_out.get(column, column)]] += _short(share)
+
+    def columns(matrix: Sequence[Sequence[float | None]]) -> Matrix:
+        return [[row[column] for column in shown] for row in matrix]
+
+    return CrossPlay(
+        allies=tuple(entry.slug for entry in allies),
+        opponents=tuple(shares),
+        same_player={slugs[column]: slugs[first] for column, first in left_out.items()},
+        missing={
+            side: tuple(entry.slug for entry in entries if entry not in complete)
+            for side, entries, complete in (
                 ("ally", pairs.allies, allies),
                 ("opponent", pairs.opponents, opponents),
             )
         },
-        "twins": _twins(opponents, returns["ally"]),
-        "returns": returns,
-        "half": half,
-        "jamming_success_rate": [[pair.jamming_success_rate for pair in line] for line in played],
-        "rounds": pairs.rounds,
-        "nash": {
-            "ally": {a.slug: short(p) for a, p in zip(allies, found.rows, strict=True)},
-            "opponent": {o.slug: short(p) for o, p in zip(opponents, found.columns, strict=True)},
-            "value": short(-found.value),
-        },
-    }
+        returns={side: columns(matrix) for side, matrix in returns.items()},
+        half={side: columns(matrix) for side, matrix in half.items()},
+        jamming_success_rate=columns(jammed),
+        rounds=pairs.rounds,
+        nash=NashMixture(
+            ally={a.slug: _short(share) for a, share in zip(allies, equilibrium.rows, strict=True)},
+            opponent=shares,
+            value=_short(-equilibrium.value),
+        ),
+    )
 
 
 def _half(pair: Pair, side: str) -> float | None:
-    """Half of the 95 % interval of a side's return over its training seeds; None where it has but one."""
+    """Return half of the 95 % interval of a side's return per step; None with a single training seed."""
     rewards = np.array(pair.rewards(side))
-    return short(student_half(rewards)) if len(rewards) > 1 else None
+    return _short(student_half(rewards)) if len(rewards) > 1 else None
 
 
-def _twins(entries: Sequence[BoardEntry], returns: Sequence[Sequence[float | None]]) -> list[list[str]]:
-    """Entries that are one player in two tables and fare alike, each group once.
+def _same_players(identities: Sequence[list[str]], matrices: Sequence[np.ndarray]) -> dict[int, int]:
+    """Return the columns that repeat an earlier one: the same policies with the same figures everywhere.
 
-    Args:
-        entries: who stands in the columns.
-        returns: ``(allies, entries)``, the allies' return a step, another where a player flies otherwise.
+    Figures count because the same policies play another game in the table of opponents that fly themselves.
     """
-    columns = np.array(returns, float).T
-    near, groups = WITHIN * np.ptp(columns), list[list[int]]()
-    for column, entry in enumerate(entries):
-        for group in groups:
-            alike = np.abs(columns[column] - columns[group[0]]).max() <= near
-            if alike and entry.identity == entries[group[0]].identity:
-                group.append(column)
+    first: dict[int, int] = {}
+    for column, identity in enumerate(identities):
+        for earlier in range(column):
+            is_same = identity == identities[earlier] and earlier not in first
+            if is_same and all(_is_close(matrix, column, earlier) for matrix in matrices):
+                first[column] = earlier
                 break
-        else:
-            groups.append([column])
-    return [[entries[column].slug for column in group] for group in groups if len(group) > 1]
+    return first
+
+
+def _is_close(matrix: np.ndarray, one: int, other: int) -> bool:
+    return bool(np.abs(matrix[:, one] - matrix[:, other]).max() <= WITHIN * np.ptp(matrix))
+
+
+def _short(value: float) -> float:
+    """Return a finite number to six significant digits."""
+    return float(f"{value:.6g}")

@@ -1,6 +1,5 @@
 import dataclasses
 import json
-import math
 import re
 import shutil
 from hashlib import sha256
@@ -12,12 +11,13 @@ from typer.testing import CliRunner
 from fpg_bench.cli import app
 from fpg_bench.cli.leaderboard import build
 from fpg_bench.evaluation.seeds import PROTOCOL
-from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.board import CROSSPLAY, make_board
 from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.crossplay import play_missing
 from fpg_bench.leaderboard.ranking import nash
 from fpg_bench.leaderboard.result import verified_result, write_result
-from fpg_bench.leaderboard.site.play_data import policy_data, submitted_policies
+from fpg_bench.leaderboard.site.page_data import policy_data, submitted_policies
+from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, SHIFTED, UNSEEN
 from fpg_bench.leaderboard.verify import verify
 from tests.leaderboard.entering import FIELD, close_season, enter, write_field
 from tests.leaderboard.making import model, node, weights
@@ -52,82 +52,82 @@ def entered(board, in_process, kept):
 
 
 def table(board, key):
-    (found,) = (track for track in make_board(board)["tracks"] if track["key"] == key)
-    return found
+    return track_of(make_board(board), key)
 
 
-def numbers(value):
-    if isinstance(value, dict | list):
-        for item in value.values() if isinstance(value, dict) else value:
-            yield from numbers(item)
-    elif isinstance(value, float):
-        yield value
+def track_of(board, key):
+    (track,) = (track for track in board.tracks if track.key == key)
+    return track
+
+
+def figures_of(track):
+    return {entry.slug: figures for entry, figures in track.verified()}
 
 
 def test_the_board_is_strict_json(entered):
+    def no_constant(name):
+        raise AssertionError(name)  # NaN or Infinity
+
     play_missing(entered, say=quiet)
     board = make_board(entered)
-    assert json.loads(json.dumps(board, allow_nan=False)) == board
-    assert all(map(math.isfinite, numbers(board)))
+    content = json.loads(board.to_json(), parse_constant=no_constant)
+    assert [track["key"] for track in content["tracks"]] == [track.key for track in board.tracks]
+    (wise,) = (entry for entry in content["tracks"][0]["entries"] if entry["slug"] == "wise")
+    assert wise["figures"]["score"]["value"] == figures_of(board.tracks[0])["wise"].score.value
+    assert content["crossplay"]["allies"] == ["few", "linear", "still", "wise"]
 
 
-def test_rows_are_ranked_and_marked(entered):
+def test_entries_are_ranked_and_marked(entered):
     ally = table(entered, "ally")
-    rows = {row["slug"]: row for row in ally["rows"]}
-    assert [row["score"]["value"] for row in ally["rows"]] == sorted(
-        (row["score"]["value"] for row in ally["rows"]), reverse=True
-    )
-    wise = rows["wise"]
-    assert wise["name"] == "<b>Wise</b>"
-    assert (wise["kind"], wise["training"], wise["training_seeds"]) == ("script", None, 0)
-    assert (ally["ranked_by"], wise["score"]) == ("known", wise["scores"]["known"])
-    assert list(wise["counterparts"]["known"]) == ally["fields"][0]["counterparts"]
-    assert wise["worst"]["value"] == min(of["value"] for of in wise["counterparts"]["known"].values())
-    assert wise["measures"]["return"] == pytest.approx(wise["measures"]["ally_return"] / 300, rel=1e-4)
-    assert sum(wise["histograms"]["jam"]) == pytest.approx(1, abs=1e-4)
-    assert not wise["few_seeds"]
-    assert rows["few"]["few_seeds"]
-    assert (rows["linear"]["kind"], rows["linear"]["few_seeds"]) == ("submitted", False)
-    assert all(1 <= row["rank"][0] <= row["rank"][1] <= 4 for row in ally["rows"])
-    assert wise["seeds_gap"] is None
+    figures = figures_of(ally)
+    scores = [of.score.value for of in figures.values()]
+    assert scores == sorted(scores, reverse=True)
+    entries = {entry.slug: entry for entry in ally.entries}
+    wise = figures["wise"]
+    assert entries["wise"].name == "<b>Wise</b>"
+    assert (entries["wise"].kind, entries["wise"].training, wise.training_seeds) == ("script", None, 0)
+    assert (ally.ranked_by, wise.score) == (KNOWN, wise.scores[KNOWN])
+    assert tuple(wise.by_rival[KNOWN]) == ally.suites[0].rivals
+    assert wise.worst.score.value == min(score.value for score in wise.by_rival[KNOWN].values())
+    assert wise.measures["return"] == pytest.approx(wise.measures["ally_return"] / 300, rel=1e-4)
+    assert sum(wise.histograms["jam"]) == pytest.approx(1, abs=1e-4)
+    assert [figures[slug].has_few_seeds for slug in ("wise", "few", "linear")] == [False, True, False]
+    assert entries["linear"].kind == "submitted"
+    assert all(1 <= of.rank[0] <= of.rank[1] <= 4 for of in figures.values())
+    assert wise.seeds_gap is None
 
 
 def test_scores_are_returns_on_the_track_s_scale(entered):
     ally = table(entered, "ally")
-    zero, top = ally["scale"]["zero"], ally["scale"]["top"]
-    for row in ally["rows"]:
-        expected = 100 * (row["measures"]["return"] - zero) / (top - zero)
-        assert row["score"]["value"] == pytest.approx(expected, rel=1e-4)
-        worst = row["worst"]
-        assert worst["value"] == pytest.approx(
-            100 * (worst["return"]["value"] - zero) / (top - zero), rel=1e-4
-        )
+    for figures in figures_of(ally).values():
+        assert figures.score.value == pytest.approx(ally.scale.score(figures.measures["return"]), rel=1e-4)
+        worst = figures.worst
+        assert worst.score.value == pytest.approx(ally.scale.score(worst.return_per_step.value), rel=1e-4)
 
 
 def test_every_seed_has_its_own_score(entered):
-    ally = table(entered, "ally")
-    rows = {row["slug"]: row for row in ally["rows"]}
-    seeds = rows["linear"]["seeds"]
-    assert list(seeds) == ["0", "2", "10"]
-    assert sum(seeds.values()) / 3 == pytest.approx(rows["linear"]["score"]["value"], rel=1e-4)
-    assert seeds["0"] == pytest.approx(rows["few"]["score"]["value"])
-    assert rows["wise"]["seeds"] == {}
+    figures = figures_of(table(entered, "ally"))
+    seeds = figures["linear"].seeds
+    assert list(seeds) == [0, 2, 10]
+    assert sum(seeds.values()) / 3 == pytest.approx(figures["linear"].score.value, rel=1e-4)
+    assert seeds[0] == pytest.approx(figures["few"].score.value)
+    assert figures["wise"].seeds == {}
 
 
-def test_pairs_and_profiles_speak_of_all_who_are_ranked(entered):
+def test_improvement_and_profiles_have_all_ranked_entries(entered):
     ally = table(entered, "ally")
-    names = ally["improvement"]["names"]
-    assert names == [row["slug"] for row in ally["rows"]]
-    value = ally["improvement"]["value"]
+    names = ally.improvement.names
+    assert names == tuple(entry.slug for entry in ally.entries)
+    value = ally.improvement.value
     assert value[0][0] is None
     assert value[0][1] + value[1][0] == pytest.approx(1)
-    assert set(ally["profiles"]["share"]) == set(names)
-    assert all(len(s) == len(ally["profiles"]["thresholds"]) for s in ally["profiles"]["share"].values())
+    assert set(ally.profiles.share) == set(names)
+    assert all(len(share) == len(ally.profiles.thresholds) for share in ally.profiles.share.values())
 
 
-def test_the_opponents_tables_are_apart(entered):
-    assert [row["slug"] for row in table(entered, "opponent-pursuit")["rows"]] == ["near"]
-    assert [row["slug"] for row in table(entered, "opponent-learned")["rows"]] == ["far"]
+def test_opponents_have_a_table_per_path(entered):
+    assert [entry.slug for entry in table(entered, "opponent-pursuit").entries] == ["near"]
+    assert [entry.slug for entry in table(entered, "opponent-learned").entries] == ["far"]
 
 
 def test_what_does_not_count_is_shown_last_with_its_reason(entered, in_process):
@@ -136,18 +136,18 @@ def test_what_does_not_count_is_shown_last_with_its_reason(entered, in_process):
     enter(entered, "ally", "slow", seeds=(7,))
     in_process.fails = True
     verify(entered, ["ally/slow"], say=quiet)
-    rows = table(entered, "ally")["rows"]
-    assert [row["slug"] for row in rows[-2:]] == ["slow", "wise"]
-    assert [row["status"] for row in rows[-2:]] == ["not verified"] * 2
-    assert [row["score"] for row in rows[-2:]] == [None, None]
-    assert rows[-2]["reason"] == "seed_7: took longer than it may"
-    assert "edited by hand" in rows[-1]["reason"]
-    assert len(table(entered, "ally")["improvement"]["names"]) == 3
+    ally = table(entered, "ally")
+    slow, wise = ally.entries[-2:]
+    assert (slow.slug, wise.slug) == ("slow", "wise")
+    assert slow.figures is wise.figures is None
+    assert slow.reason == "seed_7: took longer than it may"
+    assert "edited by hand" in wise.reason
+    assert len(ally.improvement.names) == 3
 
 
 def test_what_has_no_result_is_left_out(entered):
     enter(entered, "ally", "new", script="reactive")
-    assert "new" not in [row["slug"] for row in table(entered, "ally")["rows"]]
+    assert "new" not in [entry.slug for entry in table(entered, "ally").entries]
 
 
 def test_who_is_left_out_or_not_verified_is_said_with_the_reason(entered, in_process):
@@ -185,52 +185,52 @@ def test_a_result_of_an_older_protocol_is_named_and_never_mixed(entered):
         f"ally/wise: not verified: result {path}: of another protocol than this version's, {PROTOCOL!r}; "
         "play it again"
     ]
-    (ally,) = (track for track in board["tracks"] if track["key"] == "ally")
-    last = ally["rows"][-1]
-    assert (last["slug"], last["status"], last["score"], last["rank"]) == ("wise", "not verified", None, None)
-    assert "wise" not in ally["improvement"]["names"]
-    assert "wise" not in board["crossplay"]["allies"]
+    ally = track_of(board, "ally")
+    assert (ally.entries[-1].slug, ally.entries[-1].figures) == ("wise", None)
+    assert "wise" not in ally.improvement.names
+    assert "wise" not in board.crossplay.allies
 
 
 def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered):
-    assert make_board(entered)["crossplay"] is None
+    assert make_board(entered).crossplay is None
     play_missing(entered, say=quiet)
-    found = make_board(entered)["crossplay"]
-    assert found["allies"] == ["few", "linear", "still", "wise"]
-    assert found["opponents"] == ["far", "near"]
-    for matrix in (found["jamming_success_rate"], *found["returns"].values()):
+    crossplay = make_board(entered).crossplay
+    assert crossplay.allies == ("few", "linear", "still", "wise")
+    assert crossplay.opponents == ("far", "near")
+    for matrix in (crossplay.jamming_success_rate, *crossplay.returns.values()):
         assert [len(row) for row in matrix] == [2] * 4
-    assert found["missing"] == {"ally": [], "opponent": []}
+    assert crossplay.missing == {"ally": (), "opponent": ()}
     enter(entered, "ally", "new", script="reactive", name="Brand New")
     verify(entered, ["ally/new"], say=quiet)
-    assert make_board(entered)["crossplay"] == found | {"missing": {"ally": ["new"], "opponent": []}}
+    missing = {"ally": ("new",), "opponent": ()}
+    assert make_board(entered).crossplay == dataclasses.replace(crossplay, missing=missing)
 
 
 def test_the_mixtures_are_those_of_the_ally_s_returns(entered):
     play_missing(entered, say=quiet)
-    found = make_board(entered)["crossplay"]
-    returns = np.array(found["returns"]["ally"])
-    ally, opponent = (np.array(list(found["nash"][side].values())) for side in ("ally", "opponent"))
+    crossplay = make_board(entered).crossplay
+    returns, value = np.array(crossplay.returns["ally"]), crossplay.nash.value
+    ally, opponent = (np.array(list(of.values())) for of in (crossplay.nash.ally, crossplay.nash.opponent))
     assert (ally.sum(), opponent.sum()) == pytest.approx((1, 1), abs=1e-4)
-    assert ally @ returns @ opponent == pytest.approx(found["nash"]["value"], abs=1e-3)
-    assert (returns @ opponent).max() == pytest.approx(found["nash"]["value"], abs=1e-3)
-    assert (ally @ returns).min() == pytest.approx(found["nash"]["value"], abs=1e-3)
+    assert ally @ returns @ opponent == pytest.approx(value, abs=1e-3)
+    assert (returns @ opponent).max() == pytest.approx(value, abs=1e-3)
+    assert (ally @ returns).min() == pytest.approx(value, abs=1e-3)
 
 
-def test_who_hops_in_every_step_is_not_crowned_where_hopping_costs(board):
+def test_hopping_in_every_step_is_not_in_the_mixture_where_hops_cost(board):
     """It is jammed least: by jamming rate it would be played alone, by its return it is not played."""
     for slug in ("always-hop", "expert", "reactive"):
         enter(board, "ally", f"the-{slug}", script=slug)
     enter(board, "opponent", "the-tone", script="tone")
     verify(board, say=quiet)
     play_missing(board, say=quiet)
-    found = make_board(board)["crossplay"]
-    assert found["nash"]["ally"]["the-always-hop"] == 0
-    by_rate = nash(np.array(found["jamming_success_rate"])).rows
-    assert by_rate[found["allies"].index("the-always-hop")] == pytest.approx(1)
+    crossplay = make_board(board).crossplay
+    assert crossplay.nash.ally["the-always-hop"] == 0
+    by_rate = nash(np.array(crossplay.jamming_success_rate)).rows
+    assert by_rate[crossplay.allies.index("the-always-hop")] == pytest.approx(1)
 
 
-def test_twins_are_named(board):
+def test_the_same_player_is_shown_once(board):
     """One script stands in both tables of opponents; ``random`` flies otherwise where it flies itself."""
     enter(board, "ally", "wise", script="expert")
     for script in ("tone", "random"):
@@ -239,27 +239,31 @@ def test_twins_are_named(board):
     enter(board, "opponent", "other", script="comb")
     verify(board, say=quiet)
     play_missing(board, say=quiet)
-    assert make_board(board)["crossplay"]["twins"] == [["far-tone", "near-tone"]]
+    crossplay = make_board(board).crossplay
+    assert crossplay.same_player == {"near-tone": "far-tone"}
+    assert crossplay.opponents == ("far-random", "far-tone", "near-random", "other")
+    assert tuple(crossplay.nash.opponent) == crossplay.opponents
+    assert sum(crossplay.nash.opponent.values()) == pytest.approx(1, abs=1e-4)
+    for matrix in (crossplay.jamming_success_rate, *crossplay.returns.values(), *crossplay.half.values()):
+        assert [len(row) for row in matrix] == [4]
 
 
 def test_an_ally_s_worst_may_be_an_opponent_of_the_board(entered):
-    before = {row["slug"]: row["worst"] for row in table(entered, "ally")["rows"]}
-    assert {of["where"] for of in before.values()} == {"ally-v1"}
+    before = {slug: figures.worst for slug, figures in figures_of(table(entered, "ally")).items()}
+    assert {worst.where for worst in before.values()} == {KNOWN}
     play_missing(entered, say=quiet)
     board = make_board(entered)
-    after = {row["slug"]: row["worst"] for row in board["tracks"][0]["rows"]}
-    cross = board["crossplay"]
+    after = {slug: figures.worst for slug, figures in figures_of(board.tracks[0]).items()}
+    crossplay = board.crossplay
     for slug, worst in after.items():
-        row = cross["returns"]["ally"][cross["allies"].index(slug)]
-        if min(row) < before[slug]["return"]["value"]:
-            assert (worst["where"], worst["against"]) == (
-                "cross-play",
-                cross["opponents"][row.index(min(row))],
-            )
-            assert worst["return"]["value"] == pytest.approx(min(row))
+        row = crossplay.returns["ally"][crossplay.allies.index(slug)]
+        if min(row) < before[slug].return_per_step.value:
+            rival = crossplay.opponents[row.index(min(row))]
+            assert (worst.where, worst.rival) == (CROSSPLAY, rival)
+            assert worst.return_per_step.value == pytest.approx(min(row))
         else:
             assert worst == before[slug]
-    assert "cross-play" in {of["where"] for of in after.values()}
+    assert CROSSPLAY in {worst.where for worst in after.values()}
 
 
 @pytest.fixture
@@ -277,21 +281,22 @@ def season(board, small_fields, in_process):
 
 def test_a_closed_season_ranks_by_whom_nobody_had_met(season):
     board = make_board(season)
-    assert (board["season"], board["protocol"]) == (1, PROTOCOL)
-    ally = table(season, "ally")
-    assert ally["ranked_by"] == "unseen"
-    roles = ["known", "public", "unseen", "shifted"]
-    assert [field["role"] for field in ally["fields"]] == roles
-    assert ally["fields"][2]["counterparts"] == ["tone", "comb"]
-    for row in ally["rows"]:
-        assert list(row["scores"]) == list(row["counterparts"]) == roles
-        assert row["score"] == row["scores"]["unseen"]
-        assert row["worst"]["where"] in ("ally-v1", "ally-season-1")
-        assert row["seeds_gap"].keys() == {"value", "flagged"}
-        assert row["rank"] is not None
-    unseen = [row["scores"]["unseen"]["value"] for row in ally["rows"]]
+    assert (board.season, board.protocol) == (1, PROTOCOL)
+    ally = track_of(board, "ally")
+    assert ally.ranked_by == UNSEEN
+    roles = [KNOWN, PUBLIC, UNSEEN, SHIFTED]
+    assert [suite.role for suite in ally.suites] == roles
+    assert ally.suites[2].rivals == ("tone", "comb")
+    all_figures = figures_of(ally).values()
+    for figures in all_figures:
+        assert list(figures.scores) == list(figures.by_rival) == roles
+        assert figures.score == figures.scores[UNSEEN]
+        assert figures.worst.where in (KNOWN, UNSEEN)
+        assert figures.seeds_gap is not None
+        assert figures.rank is not None
+    unseen = [figures.scores[UNSEEN].value for figures in all_figures]
     assert unseen == sorted(unseen, reverse=True)
-    assert unseen != sorted((row["scores"]["known"]["value"] for row in ally["rows"]), reverse=True)
+    assert unseen != sorted((figures.scores[KNOWN].value for figures in all_figures), reverse=True)
 
 
 def test_results_from_before_a_season_do_not_count_in_it(entered, small_fields):
@@ -300,13 +305,13 @@ def test_results_from_before_a_season_do_not_count_in_it(entered, small_fields):
     board = make_board(entered, said.append)
     assert len(said) == 6
     assert all("not verified: result" in line and "of other fields; make it again" in line for line in said)
-    assert {row["status"] for track in board["tracks"] for row in track["rows"]} == {"not verified"}
+    assert not [figures for track in board.tracks for figures in track.verified()]
 
 
 def improve_public(board, slug, points):
     """Make a result whose rounds on the seeds that everybody knew score so many points more."""
     case = make_case(board, board / "submissions/ally" / slug)
-    public = case.fields["public"]
+    public = case.fields[PUBLIC]
     more = np.array(points) / 100 * (public.scale.top - public.scale.zero) * public.scenario.steps_per_round
     lines = [
         dataclasses.replace(line, returns=tuple((np.array(line.returns) + more).tolist()))
@@ -318,8 +323,8 @@ def improve_public(board, slug, points):
 
 
 def flagged(board):
-    gaps = {row["slug"]: row["seeds_gap"] for row in table(board, "ally")["rows"]}
-    return {slug for slug, gap in gaps.items() if gap["flagged"]}
+    figures = figures_of(table(board, "ally"))
+    return {slug for slug, of in figures.items() if of.seeds_gap.is_flagged}
 
 
 def test_seeds_that_were_learned_by_heart_are_flagged(season):
@@ -335,9 +340,9 @@ def test_a_gap_that_may_be_chance_is_not_flagged(season):
 
 
 def test_an_empty_board_is_a_board(board):
-    found = make_board(board)
-    assert not [row for track in found["tracks"] for row in track["rows"]]
-    assert (found["crossplay"], found["season"]) == (None, None)
+    empty = make_board(board)
+    assert not [entry for track in empty.tracks for entry in track.entries]
+    assert (empty.crossplay, empty.season) == (None, None)
 
 
 def test_cross_play_names_who_is_not_in_it_on_its_page(entered, tmp_path):

@@ -10,7 +10,7 @@ import pytest
 
 from fpg_bench.envs.duel import make_duel
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.leaderboard.site import play_data
+from fpg_bench.leaderboard.site import page_data
 from fpg_bench.matches.rounds import play_round, seated
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.players.scripts import ALLIES, OPPONENTS
@@ -18,7 +18,7 @@ from tests.leaderboard.browsing import chromium
 
 pytestmark = pytest.mark.browser
 
-STATIC = Path(play_data.__file__).parent / "static"
+STATIC = Path(page_data.__file__).parent / "static"
 CODE = ("draws", "flight", "rules", "knowledge", "scripts", "policy")
 PATHS = ("pursuit", "circle", "triangle", "rectangle", "learned")
 GAMES = 10  # of each path and kind of actions: 100 rounds
@@ -117,7 +117,7 @@ class Agents:
 def test_the_rules_are_the_same(page, path, actions_of):
     scenario, seeds = Scenario(opponent_path=path), np.arange(GAMES) * 7919 + 2**40
     actions, seen, rewards = played(scenario, seeds, actions_of())
-    told = {"rules": play_data.rules_data(scenario), "seeds": seeds.tolist(), "games": GAMES, "steps": STEPS}
+    told = {"rules": page_data.rules_data(scenario), "seeds": seeds.tolist(), "games": GAMES, "steps": STEPS}
     told |= {"actions": text(actions, "<f4"), "seen": text(seen, "<f4"), "rewards": text(rewards, "<f8")}
     assert page.evaluate(REPLAY, told) < 1e-6
 
@@ -135,7 +135,7 @@ def test_the_scripts_are_the_same(page, ally, opponent):
         total[:] += game["ally_reward"], game["opponent_reward"]
 
     play_round(table, seeds=np.array([12]), on_step=add)
-    told = {"rules": play_data.rules_data(Scenario()), "seed": 12, "ally": ally, "opponent": opponent}
+    told = {"rules": page_data.rules_data(Scenario()), "seed": 12, "ally": ally, "opponent": opponent}
     np.testing.assert_allclose(page.evaluate(SCRIPTED, told), total, atol=1e-4)
 
 
@@ -153,7 +153,7 @@ def test_policies_answer_as_onnxruntime_does(page, name):
     for k, one in enumerate(seen):
         action, memory = agent.predict(one[None], memory, np.array([k == 0]))
         expected.append(action[0])
-    policy = play_data.policy_data(agent.model)
+    policy = page_data.policy_data(agent.model)
     assert policy is not None
     found = page.evaluate(ASKED, {"policy": json.loads(json.dumps(policy)), "seen": seen.tolist()})
     np.testing.assert_allclose(found, expected, atol=1e-5)

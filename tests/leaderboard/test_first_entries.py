@@ -10,6 +10,7 @@ from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import make_case, submission_folders
 from fpg_bench.leaderboard.check import load_submission
 from fpg_bench.leaderboard.onnx_contract import check_policies
+from fpg_bench.leaderboard.tracks import KNOWN, UNSEEN
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.version import __version__
 from fpg_bench.zoo.zoo import load_zoo
@@ -28,7 +29,7 @@ def board():
 
 @pytest.fixture(scope="module")
 def shown(board):
-    return {track["key"]: track for track in board["tracks"]}
+    return {track.key: track for track in board.tracks}
 
 
 def test_everybody_on_the_board_is_verified():
@@ -49,7 +50,7 @@ def test_all_scripts_and_shipped_algorithms_are_entered(shown):
 
 
 def _slugs(track):
-    return {row["slug"] for row in track["rows"]}
+    return {entry.slug for entry in track.entries}
 
 
 @pytest.mark.process
@@ -72,8 +73,8 @@ def test_random_play_stands_at_0_and_nobody_above_100(shown):
     """0 was measured on the seeds of the public fields; a season's are others, so it is met but nearly."""
     for key in ("ally", "opponent-pursuit", "opponent-learned", "planner"):
         known = {
-            row["slug"].removesuffix("-learned"): row["scores"]["known"]["value"]
-            for row in shown[key]["rows"]
+            entry.slug.removesuffix("-learned"): figures.scores[KNOWN].value
+            for entry, figures in shown[key].verified()
         }
         assert known["random"] == pytest.approx(0, abs=2), key
         assert max(known.values()) < 105, key
@@ -81,14 +82,14 @@ def test_random_play_stands_at_0_and_nobody_above_100(shown):
 
 def test_worst_is_no_higher_than_any_score(shown):
     for track in shown.values():
-        for row in track["rows"]:
-            met = [row["scores"][role]["value"] for role in ("known", "unseen") if role in row["scores"]]
-            assert not met or row["worst"]["value"] <= min(met), (track["key"], row["slug"])
+        for entry, figures in track.verified():
+            scores = [figures.scores[role].value for role in (KNOWN, UNSEEN) if role in figures.scores]
+            assert figures.worst.score.value <= min(scores), (track.key, entry.slug)
 
 
 def test_crossplay_has_all_pairs(board):
-    missing = board["crossplay"]["missing"]
-    assert missing == {"ally": [], "opponent": []}, "pairs are missing; run fpg-bench submit crossplay"
+    missing = board.crossplay.missing
+    assert missing == {"ally": (), "opponent": ()}, "pairs are missing; run fpg-bench submit crossplay"
 
 
 def submit(*words):

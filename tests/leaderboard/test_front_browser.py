@@ -55,6 +55,6 @@ def test_the_keyboard_plays_a_whole_round(visit, side, told):  # noqa: F811
     page.locator("#one").focus()
     for _ in range(300):
         page.keyboard.press("n")
-    expect(page.locator("#event")).to_have_text(re.compile(r"The round is over: [\d.−]+ a step" + told))
+    expect(page.locator("#event")).to_have_text(re.compile(r"The round is over: [\d.−]+ per step" + told))
     expect(page.locator("#clock")).to_have_text("300 / 300")
     expect(page.locator("#one")).to_be_disabled()

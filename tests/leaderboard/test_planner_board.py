@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import shutil
 from pathlib import Path
 from unittest import mock
@@ -16,6 +15,7 @@ from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.check import problems
 from fpg_bench.leaderboard.result import verified_result, write_result
+from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, UNSEEN
 from fpg_bench.leaderboard.verify import verify
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 
@@ -64,18 +64,17 @@ def test_a_board_of_planners_is_verified_and_holds(entered):
 
 def test_the_board_tells_tier_model_and_valid_answers(entered):
     quietly(entered)
-    table = next(table for table in make_board(entered)["tracks"] if table["key"] == "planner")
-    assert table["fields"][0]["counterparts"] == ["idle", "expert"]
-    rows = {row["slug"]: row for row in table["rows"]}
-    assert [row["rank"][0] for row in table["rows"]] == sorted(row["rank"][0] for row in table["rows"])
-    assert (rows["pursuit"]["planner"]["tier"], rows["pursuit"]["planner"]["valid"]) == ("ally", None)
-    told = rows["toy"]["planner"]
-    assert (told["model"], told["tier"], told["valid"]) == ("toy", "history", pytest.approx(2 / 3, rel=1e-5))
-    assert told["runs"] == 3
-    assert len(told["curve"]) == 3
-    assert rows["toy"]["kind"] == "submitted"
-    assert rows["toy"]["score"]["over"] == "matches"
-    assert json.loads(json.dumps(table, allow_nan=False)) == table
+    track = next(track for track in make_board(entered).tracks if track.key == "planner")
+    assert track.suites[0].rivals == ("idle", "expert")
+    figures = {entry.slug: of for entry, of in track.verified()}
+    ranks = [of.rank[0] for of in figures.values()]
+    assert ranks == sorted(ranks)
+    assert (figures["pursuit"].planner.tier, figures["pursuit"].planner.valid) == ("ally", None)
+    toy = figures["toy"].planner
+    assert (toy.model, toy.tier, toy.valid) == ("toy", "history", pytest.approx(2 / 3, rel=1e-5))
+    assert (toy.runs, len(toy.curve)) == (3, 3)
+    assert figures["toy"].score.over == "matches"
+    assert {entry.slug: entry.kind for entry in track.entries}["toy"] == "submitted"
 
 
 def test_a_model_without_transcripts_is_refused_and_nothing_else_is_touched(entered):
@@ -122,14 +121,12 @@ def test_a_model_stands_behind_planners_once_a_season_is_closed(entered, small_f
     close_season(small_fields, planner={"counterparts": [{"ally": "reactive"}]})
     assert quietly(entered)["planner/toy"][1].startswith("verified: known ")
     assert quietly(entered)["planner/hold"][0]
-    table = next(table for table in make_board(entered)["tracks"] if table["key"] == "planner")
-    assert table["ranked_by"] == "unseen"
-    last = table["rows"][-1]
-    assert (last["slug"], last["rank"], list(last["scores"])) == ("toy", None, ["known"])
-    assert last["score"] == last["scores"]["known"]
-    assert all(
-        row["rank"] and list(row["scores"]) == ["known", "public", "unseen"] for row in table["rows"][:-1]
-    )
+    track = next(track for track in make_board(entered).tracks if track.key == "planner")
+    assert track.ranked_by == UNSEEN
+    *others, (last, figures) = track.verified()
+    assert (last.slug, figures.rank, list(figures.scores)) == ("toy", None, [KNOWN])
+    assert figures.score == figures.scores[KNOWN]
+    assert all(other.rank and list(other.scores) == [KNOWN, PUBLIC, UNSEEN] for _, other in others)
 
 
 def test_what_was_stopped_goes_on_and_comes_to_the_same(entered, monkeypatch):

@@ -101,7 +101,7 @@ def test_the_result_of_an_entry_that_breaks_the_contract_goes(trusted):
     assert found == {"ally/honest": False, "opponent/script": True}
     assert not result.exists()
     said = []
-    assert [row["slug"] for row in make_board(trusted, said.append)["tracks"][0]["rows"]] == []
+    assert [entry.slug for entry in make_board(trusted, said.append).tracks[0].entries] == []
 
 
 @pytest.mark.parametrize("with_result", [True, False])
@@ -121,7 +121,7 @@ def test_who_comes_later_has_not_the_name_of_who_was_there(trusted, slug):
     verdicts = {v.name: v for v in verify(trusted, since="HEAD", say=lambda line: None)}
     assert "is that of 'honest', too" in verdicts[f"ally/{slug}"].line
     assert verdicts["ally/honest"].good
-    assert [row["slug"] for row in make_board(trusted)["tracks"][0]["rows"]] == ["honest"]
+    assert [entry.slug for entry in make_board(trusted).tracks[0].entries] == ["honest"]
     with pytest.raises(UserError, match="is that of 'honest', too"):
         make_case(trusted, trusted / "submissions/ally" / slug)
 
@@ -132,7 +132,7 @@ def test_a_forged_name_and_result_show_nobody_twice(trusted):
     assert verify(trusted, ["ally/zzz"], say=lambda line: None)[0].good
     (folder / "submission.yaml").write_text((folder / "submission.yaml").read_text().replace("Zzz", "Honest"))
     said = []
-    assert [row["slug"] for row in make_board(trusted, said.append)["tracks"][0]["rows"]] == ["honest"]
+    assert [entry.slug for entry in make_board(trusted, said.append).tracks[0].entries] == ["honest"]
     assert any("ally/zzz: left out: " in line for line in said)
 
 

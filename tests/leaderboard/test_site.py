@@ -1,6 +1,7 @@
 """The built site as files: what may stand in them, and that they refer to nothing but each other."""
 
 import ast
+import dataclasses
 import json
 import re
 import subprocess
@@ -14,13 +15,20 @@ import pytest
 import yaml
 
 from fpg_bench.errors import UserError
+from fpg_bench.leaderboard.board import Improvement, Profiles, Score
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.leaderboard.site.serve import make_server
-from fpg_bench.leaderboard.site.shown import Score
-from fpg_bench.leaderboard.site.wording import interval_text, rank_text, safe_link, signed, written
+from fpg_bench.leaderboard.site.views import (
+    format_interval,
+    format_number,
+    format_rank,
+    format_signed,
+    safe_link,
+)
+from fpg_bench.leaderboard.tracks import KNOWN, UNSEEN
 from fpg_bench.zoo.zoo import load_zoo
-from tests.leaderboard.example_board import HOSTILE, example_board
+from tests.leaderboard.example_board import HOSTILE, changed, example_board, with_figures
 from tests.programs import fpg
 
 ROOT = Path(__file__).parents[2]
@@ -108,32 +116,39 @@ def columns(site, track="ally"):
 def test_the_table_shows_the_four_numbers_once_a_season_is_closed_and_only_what_there_is_before(
     site, tmp_path
 ):
-    four = ["Rank", "Entry", "Score, unseen", "Known", "Gap", "Shifted", "Worst", "Jammed", "Return a step"]
-    assert columns(site) == four
+    names = [
+        "Rank",
+        "Entry",
+        "Score, unseen",
+        "Public",
+        "Gap",
+        "Shifted",
+        "Worst",
+        "Jammed",
+        "Return per step",
+    ]
+    assert columns(site) == names
     build_site(example_board(3, season=None), tmp_path)
-    assert columns(tmp_path) == ["Rank", "Entry", "Score, known", "Worst", "Jammed", "Return a step"]
+    assert columns(tmp_path) == ["Rank", "Entry", "Score, public", "Worst", "Jammed", "Return per step"]
     assert "No season is closed yet" in (tmp_path / "ranking.html").read_text()
     assert "no season closed yet" in (tmp_path / "compare.html").read_text()
 
 
-def test_entries_stand_by_score_and_the_best_is_named_with_how_many_may_be_first(tmp_path):
+def test_the_best_is_named_with_how_many_may_be_first(tmp_path):
     board = example_board(5)
-    for row, (score, rank) in zip(
-        board["tracks"][0]["rows"][1:], [(40, [1, 4]), (60, [2, 3]), (70, [1, 2]), (30, [3, 4])], strict=True
-    ):
-        row |= {"rank": rank, "score": {"value": score}}
+    for entry, rank in zip(board.tracks[0].entries, [(1, 2), (1, 3), (3, 4), (3, 4)], strict=False):
+        board = with_figures(board, entry.slug, rank=rank)
     build_site(board, tmp_path)
     page = (tmp_path / "ranking.html").read_text()
     order = re.findall(r'class="who" data-v="player (\d)', page.split('id="opponent-pursuit"')[0])
-    assert order == ["3", "2", "1", "4", "0"]
-    told = " ".join("".join(Page(tmp_path / "ranking.html").text).split())
-    assert "Player 3 has the highest score; 1 other may be first as well. Ranked by" in told
+    assert order == [entry.slug[-1] for entry in board.tracks[0].entries]
+    text = " ".join("".join(Page(tmp_path / "ranking.html").text).split())
+    assert f"Player {order[0]} has the highest score; 1 other may be first as well. Ranked by" in text
 
 
-def test_the_gap_is_known_minus_unseen(tmp_path):
-    board = example_board(2)
-    board["tracks"][0]["rows"][1]["scores"] |= {"known": {"value": 60.25}, "unseen": {"value": 20.0}}
-    build_site(board, tmp_path)
+def test_the_gap_is_public_minus_unseen(tmp_path):
+    scores = {KNOWN: Score(60.25), UNSEEN: Score(20.0)}
+    build_site(with_figures(example_board(2), "player-1", scores=scores), tmp_path)
     assert '<td class="num extra" data-v="40.25">+40.2</td>' in (tmp_path / "ranking.html").read_text()
     assert "+40.2" in (tmp_path / "entries/ally/player-1.html").read_text()
 
@@ -144,62 +159,53 @@ def test_the_worst_says_who_and_where(tmp_path):
         text = "".join(Page(tmp_path / name).text)
         assert "Player 1" in text  # of the other side, by its name
         assert "cross-play" in text
-        assert "−13.96 a step" in text
+        assert "−13.96 per step" in text
     text = "".join(Page(tmp_path / "entries/ally/player-2.html").text)
-    assert re.search(r"against \w+/pursuit \(known\) it earns 2.50 a step", text)
+    assert re.search(r"against \w+/pursuit \(public\) it earns 2.50 per step", text)
 
 
-def test_who_does_better_on_seeds_that_everybody_knew_is_told_in_words(site):
-    told = "scores 7.2 more on the seeds that everybody knew"
+def test_a_flagged_gain_on_public_seeds_is_named(site):
+    told = "scores 7.2 more on public seeds"
     assert (site / "ranking.html").read_text().count(told) == 1
     assert told in (site / "entries/ally/player-2.html").read_text()
-    assert "that everybody knew than" not in (site / "entries/ally/player-3.html").read_text()
+    assert "public seeds</strong> than" not in (site / "entries/ally/player-3.html").read_text()
 
 
-def test_who_was_entered_after_the_season_was_closed_is_marked(site):
-    told = "had access to the season's field</small>"
+def test_late_entries_are_marked(site):
+    told = "late entry</small>"
     assert (site / "ranking.html").read_text().count(told) == 2  # one in each table
-    assert "It had access" in (site / "entries/ally/player-1.html").read_text()
-    assert "It had access" not in (site / "entries/ally/player-3.html").read_text()
+    assert "Late entry</strong>" in (site / "entries/ally/player-1.html").read_text()
+    assert "Late entry</strong>" not in (site / "entries/ally/player-3.html").read_text()
 
 
-def test_an_entry_without_a_score_that_ranks_is_shown_last_and_without_a_rank(tmp_path):
+def without_unseen(figures):
+    """Figures of an entry that has played the public suite only."""
+    return {
+        "rank": None,
+        "score": figures.scores[KNOWN],
+        "scores": {KNOWN: figures.scores[KNOWN]},
+        "by_rival": {KNOWN: figures.by_rival[KNOWN]},
+        "units": {KNOWN: figures.units[KNOWN]},
+    }
+
+
+def test_an_entry_without_a_score_that_ranks_has_no_rank(tmp_path):
     board = example_board(4)
-    row = board["tracks"][0]["rows"][2]
-    for role in ("unseen", "shifted", "public"):
-        del row["scores"][role], row["counterparts"][role]
-    row |= {"rank": None, "score": row["scores"]["known"]}
-    build_site(board, tmp_path)
+    figures = next(figures for entry, figures in board.tracks[0].verified() if entry.slug == "player-2")
+    build_site(with_figures(board, "player-2", **without_unseen(figures)), tmp_path)
     data = json.loads((tmp_path / "data/compare.js").read_text().removeprefix("window.fpgData = ")[:-2])
-    (compared,) = [one for one in data["tracks"][0]["rows"] if one["slug"] == "player-2"]
-    assert (compared["rank"], compared["gap"], compared["scores"]["unseen"]) == ("–", None, [None] * 3)
+    (compared,) = [row for row in data["tracks"][0]["rows"] if row["slug"] == "player-2"]
+    assert (compared["rank"], compared["gap"], compared["scores"][UNSEEN]) == ("–", None, [None] * 3)
     page = (tmp_path / "entries/ally/player-2.html").read_text()
-    assert "over the known field" in page
-    assert "It has not played the unseen field, so it has no rank." in page
-    order = re.findall(r'href="entries/ally/(player-\d)', (tmp_path / "ranking.html").read_text())
-    assert order[2:4] == ["player-2", "player-0"]
+    assert "over the public suite" in page
+    assert "It has not played the unseen suite, so it has no rank." in page
 
 
-def crossplay_of(board, folder):
-    build_site(board, folder)
-    return json.loads((folder / "data/crossplay.js").read_text().removeprefix("window.fpgData = ")[:-2])
-
-
-def test_one_player_in_two_tables_is_shown_once_where_it_fares_alike(tmp_path):
+def test_the_same_player_in_two_tables_is_named_once(tmp_path):
     board = example_board(3)
-    found = board["crossplay"]
-    found |= {"twins": [["player-0", "player-1"]]}
-    found["nash"]["opponent"] = {"player-0": 0.25, "player-1": 0.75}
-    assert crossplay_of(board, tmp_path / "apart")["opponents"] == ["player-0", "player-1"]
-    for matrix in (*found["returns"].values(), found["jamming_success_rate"]):
-        for line in matrix:
-            line[1] = line[0]
-    data = crossplay_of(board, tmp_path / "alike")
-    assert data["opponents"] == ["player-0"]
-    assert [len(line) for matrix in data["matrices"].values() for line in matrix] == [1] * 9
-    assert data["nash"]["opponent"] == {"player-0": 1.0}
-    told = (tmp_path / "alike/crossplay.html").read_text()
-    assert "shown once: Player 1 as Player 0" in told
+    crossplay = dataclasses.replace(board.crossplay, same_player={"player-1": "player-0"})
+    build_site(dataclasses.replace(board, crossplay=crossplay), tmp_path)
+    assert "shown once: Player 1 as Player 0" in (tmp_path / "crossplay.html").read_text()
 
 
 def test_links_of_submissions_are_https_or_none(pages):
@@ -295,18 +301,20 @@ def test_the_docs_example_of_ranks_comes_out_and_its_table_says_the_same(capsys)
     exec(code)
     assert capsys.readouterr().out.strip() == told
     table = re.findall(r"^\| [abc] \|.*\| (\S+) \|$", text, re.MULTILINE)
-    assert [rank_text(rank) for rank in ast.literal_eval(told)] == table
+    assert [format_rank(rank) for rank in ast.literal_eval(told)] == table
 
 
-def test_the_board_can_be_taken_away_whole(site):
+def test_the_board_can_be_downloaded_as_json(site):
     board = json.loads((site / "board.json").read_text())
-    assert [row["slug"] for row in board["tracks"][0]["rows"]] == [f"player-{k}" for k in range(7)]
-    assert board["tracks"][0]["rows"][1]["replays"] == ["replays/ally/player-1/ab.js"]
+    entries = {entry["slug"]: entry for entry in board["tracks"][0]["entries"]}
+    assert sorted(entries) == [f"player-{k}" for k in range(7)]
+    assert entries["player-1"]["replays"] == ["replays/ally/player-1/ab.js"]
+    assert entries["player-0"]["figures"] is None
 
 
 @pytest.mark.slow
 def test_the_front_page_stays_small_for_many_entries(tmp_path):
-    build_site(example_board(200, counterparts=22), tmp_path)
+    build_site(example_board(200, rivals=22), tmp_path)
     page = Page(tmp_path / "index.html")
     loaded = [
         attrs.get("src") or attrs.get("href") for tag, attrs in page.elements if tag in ("script", "link")
@@ -320,7 +328,7 @@ def test_an_entry_s_page_says_how_it_is_cited_and_has_a_badge(site):
     assert "@misc{fpg-bench-ally-player-1," in page
     badge = (site / "badges/ally/player-1.svg").read_text()
     assert ElementTree.fromstring(badge).attrib["aria-label"].startswith("fpg-bench ally: rank ")
-    assert "nobody of the board" in page  # it had access
+    assert "none: it was submitted or changed after" in page
     assert "trained-0, trained-1, trained-2" in (site / "entries/ally/player-2.html").read_text()
 
 
@@ -332,11 +340,10 @@ def test_every_command_that_trains_a_zoo_entry_names_an_agent_of_the_zoo():
 
 
 def test_a_board_without_entries_has_a_site(tmp_path):
-    board = example_board(1) | {"crossplay": None}
-    for track in board["tracks"]:
-        track |= {"rows": [], "improvement": {"names": [], "value": [], "low": [], "high": []}}
-        track["profiles"] = {"thresholds": [], "share": {}}
-    build_site(board, tmp_path)
+    board = example_board(1)
+    empty = {"entries": (), "improvement": Improvement((), [], [], []), "profiles": Profiles((), {})}
+    tracks = tuple(dataclasses.replace(track, **empty) for track in board.tracks)
+    build_site(dataclasses.replace(board, tracks=tracks, crossplay=None), tmp_path)
     assert "No entries yet" in (tmp_path / "index.html").read_text()
     assert "has not been played" in (tmp_path / "crossplay.html").read_text()
 
@@ -357,10 +364,9 @@ def test_a_folder_of_other_files_is_left_alone(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
 
-@pytest.mark.parametrize("slug", ["../../escaped", "a/b", "", "UPPER", "x" * 41, None, ".hidden", "a\n"])
-def test_a_name_that_is_no_files_is_refused(tmp_path, slug):
-    board = example_board(1)
-    board["tracks"][0]["rows"][0]["slug"] = slug
+@pytest.mark.parametrize("slug", ["../../escaped", "a/b", "", "UPPER", "x" * 41, ".hidden", "a\n"])
+def test_a_slug_that_is_no_file_name_is_refused(tmp_path, slug):
+    board = changed(example_board(1), lambda entry: dataclasses.replace(entry, slug=slug), "player-0")
     with pytest.raises(UserError, match="entry of ally"):
         build_site(board, tmp_path / "out")
     assert not list(tmp_path.iterdir())
@@ -378,21 +384,20 @@ def test_a_name_that_is_no_files_is_refused(tmp_path, slug):
         ("https://x.org/ y", False),
         ("https://x.org\n", False),
         (None, False),
-        (["https://x.org"], False),
     ],
 )
 def test_only_plain_https_links_are_kept(link, kept):
     assert safe_link(link) == (link if kept else None)
 
 
-def test_numbers_are_written_alike_and_missing_ones_as_a_dash():
-    assert [written(value) for value in (1.26, -3, None, float("nan"), "7", True)] == ["1.3", "−3.0", *"––––"]
-    told = [written(0.1234, "share"), written(12345.6, "whole"), written(2, "dB"), written(-2, "step")]
-    assert told == ["12.3 %", "12,346", "2.0 dB", "−2.00"]
-    assert [signed(value) for value in (1.26, -3, None)] == ["+1.3", "−3.0", "–"]
-    assert [rank_text(rank) for rank in ([1, 1], [2, 5], None, [None, 2])] == ["1", "2–5", "–", "–"]
-    assert interval_text(Score(0.0, -1.0, 2.0)) == "−1.0 to 2.0"
-    assert interval_text(Score(0.0, None, 2.0)) == ""
+def test_numbers_have_one_format_and_missing_ones_are_a_dash():
+    assert [format_number(value) for value in (1.26, -3, None, float("nan"))] == ["1.3", "−3.0", "–", "–"]
+    pairs = [(0.1234, "share"), (12345.6, "whole"), (2, "dB"), (-2, "step")]
+    assert [format_number(*pair) for pair in pairs] == ["12.3 %", "12,346", "2.0 dB", "−2.00"]
+    assert [format_signed(value) for value in (1.26, -3)] == ["+1.3", "−3.0"]
+    assert [format_rank(rank) for rank in ((1, 1), (2, 5), None)] == ["1", "2–5", "–"]
+    assert format_interval(Score(0.0, -1.0, 2.0)) == "−1.0 to 2.0"
+    assert format_interval(Score(0.0)) == format_interval(None) == ""
 
 
 def test_serving_needs_a_site_and_a_free_port(site, tmp_path):

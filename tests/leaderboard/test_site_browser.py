@@ -13,7 +13,7 @@ from scipy import stats
 
 from fpg_bench.evaluation.field import load_field
 from fpg_bench.leaderboard.site.build import build_site
-from fpg_bench.leaderboard.site.replays import Replay, simulated
+from fpg_bench.leaderboard.site.replays import Replay, simulate_round
 from fpg_bench.leaderboard.site.serve import make_server
 from fpg_bench.leaderboard.submission import Submission
 from tests.leaderboard.browsing import chromium
@@ -50,12 +50,17 @@ def rounds() -> list[Replay]:
     submission = Submission(
         Path("player-3"), "ally", HOSTILE[0], (), saw="", unable="", script="expert-spread", **texts
     )
-    field = load_field("ally-v1")
+    suite = load_field("ally-v1")
     return [
-        simulated(
-            submission, "expert-spread", (field, one), f"against {one.name}", f"replays/ally/player-3/{k}.js"
+        simulate_round(
+            submission,
+            "expert-spread",
+            suite,
+            rival,
+            f"against {rival.name}",
+            f"replays/ally/player-3/{k}.js",
         )
-        for k, one in enumerate(field.counterparts[:2])
+        for k, rival in enumerate(suite.counterparts[:2])
     ]
 
 
@@ -205,7 +210,7 @@ def test_two_entries_are_compared_and_the_address_keeps_which(visit, site):
     assert (page.locator("#a").input_value(), page.locator("#b").input_value()) == ("player-4", "player-7")
     page.locator("#track").select_option("opponent-pursuit")
     headings = page.locator("#comparison h2").all_inner_texts()
-    assert [heading.partition(":")[0] for heading in headings[:3]] == ["Known", "Unseen", "Shifted"]
+    assert [heading.partition(":")[0] for heading in headings[:3]] == ["Public", "Unseen", "Shifted"]
     assert page.locator("#comparison svg").count() == 3 + 4 + 3  # all counterparts, then each of them
 
 
@@ -256,7 +261,7 @@ def test_a_round_is_played_paused_and_scrubbed(visit):
     page = visit(WATCHED)
     step, button = page.locator("#replay-step"), page.locator("#replay-play")
     expect(page.locator("#replay-step")).to_have_attribute("max", "300")
-    assert page.locator("#told").inner_text().startswith("Jammed ")
+    assert page.locator("#round-summary").inner_text().startswith("Jammed ")
     button.click()
     expect(step).not_to_have_value(re.compile("^[0-2]$"))
     button.click()

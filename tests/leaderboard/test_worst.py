@@ -6,8 +6,9 @@ import pytest
 from fpg_bench.evaluation.field import Counterpart, Field
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.leaderboard.board_rows import worst
+from fpg_bench.leaderboard.board import CROSSPLAY, worst_case
 from fpg_bench.leaderboard.pairs import Pair
+from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, RESPONSES, SHIFTED, UNSEEN
 
 
 def over(name, **means):
@@ -24,47 +25,46 @@ def pair(ally, opponent, ally_rewards, opponent_rewards=(0.0,)):
 
 
 SUMMARIES = {
-    "known": over("ally-v1", tone=8, comb=5),
-    "public": over("ally-v1", tone=8, comb=-9),
-    "unseen": over("ally-season-1", one=3, other=4),
-    "shifted": over("ally-shifted-v1", fast=-20),
-    "responses": over("ally-responses-v1", strong=2),
+    KNOWN: over("ally-v1", tone=8, comb=5),
+    PUBLIC: over("ally-v1", tone=8, comb=-9),
+    UNSEEN: over("ally-season-1", one=3, other=4),
+    SHIFTED: over("ally-shifted-v1", fast=-20),
+    RESPONSES: over("ally-responses-v1", strong=2),
 }
 
 
-def told(found):
-    return found.reward.value, found.against, found.where
+def described(worst):
+    return worst.return_per_step.value, worst.rival, worst.where
 
 
 def test_the_lowest_over_all_fields_is_named():
-    assert told(worst("mine", "ally", SUMMARIES)) == (2, "strong", "ally-responses-v1")
-    fields = {role: summary for role, summary in SUMMARIES.items() if role != "responses"}
-    assert told(worst("mine", "ally", fields)) == (3, "one", "ally-season-1")
-    assert told(worst("mine", "ally", {"known": fields["known"]})) == (5, "comb", "ally-v1")
+    assert described(worst_case("mine", "ally", SUMMARIES)) == (2, "strong", RESPONSES)
+    fields = {role: summary for role, summary in SUMMARIES.items() if role != RESPONSES}
+    assert described(worst_case("mine", "ally", fields)) == (3, "one", UNSEEN)
+    assert described(worst_case("mine", "ally", {KNOWN: fields[KNOWN]})) == (5, "comb", KNOWN)
 
 
-def test_changed_rules_and_seeds_that_everybody_knew_are_none_of_its_worst():
-    fields = {role: SUMMARIES[role] for role in ("known", "public", "shifted")}
-    assert told(worst("mine", "ally", fields)) == (5, "comb", "ally-v1")
+def test_changed_rules_and_public_seeds_do_not_count():
+    fields = {role: SUMMARIES[role] for role in (KNOWN, PUBLIC, SHIFTED)}
+    assert described(worst_case("mine", "ally", fields)) == (5, "comb", KNOWN)
 
 
-def test_a_lower_pair_of_cross_play_is_its_worst():
+def test_a_lower_pair_of_cross_play_is_the_worst_case():
     pairs = [pair("mine", "weak", [9, 9]), pair("mine", "hard", [0, 2]), pair("other", "harder", [-5, -5])]
-    assert told(worst("mine", "ally", SUMMARIES, pairs)) == (1, "hard", "cross-play")
-    assert told(worst("mine", "ally", SUMMARIES, pairs[:1])) == (2, "strong", "ally-responses-v1")
+    assert described(worst_case("mine", "ally", SUMMARIES, pairs)) == (1, "hard", CROSSPLAY)
+    assert described(worst_case("mine", "ally", SUMMARIES, pairs[:1])) == (2, "strong", RESPONSES)
 
 
 def test_an_opponent_s_worst_is_by_its_own_returns():
     pairs = [pair("one", "mine", [9], [4, 6]), pair("two", "mine", [-9], [1])]
-    assert told(worst("mine", "opponent", SUMMARIES, pairs)) == (1, "two", "cross-play")
+    assert described(worst_case("mine", "opponent", SUMMARIES, pairs)) == (1, "two", CROSSPLAY)
 
 
 def test_its_interval_is_over_training_seeds():
-    found = worst("mine", "ally", SUMMARIES).reward
-    assert found.over == "training seeds"
-    assert found.low < 2 < found.high
-    (low, high) = (found.low, found.high)
-    pairs = [pair("mine", "hard", [0, 2])]
-    found = worst("mine", "ally", SUMMARIES, pairs).reward
-    assert (found.low - 1, found.high - 1) == pytest.approx((low - 2, high - 2))
-    assert np.isnan(worst("mine", "ally", SUMMARIES, [pair("mine", "hard", [0])]).reward.low)
+    reward = worst_case("mine", "ally", SUMMARIES).return_per_step
+    assert reward.over == "training seeds"
+    assert reward.low < 2 < reward.high
+    crossed = worst_case("mine", "ally", SUMMARIES, [pair("mine", "hard", [0, 2])]).return_per_step
+    assert (crossed.low - 1, crossed.high - 1) == pytest.approx((reward.low - 2, reward.high - 2), rel=1e-5)
+    single = worst_case("mine", "ally", SUMMARIES, [pair("mine", "hard", [0])]).return_per_step
+    assert (single.low, single.high) == (None, None)

@@ -1,4 +1,4 @@
-"""The leaderboard's page: static, complete in itself, made from a board alone."""
+"""Static site of the leaderboard, made from a board; it needs no server and no other host."""
 
 from fpg_bench.extras import need
 

@@ -1,241 +1,249 @@
-"""What an entry's own page shows: its scores, how it is played again and cited; and its badge."""
+"""View models of an entry's page and badge."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from fpg_bench.leaderboard.site import drawing, wording
-from fpg_bench.leaderboard.site.shown import (
-    Names,
-    Row,
-    Score,
-    ShownEntry,
-    ShownField,
-    ShownTrack,
-    score_of,
-    value_of,
+from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
+from fpg_bench.leaderboard.site.views import (
+    HIDDEN,
+    MEASURES,
+    NONE,
+    ROLES,
+    Axis,
+    Measure,
+    WorstView,
+    format_number,
+    format_rank,
+    lost_text,
+    measure_of,
+    ordered_suites,
+    safe_link,
+    scale_text,
+    seeds_gap_text,
+    worst_view,
 )
-from fpg_bench.leaderboard.site.views import axis_of, entry_head, seeds_gap_text, worst_view
-from fpg_bench.leaderboard.site.wording import finite, written
+from fpg_bench.leaderboard.tracks import KNOWN, UNSEEN
 
-_CHAR_PX = 6.6  # of a badge's letters, about
+_CHAR_PX = 6.6  # approximate width of a badge's letters
 _SPECIAL = re.compile(r"([&%$#_{}])")
+_HISTOGRAMS = {"ally": "Where the ally transmits", "jam": "Where the opponent jams"}
 
 
-def entry_view(track: ShownTrack, entry: ShownEntry, names: Names, about: Row) -> Row:
-    """What an entry's own page shows.
+@dataclass(frozen=True)
+class HistogramView:
+    """Bars of a histogram over frequency points: ``(x, y, width, height, share)`` each, in pixels."""
 
-    Args:
-        track: of a board.
-        entry: of that track.
-        names: see :func:`fpg_bench.leaderboard.site.shown.names_of`.
-        about: what the board says of itself.
+    side: str
+    title: str
+    bars: list[tuple[float, float, float, float, float]]
+    width: int = 480
+    height: int = 110
+
+
+@dataclass(frozen=True)
+class FiguresView:
+    """Figures of a verified entry, ready for its page.
+
+    Attributes:
+        role: of the suite that its score is over.
+        scores: suites with the score over each; ``by_rival``: with the score against each rival.
+        curve, facts: of planners: score per round of a match, and what else is known of them.
     """
-    score, gap = entry.score, entry.gap
-    role = track.ranked_by if track.ranked_by in entry.scores else "known"  # that its score is over
-    domain = drawing.domain_of(_scores(entry))
-    return {
-        **entry_head(entry),
-        "track": track.title,
-        "key": track.key,
-        "ranked": sum(other.verified and bool(other.rank) for other in track.entries),
-        "ranked_by": wording.role_of(track.ranked_by).label.lower(),
-        "role": wording.role_of(role).label.lower(),
-        "scale": wording.scale_text(track.scale, track.side),
-        "score": written(value_of(score)),
-        "interval": wording.interval_text(score),
-        "over": "" if score is None else score.over,
-        "gap": "" if gap is None else wording.signed(gap),
-        "seeds_gap": seeds_gap_text(entry),
-        "worst": {
-            **worst_view(track, entry, names),
-            "picture": drawing.interval_picture(entry.worst, domain),
-        },
-        "axis": axis_of(domain),
-        "scores": [
-            {**_scored(field.label, over, domain), "about": field.about, "field": field.name}
-            for field in track.fields
-            if (over := entry.scores.get(field.role)) is not None
+
+    figures: Figures
+    role: str
+    axis: Axis
+    worst: WorstView
+    seeds_gap: str
+    lost: str
+    scores: list[tuple[BoardSuite, Score]]
+    by_rival: list[tuple[BoardSuite, Mapping[str, Score]]]
+    measures: list[tuple[Measure, float]]
+    histograms: list[HistogramView]
+    facts: list[tuple[str, str]]
+    fingerprint: list[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class EntryView:
+    """An entry's page.
+
+    Attributes:
+        shown: its figures; None where it is not verified.
+        commands: a description and a command line each.
+        unseen: the suite of rivals that it cannot have trained on, if there is one.
+    """
+
+    track: BoardTrack
+    entry: BoardEntry
+    ranked_by: str
+    scale: str
+    shown: FiguresView | None
+    reference: str | None
+    commands: list[tuple[str, str]]
+    bibtex: str
+    badge: str
+    unseen: BoardSuite | None
+
+
+def entry_view(board: Board, track: BoardTrack, entry: BoardEntry) -> EntryView:
+    """Return the view of an entry's page."""
+    figures = entry.figures
+    is_late = figures is not None and figures.is_late
+    return EntryView(
+        track=track,
+        entry=entry,
+        ranked_by=ROLES[track.ranked_by].label.lower(),
+        scale=scale_text(track),
+        shown=None if figures is None else _figures_view(board, track, figures),
+        reference=safe_link(entry.reference),
+        commands=commands(track, entry),
+        bibtex=bibtex(board, track, entry),
+        badge=badge_file(track, entry),
+        unseen=next((suite for suite in track.suites if suite.role == UNSEEN and not is_late), None),
+    )
+
+
+def _figures_view(board: Board, track: BoardTrack, figures: Figures) -> FiguresView:
+    role = track.ranked_by if track.ranked_by in figures.scores else KNOWN
+    planner = figures.planner
+    drawn = [figures.worst.score, *figures.scores.values()]
+    drawn += [score for scores in figures.by_rival.values() for score in scores.values()]
+    drawn += [Score(value) for value in figures.seeds.values()]
+    drawn += [] if planner is None else planner.curve
+    names = [*MEASURES, *(name for name in figures.measures if name not in (*MEASURES, *HIDDEN))]
+    values = {name: value for name, value in figures.measures.items() if value is not None}
+    return FiguresView(
+        figures=figures,
+        role=ROLES[role].label.lower(),
+        axis=Axis.of_scores(drawn),
+        worst=worst_view(board, track, figures),
+        seeds_gap=seeds_gap_text(figures),
+        lost=lost_text(figures),
+        scores=[
+            (suite, figures.scores[suite.role])
+            for suite in ordered_suites(track, without=())
+            if suite.role in figures.scores
         ],
-        "fields": [
-            _one_by_one(field, entry, domain)
-            for field in track.fields
-            if field.role != "public" and entry.met.get(field.role)
+        by_rival=[
+            (suite, figures.by_rival[suite.role])
+            for suite in ordered_suites(track)
+            if suite.role in figures.by_rival
         ],
-        "seeds": _seeds(entry, domain),
-        "measures": _measures(entry.measures),
-        "histograms": _histograms(entry.row.get("histograms")),
-        "planner": _planner(entry, domain),
-        "commands": commands(track, entry),
-        "bibtex": bibtex(track, entry, about),
-        "badge": badge_file(track, entry),
-        "never_met": never_met(track, entry),
-        **_about(entry.row),
-    }
+        measures=[(measure_of(name), values[name]) for name in names if name in values],
+        histograms=_histograms(figures),
+        facts=_planner_facts(figures),
+        fingerprint=_flat(figures.fingerprint),
+    )
 
 
-def _scores(entry: ShownEntry) -> list[Score | None]:
-    """All scores that the page draws."""
-    seeds = [Score(finite(value)) for value in entry.seeds.values()]
-    met = [one for of in entry.met.values() for one in of.values()]
-    return [entry.worst, *entry.scores.values(), *met, *seeds, *_curve(entry)]
-
-
-def _curve(entry: ShownEntry) -> list[Score | None]:
-    return [score_of(found) for found in entry.planner.get("curve") or []]
-
-
-def _one_by_one(field: ShownField, entry: ShownEntry, domain: drawing.Domain) -> Row:
-    found = entry.met[field.role]
-    rows = [_scored(name, found.get(name), domain) for name in field.counterparts]
-    return {"role": field.role, "name": field.name, "label": field.label, "rows": rows}
-
-
-def _scored(name: str, score: Score | None, domain: drawing.Domain) -> Row:
-    return {
-        "name": name,
-        "score": written(value_of(score)),
-        "interval": wording.interval_text(score),
-        "picture": drawing.interval_picture(score, domain),
-    }
-
-
-def _seeds(entry: ShownEntry, domain: drawing.Domain) -> list[Row]:
-    """The score of each training seed; none for scripts."""
-    scores = {seed: finite(value) for seed, value in entry.seeds.items() if seed != "None"}
-    return [
-        {"seed": seed, "score": written(value), "picture": drawing.interval_picture(Score(value), domain)}
-        for seed, value in scores.items()
-        if value is not None
-    ]
-
-
-def _measures(found: Row) -> list[Row]:
-    names = [name for name in wording.MEASURES if name in found]
-    names += [name for name in found if name not in wording.MEASURES]
-    listed = [(name, wording.measure_of(name)) for name in names if name not in wording.HIDDEN]
-    return [
-        {"label": told.label, "text": written(found[name], told.style), "about": told.about}
-        for name, told in listed
-        if finite(found[name]) is not None
-    ]
-
-
-def _planner(entry: ShownEntry, domain: drawing.Domain) -> Row | None:
-    """What is told of planners alone: how the score grows over a match's rounds, and what they asked."""
-    found = entry.planner
-    if not isinstance(entry.row.get("planner"), dict):
-        return None
-    curve = [_scored(str(k), score, domain) for k, score in enumerate(_curve(entry), 1)]
+def _planner_facts(figures: Figures) -> list[tuple[str, str]]:
+    planner = figures.planner
+    if planner is None:
+        return []
     facts = [
-        ("Knows", str(found.get("tier") or wording.NONE)),
-        ("Score over all rounds", written(value_of(score_of(found.get("score_all"))))),
-        ("Plans of its own", written(found.get("valid"), "share")),
-        ("Valid but useless", written(found.get("valid_but_useless"), "share")),
-        ("Runs made, this one with them", written(found.get("runs"), "whole")),
-        ("Begun after season", written(found.get("season"), "whole")),
-        ("Tokens a plan", written(found.get("tokens"), "whole")),
+        ("Knowledge", planner.tier),
+        ("Score over all rounds", format_number(planner.score_all.value)),
+        ("Valid plans", format_number(planner.valid, "share")),
+        ("Valid but useless", format_number(planner.valid_but_useless, "share")),
+        ("Recorded runs, including this one", format_number(planner.runs, "whole")),
+        ("Recorded after season", format_number(planner.season, "whole")),
+        ("Tokens per plan", format_number(planner.tokens, "whole")),
     ]
-    return {"curve": curve, "facts": [fact for fact in facts if fact[1] != wording.NONE]}
+    return [(name, text) for name, text in facts if text != NONE]
 
 
-def _histograms(found: Any) -> list[Row]:
-    """The time that both sides spend on each frequency point."""
-    titles = (("ally", "Where the ally transmits"), ("jam", "Where the opponent jams"))
-    drawn = [
-        {"side": side, "title": title, "picture": drawing.histogram_picture((found or {}).get(side))}
-        for side, title in titles
-    ]
-    return [one for one in drawn if one["picture"] is not None]
+def _histograms(figures: Figures) -> list[HistogramView]:
+    """Return the share of time that both sides spend on each frequency point, as bars."""
+    views = []
+    for side, title in _HISTOGRAMS.items():
+        shares = figures.histograms[side]
+        view = HistogramView(side, title, [])
+        total, top = sum(shares), max(shares, default=0.0)
+        step = view.width / max(len(shares), 1)
+        for index, share in enumerate(shares if total else ()):
+            height = share / top * view.height
+            corner = round(index * step + 1, 1), round(view.height - height, 1)
+            view.bars.append((*corner, round(step - 2, 1), round(height, 1), share / total))
+        if view.bars:
+            views.append(view)
+    return views
 
 
-def _about(row: Row) -> Row:
-    training = row.get("training")
-    return {
-        "reference": wording.safe_link(row.get("reference")),
-        "licence": row.get("licence") or "",
-        "saw": row.get("saw") or "",
-        "unable": row.get("unable") or "",
-        "description": row.get("description") or "",
-        "training": None
-        if not isinstance(training, dict)
-        else {
-            "steps": written(training.get("steps"), "whole"),
-            "hours": written(training.get("hours"), "step"),
-            "seeds": ", ".join(map(str, training.get("seeds") or [])) or wording.NONE,
-        },
-        "fingerprint": _flat(row.get("fingerprint") or {}),
-    }
-
-
-def _flat(content: Row) -> list[tuple[str, str]]:
-    """A fingerprint as lines: nested mappings with their names joined."""
+def _flat(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return a fingerprint as lines; the names of nested mappings are joined."""
     lines = []
     for key, value in content.items():
         name = str(key).replace("_", " ")
-        if isinstance(value, dict):
+        if isinstance(value, Mapping):
             lines += [(f"{name} {inner}", text) for inner, text in _flat(value)]
         else:
-            lines.append((name, wording.NONE if value is None else str(value)))
+            lines.append((name, NONE if value is None else str(value)))
     return lines
 
 
-def commands(track: ShownTrack, entry: ShownEntry) -> list[Row]:
-    """What to type to have an entry's numbers again, and where the package trained it, the entry itself."""
-    side = track.key.partition("-")[0]
-    found = [{"what": "Play it again and compare", "line": f"fpg-bench submit verify {side}/{entry.slug}"}]
-    plays = entry.row.get("plays")
-    if entry.kind == "zoo" and isinstance(plays, str):
-        view = wording.safe_slug(plays.partition("/")[0], f"view of {entry.slug}")
-        champion = view.endswith("champion")
-        script = f"train_champions.py --only {view}" if champion else f"train_zoo.py --only {plays}"
-        found.append({"what": "Train it again", "line": f"python scripts/{script}"})
-    return found
+def commands(track: BoardTrack, entry: BoardEntry) -> list[tuple[str, str]]:
+    """Return the commands that play an entry again and, where the package trained it, train it again."""
+    folder = track.key.partition("-")[0]
+    lines = [("Play it again and compare", f"fpg-bench submit verify {folder}/{entry.slug}")]
+    if entry.kind == "zoo" and entry.plays is not None:
+        group = entry.plays.partition("/")[0]
+        script = (
+            f"train_champions.py --only {group}"
+            if group.endswith("champion")
+            else f"train_zoo.py --only {entry.plays}"
+        )
+        lines.append(("Train it again", f"python scripts/{script}"))
+    return lines
 
 
-def bibtex(track: ShownTrack, entry: ShownEntry, about: Row) -> str:
-    """The entry as BibTeX; ``about`` is what the board says of itself."""
-    authors = " and ".join(f"{{{_plain(name)}}}" for name in entry.row.get("authors") or [])
-    year = str(about.get("built") or "")[:4]
-    season = finite(about.get("season"))
-    told = "" if season is None else f", season {season:.0f}"
-    note = f"Entry {track.key}/{entry.slug}, protocol {about.get('protocol')}{told}"
+def bibtex(board: Board, track: BoardTrack, entry: BoardEntry) -> str:
+    """Return the entry as BibTeX."""
+    season = "" if board.season is None else f", season {board.season}"
     fields = {
-        "author": authors,
-        "title": f"{{{_plain(entry.name)}}}: entry of the fpg-bench leaderboard",
-        "year": year,
-        "note": _plain(note),
-        "url": wording.safe_link(entry.row.get("reference")) or "",
+        "author": " and ".join(f"{{{_escaped(name)}}}" for name in entry.authors),
+        "title": f"{{{_escaped(entry.name)}}}: entry of the fpg-bench leaderboard",
+        "year": board.built[:4],
+        "note": _escaped(f"Entry {track.key}/{entry.slug}, protocol {board.protocol}{season}"),
+        "url": safe_link(entry.reference) or "",
     }
     lines = [f"  {name} = {{{value}}}," for name, value in fields.items() if value]
     return "\n".join([f"@misc{{fpg-bench-{track.key}-{entry.slug},", *lines, "}"])
 
 
-def _plain(text: Any) -> str:
-    """Text as BibTeX takes it, on one line."""
-    return _SPECIAL.sub(r"\\\1", " ".join(str(text).replace("\\", " ").split()))
+def _escaped(text: str) -> str:
+    """Return text as BibTeX takes it, on one line."""
+    return _SPECIAL.sub(r"\\\1", " ".join(text.replace("\\", " ").split()))
 
 
-def badge_file(track: ShownTrack, entry: ShownEntry) -> str:
-    """Where an entry's badge lies in the site."""
+@dataclass(frozen=True)
+class BadgeView:
+    """A small picture for a README with an entry's rank and score; ``split`` and ``width`` in pixels."""
+
+    left: str
+    right: str
+    split: int
+    width: int
+    colour: str
+
+
+def badge_file(track: BoardTrack, entry: BoardEntry) -> str:
+    """Return the file of an entry's badge in the site."""
     return f"badges/{track.key}/{entry.slug}.svg"
 
 
-def badge_view(track: ShownTrack, entry: ShownEntry) -> Row:
-    """What a small picture for a README says of an entry's rank and score, and how wide its parts are."""
-    ranked = sum(other.verified and bool(other.rank) for other in track.entries)
-    score = f"score {written(value_of(entry.score))}"
-    rank = f"rank {wording.rank_text(entry.rank)} of {ranked}, " if entry.rank else ""
-    texts = {"left": f"fpg-bench {track.key}", "right": rank + score}
-    split, rest = (round(len(text) * _CHAR_PX) + 14 for text in texts.values())
-    colour = "#00609a" if track.side == "ally" else "#ad4700"
-    return {**texts, "split": split, "width": split + rest, "colour": colour}
-
-
-def never_met(track: ShownTrack, entry: ShownEntry) -> Row | None:
-    """Whom an entry can't have trained on: the season's field, unless it came after the season was closed."""
-    field = next((field for field in track.fields if field.role == "unseen"), None)
-    if field is None or entry.row.get("had_access"):
-        return None
-    return {"name": field.name, "counterparts": list(field.counterparts)}
+def badge_view(track: BoardTrack, entry: BoardEntry) -> BadgeView:
+    """Return the view of an entry's badge."""
+    figures = entry.figures
+    left, right = (
+        f"fpg-bench {track.key}",
+        f"score {NONE if figures is None else format_number(figures.score.value)}",
+    )
+    if figures is not None and figures.rank is not None:
+        right = f"rank {format_rank(figures.rank)} of {track.n_ranked}, {right}"
+    split, rest = (round(len(text) * _CHAR_PX) + 14 for text in (left, right))
+    return BadgeView(left, right, split, split + rest, "#00609a" if track.side == "ally" else "#ad4700")

@@ -1,83 +1,85 @@
-"""What the front page shows: a round that moves, and the first three of each track."""
+"""View model of the front page: a moving round, and the first three entries of each track."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
-from fpg_bench.leaderboard.site import drawing, wording
-from fpg_bench.leaderboard.site.drawing import Domain
-from fpg_bench.leaderboard.site.shown import Names, Row, Score, ShownEntry, ShownTrack, value_of
-from fpg_bench.leaderboard.site.views import entry_head, worst_view
-from fpg_bench.leaderboard.site.wording import written
-
-if TYPE_CHECKING:
-    from fpg_bench.leaderboard.site.replays import Replay
+from fpg_bench.leaderboard.board import Board, BoardEntry, BoardTrack, Figures, Score
+from fpg_bench.leaderboard.site.replays import Replay
+from fpg_bench.leaderboard.site.views import Axis, WorstView, entry_page, interval_ends, worst_view
 
 FIRST = 3
-_STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # of an axis' marks
-_TICKS = 5  # at most
+_STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # between an axis' ticks
+_MOST_TICKS = 5
 
 
-def front_view(
-    tracks: Sequence[ShownTrack], names: Names, replays: Mapping[tuple[str, str], Sequence[Replay]]
-) -> Row:
-    """What the front page shows.
+@dataclass(frozen=True)
+class PodiumRow:
+    """One of the first entries of a track."""
+
+    entry: BoardEntry
+    page: str
+    figures: Figures
+    worst: WorstView
+
+
+@dataclass(frozen=True)
+class Podium:
+    """The first entries of a track; their scores and worst cases share one axis."""
+
+    track: BoardTrack
+    axis: Axis
+    ticks: list[int]
+    rows: list[PodiumRow]
+
+    @property
+    def side(self) -> str:
+        """The side that is flown: a planner's is the opponent."""
+        return "ally" if self.track.side == "ally" else "opponent"
+
+
+@dataclass(frozen=True)
+class FrontView:
+    """The front page: the round that moves, if there is one, and the podiums."""
+
+    film: Replay | None
+    podiums: list[Podium]
+
+
+def front_view(board: Board, replays: Mapping[tuple[str, str], Sequence[Replay]]) -> FrontView:
+    """Return the view of the front page.
 
     Args:
-        tracks: of a board.
-        names: see :func:`fpg_bench.leaderboard.site.shown.names_of`.
-        replays: by track and entry, the rounds that its page shows.
+        board: the board.
+        replays: rounds by track and entry. The page shows the last (hardest) of the first entry that has any.
     """
-    return {"film": _film(tracks, replays), "tracks": [_podium(track, names) for track in tracks]}
+    entries = [(track.key, entry.slug) for track in board.tracks for entry in track.entries]
+    film = next((replays[key][-1] for key in entries if replays.get(key)), None)
+    return FrontView(film, [_podium(board, track) for track in board.tracks])
 
 
-def _film(tracks: Sequence[ShownTrack], replays: Mapping[tuple[str, str], Sequence[Replay]]) -> Replay | None:
-    """The round that moves: the last (hardest) one of the first entry that has any; None where none has."""
-    ranked = [(track.key, entry.slug) for track in tracks for entry in track.entries]
-    return next((replays[place][-1] for place in ranked if replays.get(place)), None)
+def _podium(board: Board, track: BoardTrack) -> Podium:
+    first = list(track.verified())[:FIRST]
+    axis = zoomed_axis(score for _, figures in first for score in (figures.score, figures.worst.score))
+    rows = [
+        PodiumRow(entry, entry_page(track, entry), figures, worst_view(board, track, figures))
+        for entry, figures in first
+    ]
+    return Podium(track, axis, ticks(axis), rows)
 
 
-def _podium(track: ShownTrack, names: Names) -> Row:
-    """The first three of a track, their scores and worst cases on one axis that spans what they reach."""
-    first = [entry for entry in track.entries if entry.verified and entry.score is not None][:FIRST]
-    domain = zoomed([score for entry in first for score in (entry.score, entry.worst)])
-    return {
-        "key": track.key,
-        "title": track.title,
-        "side": "ally" if track.side == "ally" else "opponent",
-        "count": len(track.entries),
-        "ranked_by": wording.role_of(track.ranked_by).label.lower(),
-        "ticks": [
-            {"x": drawing.place(tick, domain), "text": written(tick, "whole")} for tick in ticks(domain)
-        ],
-        "rows": [_row(track, entry, domain, names) for entry in first],
-    }
-
-
-def _row(track: ShownTrack, entry: ShownEntry, domain: Domain, names: Names) -> Row:
-    return {
-        **entry_head(entry),
-        "score": written(value_of(entry.score)),
-        "interval": wording.interval_text(entry.score),
-        "picture": drawing.interval_picture(entry.score, domain),
-        "worst": worst_view(track, entry, names),
-        "worst_picture": drawing.interval_picture(entry.worst, domain),
-    }
-
-
-def zoomed(scores: Sequence[Score | None]) -> Domain:
-    """The scores that an axis spans which is no longer than what stands on it; 0 to 100 for nothing."""
-    ends = drawing.ends_of(scores)
+def zoomed_axis(scores: Iterable[Score]) -> Axis:
+    """Return an axis that spans just the scores; 0 to 100 without any."""
+    ends = interval_ends(scores)
     if not ends:
-        return 0.0, 100.0
+        return Axis(0.0, 100.0)
     margin = max((max(ends) - min(ends)) * 0.05, 0.5)
-    return min(ends) - margin, max(ends) + margin
+    return Axis(min(ends) - margin, max(ends) + margin)
 
 
-def ticks(domain: Domain) -> list[int]:
-    """Round numbers within a domain, at most five."""
-    low, high = domain
-    step = next((one for one in _STEPS if (high - low) / one <= _TICKS), 10 * _STEPS[-1])
-    return list(range(math.ceil(low / step) * step, math.floor(high / step) * step + 1, step))
+def ticks(axis: Axis) -> list[int]:
+    """Return at most five round numbers on an axis."""
+    step = next((step for step in _STEPS if (axis.high - axis.low) / step <= _MOST_TICKS), 10 * _STEPS[-1])
+    return list(range(math.ceil(axis.low / step) * step, math.floor(axis.high / step) * step + 1, step))

@@ -1,4 +1,4 @@
-"""Rounds to watch: simulated when the site is built, kept as scripts that a page loads when asked."""
+"""Rounds to watch: simulated when the site is built, and kept as scripts that a page loads on demand."""
 
 from __future__ import annotations
 
@@ -16,34 +16,38 @@ from fpg_bench.errors import UserError
 from fpg_bench.evaluation.field import PLANNER, Counterpart, Field
 from fpg_bench.evaluation.play import table_of
 from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.leaderboard.board import Board, Figures
 from fpg_bench.leaderboard.check import load_submission
 from fpg_bench.leaderboard.playing import Meeting, parts_of, seated
 from fpg_bench.leaderboard.sandbox import PolicyFailed
-from fpg_bench.leaderboard.site.shown import Row, ShownEntry, read_tracks, value_of
-from fpg_bench.leaderboard.site.wording import role_of, written
+from fpg_bench.leaderboard.site.views import ROLES, format_number
 from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import KNOWN, RESPONSES, UNSEEN
 from fpg_bench.matches.rounds import begin, play_round
 from fpg_bench.pictures.recording import Recording
 from fpg_bench.pictures.replay import FORMAT, replay_data, script_json
 from fpg_bench.plain_json import read_object
-from fpg_bench.players.player import SIDES
 from fpg_bench.version import __version__
 
-STRONG = ("adaptive/pursuit", "expert/pursuit", "expert/learned", "expert")  # of any track's known field
-_FORM = 4  # of labels and texts; another number has all rounds made anew
-_ROLES = (KNOWN, UNSEEN, RESPONSES)  # of fields that are played under the game's own rules
+STRONG = (
+    "adaptive/pursuit",
+    "expert/pursuit",
+    "expert/learned",
+    "expert",
+)  # strong rivals of the public suites
+_FORM = 5  # version of labels and texts; another one makes all rounds anew
+_ROLES = (KNOWN, UNSEEN, RESPONSES)  # suites under the game's own rules
 _CALL, _END = "fpgRound(", ");\n"
 
 
 @dataclass(frozen=True)
 class Replay:
-    """One round of an entry.
+    """A round of an entry.
 
     Attributes:
-        file: the script's place in the site.
-        label: what is played, in a few words.
-        summary: what happened in it, in a sentence.
+        file: the script's file in the site.
+        label: a short name of the round.
+        summary: a sentence about the round.
         script: the script's text.
     """
 
@@ -54,85 +58,80 @@ class Replay:
 
 
 def make_replays(
-    board: Row,
+    board: Board,
     folder: str | Path,
     out: str | Path,
     progress: Callable[[str], None] = lambda name: None,
     simulate: bool = True,
 ) -> dict[tuple[str, str], list[Replay]]:
-    """Rounds of all entries of a board that can be played, by track and entry.
+    """Return the rounds of all entries of a board that can be played, by track and entry.
 
-    The policy of the first training seed plays one round against a strong counterpart and one against that
-    which it scores least against of all fields under its own rules, on the first evaluation seed. Rounds that
-    the site holds already are kept.
+    The first training seed's policy plays one round against a strong rival and one against the rival with
+    the entry's lowest score under its own rules, on the first evaluation seed. Rounds that the site has
+    already are kept.
 
     Args:
-        board: what :func:`fpg_bench.leaderboard.board.make_board` gives.
-        folder: the leaderboard's, which holds the submissions.
+        board: the board.
+        folder: the leaderboard's folder, which holds the submissions.
         out: the site's folder.
         progress: called with each entry's name.
-        simulate: whether to play the rounds that are not there.
+        simulate: play the rounds that are missing.
     """
-    found = {}
-    for track in read_tracks(board):
-        for entry in track.entries:
+    replays = {}
+    for track in board.tracks:
+        for entry, figures in track.verified():
             progress(f"{track.key}/{entry.slug}")
-            replays = _entry_replays(track.key, entry, Path(folder), Path(out), simulate)
-            if replays:
-                found[track.key, entry.slug] = replays
-    return found
+            home = Path(folder) / "submissions" / track.key.partition("-")[0] / entry.slug
+            with contextlib.suppress(PolicyFailed, UserError):  # submit verify names the problem
+                submission = load_submission(home, contract=simulate)
+                matchups = _choose(submission.fields, figures)
+                rounds = list(_rounds(submission, matchups, track.key, Path(out), simulate))
+                if rounds:
+                    replays[track.key, entry.slug] = rounds
+    return replays
 
 
-def _entry_replays(key: str, entry: ShownEntry, folder: Path, out: Path, simulate: bool) -> list[Replay]:
-    """An entry's rounds; none where it is not verified or can't be played."""
-    if not entry.verified:
-        return []
-    try:
-        home = folder / "submissions" / key.partition("-")[0] / entry.slug
-        submission = load_submission(home, contract=simulate)
-        return list(_rounds(submission, _chosen(submission.fields, entry), key, out, simulate))
-    except (PolicyFailed, UserError):
-        return []  # submit verify says what is wrong
+def _choose(suites: Mapping[str, Field], figures: Figures) -> dict[str, Meeting]:
+    """Choose a strong rival and that of the lowest score, by the labels of their rounds."""
+    pairs = [(role, rival) for role in _ROLES if role in suites for rival in suites[role].counterparts]
+    strong = next((pair for pair in pairs if pair[1].name in STRONG), pairs[0])
+    scores = [
+        (figures.by_rival[role][rival.name].value, (role, rival))
+        for role, rival in pairs
+        if rival.name in figures.by_rival.get(role, {})
+    ]
+    lowest = min(scores, key=lambda item: item[0])[1] if scores else strong
+    return {_label(role, rival): (suites[role], rival) for role, rival in (strong, lowest)}
 
 
-def _chosen(fields: Mapping[str, Field], entry: ShownEntry) -> dict[str, Meeting]:
-    """What is played, by what it is called: a strong counterpart, and that of the lowest score."""
-    meetings = [(role, one) for role in _ROLES if role in fields for one in fields[role].counterparts]
-    strong = next((m for m in meetings if m[1].name in STRONG), meetings[0])
-    scores = [value_of(entry.met.get(role, {}).get(one.name)) for role, one in meetings]
-    known = [(score, m) for score, m in zip(scores, meetings, strict=True) if score is not None]
-    lowest = min(known, key=lambda item: item[0])[1] if known else strong
-    return {_label(role, one): (fields[role], one) for role, one in (strong, lowest)}
-
-
-def _label(role: str, counterpart: Counterpart) -> str:
-    told = "" if role == KNOWN else f" ({role_of(role).label.lower()})"
-    return f"against {counterpart.name}{told}"
+def _label(role: str, rival: Counterpart) -> str:
+    return f"against {rival.name}" + ("" if role == KNOWN else f" ({ROLES[role].label.lower()})")
 
 
 def _rounds(
-    submission: Submission, meetings: Mapping[str, Meeting], key: str, out: Path, simulate: bool
+    submission: Submission, matchups: Mapping[str, Meeting], key: str, out: Path, simulate: bool
 ) -> Iterator[Replay]:
-    """The rounds; none is simulated where all are there already, or nothing is to be."""
-    files = [_file(submission, label, meeting, key) for label, meeting in meetings.items()]
-    known = [_kept(out / file, file) for file in files]
-    if None not in known or not simulate:
-        yield from (replay for replay in known if replay is not None)
+    files = [_file(submission, label, suite, key) for label, (suite, _) in matchups.items()]
+    kept = [_read_replay(out / file, file) for file in files]
+    if None not in kept or not simulate:
+        yield from (replay for replay in kept if replay is not None)
         return
-    with _player(submission) as player:
-        for (label, meeting), file in zip(meetings.items(), files, strict=True):
-            yield simulated(submission, player, meeting, label, file)
+    if submission.track == PLANNER and submission.script is None:
+        raise UserError("transcripts are not shown as rounds")
+    with seated(parts_of(submission)[0].plays) as player:
+        for (label, (suite, rival)), file in zip(matchups.items(), files, strict=True):
+            yield simulate_round(submission, player, suite, rival, label, file)
 
 
-def _file(submission: Submission, label: str, meeting: Meeting, key: str) -> str:
-    """Where a round lies; all that decides it decides its name."""
-    content = [FORMAT, _FORM, __version__, submission.fingerprint, meeting[0].hash, label]
+def _file(submission: Submission, label: str, suite: Field, key: str) -> str:
+    """Return a round's file, whose name follows from everything that decides its content."""
+    content = [FORMAT, _FORM, __version__, submission.fingerprint, suite.hash, label]
     digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
     return f"replays/{key}/{submission.slug}/{digest}.js"
 
 
-def _kept(path: Path, file: str) -> Replay | None:
-    """A round that an earlier build has written; None where there is none that can be read."""
+def _read_replay(path: Path, file: str) -> Replay | None:
+    """Read a round of an earlier build; None where there is none that can be read."""
     try:
         text = path.read_text(encoding="utf-8")
         content = read_object(text.removeprefix(_CALL).removesuffix(_END))
@@ -141,47 +140,36 @@ def _kept(path: Path, file: str) -> Replay | None:
         return None
 
 
-@contextlib.contextmanager
-def _player(submission: Submission) -> Iterator[Any]:
-    """Who plays: a policy in a process of its own, or the name of a script or planner."""
-    if submission.track == PLANNER and submission.script is None:
-        raise UserError("transcripts are not shown as rounds")
-    with seated(parts_of(submission)[0].plays) as player:
-        yield player
-
-
-def simulated(submission: Submission, player: Any, meeting: Meeting, label: str, file: str) -> Replay:
-    """Play one round of a submission.
+def simulate_round(
+    submission: Submission, player: Any, suite: Field, rival: Counterpart, label: str, file: str
+) -> Replay:
+    """Play a round of a submission.
 
     Args:
-        submission: whose.
-        player: what plays its side: a player or its name, or a planner's name.
-        meeting: what it plays: a field, and whom of it.
-        label: what the page calls the round.
-        file: where the round's script is to lie.
+        submission: the submission.
+        player: its player, or the name of its script or planner.
+        suite, rival: the matchup.
+        label: the round's name on the page.
+        file: the script's file in the site.
     """
-    (field, counterpart), other = meeting, " or ".join(meeting[1].players)
-    recordings, measures = _play(player, field, counterpart)
-    pair = (submission.name, other) if field.side == "ally" else (other, submission.name)
-    names = dict(zip(SIDES, pair, strict=True))
+    recordings, measures = _play(player, suite, rival)
+    names = [submission.name, " or ".join(rival.players)]
+    ally, opponent = names if suite.side == "ally" else reversed(names)
     summary = _summary(measures)
-    title = f"{names['ally']} against {names['opponent']}"
     content = {
         "label": label,
         "summary": summary,
-        "replay": replay_data(recordings, title, names["ally"], names["opponent"]),
+        "replay": replay_data(recordings, f"{ally} against {opponent}", ally, opponent),
     }
     return Replay(file, label, summary, _CALL + script_json(content) + _END)
 
 
-def _play(
-    player: Any, field: Field, counterpart: Counterpart
-) -> tuple[list[Recording], dict[str, float | None]]:
-    """Play a match and keep all rounds of a planner's, so that learning is seen; measures are the last's."""
-    table = table_of(player, field, counterpart, matches=1)
-    seeds: Any = np.array(evaluation_seeds(1, field.season))
+def _play(player: Any, suite: Field, rival: Counterpart) -> tuple[list[Recording], dict[str, float | None]]:
+    """Play a round, or all rounds of a planner's match; returns recordings, and the last round's measures."""
+    table = table_of(player, suite, rival, matches=1)
+    seeds: np.ndarray | None = np.array(evaluation_seeds(1, suite.season))
     recordings = []
-    for _ in range(field.rounds_per_match if field.side == PLANNER else 1):
+    for _ in range(suite.rounds_per_match if suite.side == PLANNER else 1):
         begin(table, seeds=seeds)
         recording, seeds = Recording(table.duel.arena), None
         play_round(table, on_step=recording.add, begun=True)
@@ -189,12 +177,12 @@ def _play(
     return recordings, table.duel.measures(0)
 
 
-def _summary(measures: dict[str, float | None]) -> str:
+def _summary(measures: Mapping[str, float | None]) -> str:
     def share(name: str) -> str:
-        return written(measures[name], "share")
+        return format_number(measures[name], "share")
 
     return (
-        f"Jammed {share('jamming_success_rate')} of the time, link broken {share('outage')}; the ally pays "
-        f"for a hop in {share('hop_rate')} of the steps and spreads in {share('spread_ratio')}; "
-        f"mean SNR {written(measures['snr_db'], 'dB')}."
+        f"Jammed {share('jamming_success_rate')} of the time, link broken {share('outage')}; the ally "
+        f"hops in {share('hop_rate')} of the steps and spreads in {share('spread_ratio')}; "
+        f"mean SNR {format_number(measures['snr_db'], 'dB')}."
     )

@@ -1,4 +1,4 @@
-"""Showing a built site on this machine alone."""
+"""Local server of a built site."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ from fpg_bench.leaderboard.site.build import MARK
 HOST = "127.0.0.1"
 
 
-class _Quiet(SimpleHTTPRequestHandler):
-    """Serves files without a line for each, and nothing that is hidden."""
+class _Handler(SimpleHTTPRequestHandler):
+    """Serve files without logging each request."""
 
     def log_message(self, format: str, *args: Any) -> None:
         pass
 
     def end_headers(self) -> None:
-        self.send_header("Cache-Control", "no-cache")  # a site that was built anew is shown anew
+        self.send_header("Cache-Control", "no-cache")  # show a rebuilt site at once
         self.send_header("X-Content-Type-Options", "nosniff")
         super().end_headers()
 
 
 class _Server(ThreadingHTTPServer):
-    request_queue_size = 128  # a page asks for all of its files at once; five, the default, refuses some
+    request_queue_size = 128  # a page requests all of its files at once; the default of five refuses some
 
 
 def make_server(folder: str | Path, port: int) -> ThreadingHTTPServer:
-    """A server of a built site, not yet serving.
+    """Return a server of a built site, not yet serving.
 
     Args:
-        folder: the site's.
-        port: of this machine; 0: any that is free.
+        folder: the site's folder.
+        port: 0: any free port.
 
     Raises:
-        UserError: no site there, or the port is taken or not allowed.
+        UserError: no site there, or the port is in use or not allowed.
     """
     folder = Path(folder)
     if not (folder / MARK).is_file():
         raise UserError(f"site {folder}: nothing is built there; run fpg-bench leaderboard build")
     try:
-        return _Server((HOST, port), partial(_Quiet, directory=str(folder)))
+        return _Server((HOST, port), partial(_Handler, directory=str(folder)))
     except OverflowError as error:
         raise UserError(f"port: expected 0 to 65535, got {port}") from error
     except OSError as error:

@@ -1,162 +1,336 @@
-"""What the tables show, taken from a board: plain words and numbers, ready for the templates."""
+"""View models of the pages: names and formats of numbers, axes of small charts, and the tables' rows."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
-from fpg_bench.leaderboard.site import drawing, wording
-from fpg_bench.leaderboard.site.shown import Names, Row, Score, ShownEntry, ShownTrack, score_of, value_of
-from fpg_bench.leaderboard.site.wording import finite, written
+from fpg_bench.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
+from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, RESPONSES, SHIFTED, UNSEEN
 
-FEW_SEEDS = "fewer than three training seeds: its interval says little"
-_HEAT = ("known", "unseen")  # whose counterparts stand in the table of strengths
-_CROSSPLAY = "cross-play"
-
-
-def track_view(track: ShownTrack, names: Names) -> Row:
-    """What the front page shows of a track.
-
-    Args:
-        track: of a board.
-        names: see :func:`fpg_bench.leaderboard.site.shown.names_of`.
-    """
-    columns = _columns(track)
-    domain = drawing.domain_of([entry.scores.get(track.ranked_by) for entry in track.entries])
-    ranking = next((field for field in track.fields if field.role == track.ranked_by), None)
-    return {
-        "key": track.key,
-        "title": track.title,
-        "side": track.side,
-        "ranked_by": wording.role_of(track.ranked_by).label.lower(),
-        "field": ranking,
-        "scale": wording.scale_text(track.scale, track.side),
-        "columns": columns,
-        "axis": axis_of(domain),
-        "rows": [_row_view(track, entry, columns, domain, names) for entry in track.entries],
-        "strengths": _strengths(track),
-        "leaders": _leaders(track.entries),
-    }
+NONE = "–"
+_TINTS = 9  # of cells in heat maps
+FEW_SEEDS = "fewer than three training seeds: the interval is unreliable"
+_LINK = re.compile(r"https://[A-Za-z0-9.-]+(:\d+)?(/[^\s\"'<>\\]*)?")
 
 
-def _columns(track: ShownTrack) -> Row:
-    """Which columns stand in the table: those that any entry has something for."""
-    measured = {name for entry in track.entries for name in entry.measures}
-    return {
-        "ranked_by": track.ranked_by,
-        "shifted": any("shifted" in entry.scores for entry in track.entries),
-        "measures": [
-            {"name": name, **wording.measure_of(name)._asdict()}
-            for name in wording.COLUMNS
-            if name in measured
-        ],
-    }
+@dataclass(frozen=True)
+class Measure:
+    """Presentation of a measure: its label, its format (see :func:`format_number`), and its meaning."""
+
+    label: str
+    style: str
+    about: str
 
 
-def axis_of(domain: drawing.Domain) -> Row:
-    """Where the marks of 0 and 100 stand."""
-    return {"zero": drawing.place(0, domain), "hundred": drawing.place(100, domain)}
+# In the order in which an entry's page lists them.
+MEASURES = {
+    "return": Measure("Return per step", "step", "mean of its own rewards in the rounds of its score"),
+    "ally_return": Measure("Ally's return", "whole", "sum of the ally's rewards per round"),
+    "opponent_return": Measure("Opponent's return", "whole", "sum of the opponent's rewards per round"),
+    "jamming_success_rate": Measure(
+        "Jammed", "share", "time in which jamming covers the ally and breaks its link"
+    ),
+    "overlap_ratio": Measure("Overlap", "share", "time in which jamming covers the ally's frequency"),
+    "spectrum_overlap": Measure("Spectrum overlap", "share", "similarity of both sides' use of frequencies"),
+    "outage": Measure("Outage", "share", "time in which the link is broken, jammed or not"),
+    "capacity_mbit_s": Measure("Capacity", "Mbit/s", "mean rate of the link"),
+    "snr_db": Measure("SNR", "dB", "mean quality of the link"),
+    "hop_rate": Measure("Hops", "share", "time steps in which the ally pays for a hop"),
+    "frequency_changes": Measure(
+        "Frequency changes", "share", "steps in which the ally's frequency really changes"
+    ),
+    "spread_ratio": Measure("Spreading", "share", "time in which the ally spreads its signal to hide"),
+    "detection_rate": Measure("Heard", "share", "checks in which the opponent hears the ally"),
+    "near_ratio": Measure("Near", "share", "time in which the opponent is within 30 m"),
+    "success_given_overlap": Measure(
+        "Broken where covered", "share", "covered time in which the link is broken"
+    ),
+    "outage_mean_s": Measure("Mean outage", "s", "mean length of an outage"),
+    "outage_longest_s": Measure("Longest outage", "s", "longest outage of all rounds"),
+    "time_to_recover_s": Measure("Time to recover", "s", "from being heard and jammed to a working link"),
+    "share_tone": Measure("Single tone", "share", "time in which the opponent jams a single tone"),
+    "share_narrowband": Measure("Narrowband", "share", "time in which it jams a narrow band"),
+    "share_broadband": Measure("Broadband", "share", "time in which it jams a broad band"),
+    "share_comb": Measure("Comb", "share", "time in which it jams a comb of tones"),
+}
+HIDDEN = ("recoveries_cut",)  # only needed to compute others
+_TABLE_MEASURES = ("jamming_success_rate", "return")  # beside the scores in a track's table
 
 
-def _row_view(
-    track: ShownTrack, entry: ShownEntry, columns: Row, domain: drawing.Domain, names: Names
-) -> Row:
-    score = entry.scores.get(track.ranked_by)
-    known, shifted = (shown(value_of(entry.scores.get(role))) for role in ("known", "shifted"))
-    return {
-        **entry_head(entry),
-        "score": shown(value_of(score)),
-        "interval": wording.interval_text(score),
-        "over": "" if score is None else score.over,
-        "picture": drawing.interval_picture(score, domain),
-        "rank_sort": finite((entry.rank or [None])[0]),
-        "known": known,
-        "gap": {"text": wording.signed(entry.gap), "sort": entry.gap},
-        "shifted": shifted,
-        "worst": worst_view(track, entry, names),
-        "seeds_gap": seeds_gap_text(entry),
-        "measures": [shown(entry.measures.get(of["name"]), of["style"]) for of in columns["measures"]],
-    }
+@dataclass(frozen=True)
+class Role:
+    """Presentation of a suite's role: its label, and the rivals in it."""
+
+    label: str
+    about: str
 
 
-def shown(value: Any, style: str = "score") -> Row:
-    """A number as a cell: its text, and what it is sorted by."""
-    return {"text": written(value, style), "sort": finite(value)}
+# In the order in which pages list them.
+ROLES = {
+    KNOWN: Role("Public", "the public suite, which everybody can train on"),
+    UNSEEN: Role("Unseen", "rivals that were trained after entries were closed"),
+    SHIFTED: Role("Shifted", "the public suite under changed rules"),
+    RESPONSES: Role("Best responses", "rivals that were trained to beat one entry"),
+    PUBLIC: Role("Public seeds", "the public suite on seeds that were known before"),
+}
 
 
-def worst_view(track: ShownTrack, entry: ShownEntry, names: Names) -> Row:
-    """The lowest score that is known of an entry: who did it, where, and the return a step."""
-    told = entry.row.get("worst") or {}
-    against, where = str(told.get("against") or ""), str(told.get("where") or "")
-    if where == _CROSSPLAY:
-        against = names.get(track.other_side, {}).get(against, against)
-    fields = [field for field in track.fields if field.role != "public"]  # of the known one's name
-    roles = {field.name: field.label.lower() for field in fields}
-    return {
-        **shown(value_of(entry.worst)),
-        "interval": wording.interval_text(entry.worst),
-        "against": against,
-        "where": roles.get(where, where),
-        "return": written(value_of(score_of(told.get("return"))), "step"),
-    }
+def format_number(value: float | None, style: str = "score") -> str:
+    """Format a number as ``score`` (one digit), ``step`` (two), ``whole``, ``share`` or with a unit."""
+    if value is None or not math.isfinite(value):
+        return NONE
+    if style == "share":
+        return f"{100 * value:.1f} %"
+    if style == "whole":
+        return f"{value:,.0f}".replace("-", "−")
+    text = f"{value:.{2 if style == 'step' else 1}f}".replace("-", "−")
+    return text if style in ("score", "step") else f"{text} {style}"
 
 
-def seeds_gap_text(entry: ShownEntry) -> str:
-    """A sentence where an entry does better on the seeds that everybody knew than others do; else empty."""
-    gap = entry.row.get("seeds_gap")
-    if not isinstance(gap, dict) or not gap.get("flagged"):
+def format_interval(score: Score | None) -> str:
+    """Format an interval as ``low to high``; empty where there is none."""
+    if score is None or score.low is None or score.high is None:
         return ""
-    return f"scores {written(gap.get('value'))} more on the seeds that everybody knew"
+    return f"{format_number(score.low)} to {format_number(score.high)}"
 
 
-def entry_head(entry: ShownEntry) -> Row:
-    """What stands wherever an entry is named."""
-    row = entry.row
-    return {
-        "slug": entry.slug,
-        "name": entry.name,
-        "page": entry.page,
-        "algorithm": row.get("algorithm") or "",
-        "authors": ", ".join(map(str, row.get("authors") or [])),
-        "kind": entry.kind,
-        "verified": entry.verified,
-        "reason": row.get("reason") or "",
-        "few_seeds": bool(row.get("few_seeds")),
-        "had_access": bool(row.get("had_access")),
-        "rank": wording.rank_text(entry.rank) if entry.verified else wording.NONE,
-        "lost": wording.lost_text(row.get("lost"), row.get("rounds")),
-    }
+def format_signed(value: float) -> str:
+    """Format a difference of scores with its sign."""
+    return f"+{format_number(value)}" if value >= 0 else format_number(value)
 
 
-def _strengths(track: ShownTrack) -> Row:
-    """The score of each entry against each counterpart that is known or unseen, tinted."""
-    fields = [field for field in track.fields if field.role in _HEAT]
-    met_by = [entry for entry in track.entries if entry.verified and entry.met]
-    cells = [one for entry in met_by for field in fields for one in entry.met.get(field.role, {}).values()]
-    values = [value for one in cells if (value := value_of(one)) is not None]
-    domain = (0.0, max([100.0, *values]))
-    return {
-        "fields": fields,
-        "rows": [
-            {
-                **entry_head(entry),
-                "cells": [
-                    _cell(entry.met.get(field.role, {}).get(name), domain)
-                    for field in fields
-                    for name in field.counterparts
-                ],
-            }
-            for entry in met_by
+def format_rank(rank: tuple[int, int] | None) -> str:
+    """Format a rank as ``2``, or as ``2–4`` where it is shared; a dash without one."""
+    if rank is None:
+        return NONE
+    best, worst = rank
+    return str(best) if best == worst else f"{best}–{worst}"
+
+
+def measure_of(name: str) -> Measure:
+    """Return the presentation of a measure; an unknown one has its own name as label."""
+    if name in MEASURES:
+        return MEASURES[name]
+    label = name.replace("_", " ").capitalize()
+    return Measure(label, "share" if name.endswith(("_ratio", "_rate")) else "score", "")
+
+
+def scale_text(track: BoardTrack) -> str:
+    """Describe the returns per step that score 0 and 100."""
+    zero, top = (format_number(end, "step") for end in (track.scale.zero, track.scale.top))
+    best = "a link that is never jammed" if track.side == "ally" else "the best known to be possible"
+    return f"a score of 0 is the return of random play ({zero} per step), 100 is {best} ({top} per step)"
+
+
+def safe_link(text: str | None) -> str | None:
+    """Return an https link; None for anything else that a submission has as its reference."""
+    return text if text is not None and len(text) < 500 and _LINK.fullmatch(text) else None
+
+
+def ordered_suites(track: BoardTrack, without: Sequence[str] = (PUBLIC,)) -> list[BoardSuite]:
+    """Return a track's suites in the order in which pages list them, by default without the public seeds."""
+    return sorted(
+        (suite for suite in track.suites if suite.role not in without),
+        key=lambda suite: list(ROLES).index(suite.role),
+    )
+
+
+def entry_page(track: BoardTrack, entry: BoardEntry) -> str:
+    """Return the address of an entry's page from the site's root."""
+    return f"entries/{track.key}/{entry.slug}.html"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Horizontal axis of small charts of intervals, in pixels."""
+
+    low: float
+    high: float
+    width: float = 130
+    margin: float = 5
+
+    @classmethod
+    def of_scores(cls, scores: Iterable[Score]) -> Axis:
+        """Return the axis that spans scores with their intervals, and 0 to 100."""
+        ends = [0.0, 100.0, *interval_ends(scores)]
+        return cls(min(ends), max(ends))
+
+    def place(self, value: float) -> float:
+        """Return the position of a value."""
+        share = (value - self.low) / (self.high - self.low)
+        return round(self.margin + share * (self.width - 2 * self.margin), 1)
+
+
+def interval_ends(scores: Iterable[Score]) -> list[float]:
+    """Return all values and ends of intervals."""
+    ends = (end for score in scores for end in (score.value, score.low, score.high))
+    return [end for end in ends if end is not None]
+
+
+@dataclass(frozen=True)
+class WorstView:
+    """The worst case of an entry: its rival's name, and where they met, in words."""
+
+    score: Score
+    return_per_step: Score
+    rival: str
+    where: str
+
+
+def worst_view(board: Board, track: BoardTrack, figures: Figures) -> WorstView:
+    """Return the presentation of an entry's worst case."""
+    worst, rival, where = figures.worst, figures.worst.rival, figures.worst.where
+    if where == CROSSPLAY:
+        rival = board.names(track.other_side).get(rival, rival)
+    else:
+        where = ROLES[where].label.lower()
+    return WorstView(worst.score, worst.return_per_step, rival, where)
+
+
+def warnings(figures: Figures | None) -> list[str]:
+    """Return the remarks that stand below an entry's name in tables."""
+    if figures is None:
+        return []
+    texts = []
+    if figures.is_late:
+        texts.append("late entry")
+    if text := seeds_gap_text(figures):
+        texts.append(text)
+    if text := lost_text(figures):
+        texts.append(text)
+    return texts
+
+
+def seeds_gap_text(figures: Figures) -> str:
+    """Describe a flagged gain on public seeds; empty where there is none."""
+    gap = figures.seeds_gap
+    if gap is None or not gap.is_flagged:
+        return ""
+    return f"scores {format_number(gap.value)} more on public seeds"
+
+
+def lost_text(figures: Figures) -> str:
+    """Describe the rounds that were lost by rule; empty where there is none."""
+    lost, rounds = (format_number(number, "whole") for number in (figures.lost, figures.rounds))
+    return f"{lost} of {rounds} rounds lost by rule" if figures.lost else ""
+
+
+@dataclass(frozen=True)
+class RowView:
+    """An entry's row in the table of its track."""
+
+    entry: BoardEntry
+    page: str
+    figures: Figures | None
+    ranking: Score | None
+    public: Score | None
+    shifted: Score | None
+    worst: WorstView | None
+    warnings: list[str]
+
+
+@dataclass(frozen=True)
+class TrackView:
+    """A track's table and heat map.
+
+    Attributes:
+        ranking: the suite that ranks it.
+        measures: those shown in the table, by name.
+        heat_suites: suites of the heat map; ``heat_rows`` have a score and a tint, 0 to 8, per rival.
+        leaders: names of entries that may be first.
+    """
+
+    track: BoardTrack
+    ranking: BoardSuite
+    scale: str
+    axis: Axis
+    has_shifted: bool
+    measures: dict[str, Measure]
+    rows: list[RowView]
+    heat_suites: list[BoardSuite]
+    heat_rows: list[tuple[RowView, list[tuple[float, int] | None]]]
+    leaders: list[str]
+
+
+def track_view(board: Board, track: BoardTrack) -> TrackView:
+    """Return the view of a track in the ranking."""
+    verified = list(track.verified())
+    measured = {name for _, figures in verified for name in figures.measures}
+    rows = [_row_view(board, track, entry) for entry in track.entries]
+    heat_suites = ordered_suites(track, without=(SHIFTED, RESPONSES, PUBLIC))
+    top = max(
+        [100.0]
+        + [
+            score.value
+            for _, figures in verified
+            for suite in heat_suites
+            for score in figures.by_rival.get(suite.role, {}).values()
+        ]
+    )
+    return TrackView(
+        track=track,
+        ranking=next(suite for suite in track.suites if suite.role == track.ranked_by),
+        scale=scale_text(track),
+        axis=Axis.of_scores(row.ranking for row in rows if row.ranking is not None),
+        has_shifted=any(SHIFTED in figures.scores for _, figures in verified),
+        measures={name: MEASURES[name] for name in _TABLE_MEASURES if name in measured},
+        rows=rows,
+        heat_suites=heat_suites,
+        heat_rows=[
+            (row, _heat_cells(row.figures, heat_suites, top)) for row in rows if row.figures is not None
         ],
-    }
+        leaders=[e.name for e, figures in verified if figures.rank is not None and figures.rank[0] == 1],
+    )
 
 
-def _cell(score: Score | None, domain: drawing.Domain) -> Row:
-    value = value_of(score)
-    text = wording.NONE if value is None else written(value, "whole")
-    return {"text": text, "heat": drawing.heat(value, domain)}
+def _row_view(board: Board, track: BoardTrack, entry: BoardEntry) -> RowView:
+    figures = entry.figures
+    scores: Mapping[str, Score] = {} if figures is None else figures.scores
+    return RowView(
+        entry,
+        entry_page(track, entry),
+        figures,
+        ranking=scores.get(track.ranked_by),
+        public=scores.get(KNOWN),
+        shifted=scores.get(SHIFTED),
+        worst=None if figures is None else worst_view(board, track, figures),
+        warnings=warnings(figures),
+    )
 
 
-def _leaders(entries: Sequence[ShownEntry]) -> list[str]:
-    """Who may be first: the best by score, and all that can't be told apart from it."""
-    return [entry.name for entry in entries if entry.verified and (entry.rank or [0])[0] == 1]
+def _heat_cells(figures: Figures, suites: Iterable[BoardSuite], top: float) -> list[tuple[float, int] | None]:
+    """Return the score against each rival with its tint; None where it has not played the suite."""
+    cells: list[tuple[float, int] | None] = []
+    for suite in suites:
+        scores = figures.by_rival.get(suite.role, {})
+        for rival in suite.rivals:
+            value = scores[rival].value if rival in scores else None
+            tint = 0 if value is None else max(0, min(_TINTS - 1, int(value / top * _TINTS)))
+            cells.append(None if value is None else (value, tint))
+    return cells
+
+
+@dataclass(frozen=True)
+class CrossPlayView:
+    """Names that the page of cross-play mentions: who is missing, and who is shown as the same player."""
+
+    missing: list[str]
+    same_player: list[tuple[str, str]]
+
+
+def crossplay_view(board: Board) -> CrossPlayView | None:
+    """Return the view of cross-play; None where it has not been played."""
+    if board.crossplay is None:
+        return None
+    names = {side: board.names(side) for side in ("ally", "opponent")}
+    missing = board.crossplay.missing
+    return CrossPlayView(
+        [names[side].get(slug, slug) for side in names for slug in missing.get(side, ())],
+        [
+            (names["opponent"].get(one, one), names["opponent"].get(other, other))
+            for one, other in board.crossplay.same_player.items()
+        ],
+    )

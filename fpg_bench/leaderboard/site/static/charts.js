@@ -7,24 +7,24 @@ const fpgCharts = (() => {
   const TINTS = 9; // of the style's, faint to strong
 
   function make(kind, text, attributes = {}) {
-    const found = document.createElement(kind);
-    if (text !== undefined) found.textContent = text;
-    for (const [name, value] of Object.entries(attributes)) found.setAttribute(name, value);
-    return found;
+    const element = document.createElement(kind);
+    if (text !== undefined) element.textContent = text;
+    for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+    return element;
   }
 
   /** The class of a cell's tint: a share from 0 to 1 of the strongest. */
   const tint = (share) => `h${Math.max(0, Math.min(TINTS - 1, Math.floor(share * TINTS)))}`;
 
   function heading(text, scope) {
-    const found = make("th", undefined, { scope, title: text });
-    found.append(make("span", text));
-    return found;
+    const element = make("th", undefined, { scope, title: text });
+    element.append(make("span", text));
+    return element;
   }
 
   /**
    * Fill a table of who against whom.
-   * `cell(i, j)` gives `text`, `more` (a second line), `tint` (classes), `label` (all of it in words) and perhaps
+   * `cell(i, j)` gives `text`, `notes` (small lines), `tint` (classes), `label` (its full description) and perhaps
    * `href`, or null where there is nothing. Arrow keys lead from one linked cell to the next.
    */
   function matrix(element, caption, corner, rows, columns, cell) {
@@ -43,13 +43,13 @@ const fpgCharts = (() => {
     element.onkeydown = moved;
   }
 
-  function matrixCell(told) {
-    if (!told) return make("td");
-    const found = make("td", undefined, { class: told.tint });
-    const inner = told.href ? make("a", undefined, { href: told.href, tabindex: -1, title: told.label, "aria-label": told.label }) : make("span", undefined, { title: told.label });
-    inner.append(make("b", told.text), ...(told.more ?? []).map((text) => make("small", text)));
-    found.append(inner);
-    return found;
+  function matrixCell(cell) {
+    if (!cell) return make("td");
+    const element = make("td", undefined, { class: cell.tint });
+    const inner = cell.href ? make("a", undefined, { href: cell.href, tabindex: -1, title: cell.label, "aria-label": cell.label }) : make("span", undefined, { title: cell.label });
+    inner.append(make("b", cell.text), ...(cell.notes ?? []).map((text) => make("small", text)));
+    element.append(inner);
+    return element;
   }
 
   /** An arrow key in a matrix: to the cell beside. */

@@ -17,10 +17,10 @@
   }
 
   function make(kind, text, name) {
-    const found = document.createElement(kind);
-    if (text !== undefined) found.textContent = text;
-    if (name) found.className = name;
-    return found;
+    const element = document.createElement(kind);
+    if (text !== undefined) element.textContent = text;
+    if (name) element.className = name;
+    return element;
   }
 
   const track = () => tracks.find((one) => one.key === select.track.value);
@@ -31,10 +31,10 @@
     for (const [index, side] of ["a", "b"].entries()) {
       select[side].replaceChildren(...rows.map((row) => new Option(`${row.name} (${row.kind})`, row.slug)));
       const slug = wanted[side];
-      const known = rows.some((row) => row.slug === slug);
+      const exists = rows.some((row) => row.slug === slug);
       const other = rows.findIndex((row) => row.slug !== select.a.value);
       const fallback = index ? Math.max(0, other) : 0;
-      if (rows.length) select[side].value = known ? slug : rows[fallback].slug;
+      if (rows.length) select[side].value = exists ? slug : rows[fallback].slug;
     }
   }
 
@@ -46,8 +46,8 @@
   }
 
   function keep() {
-    const words = new URLSearchParams({ track: select.track.value, a: select.a.value, b: select.b.value });
-    history.replaceState(null, "", `#${words}`);
+    const address = new URLSearchParams({ track: select.track.value, a: select.a.value, b: select.b.value });
+    history.replaceState(null, "", `#${address}`);
     show();
   }
 
@@ -57,8 +57,8 @@
     const x = (value) => margin + ((value - domain[0]) / (domain[1] - domain[0])) * (width - 2 * margin);
     const svg = document.createElementNS(NS, "svg");
     const draw = (kind, attributes) => {
-      const found = svg.appendChild(document.createElementNS(NS, kind));
-      for (const [name, value] of Object.entries(attributes)) found.setAttribute(name, value);
+      const element = svg.appendChild(document.createElementNS(NS, kind));
+      for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
     };
     for (const [name, value] of Object.entries({ width, height: 28, "aria-hidden": "true", class: "interval both" })) svg.setAttribute(name, value);
     for (const mark of [0, 100]) draw("line", { class: "mark", x1: x(mark), x2: x(mark), y1: 1, y2: 27 });
@@ -106,43 +106,41 @@
     return box;
   }
 
-  /** A difference with its interval, marked where this leaves 0 out; `k`: against one counterpart, null: all. */
+  /** A difference with its interval, bold where that excludes 0; `k`: the rival, null: all of them. */
   function apart(role, k, a, b, one, two) {
     if (one[0] === null || two[0] === null) return "–";
     const units = [a.units[role], b.units[role]];
     if (units.includes(null)) return signed(one[0] - two[0]);
     const [value, half] = between(...units.map((of) => (k === null ? overall(of) : { over: of.over, scores: of.scores[k] })), student);
     if (half === null) return signed(value);
-    const told = make(Math.abs(value) > half ? "b" : "span", `${signed(value)}  (${signed(value - half)} to ${signed(value + half)})`);
-    return told;
+    return make(Math.abs(value) > half ? "b" : "span", `${signed(value)}  (${signed(value - half)} to ${signed(value + half)})`);
   }
 
-  /** Scores of both over a field: all of it where it has several counterparts, then each. */
-  function scored(field, domain, a, b) {
-    const told = ([value, low, high]) => (low === null || value === null ? number(value) : `${number(value)}  (${number(low)} to ${number(high)})`);
-    const each = field.counterparts.map((name, k) => [name, k, a.met[field.role][k], b.met[field.role][k]]);
-    const pairs = each.length === 1 ? each : [["All counterparts", null, a.scores[field.role], b.scores[field.role]], ...each];
-    return pairs.map(([name, k, one, two]) => [name, told(one), told(two), apart(field.role, k, a, b, one, two), picture(domain, [one, two])]);
+  /** Scores of both over a suite: all of it where it has several rivals, then each. */
+  function scored(suite, domain, a, b) {
+    const text = ([value, low, high]) => (low === null || value === null ? number(value) : `${number(value)}  (${number(low)} to ${number(high)})`);
+    const each = suite.rivals.map((name, k) => [name, k, a.by_rival[suite.role][k], b.by_rival[suite.role][k]]);
+    const pairs = each.length === 1 ? each : [["All rivals", null, a.scores[suite.role], b.scores[suite.role]], ...each];
+    return pairs.map(([name, k, one, two]) => [name, text(one), text(two), apart(suite.role, k, a, b, one, two), picture(domain, [one, two])]);
   }
 
-  /** The fields that either has met, and what their pictures span together. */
+  /** The suites that either has played, and the domain of their pictures. */
   function shown(a, b) {
-    const fields = track().fields.filter(({ role }) => a.scores[role][0] !== null || b.scores[role][0] !== null);
-    const intervals = fields.flatMap(({ role }) => [a, b].flatMap((row) => [row.scores[role], ...row.met[role]]));
+    const suites = track().suites.filter(({ role }) => a.scores[role][0] !== null || b.scores[role][0] !== null);
+    const intervals = suites.flatMap(({ role }) => [a, b].flatMap((row) => [row.scores[role], ...row.by_rival[role]]));
     const numbers = intervals.flat().filter((value) => value !== null);
-    return [fields, [Math.min(0, ...numbers), Math.max(100, ...numbers)]];
+    return [suites, [Math.min(0, ...numbers), Math.max(100, ...numbers)]];
   }
 
   const signed = (value) => (value >= 0 ? "+" : "−") + Math.abs(value).toFixed(1);
 
-  const gaps = (a, b) => (a.gap === null && b.gap === null ? [] : [["Gap, known - unseen", number(a.gap), number(b.gap)]]);
+  const gaps = (a, b) => (a.gap === null && b.gap === null ? [] : [["Gap, public - unseen", number(a.gap), number(b.gap)]]);
 
   function facts(a, b) {
-    const about = (row) => row.training;
-    const budget = (row) => (about(row) ? `${Number(about(row).steps).toLocaleString("en")} steps` : "–");
+    const budget = ({ steps }) => (steps === null ? "–" : `${steps.toLocaleString("en")} steps`);
     return [
       ["Rank", a.rank, b.rank], ...gaps(a, b), ["Worst score", number(a.worst), number(b.worst)],
-      ["Algorithm", a.algorithm, b.algorithm], ["Authors", a.authors, b.authors], ["Learning budget a seed", budget(a), budget(b)],
+      ["Algorithm", a.algorithm, b.algorithm], ["Authors", a.authors, b.authors], ["Learning budget per seed", budget(a), budget(b)],
     ];
   }
 
@@ -163,17 +161,17 @@
 
   /** In a sentence: who is ahead, and how sure that is. */
   function verdict(a, b) {
-    const found = track().improvement;
-    const i = found ? found.names.indexOf(a.slug) : -1, j = found ? found.names.indexOf(b.slug) : -1;
+    const table = track().improvement;
+    const i = table ? table.names.indexOf(a.slug) : -1, j = table ? table.names.indexOf(b.slug) : -1;
     const both = (role) => a.scores[role][0] !== null && b.scores[role][0] !== null;
-    const role = both(track().ranked_by) ? track().ranked_by : "known";
-    const pairs = a.met[role].map(([one], k) => [one, b.met[role][k][0]]).filter(([one, two]) => one !== null && two !== null);
+    const { role, label } = track().suites.find((suite) => suite.role === track().ranked_by && both(suite.role)) ?? track().suites[0];
+    const pairs = a.by_rival[role].map(([one], k) => [one, b.by_rival[role][k][0]]).filter(([one, two]) => one !== null && two !== null);
     const wins = pairs.filter(([one, two]) => one > two).length;
-    let text = `Over the ${role} field ${a.name} scores ${number(a.scores[role][0])}, ${b.name} ${number(b.scores[role][0])}; the first is ahead against ${wins} of ${pairs.length} counterparts.`;
+    let text = `Over the ${label.toLowerCase()} suite ${a.name} scores ${number(a.scores[role][0])}, ${b.name} ${number(b.scores[role][0])}; the first is ahead against ${wins} of ${pairs.length} rivals.`;
     text += sure(role, a, b);
     if (i >= 0 && j >= 0 && i !== j) {
       const share = (value) => `${Math.round(100 * value)} %`;
-      text += ` A new run of the first scores more than one of the second with a probability of ${share(found.value[i][j])} (${share(found.low[i][j])} to ${share(found.high[i][j])}).`;
+      text += ` A new run of the first scores more than one of the second with a probability of ${share(table.value[i][j])} (${share(table.low[i][j])} to ${share(table.high[i][j])}).`;
     }
     return text;
   }
@@ -199,8 +197,8 @@
       section("At a glance", ["Fact", ...heads], facts(a, b)),
       section("What happens in their games", ["Measure", ...heads], measured(a, b)),
     );
-    const [fields, domain] = shown(a, b);
-    const scores = fields.map((field) => section(`${field.label}: ${field.about}`, ["Counterpart", ...heads, "Difference", "Picture"], scored(field, domain, a, b)));
+    const [suites, domain] = shown(a, b);
+    const scores = suites.map((suite) => section(`${suite.label}: ${suite.about}`, ["Rival", ...heads, "Difference", "Picture"], scored(suite, domain, a, b)));
     place.replaceChildren(...scores, columns, links);
   }
 

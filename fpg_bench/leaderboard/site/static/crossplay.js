@@ -26,8 +26,8 @@
 
   /** A number with half of its interval, where it has one. */
   function within(key, i, j, written) {
-    const found = half[key]?.[i][j] ?? null;
-    return found === null ? written(matrices[key][i][j]) : `${written(matrices[key][i][j])} ± ${written(found)}`;
+    const width = half[key]?.[i][j] ?? null;
+    return width === null ? written(matrices[key][i][j]) : `${written(matrices[key][i][j])} ± ${written(width)}`;
   }
 
   /** Where a round of a pair is played, if the page can play both. */
@@ -41,11 +41,11 @@
     const beside = key === "jammed" ? ["ally"] : ["jammed"];
     const { brief } = SHOWN[key], wide = half[key]?.[i][j] ?? null;
     const href = address(ally, opponent);
-    const told = Object.keys(SHOWN).map((name) => `${SHOWN[name].short} ${within(name, i, j, SHOWN[name].written)}`).join(", ");
+    const figures = Object.keys(SHOWN).map((name) => `${SHOWN[name].short} ${within(name, i, j, SHOWN[name].written)}`).join(", ");
     return {
       href, text: brief(matrices[key][i][j]), tint: tint((matrices[key][i][j] - low) / (top - low || 1)),
-      more: [...(wide === null ? [] : [`± ${brief(wide)}`]), ...beside.map((name) => SHOWN[name].brief(matrices[name][i][j]))],
-      label: `${called("ally", ally)} against ${called("opponent", opponent)}: ${told}${href ? "; watch a round" : ""}`,
+      notes: [...(wide === null ? [] : [`± ${brief(wide)}`]), ...beside.map((name) => SHOWN[name].brief(matrices[name][i][j]))],
+      label: `${called("ally", ally)} against ${called("opponent", opponent)}: ${figures}${href ? "; watch a round" : ""}`,
     };
   }
 
@@ -53,10 +53,10 @@
     const key = shown.value;
     order = { ally: ordered("ally"), opponent: ordered("opponent") };
     const every = matrices[key].flat(), ends = [key === "jammed" ? 0 : Math.min(...every), Math.max(...every)];
-    const told = (side) => order[side].map((place) => called(side, slugs[side][place]));
+    const labels = (side) => order[side].map((place) => called(side, slugs[side][place]));
     const element = document.getElementById("heatmap");
     element.className = `heat pairs of-${SHOWN[key].better}`;
-    matrix(element, `${SHOWN[key].short} of each pair`, "Ally", told("ally"), told("opponent"), (i, j) => cell(key, order.ally[i], order.opponent[j], ends));
+    matrix(element, `${SHOWN[key].short} of each pair`, "Ally", labels("ally"), labels("opponent"), (i, j) => cell(key, order.ally[i], order.opponent[j], ends));
     const before = players?.[who.value];
     players = ["ally", "opponent"].flatMap((side) => order[side].map((place) => [side, place]));
     fill(who, players.map(([side, place]) => `${side}: ${called(side, slugs[side][place])}`));
@@ -64,13 +64,13 @@
     show();
   }
 
-  /** All numbers of one player, its strongest counterparts first. */
+  /** All numbers of one player, its strongest rivals first. */
   function show() {
     const [side, place] = players[who.value];
     const other = side === "ally" ? "opponent" : "ally";
     const numbers = (k) => Object.keys(SHOWN).map((key) => within(key, ...(side === "ally" ? [place, k] : [k, place]), SHOWN[key].written));
     const rows = order[other].map((k) => [called(other, slugs[other][k]), ...numbers(k)]);
-    const caption = `Returns a step and jamming success rate of ${who.selectedOptions[0].text}, ${rounds} rounds a pair`;
+    const caption = `Returns per step and jamming success rate of ${who.selectedOptions[0].text}, ${rounds} rounds per pair`;
     table(document.getElementById("row"), caption, [side === "ally" ? "Opponent" : "Ally", "Ally's return", "Opponent's return", "Jammed"], rows);
   }
 
@@ -83,10 +83,9 @@
   who.addEventListener("change", show);
   draw();
 
-  if (!nash) return;
   document.getElementById("value").textContent = step(nash.value);
   for (const side of ["ally", "opponent"]) {
-    const rows = Object.entries(nash[side] ?? {}).filter(([, share]) => share > 0.0005).sort((a, b) => b[1] - a[1]);
+    const rows = Object.entries(nash[side]).filter(([, share]) => share > 0.0005).sort((a, b) => b[1] - a[1]);
     table(document.getElementById(`nash-${side}`), `Share of each ${side} in the mixture`,
       [side === "ally" ? "Ally" : "Opponent", "Share"], rows.map(([slug, share]) => [called(side, slug), percent(share)]));
   }

@@ -1,4 +1,4 @@
-/* How far two entries are apart, with a 95 % interval, from the scores that each one's own interval is over.
+/* The difference of two entries with a 95 % interval, from the scores that each one's own interval is over.
    Both have played the same matches. Two scripts are compared match by match; an entry of several training seeds varies over
    these, and a script beside it is a fixed player (Welch's t where both were trained). */
 "use strict";
@@ -35,7 +35,7 @@ const fpgDifferences = (() => {
     return [apart, quantile(one.length - 1, table) * Math.sqrt(error(apiece)), "match by match"];
   }
 
-  /** The scores over all counterparts of a field, unit by unit. */
+  /** The scores over all rivals of a suite, unit by unit. */
   const overall = ({ over, scores }) => ({ over, scores: scores[0].map((_, unit) => mean(scores.map((of) => of[unit]))) });
 
   return { between, overall };

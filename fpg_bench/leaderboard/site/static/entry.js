@@ -10,7 +10,7 @@
 
   // What a round's script calls.
   window.fpgRound = (round) => {
-    document.getElementById("told").textContent = round.summary;
+    document.getElementById("round-summary").textContent = round.summary;
     player.show(round.replay);
     if (asked) player.goTo(asked);
     asked = 0;

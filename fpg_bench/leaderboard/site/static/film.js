@@ -119,9 +119,9 @@
     const size = Math.min(height, width * 0.5);
     drawMap(size);
     drawBand(size + 8);
-    const told = events.findLast((event) => event.step <= time);
-    const words = told ? `${told.step} s: ${told.text}` : "The round begins";
-    if (caption.textContent !== words) caption.textContent = words;
+    const last = events.findLast((event) => event.step <= time);
+    const text = last ? `${last.step} s: ${last.text}` : "The round begins";
+    if (caption.textContent !== text) caption.textContent = text;
   }
 
   function tick(now) {

@@ -6,9 +6,9 @@ const fpgPolicy = (() => {
   const count = (shape) => shape.reduce((product, size) => product * size, 1);
   const tensor = (shape, data) => ({ shape, data });
 
-  /** Weights as they were written: little-endian numbers of 32 bits, or whole numbers as text. */
-  function read({ shape, floats, whole }) {
-    if (whole) return tensor(shape, whole);
+  /** Weights as they were written: little-endian numbers of 32 bits, or a list of integers. */
+  function read({ shape, floats, integers }) {
+    if (integers) return tensor(shape, integers);
     const bytes = Uint8Array.from(atob(floats), (sign) => sign.charCodeAt(0));
     return tensor(shape, new Float32Array(bytes.buffer));
   }
@@ -134,8 +134,8 @@ const fpgPolicy = (() => {
     return (seen) => {
       const known = { ...held, observation: tensor([1, seen.length], Float32Array.from(seen)), state: tensor([1, state], memory) };
       for (const { op, inputs, outputs, attributes } of nodes) {
-        const found = PLAYED[op](inputs.map((name) => known[name]), attributes);
-        [found].flat().forEach((one, i) => (known[outputs[i]] = one));
+        const values = PLAYED[op](inputs.map((name) => known[name]), attributes);
+        [values].flat().forEach((one, i) => (known[outputs[i]] = one));
       }
       if (state) memory = known.next_state.data;
       return Array.from(known.action.data);

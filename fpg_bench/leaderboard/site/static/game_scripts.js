@@ -27,7 +27,7 @@ const fpgScripts = (() => {
     return [gate(hop), gate(spread), 1, preference, gate(expert), 0, 0, 0, 0];
   }
 
-  /** Whether the last check found the ally where it was jammed; until the next a tone remembers it. */
+  /** True if the last check heard the ally where it was jammed; a tone remembers it until the next one. */
   function stayed(seen, checked) {
     return checked ? seen[9] === seen[6] || !seen.slice(10, 14).some(Boolean) : seen[10] > 0;
   }

@@ -15,15 +15,15 @@
   const arena = fpgArena(scene, byId("arena"));
   const times = fpgTimes(scene, { spectrum: byId("spectrum"), snr: byId("snr"), distance: byId("distance") });
 
-  /* ---- whom one plays ---- */
+  /* ---- rivals ---- */
 
   /** Fill a choice of a side's players: submitted entries, trained ones of the zoo, scripts. */
   function list(select, side) {
     const group = (label, options) => {
-      const found = document.createElement("optgroup");
-      found.label = label;
-      found.append(...options);
-      return found;
+      const element = document.createElement("optgroup");
+      element.label = label;
+      element.append(...options);
+      return element;
     };
     const trained = (wanted) => agents.filter((one) => one.side === side && one.kind === wanted).map(({ name, file }) => new Option(name, `agent:${file}`));
     const groups = [["Submitted", trained("submitted")], ["Zoo", trained("zoo")], ["Scripts", fpgScripts.NAMES[side].map((name) => new Option(name, `script:${name}`))]];
@@ -32,15 +32,15 @@
   }
 
   function listRivals() {
-    const mine = byId("side").value;
-    list(byId("rival"), mine === "opponent" ? "ally" : "opponent");
+    const side = byId("side").value;
+    list(byId("rival"), side === "opponent" ? "ally" : "opponent");
     list(byId("first"), "ally");
-    byId("second").hidden = mine !== "nobody";
-    byId("as-ally").hidden = mine !== "ally";
-    byId("as-opponent").hidden = mine !== "opponent";
+    byId("second").hidden = side !== "nobody";
+    byId("as-ally").hidden = side !== "ally";
+    byId("as-opponent").hidden = side !== "opponent";
   }
 
-  // What a policy's script calls.
+  // Called by a policy's script.
   window.fpgAgent = (file, policy) => (policies[file] = policy);
 
   /** The rival's policy; a script of its own, loaded when it is chosen. */
@@ -120,12 +120,12 @@
     view.time = game.step;
   }
 
-  /* ---- what is told ---- */
+  /* ---- messages ---- */
 
   function tell() {
-    const mine = human === "nobody" ? ["found", "hopped", "spread", "jammed", "back", "near", "herded"] : human === "ally" ? ["hopped", "spread", "jammed", "back", "near", "herded"] : ["found", "jammed", "back", "near", "herded"];
-    const told = fpgEvents({ steps }, scenario).findLast(({ kind }) => mine.includes(kind));
-    const text = told ? `${told.step} s: ${told.text}` : "";
+    const kinds = human === "nobody" ? ["found", "hopped", "spread", "jammed", "back", "near", "herded"] : human === "ally" ? ["hopped", "spread", "jammed", "back", "near", "herded"] : ["found", "jammed", "back", "near", "herded"];
+    const event = fpgEvents({ steps }, scenario).findLast(({ kind }) => kinds.includes(kind));
+    const text = event ? `${event.step} s: ${event.text}` : "";
     if (text && byId("event").textContent !== text) byId("event").textContent = text;
   }
 
@@ -140,7 +140,7 @@
   function finish() {
     run(false);
     const [earned, points] = score();
-    byId("event").textContent = `The round is over: ${human === "nobody" ? "the ally earned " : ""}${written(earned, 2)} a step${points === null ? "" : `, a score of ${written(points, 1)}; 0 is playing at random`}.`;
+    byId("event").textContent = `The round is over: ${human === "nobody" ? "the ally earned " : ""}${written(earned, 2)} per step${points === null ? "" : `, a score of ${written(points, 1)}; 0 is random play`}.`;
     for (const id of ["run", "one"]) byId(id).disabled = true;
   }
 
@@ -150,13 +150,13 @@
     byId("clock").textContent = `${game.step} / ${rules.steps}`;
     byId("earned").textContent = game.step ? written(earned, 2) : "–";
     byId("score").textContent = game.step && points !== null ? written(points, 1) : "–";
-    byId("known").textContent = human === "nobody" ? "all" : human === "ally" ? `you are at ${game.frequency.toFixed(1)} MHz` : `heard ${game.age} s ago at ${game.known.toFixed(1)} MHz`;
+    byId("knowledge").textContent = human === "nobody" ? "all" : human === "ally" ? `you are at ${game.frequency.toFixed(1)} MHz` : `heard ${game.age} s ago at ${game.known.toFixed(1)} MHz`;
     hint();
     arena.draw();
     times.draw();
   }
 
-  /** What the knowledge base would do with what the ally senses. */
+  /** The knowledge base's advice for the ally. */
   function hint() {
     if (human !== "ally") return;
     const points = fpgKnowledge.advice(game, rules);

@@ -1,4 +1,4 @@
-/* Performance profiles as SVG: a line per entry, told apart by colour, dashes and marks. */
+/* Performance profiles as SVG: a line per entry, distinguished by colour, dashes and marks. */
 "use strict";
 const fpgProfile = (() => {
   const NS = "http://www.w3.org/2000/svg";
@@ -7,10 +7,10 @@ const fpgProfile = (() => {
   const MARKS = ["M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0", "M-4,-4h8v8h-8z", "M0,-5l5,8h-10z", "M0,-5l5,5l-5,5l-5,-5z", "M-4,-4l8,8M4,-4l-8,8", "M0,-5v10M-5,0h10"];
 
   function node(parent, kind, attributes, text) {
-    const found = parent.appendChild(document.createElementNS(NS, kind));
-    for (const [name, value] of Object.entries(attributes)) found.setAttribute(name, value);
-    if (text !== undefined) found.textContent = text;
-    return found;
+    const element = parent.appendChild(document.createElementNS(NS, kind));
+    for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+    if (text !== undefined) element.textContent = text;
+    return element;
   }
 
   /** The thresholds between which any line changes, as places. */

@@ -23,24 +23,24 @@
   function cell(i, j) {
     const { names, value, low, high } = track.improvement;
     if (i === j || value[i][j] === null) return null;
-    const told = `${percent(low[i][j], 0)} to ${percent(high[i][j], 0)}`, side = value[i][j] >= 0.5 ? "ally" : "opponent";
+    const interval = `${percent(low[i][j], 0)} to ${percent(high[i][j], 0)}`, side = value[i][j] >= 0.5 ? "ally" : "opponent";
     return {
-      text: percent(value[i][j], 0), more: [`${Math.round(100 * low[i][j])}–${Math.round(100 * high[i][j])}`],
+      text: percent(value[i][j], 0), notes: [`${Math.round(100 * low[i][j])}–${Math.round(100 * high[i][j])}`],
       tint: `of-${side} ${tint(Math.abs(2 * value[i][j] - 1))}`,
-      label: `${named(names[i])} scores more than ${named(names[j])} with a probability of ${percent(value[i][j], 0)}, ${told}`,
+      label: `${named(names[i])} scores more than ${named(names[j])} with a probability of ${percent(value[i][j], 0)}, ${interval}`,
     };
   }
 
   const named = (slug) => track.names[slug] ?? slug;
 
   function improvement() {
-    const found = track.improvement;
+    const { improvement: matrices } = track;
     const section = document.querySelector("[aria-labelledby=improvement]");
-    section.hidden = !found;
-    if (!found) return;
-    const names = found.names.map(named), shown = names.slice(0, MOST);
+    section.hidden = !matrices;
+    if (!matrices) return;
+    const names = matrices.names.map(named), shown = names.slice(0, MOST);
     document.getElementById("left").textContent = names.length > MOST ? `The first ${MOST} of ${names.length} entries are shown; the list below has all.` : "";
-    matrix(document.getElementById("matrix"), "How likely the row's entry scores more than the column's", "Scores more", shown, shown, cell);
+    matrix(document.getElementById("matrix"), "Probability that the row's entry scores more than the column's", "Scores more", shown, shown, cell);
     fill(who, names);
     one();
   }
@@ -50,7 +50,7 @@
     const i = Number(who.value);
     const rows = names.map((slug, j) => [named(slug), j]).filter(([, j]) => j !== i);
     rows.sort((a, b) => value[i][b[1]] - value[i][a[1]]);
-    table(document.getElementById("row"), `How likely ${who.selectedOptions[0].text} scores more than each other entry`,
+    table(document.getElementById("row"), `Probability that ${who.selectedOptions[0].text} scores more than each other entry`,
       ["Scores more than", "Probability", "95 % interval"],
       rows.map(([name, j]) => [name, percent(value[i][j], 0), `${percent(low[i][j], 0)} to ${percent(high[i][j], 0)}`]));
   }

@@ -12,9 +12,9 @@
   function keep(name, value, usual) {
     if (value === usual) asked.delete(name);
     else asked.set(name, value);
-    const told = asked.toString();
+    const choices = asked.toString();
     const here = decodeURIComponent(location.hash.slice(1).split("&")[0]);
-    const wanted = told ? `#${here}&${told}` : here ? `#${here}` : location.pathname;
+    const wanted = choices ? `#${here}&${choices}` : here ? `#${here}` : location.pathname;
     history.replaceState(null, "", wanted);
   }
 
@@ -49,27 +49,27 @@
     const all = section.querySelector(".all");
     const heads = [...table.tHead.rows[0].cells];
     const nameOf = (box) => (box.classList.contains("unverified") ? UNVERIFIED : box.value);
-    let whole = table.tBodies[0].rows.length <= MOST;
+    let isFull = table.tBodies[0].rows.length <= MOST;
 
     function show() {
       const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
       const wanted = new Set(kinds.filter((box) => box.checked).map(nameOf));
-      let found = 0;
+      let matching = 0;
       let shown = 0;
       const rows = [...table.tBodies[0].rows];
       for (const row of rows) {
         const { kind, text } = row.dataset;
         const fits = wanted.has(kind) && words.every((word) => text.includes(word)) &&
           (wanted.has(UNVERIFIED) || !("unverified" in row.dataset));
-        found += fits;
-        row.hidden = !fits || (!whole && found > MOST);
+        matching += fits;
+        row.hidden = !fits || (!isFull && matching > MOST);
         shown += !row.hidden;
       }
-      all.hidden = shown === found;
-      all.textContent = `Show all ${found}`;
-      const cut = shown < found ? `, the first ${shown} shown` : "";
-      count.textContent = found === rows.length && !cut ? `${found} ${found === 1 ? "entry" : "entries"}`
-        : `${found} of ${rows.length} entries${cut}`;
+      all.hidden = shown === matching;
+      all.textContent = `Show all ${matching}`;
+      const cut = shown < matching ? `, the first ${shown} shown` : "";
+      count.textContent = matching === rows.length && !cut ? `${matching} ${matching === 1 ? "entry" : "entries"}`
+        : `${matching} of ${rows.length} entries${cut}`;
     }
 
     /** What the address asks for. */
@@ -99,7 +99,7 @@
       });
     }
     all.addEventListener("click", () => {
-      whole = true;
+      isFull = true;
       show();
     });
     recall();

@@ -1,4 +1,4 @@
-"""The documentation's rules, measures and glossary as pages of the site: a visitor needs no other host."""
+"""Rules, measures and glossary of the documentation as pages of the site, so that no other host is needed."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 PAGES = {"rules": "Rules", "measures": "Measures", "glossary": "Glossary"}
 
 
-def reading(name: str) -> str:
-    """The HTML of one of ``PAGES``; links lead to others of them, and nowhere else."""
+def render_page(name: str) -> str:
+    """Render one of ``PAGES`` as HTML; links lead only to others of them."""
     text = re.sub(r"<!--.*?-->\n?", "", (_folder() / f"{name}.md").read_text("utf-8"))
     parts = re.split(r"^:::(?:\{glossary\})?\n", text, flags=re.MULTILINE)  # outside, inside, outside
-    return "".join(_defined(part) if k % 2 else _rendered(part) for k, part in enumerate(parts))
+    return "".join(_render_terms(part) if k % 2 else _render(part) for k, part in enumerate(parts))
 
 
 def _folder() -> Path:
-    """Where the documentation lies: in the installed package, else in the repository."""
+    """Return the folder of the documentation: in the installed package, else in the repository."""
     package = Path(str(resources.files("fpg_bench")))
     installed = package / "docs"
     return installed if installed.is_dir() else package.parent / "docs"
@@ -42,7 +42,7 @@ def _markdown() -> MarkdownIt:
     return markdown
 
 
-def _rendered(text: str) -> str:
+def _render(text: str) -> str:
     markdown = _markdown()
     tokens = markdown.parse(text)
     for token, following in pairwise(tokens):
@@ -51,12 +51,12 @@ def _rendered(text: str) -> str:
         elif token.type == "fence":
             token.attrSet("tabindex", "0")
     for token in tokens:
-        _keep_within(token.children or [])
+        _restrict_links(token.children or [])
     return markdown.renderer.render(tokens, markdown.options, {})
 
 
-def _keep_within(tokens: Sequence[Token]) -> None:
-    """Links stay within the site; where a page is not there, its link is mere text."""
+def _restrict_links(tokens: Sequence[Token]) -> None:
+    """Turn links to pages that the site lacks into plain text."""
     tag = "a"
     for token in tokens:
         if token.type == "link_open":
@@ -69,8 +69,8 @@ def _keep_within(tokens: Sequence[Token]) -> None:
             token.tag = tag
 
 
-def _defined(text: str) -> str:
-    """A list of terms: each on a line of its own, its definition indented below it."""
+def _render_terms(text: str) -> str:
+    """Render a list of terms: each on its own line, with its definition indented below it."""
     terms = re.findall(r"^(\S.*)\n((?:  .*\n)+)", text, re.MULTILINE)
-    lines = (f"<dt>{escape(term)}</dt><dd>{_rendered(meaning)}</dd>\n" for term, meaning in terms)
+    lines = (f"<dt>{escape(term)}</dt><dd>{_render(meaning)}</dd>\n" for term, meaning in terms)
     return f"<dl>\n{''.join(lines)}</dl>\n"

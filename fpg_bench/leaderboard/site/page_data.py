@@ -1,0 +1,343 @@
+"""Data that the pages' scripts read, as JavaScript files, since nothing can be fetched from a disk.
+
+Parts of the board for comparing entries, statistics and cross-play; rules and policies for playing.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.statistics import student_t
+from fpg_bench.files import read_json
+from fpg_bench.game.rules import rules_record
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.state import RULES
+from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
+from fpg_bench.leaderboard.check import load_submission
+from fpg_bench.leaderboard.site.views import (
+    HIDDEN,
+    MEASURES,
+    ROLES,
+    entry_page,
+    format_rank,
+    measure_of,
+    ordered_suites,
+)
+from fpg_bench.pictures.replay import scenario_data, script_json
+from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.onnx_file import plain_model
+from fpg_bench.players.player import SIDES
+from fpg_bench.players.scripts import ALLIES, OPPONENTS
+
+Row = dict[str, Any]  # an object of JSON
+Policies = Mapping[tuple[str, str], Row]  # of submitted entries, by track and entry; see policy_data
+Zoo = Mapping[str, tuple[Row, Row]]  # what is known of each agent, and its policy
+_MOST_UNITS = 201  # of a difference of scores; with more, Student's t hardly changes
+# Operators of static/game_policy.js.
+_OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
+_OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM"}
+# Groups of the zoo; all play the standard game, whatever they were trained on.
+_GROUPS = ("champion", "population", "scripted", "pursuit", "learned", "planner")
+
+
+def data_files(board: Board, submitted: Policies) -> dict[str, str]:
+    """Return the data files of the site.
+
+    Args:
+        board: the board.
+        submitted: policies of submitted entries that the page can play.
+    """
+    zoo = zoo_policies()
+    crossplay = crossplay_data(board, submitted, zoo)
+    return {
+        "board.json": board.to_json(),
+        "data/compare.js": _script(compare_data(board)),
+        "data/statistics.js": _script(statistics_data(board)),
+        "data/crossplay.js": _script(crossplay),
+        **_play_files(board, submitted, zoo),
+    }
+
+
+def _script(content: Row | None) -> str:
+    return f"window.fpgData = {script_json(content)};\n"
+
+
+def compare_data(board: Board) -> Row:
+    """Return the verified entries of each track, of which the page compares two."""
+    measured = {
+        name for track in board.tracks for _, figures in track.verified() for name in figures.measures
+    }
+    names = [*MEASURES, *sorted(name for name in measured if name not in (*MEASURES, *HIDDEN))]
+    return {
+        "measures": {name: asdict(measure_of(name)) for name in names},
+        "student": [round(student_t(count), 4) for count in range(2, _MOST_UNITS + 1)],
+        "tracks": [_compared_track(track) for track in board.tracks],
+    }
+
+
+def _compared_track(track: BoardTrack) -> Row:
+    suites = ordered_suites(track)
+    return {
+        "key": track.key,
+        "title": track.title,
+        "ranked_by": track.ranked_by,
+        "suites": [
+            {"role": suite.role, **asdict(ROLES[suite.role]), "rivals": suite.rivals} for suite in suites
+        ],
+        "rows": [_compared_entry(track, suites, entry, figures) for entry, figures in track.verified()],
+        "improvement": _improvement(track, track.improvement.names),
+    }
+
+
+def _compared_entry(
+    track: BoardTrack, suites: Sequence[BoardSuite], entry: BoardEntry, figures: Figures
+) -> Row:
+    return {
+        "slug": entry.slug,
+        "name": entry.name,
+        "page": entry_page(track, entry),
+        "rank": format_rank(figures.rank),
+        "kind": entry.kind,
+        "algorithm": entry.algorithm,
+        "authors": ", ".join(entry.authors),
+        "few_seeds": figures.has_few_seeds,
+        "score": _interval(figures.score),
+        "gap": _rounded(figures.gap, 1),
+        "worst": _rounded(figures.worst.score.value, 1),
+        "scores": {suite.role: _interval(figures.scores.get(suite.role)) for suite in suites},
+        "by_rival": {
+            suite.role: [_interval(figures.by_rival.get(suite.role, {}).get(rival)) for rival in suite.rivals]
+            for suite in suites
+        },
+        "units": {
+            suite.role: asdict(figures.units[suite.role]) if suite.role in figures.units else None
+            for suite in suites
+        },
+        "measures": {name: _rounded(value, 4) for name, value in figures.measures.items()},
+        "steps": None if entry.training is None else entry.training.steps,
+    }
+
+
+def _interval(score: Score | None) -> list[float | None]:
+    ends = (None,) * 3 if score is None else (score.value, score.low, score.high)
+    return [_rounded(end, 1) for end in ends]
+
+
+def _rounded(value: float | None, digits: int) -> float | None:
+    return None if value is None else round(value, digits)
+
+
+def statistics_data(board: Board) -> Row:
+    """Return the performance profiles and probabilities of improvement of each track."""
+    return {"tracks": [_track_statistics(track) for track in board.tracks]}
+
+
+def _track_statistics(track: BoardTrack) -> Row:
+    order = [entry.slug for entry in track.entries]
+    profiles = track.profiles
+    return {
+        "key": track.key,
+        "title": track.title,
+        "names": {entry.slug: entry.name for entry in track.entries},
+        "order": order,
+        "thresholds": [round(threshold, 1) for threshold in profiles.thresholds],
+        "share": {
+            slug: [round(share, 3) for share in profiles.share[slug]]
+            for slug in order
+            if slug in profiles.share
+        },
+        "improvement": _improvement(track, order),
+    }
+
+
+def _improvement(track: BoardTrack, order: Sequence[str]) -> Row | None:
+    """Return the matrices of the probability of improvement in an order of the entries."""
+    improvement = track.improvement
+    places = [improvement.names.index(slug) for slug in order if slug in improvement.names]
+    if not places:
+        return None
+    matrices = {"value": improvement.value, "low": improvement.low, "high": improvement.high}
+    return {
+        "names": [improvement.names[place] for place in places],
+        **{
+            name: [[_rounded(matrix[i][j], 3) for j in places] for i in places]
+            for name, matrix in matrices.items()
+        },
+    }
+
+
+def crossplay_data(board: Board, submitted: Policies, zoo: Zoo) -> Row | None:
+    """Return the matrices of cross-play, and by which players of the page a pair's round is played."""
+    crossplay = board.crossplay
+    if crossplay is None:
+        return None
+    matrices = {**crossplay.returns, "jammed": crossplay.jamming_success_rate}
+    return {
+        "names": {side: board.names(side) for side in SIDES},
+        "allies": crossplay.allies,
+        "opponents": crossplay.opponents,
+        "matrices": {name: _rounded_matrix(matrix) for name, matrix in matrices.items()},
+        "half": {side: _rounded_matrix(matrix) for side, matrix in crossplay.half.items()},
+        "rounds": crossplay.rounds,
+        "nash": asdict(crossplay.nash),
+        "watch": _watched(board, submitted, zoo),
+    }
+
+
+def _rounded_matrix(matrix: Sequence[Sequence[float | None]]) -> list[list[float | None]]:
+    return [[_rounded(value, 4) for value in row] for row in matrix]
+
+
+def _watched(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, dict[str, Row]]:
+    """Return, by side and entry, the page's player that stands for it, and its path."""
+    watched: dict[str, dict[str, Row]] = {side: {} for side in SIDES}
+    for track in board.tracks:
+        for entry in track.entries if track.side in SIDES else ():
+            if player := _page_player(track, entry, submitted, zoo):
+                path = "learned" if track.key.endswith("-learned") else "pursuit"
+                watched[track.side][entry.slug] = {"player": player, "path": path}
+    return watched
+
+
+def _page_player(track: BoardTrack, entry: BoardEntry, submitted: Policies, zoo: Zoo) -> str | None:
+    if (track.key, entry.slug) in submitted:
+        return f"agent:{_submitted_file(track.key, entry.slug)}"
+    if entry.kind == "script" and entry.plays in (*ALLIES, *OPPONENTS):
+        return f"script:{entry.plays}"
+    if entry.kind == "zoo" and entry.plays is not None and entry.plays in zoo:
+        return f"agent:{_agent_file(entry.plays)}"
+    return None
+
+
+def _play_files(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
+    """Return the data of the page on which a visitor plays, and a file per agent (its first seed)."""
+    agents: list[tuple[Row, Row]] = []
+    entries = {(track.key, entry.slug): (track, entry) for track in board.tracks for entry in track.entries}
+    for (key, slug), policy in submitted.items():
+        track, entry = entries[key, slug]
+        about = {"name": entry.name, "side": track.side, "flies": key.endswith("-learned")}
+        agents.append((about | {"kind": "submitted", "file": _submitted_file(key, slug)}, policy))
+    for name, (about, policy) in zoo.items():
+        agents.append(({"name": name, **about, "kind": "zoo", "file": _agent_file(name)}, policy))
+    scenario = Scenario()
+    content = {
+        "rules": rules_data(scenario),
+        "scenario": scenario_data(scenario),
+        "agents": [about for about, _ in agents],
+        "scales": {track.key.removeprefix("opponent-"): asdict(track.scale) for track in board.tracks},
+    }
+    files = {"data/play.js": _script(content)}
+    for about, policy in agents:
+        files[about["file"]] = f"fpgAgent({script_json(about['file'])}, {script_json(policy)});\n"
+    return files
+
+
+def _agent_file(name: str) -> str:
+    return f"agents/{name.replace('/', '-')}.js"
+
+
+def _submitted_file(key: str, slug: str) -> str:
+    return f"agents/submitted/{key}/{slug}.js"
+
+
+def zoo_policies() -> dict[str, tuple[Row, Row]]:
+    """Return the zoo's agents that the page can play by name: what is known of each, and its policy."""
+    folder = baselines_folder() / "agents"
+    agents = {}
+    for path in sorted(folder.glob("*/*/seed_0/policy.onnx")):
+        name = path.parent.parent.relative_to(folder).as_posix()
+        side, _, group = path.parts[-4].partition("-")
+        policy = policy_data(path.read_bytes()) if side in SIDES and group in _GROUPS else None
+        if policy is not None:
+            about = read_json(path.parent / "agent.json", "agent")
+            flies = "learned" in json.dumps(about.get("scenario_fields") or {})
+            agents[name] = {"side": side, "flies": side == "opponent" and flies}, policy
+    return agents
+
+
+def rules_data(scenario: Scenario) -> Row:
+    """Return the rules as the compiled game reads them; infinity (no cap of the SNR) becomes None."""
+    record = rules_record(scenario)[0]
+    values = {name: record[name].tolist() for name in RULES.names or ()}
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in values.items()
+    }
+
+
+def policy_data(model: bytes) -> Row | None:
+    """Return a policy as a list of nodes and its weights; None where the page cannot play it.
+
+    Args:
+        model: the bytes of a ``policy.onnx``.
+
+    Raises:
+        UserError: not an ONNX file that this program plays.
+    """
+    from onnx import numpy_helper
+
+    graph = plain_model(model).graph
+    inputs = {value.name: value for value in graph.input}
+    if "noise" in inputs or not {node.op_type for node in graph.node} <= _OPERATORS:
+        return None
+    shape = inputs["state"].type.tensor_type.shape.dim if "state" in inputs else None
+    return {
+        "state": 0 if shape is None else shape[1].dim_value,
+        "nodes": [_node(node) for node in graph.node],
+        "weights": {tensor.name: _weight(numpy_helper.to_array(tensor)) for tensor in graph.initializer},
+    }
+
+
+def _node(node: Any) -> Row:
+    from onnx.helper import get_attribute_value
+
+    attributes = {attribute.name: get_attribute_value(attribute) for attribute in node.attribute}
+    return {
+        "op": node.op_type,
+        "inputs": list(node.input),
+        "outputs": list(node.output),
+        "attributes": {
+            name: value.decode() if isinstance(value, bytes) else value for name, value in attributes.items()
+        },
+    }
+
+
+def _weight(values: np.ndarray) -> Row:
+    if values.dtype.kind in "iu":
+        return {"shape": list(values.shape), "integers": values.ravel().tolist()}
+    floats = np.ascontiguousarray(values, "<f4").tobytes()
+    return {"shape": list(values.shape), "floats": base64.b64encode(floats).decode()}
+
+
+def submitted_policies(board: Board, folder: str | Path) -> dict[tuple[str, str], Row]:
+    """Return the policies of verified, submitted entries that the page can play, by track and entry.
+
+    Args:
+        board: the board.
+        folder: the leaderboard's folder, which holds the submissions; the first training seed plays.
+    """
+    policies = {}
+    for track in board.tracks:
+        for entry, _ in track.verified() if track.side in SIDES else ():
+            if entry.kind == "submitted":
+                policy = _first_policy(Path(folder) / "submissions" / track.side / entry.slug)
+                if policy is not None:
+                    policies[track.key, entry.slug] = policy
+    return policies
+
+
+def _first_policy(folder: Path) -> Row | None:
+    try:
+        policies = load_submission(folder, contract=False).policies
+        return policy_data(min(policies, key=lambda policy: policy.seed).model) if policies else None
+    except UserError:
+        return None  # submit verify names the problem
