@@ -13,7 +13,8 @@ from functools import partial
 
 from benchmark_speed import VIEW, Figure, interleaved, median_ratio, report
 
-from fpg_bench.training.several import train_seeds
+from fpg_bench.training.config import RunConfig
+from fpg_bench.training.train import train_seeds
 
 RUNS = 4
 ROLLOUT = 64 * 256
@@ -23,7 +24,8 @@ def run_rate(workers: int, steps: int) -> float:
     """Training runs per second."""
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
-        train_seeds("ppo", VIEW, folder, range(RUNS), workers=workers, steps=steps, say=lambda line: None)
+        config = RunConfig("ppo", VIEW, steps=steps)
+        train_seeds(config, folder, range(RUNS), workers=workers, say=lambda line: None)
         return RUNS / (time.perf_counter() - begin)
 
 

@@ -1,10 +1,10 @@
-"""What training costs beside SB3 itself, and what an exported agent saves.
+"""Speed of training relative to SB3 alone, and of exported agents relative to their models.
 
     python scripts/benchmark_training.py [--quick] [--json FILE]
 
-Training is the whole call, with its scores on the way, checkpoints, TensorBoard log and export, beside SB3's
-``learn`` with the same games, normalisation and hyper-parameters. Agents are asked about 64 games at once, as
-their models are.
+Training is the complete call, with evaluations, checkpoints, TensorBoard log and export. It is compared with
+SB3's ``learn`` on the same games, normalization and hyper-parameters. Agents and models act in 64 games at
+once.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.training.algorithms import ALGORITHMS
+from fpg_bench.training.config import RunConfig
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_games, make_model
@@ -30,58 +31,58 @@ from fpg_bench.training.train import train
 BATCH = 64
 
 
-def a_model(algorithm: str) -> BaseAlgorithm:
-    """An untrained model with the shipped hyper-parameters."""
+def new_model(algorithm: str) -> BaseAlgorithm:
+    """Return an untrained model with the shipped hyper-parameters."""
     parameters = load_hyperparameters(algorithm, VIEW)
     return make_model(algorithm, make_games(VIEW, parameters, 0), parameters, 0)
 
 
 def learn_rate(steps: int) -> float:
-    """Steps per second of SB3's own ``learn``."""
-    model = a_model("ppo")
+    """Return the steps per second of SB3's own ``learn``."""
+    model = new_model("ppo")
     begin = time.perf_counter()
     model.learn(steps)
     return model.num_timesteps / (time.perf_counter() - begin)
 
 
 def train_rate(steps: int) -> float:
-    """The same by one call of ``train``, to the agent's folder."""
+    """Return the steps per second of ``train``, export included."""
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
-        train("ppo", VIEW, Path(folder) / "run", steps=steps, progress=False)
+        train(RunConfig("ppo", VIEW, steps=steps), Path(folder) / "run", progress=False)
         return steps / (time.perf_counter() - begin)
 
 
 def training(quick: bool) -> list[Figure]:
-    """PPO by ``train``, and by SB3's ``learn``."""
+    """Compare PPO by ``train`` with SB3's ``learn``."""
     repeats, rollouts = (1, 1) if quick else (3, 122)  # 122: the shipped budget
     steps = rollouts * 64 * 256
     runs = {"train": train_rate, "learn": learn_rate}
     for rate in () if quick else runs.values():
         rate(64 * 256)  # compiles, loads
     rates = interleaved(repeats, {name: partial(rate, steps) for name, rate in runs.items()})
-    asked = None if quick else 0.9  # what is done once, the export, would be most of a short run
-    return [Figure("PPO by fpg-bench train / by SB3's learn", median_ratio(rates, "train", "learn"), asked)]
+    least = None if quick else 0.9  # the export, done once, would dominate a short run
+    return [Figure("PPO by fpg-bench train / by SB3's learn", median_ratio(rates, "train", "learn"), least)]
 
 
 def predict_rate(player: Any, calls: int) -> float:
-    """Answers per second of a player's ``predict`` about 64 games, its memory handed on."""
+    """Return the calls per second of a player's ``predict`` on 64 games."""
     size = getattr(player, "observation_space", None)
     width = OBSERVATION_SIZE if size is None else size.shape[0]
-    seen = np.random.default_rng(0).uniform(-1, 1, (BATCH, width)).astype(np.float32)
-    memory, starts = None, np.zeros(BATCH, bool)
+    obs = np.random.default_rng(0).uniform(-1, 1, (BATCH, width)).astype(np.float32)
+    state, starts = None, np.zeros(BATCH, bool)
     begin = time.perf_counter()
     for _ in range(calls):
-        _, memory = player.predict(seen, memory, starts, deterministic=True)
+        _, state = player.predict(obs, state, starts, deterministic=True)
     return calls / (time.perf_counter() - begin)
 
 
 def playing(quick: bool) -> list[Figure]:
-    """Every kind of shipped agent, and the model that it was made of."""
+    """Compare every kind of shipped agent with its model."""
     repeats, calls = (1, 5) if quick else (7, 2000)
     figures = []
     for algorithm in ALGORITHMS:
-        model = a_model(algorithm)
+        model = new_model(algorithm)
         players = {"agent": OnnxPlayer(export_onnx(model), {}), "model": model}
         rates = interleaved(repeats, {name: partial(predict_rate, p, calls) for name, p in players.items()})
         ratio = median_ratio(rates, "agent", "model")
@@ -90,7 +91,7 @@ def playing(quick: bool) -> list[Figure]:
 
 
 def measure_all(quick: bool) -> list[Figure]:
-    """All figures of this script."""
+    """Return all figures of this script."""
     return playing(quick) + training(quick)
 
 

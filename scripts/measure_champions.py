@@ -20,7 +20,7 @@ from fpg_bench.errors import UserError, nearest
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.rows import Row, RowFile
-from fpg_bench.training.champions import Recipe, load_recipes, respond, returns_a_step
+from fpg_bench.training.league import Recipe, load_recipes, population_returns, train_responders
 
 ZOO = {"opponent": "opponent-pursuit", "ally": "ally-scripted"}
 FRESH_SEED = 1_090_000
@@ -35,10 +35,10 @@ def shipped(folder: Path) -> list[str]:
 
 def rows_of(recipe: Recipe, agent: str, kind: str, others: list[str]) -> list[Row]:
     """One row for each of several counterparts."""
-    returns = returns_a_step(recipe, agent, others, ROUNDS)
+    returns = population_returns(recipe, agent, others, ROUNDS)
     return [
         {"agent": agent, "kind": kind, "other": other, "return_a_step": round(found, 3)}
-        for other, found in zip(others, returns, strict=True)
+        for other, found in returns.items()
     ]
 
 
@@ -51,7 +51,7 @@ def measure(recipe: Recipe, agent: str, file: RowFile, runs: Path, fresh: bool) 
             file.append(rows_of(recipe, agent, kind, others))
     if fresh and (agent, "fresh") not in done:
         folder = runs / recipe.name / agent.replace("/", "_")
-        responders = respond(recipe, agent, folder, FRESH_SEED)
+        responders = train_responders(recipe, agent, folder, FRESH_SEED)
         file.append(rows_of(recipe, agent, "fresh", responders))
 
 

@@ -21,6 +21,7 @@ from benchmark_speed import interleaved
 from fpg_bench.files import read_yaml, write_whole
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.rows import Row, RowFile
+from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_games, make_model
 from fpg_bench.training.train import train
@@ -60,9 +61,9 @@ SETTINGS = [
 def trained(setting: Setting, seed: int, steps: int, runs: Path) -> list[Row]:
     """The scores of a training on its way, made now or before."""
     folder = runs / f"{setting.algorithm}-{setting.net[0]}-{setting.ratio}-seed{seed}"
-    once_more = partial(train, progress=False, resume=True)
     values = setting.hyperparameters()
-    once_more(setting.algorithm, VIEW, folder, seed=seed, steps=steps, hyperparams=values)
+    config = RunConfig(setting.algorithm, VIEW, seed, steps, values)
+    train(config, folder, progress=False, resume=True)
     return RowFile(folder / "evaluations.jsonl").read()
 
 

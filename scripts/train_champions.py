@@ -7,13 +7,14 @@ python scripts/train_champions.py --only ally-champion --seed 0   one
 from __future__ import annotations
 
 import argparse
+import logging
 import signal
 import sys
 from pathlib import Path
 
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.training.champions import load_recipes, ship_champion, train_champion
+from fpg_bench.training.league import load_recipes, ship_champion, train_champion
 
 SEEDS = (0, 1, 2)
 
@@ -28,6 +29,7 @@ def main() -> None:
     parser.add_argument("--agents", type=Path, help="where agents are shipped; default: baselines/agents")
     parser.add_argument("--progress", action="store_true", help="show how each training goes")
     options = parser.parse_args()
+    logging.basicConfig(format="%(message)s", level=logging.INFO, stream=sys.stdout)
     recipes = load_recipes(options.file or baselines_folder() / "champions.yml")
     if options.only is not None and options.only not in recipes:
         raise UserError(f"only: no champion {options.only!r}{nearest(options.only, recipes)}")

@@ -330,7 +330,7 @@ def test_a_run_that_is_stopped_before_it_saved_says_so(monkeypatch, capsys, tmp_
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("fpg_bench.training.train.train_run", stopped)
+    monkeypatch.setattr("fpg_bench.training.train.train", stopped)
     for saved in (False, True):
         if saved:
             (tmp_path / "checkpoints" / "000000000100").mkdir(parents=True)

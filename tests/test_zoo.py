@@ -17,7 +17,7 @@ from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.play import play
 from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent
-from fpg_bench.training.champions import load_recipes
+from fpg_bench.training.league import load_recipes
 from fpg_bench.zoo.scores import add_missing_lines, member_entry, read_zoo_lines
 from fpg_bench.zoo.table import page
 from fpg_bench.zoo.zoo import load_zoo

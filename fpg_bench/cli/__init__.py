@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import errno
 import gc
+import logging
 import os
 import pickle
 import signal
@@ -75,6 +76,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _terminated)
     signal.signal(signal.SIGALRM, signal.default_int_handler)
     sys.unraisablehook = _heard_again
+    _log_to_stdout(logging.getLogger("fpg_bench.training"))
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
         if status == _STOPPED:  # what typer makes of Ctrl-C
@@ -100,6 +102,21 @@ def main() -> None:
         _fail(f"{where}{error.strerror or error}{full}", 1)
     except Exception as error:
         _fail(f"a bug: {type(error).__name__}: {error} (the traceback: fpg-bench --debug ...)", 1)
+
+
+class _PrintableFormatter(logging.Formatter):
+    """Format a record as its message, without control characters."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(record.getMessage())
+
+
+def _log_to_stdout(logger: logging.Logger) -> None:
+    """Print the messages of a logger, as text alone."""
+    handler = logging.StreamHandler(sys.stdout)
+    handler.setFormatter(_PrintableFormatter())
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
 
 
 def _heard_again(swallowed: Any) -> None:

@@ -33,7 +33,7 @@ def selfplay(
 
     Example: fpg-bench selfplay ppo --generations 10 --out runs/selfplay
     """
-    from fpg_bench.training.selfplay import selfplay as play
+    from fpg_bench.training.league import selfplay as play
 
     agents = play(
         algorithm,
@@ -44,7 +44,6 @@ def selfplay(
         seed=seed,
         hyperparams=hyperparams,
         evaluations=evaluations,
-        say=say,
         scenario=scenario,
         path=listed(path),
         knowledge=knowledge,
@@ -81,8 +80,8 @@ def exploit(
 
     Example: fpg-bench exploit runs/ppo_0/agent --steps 500000 --out runs/exploited
     """
-    from fpg_bench.training.exploit import called
-    from fpg_bench.training.exploit import exploit as respond
+    from fpg_bench.training.league import exploit as respond
+    from fpg_bench.training.league import response_label
 
     row = respond(
         agent,
@@ -98,7 +97,7 @@ def exploit(
         reward=reward,
     )
     for response in row["responses"]:
-        say(f"{called(response)}: {response['return']:.2f} a step, jammed {_percent(response)}")
+        say(f"{response_label(response)}: {response['return']:.2f} a step, jammed {_percent(response)}")
     scripts = row["scripts"]
     strongest = min(scripts, key=lambda name: scripts[name]["return"])
     met = scripts[strongest]

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -122,43 +122,52 @@ def train(
 
     Example: fpg-bench train ppo FPG/AllyVsScripted-v0 --steps 2e6 --out runs/ppo_0
     """
+    from fpg_bench.training.config import GameOptions, RunConfig
     from fpg_bench.training.run_folder import RunFolder
-    from fpg_bench.training.several import parse_seeds, train_runs
-    from fpg_bench.training.spec import RunSpec
-    from fpg_bench.training.train import train_run
+    from fpg_bench.training.train import parse_seeds, train_seeds
+    from fpg_bench.training.train import train as train_run
 
-    options = {
-        "scenario": scenario,
-        "opponent": listed(opponent),
-        "ally": listed(ally),
-        "path": listed(path),
-        "planner": planner,
-        "knowledge": knowledge,
-        "jamming_types": listed(jamming_types),
-        "reward": reward,
-    }
+    game = GameOptions(
+        scenario=scenario,
+        opponent=listed(opponent),
+        ally=listed(ally),
+        path=listed(path),
+        planner=planner,
+        knowledge=knowledge,
+        jamming_types=listed(jamming_types),
+        reward=reward,
+    )
     llm = llm_options(deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds)
-    spec = RunSpec(
+    config = RunConfig(
         algorithm,
         view_id,
         seed or 0,
         steps,
         hyperparams,
-        field,
-        transcript,
-        llm,
-        listed(against),
-        start,
-        options,
+        game,
+        field=field,
+        against=listed(against),
+        start=start,
+        transcript=transcript,
+        llm=llm,
     )
     if seeds is None and (backend, address) != ("loky", None):
         raise UserError("backend, address: are for a list of runs; name its --seeds")
     if seed is not None and seeds is not None:
         raise UserError("seed, seeds: say one of them")
     if seeds is not None:
-        where: dict[str, Any] = {"workers": jobs, "backend": backend, "address": address, "say": say}
         listed_seeds = parse_seeds(seeds)
-        train_runs(spec, out, listed_seeds, evaluations=evaluations, restart=restart, **where)
+        train_seeds(
+            config,
+            out,
+            listed_seeds,
+            evaluations=evaluations,
+            restart=restart,
+            workers=jobs,
+            backend=backend,
+            address=address,
+            say=say,
+        )
         for each in listed_seeds:
             print_scores(RunFolder(out / f"seed_{each}"), f"seed {each}: ")
         typer.echo(f"agents: {out}/seed_*/agent\nall curves: tensorboard --logdir {out}")
@@ -166,7 +175,7 @@ def train(
     folder = RunFolder(out)
     already = folder.is_finished()
     try:
-        agent = train_run(spec, out, evaluations=evaluations, resume=resume, restart=restart)
+        agent = train_run(config, out, evaluations=evaluations, resume=resume, restart=restart)
     except KeyboardInterrupt as stop:
         kept = "the last checkpoint is kept" if folder.has_checkpoint() else "no step is saved yet"
         saved = str(stop) or kept

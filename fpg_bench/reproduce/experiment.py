@@ -28,7 +28,7 @@ from fpg_bench.reproduce.runs import Run
 from fpg_bench.reproduce.windows import FINAL, window_row, windows_of
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.language_model import training_planner
-from fpg_bench.training.maddpg_seeds import Together
+from fpg_bench.training.maddpg.multi_seed import MultiSeedTrainer
 from fpg_bench.training.models import make_model
 from fpg_bench.version import __version__
 
@@ -90,8 +90,8 @@ def run_experiment(
 ) -> list[Run]:
     """Train both sides under a condition, and play the last policies without noise.
 
-    All seeds are trained at once, which takes little longer than one; each by its own games and chance, so
-    that the others make no difference to it beyond the rounding of sums. Every ten minutes all is kept in the
+    All seeds are trained in turns, each with its own games and random numbers, so that the others make no
+    difference to it. Every ten minutes all is kept in the
     user's cache, and what came out at the end; a run that was killed goes on from there, and gives what it
     would have given. Who has written down what came out removes :func:`checkpoint_of` it.
 
@@ -102,7 +102,7 @@ def run_experiment(
         seeds: of training. The same seed begins with the same networks and matches under every condition.
         place: a folder for the transcripts of a language model.
         llm: options of a language model's planner, and ``transcript`` to replay one.
-        learner: who updates the networks; see :class:`fpg_bench.training.maddpg_seeds.Together`.
+        learner: who updates the networks; see :class:`fpg_bench.training.maddpg.multi_seed.MultiSeedTrainer`.
 
     Returns:
         What happened under each seed.
@@ -122,17 +122,17 @@ def run_experiment(
         runs = {
             seed: _Training(condition, preset, budget, seed, place / f"seed_{seed}", llm) for seed in seeds
         }
-        state = runs, Together({seed: run.model for seed, run in runs.items()}, steps, learner), 0.0
+        state = runs, MultiSeedTrainer({seed: run.model for seed, run in runs.items()}, steps, learner), 0.0
     runs, together, spent_s = state
-    while not together.done:
-        together.go_on()
+    while not together.is_done:
+        together.step()
         if condition.options.get("planner") != "llm":  # it goes on by its transcript
             checkpoint.keep((runs, together, spent_s + time.monotonic() - begun))
     finals = {seed: played_without_noise(run.model, run.games(None)) for seed, run in runs.items()}
     about["seconds"] = round((spent_s + time.monotonic() - begun) / len(runs))
     told = []
     for seed, run in runs.items():
-        made = f"{budget.name}, {steps} steps, {run.model.updates} updates"
+        made = f"{budget.name}, {steps} steps, {run.model.n_updates} updates"
         made_so = about | {"budget": made}
         rows = [*windows_of(run.core.rounds, steps), window_row(FINAL, steps, *finals[seed])]
         told.append(Run(condition.name, seed, made_so, rows))

@@ -19,7 +19,7 @@ from fpg_bench.reproduce.figures import draw
 from fpg_bench.reproduce.keeping import Checkpoint
 from fpg_bench.reproduce.report import write_report
 from fpg_bench.reproduce.runs import Results, Run, RunFile, read_results
-from fpg_bench.training.maddpg_seeds import LEARNERS, find_learner
+from fpg_bench.training.maddpg.multi_seed import LEARNERS, check_learner
 
 CELLS = "cells"
 
@@ -58,7 +58,7 @@ def reproduce(
         UserError: something unknown, or runs that failed (the others are kept).
     """
     budget = _budget(budget)
-    find_learner(learner)
+    check_learner(learner)
     count = whole(budget.seeds if seeds is None else seeds, "seeds")
     out, all_of = Path(out), CELLS if target == CELLS else "all"
     file = RunFile(out, CELLS if target == CELLS else scenario, budget.name)

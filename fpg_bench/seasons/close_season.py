@@ -44,9 +44,9 @@ from fpg_bench.seasons.season import (
     write_season,
     write_suites,
 )
+from fpg_bench.training.config import GameOptions, RunConfig
 from fpg_bench.training.run_folder import RunFolder
-from fpg_bench.training.spec import RunSpec
-from fpg_bench.training.train import train_run
+from fpg_bench.training.train import train
 
 CANDIDATES, SIZE, ROUNDS = 24, 12, 60
 PROFILE, PLAN = "profile.jsonl", "plan.yml"
@@ -189,7 +189,7 @@ def _draw_targets(
 
 
 def hyperparameters(recipe: Recipe) -> dict[str, Any]:
-    """Return a recipe's hyperparameters for :class:`fpg_bench.training.spec.RunSpec`."""
+    """Return a recipe's hyperparameters for :class:`fpg_bench.training.config.RunConfig`."""
     policy_kwargs: dict[str, Any] = {"net_arch": [64, 64]}
     own = {"n_timesteps": recipe.steps, "gamma": recipe.gamma, "policy_kwargs": policy_kwargs}
     if recipe.algorithm == "td3":
@@ -207,17 +207,17 @@ def train_candidate(recipe: Recipe, folder: Path) -> None:
     Raises:
         UserError: the folder holds an unfinished run of another kind, or training diverged.
     """
-    run = RunSpec(
+    run = RunConfig(
         recipe.algorithm,
         policy_view(recipe.side).id,
         recipe.training_seed,
         recipe.steps,
         hyperparameters(recipe),
         against=list(recipe.targets),
-        options={"reward": recipe.reward, "path": recipe.path},
+        game=GameOptions(reward=recipe.reward, path=recipe.path),
     )
     if not RunFolder(folder).is_finished():
-        train_run(run, folder, evaluations=0, progress=False, restart=True)
+        train(run, folder, evaluations=0, progress=False, restart=True)
     for path in folder.iterdir():
         if path.name not in ("agent", "run.json", "evaluations.jsonl"):
             shutil.rmtree(path) if path.is_dir() else path.unlink()

@@ -1,4 +1,4 @@
-"""The deterministic policy of an SB3 model as one module: normalisation, memory, networks, squashing."""
+"""Deterministic policy of an SB3 model as one module: normalization, memory, networks, squashing."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ Networks = tuple[nn.Module, nn.LSTM | None, nn.Module]
 
 
 class Actor(nn.Module):
-    """What ``predict`` computes, from ``observation`` (n, 15) and a flat ``state`` (n, S).
+    """The computation of ``predict``, from ``observation`` (n, 15) and a flat ``state`` (n, S).
 
-    The state is empty at a round's start (zeros) and holds the last k - 1 observations, the oldest first,
-    where frames are stacked; then the hidden and the cell state of an LSTM, layer by layer.
+    The state is zero at a round's start. It holds the last k - 1 observations, the oldest first, where frames
+    are stacked, and then the hidden and the cell state of an LSTM, layer by layer.
 
     Args:
-        model: a trained model; its present weights are copied.
+        model: a trained model; its weights are copied.
 
     Raises:
         UserError: a policy of another kind.
@@ -37,16 +37,16 @@ class Actor(nn.Module):
         policy = model.policy
         self.features, self.lstm, self.networks = copy.deepcopy(_networks(policy))
         # TD3's networks end in a tanh of their own.
-        own_tanh = not isinstance(policy, ActorCriticPolicy) and not hasattr(_actor(policy), "latent_pi")
-        self.squash = bool(policy.squash_output) and not own_tanh
-        self._normalise_as(model)
+        has_tanh = not isinstance(policy, ActorCriticPolicy) and not hasattr(_actor(policy), "latent_pi")
+        self.squash = bool(policy.squash_output) and not has_tanh
+        self._set_normalization(model)
         self.frames_size = cast(tuple[int, ...], model.observation_space.shape)[0] - OBSERVATION_SIZE
         self.state_size = self.frames_size
         if self.lstm is not None:
             self.state_size += 2 * self.lstm.num_layers * self.lstm.hidden_size
         self.cpu().eval()
 
-    def _normalise_as(self, model: BaseAlgorithm) -> None:
+    def _set_normalization(self, model: BaseAlgorithm) -> None:
         normalize = model.get_vec_normalize_env()
         mean: np.ndarray = np.zeros(1)
         scale: np.ndarray = np.ones(1)
@@ -59,23 +59,23 @@ class Actor(nn.Module):
         self.scale = nn.Buffer(torch.as_tensor(scale, dtype=torch.float32))
 
     def forward(self, observation: torch.Tensor, state: torch.Tensor | None = None) -> Any:
-        """The action (n, 9); with a state, the next state as well."""
+        """Return the action (n, 9), and the next state where a state is given."""
         if state is None:
-            return self._action(self.features(self._normalised(observation)))
-        seen = torch.cat((state[:, : self.frames_size], observation), 1)
-        latent = self.features(self._normalised(seen))
-        kept = [seen[:, OBSERVATION_SIZE:]]
+            return self._action(self.features(self._normalize(observation)))
+        obs = torch.cat((state[:, : self.frames_size], observation), 1)
+        latent = self.features(self._normalize(obs))
+        next_state = [obs[:, OBSERVATION_SIZE:]]
         if self.lstm is not None:
-            latent, memory = self._remember(latent, state[:, self.frames_size :])
-            kept.append(memory)
-        return self._action(latent), torch.cat(kept, 1)
+            latent, memory = self._forward_lstm(latent, state[:, self.frames_size :])
+            next_state.append(memory)
+        return self._action(latent), torch.cat(next_state, 1)
 
-    def _normalised(self, seen: torch.Tensor) -> torch.Tensor:
+    def _normalize(self, obs: torch.Tensor) -> torch.Tensor:
         if not np.isfinite(self.clip):
-            return seen
-        return ((seen - self.mean) / self.scale).clamp(-self.clip, self.clip)
+            return obs
+        return ((obs - self.mean) / self.scale).clamp(-self.clip, self.clip)
 
-    def _remember(self, latent: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def _forward_lstm(self, latent: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         assert self.lstm is not None
         parts = memory.reshape(-1, 2, self.lstm.num_layers, self.lstm.hidden_size).permute(1, 2, 0, 3)
         out, states = self.lstm(latent.unsqueeze(0), (parts[0].contiguous(), parts[1].contiguous()))
@@ -88,10 +88,10 @@ class Actor(nn.Module):
 
 
 def _networks(policy: Any) -> Networks:
-    """What comes before an LSTM, the LSTM if there is one, and what follows, as SB3 chains them."""
+    """Return the networks before an LSTM, the LSTM or None, and the networks after it, as SB3 chains them."""
     if isinstance(policy, ActorCriticPolicy):
-        after = nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
-        return policy.pi_features_extractor, _lstm(policy), after
+        networks = nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
+        return policy.pi_features_extractor, _lstm(policy), networks
     actor = _actor(policy)
     if isinstance(getattr(actor, "mu", None), nn.Module):  # SAC's kind has networks before the mean
         layers = [getattr(actor, "latent_pi", nn.Identity()), actor.mu]
@@ -104,7 +104,7 @@ def _networks(policy: Any) -> Networks:
 
 
 def _actor(policy: Any) -> Any:
-    """The actor of a policy of SAC's and TD3's kind; MADDPG's are actors themselves."""
+    """Return the actor of a policy of SAC's or TD3's kind; MADDPG's policies are actors themselves."""
     return getattr(policy, "actor", policy)
 
 
@@ -118,10 +118,10 @@ def _lstm(policy: nn.Module) -> nn.LSTM | None:
 
 
 class ActorPlayer(Batched):
-    """Plays a model's present policy through torch, as its exported agent will.
+    """Player of a model's policy through torch, equal to its exported agent.
 
     Args:
-        model: a model of Stable-Baselines3; its present weights are copied.
+        model: a model of Stable-Baselines3; its weights are copied.
 
     Raises:
         UserError: a policy of another kind.
@@ -130,8 +130,8 @@ class ActorPlayer(Batched):
     def __init__(self, model: BaseAlgorithm) -> None:
         self._actor = Actor(model)
 
-    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
-        observation = torch.from_numpy(np.array(seen, np.float32))
+    def _answer(self, obs: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+        observation = torch.from_numpy(np.array(obs, np.float32))
         with torch.inference_mode():
             if not self._actor.state_size:
                 return self._actor(observation).numpy(), None

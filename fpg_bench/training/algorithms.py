@@ -1,4 +1,4 @@
-"""Which algorithm a name means: Stable-Baselines3's, with an LSTM or stacked frames, or one's own class."""
+"""Registry of algorithms: Stable-Baselines3's, with an LSTM or stacked frames, MADDPG, or a user's own."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ _STACKED = re.compile(r"(ppo|sac|td3)-stack([1-9]\d*)")
 
 @dataclass(frozen=True)
 class Algorithm:
-    """What a name means.
+    """A registered algorithm.
 
     Attributes:
-        name: what tables and folders say.
-        base: the name of its class: without stacked frames, or what it is a variant of; where it has no
-            hyper-parameter file and no search space of its own, it takes those of this name.
+        name: name in tables and folders.
+        base: name of its class, without stacked frames or variant; an algorithm without a hyper-parameter
+            file or search space of its own takes those of this name.
         kind: the class, a subclass of SB3's ``BaseAlgorithm``.
-        frame_stack: how many of the last observations it sees at once; None: as its hyper-parameters say.
-        custom: whether it is a class of the user's.
+        frame_stack: number of stacked observations; None leaves it to the hyper-parameters.
+        custom: True for a user's own class.
     """
 
     name: str
@@ -43,17 +43,20 @@ class Algorithm:
 
     @property
     def joint(self) -> bool:
-        """Whether it trains both sides at once."""
+        """True if it trains both sides at once."""
         return self.base == "maddpg"
 
 
 def find_algorithm(name: str | type[Any]) -> Algorithm:
-    """The algorithm of a name: ``ppo``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` (any number of
-    frames, on any of the first three), ``ppo-fast`` (PPO with values that reach a score in the least time),
-    ``maddpg``, or ``package.module:Class``; or of a class itself.
+    """Return the algorithm of a name or a class.
+
+    Args:
+        name: ``ppo``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` (any number of frames, on any of
+            the first three), ``ppo-fast`` (PPO tuned for the least time to a score), ``maddpg``,
+            ``package.module:Class``, or a class.
 
     Raises:
-        UserError: no such algorithm, or no algorithm class of Stable-Baselines3's kind.
+        UserError: no such algorithm, or a class that is no subclass of SB3's ``BaseAlgorithm``.
     """
     if isinstance(name, type):
         return _custom(f"{name.__module__}:{name.__qualname__}", name)
@@ -63,8 +66,7 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
         return Algorithm(name, stacked[1], imported(_CLASSES[stacked[1]], "algorithm"), int(stacked[2]))
     base = _VARIANTS.get(name, name)
     if base not in _CLASSES:
-        hint = nearest(name, (*ALGORITHMS, "maddpg"))
-        raise UserError(f"unknown algorithm {name!r}{hint}")
+        raise UserError(f"unknown algorithm {name!r}{nearest(name, (*ALGORITHMS, 'maddpg'))}")
     return Algorithm(name, base, imported(_CLASSES[base], "algorithm"))
 
 

@@ -1,17 +1,29 @@
-"""What is watched while SB3 trains: the game's measures in TensorBoard, and a progress bar."""
+"""SB3 callbacks of a training run: game measures, progress, evaluation, checkpoints, and Ctrl-C."""
 
 from __future__ import annotations
 
+import contextlib
+import os
+import signal
 import sys
+import threading
 import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
+from fpg_bench.evaluation.yardstick import Yardstick
 from fpg_bench.jobs.run import LINE_EVERY_S
+from fpg_bench.rows import RowFile
+from fpg_bench.training.actor import ActorPlayer
+from fpg_bench.training.checkpoint import save_checkpoint
+from fpg_bench.training.models import by_side
 
-WATCHED = (
+LOGGED_MEASURES = (
     "overlap_ratio",
     "jamming_success_rate",
     "outage",
@@ -23,15 +35,17 @@ WATCHED = (
     "ally_return",
     "opponent_return",
 )
+SAVE_EVERY_S = 60.0
+_STOPPING = b"stopping as soon as the run can be saved; Ctrl-C again stops at once\n"
 
 
-class GameMeasures(BaseCallback):
-    """Logs the means of the game's measures over the last rounds, as ``game/...`` beside SB3's curves."""
+class GameMeasuresCallback(BaseCallback):
+    """Log the means of the game's measures over the last rounds, as ``game/...`` beside SB3's curves."""
 
     def _on_rollout_start(self) -> None:
-        rounds = self.model.ep_info_buffer
-        for name in WATCHED if rounds else ():
-            values = [info[name] for info in rounds if info.get(name) is not None]  # type: ignore[union-attr]
+        infos = self.model.ep_info_buffer or ()
+        for name in LOGGED_MEASURES if infos else ():
+            values = [info[name] for info in infos if info.get(name) is not None]
             if values:
                 self.logger.record(f"game/{name}", float(np.mean(values)))
 
@@ -39,21 +53,24 @@ class GameMeasures(BaseCallback):
         return True
 
 
-class TrainingBar(BaseCallback):
-    """A bar with steps, rate, time left and the last rounds' mean return.
+class ProgressCallback(BaseCallback):
+    """A progress bar with steps, rate, time left and the mean return of the last rounds.
 
-    Where none can be drawn, a line is printed for each tenth of the budget, and 30 s after the last one.
+    Without a terminal, a line is printed for each tenth of the budget, and after 30 s without one.
+
+    Args:
+        total: the budget in steps.
     """
 
     def __init__(self, total: int) -> None:
         super().__init__()
         self._total = total
-        self._lines = 0  # tenths of the budget that a line was printed for
+        self._tenths = 0  # of the budget that a line was printed for
         self._progress = Progress(
             TextColumn("training"),
             BarColumn(),
             MofNCompleteColumn(),
-            TextColumn("{task.fields[said]}"),
+            TextColumn("{task.fields[status]}"),
             TimeRemainingColumn(),
             disable=not sys.stdout.isatty(),
         )
@@ -61,8 +78,8 @@ class TrainingBar(BaseCallback):
     def _on_training_start(self) -> None:
         self._first, self._start = self.num_timesteps, time.monotonic()
         self._printed = self._start
-        self._lines = 10 * self._first // self._total
-        self._task = self._progress.add_task("", total=self._total, completed=self._first, said="")
+        self._tenths = 10 * self._first // self._total
+        self._task = self._progress.add_task("", total=self._total, completed=self._first, status="")
         self._progress.start()
 
     def _on_step(self) -> bool:
@@ -72,28 +89,151 @@ class TrainingBar(BaseCallback):
         return True
 
     def _on_rollout_end(self) -> None:
-        self._progress.update(self._task, said=self._said())
-        tenth = 10 * self.num_timesteps // self._total
-        if tenth > self._lines:
-            self._lines = tenth
+        self._progress.update(self._task, status=self._status())
+        tenths = 10 * self.num_timesteps // self._total
+        if tenths > self._tenths:
+            self._tenths = tenths
             self._print()
 
-    def _said(self) -> str:
-        """The rate, and the last rounds' mean return."""
+    def _status(self) -> str:
         rate = (self.num_timesteps - self._first) / (time.monotonic() - self._start)
-        said = f"{rate:,.0f} steps/s"
+        status = f"{rate:,.0f} steps/s"
         if self.model.ep_info_buffer:
             (side,) = self.training_env.get_attr("side", 0)
-            said += f", {side}'s return {np.mean([info['r'] for info in self.model.ep_info_buffer]):,.0f}"
-        return said
+            mean_return = np.mean([info["r"] for info in self.model.ep_info_buffer])
+            status += f", {side}'s return {mean_return:,.0f}"
+        return status
 
     def _print(self) -> None:
-        """Print how far it is, where no bar is drawn."""
+        """Print the progress where no bar is drawn."""
         self._printed = time.monotonic()
         if self._progress.disable:
             done = f"{self.num_timesteps:,} of {self._total:,} steps"
-            print(f"training: {done}, {self._said()}", flush=True)
+            print(f"training: {done}, {self._status()}", flush=True)
 
     def close(self) -> None:
-        """Stop drawing, however training ended."""
+        """Remove the bar, however training ended."""
         self._progress.stop()
+
+
+class Clock:
+    """Seconds of training over all parts of a run, without the time of evaluations.
+
+    Args:
+        before: seconds of the parts before this one.
+    """
+
+    def __init__(self, before: float = 0.0) -> None:
+        self._start = time.monotonic() - before
+
+    @property
+    def seconds(self) -> float:
+        """Seconds until now."""
+        return time.monotonic() - self._start
+
+    @contextlib.contextmanager
+    def paused(self) -> Iterator[None]:
+        """Do not count the time inside the context."""
+        begin = time.monotonic()
+        yield
+        self._start += time.monotonic() - begin
+
+
+class EvalCheckpointCallback(BaseCallback):
+    """Evaluate the policy at even parts of the budget; save a checkpoint then, and every minute.
+
+    Both happen at the start of a rollout. All data collected before has been learned from by then, so a
+    resumed run neither loses nor repeats any.
+
+    Args:
+        folder: the run's folder of checkpoints.
+        clock: counts the training time.
+        evaluators: evaluator of each side that learns; empty for no evaluations.
+        file: file that the scores are appended to.
+        budget: steps of the run.
+        n_evals: number of evaluations, besides the one at the start.
+        stop: event that asks for saving and stopping the run.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        clock: Clock,
+        evaluators: Mapping[str, Yardstick],
+        file: RowFile,
+        budget: int,
+        n_evals: int,
+        stop: threading.Event,
+    ) -> None:
+        super().__init__()
+        self._folder, self._clock, self._evaluators, self._file = folder, clock, evaluators, file
+        self._eval_freq = budget / max(n_evals, 1)
+        rows = file.read()
+        self._last_eval = rows[-1]["steps"] if rows else -1
+        self._last_save = time.monotonic()
+        self._stop = stop
+
+    def _on_rollout_start(self) -> None:
+        is_due = bool(self._evaluators) and self.num_timesteps >= self._next_eval
+        if is_due:
+            self._evaluate()
+        if is_due or self._stop.is_set() or time.monotonic() - self._last_save > SAVE_EVERY_S:
+            self._save()
+        if self._stop.is_set():
+            raise KeyboardInterrupt(f"saved at {self.model.num_timesteps:,} steps")
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_training_end(self) -> None:
+        if self._evaluators and self.num_timesteps > self._last_eval:
+            self._evaluate()
+        self._save()
+
+    @property
+    def _next_eval(self) -> float:
+        """Steps of the next evaluation: the first even part of the budget that has no row yet."""
+        return 0 if self._last_eval < 0 else (self._last_eval // self._eval_freq + 1) * self._eval_freq
+
+    def _evaluate(self) -> None:
+        seconds = round(self._clock.seconds, 2)
+        with self._clock.paused():
+            results: dict[str, dict[str, Any]] = {
+                side: self._evaluators[side].score(ActorPlayer(player))
+                for side, player in by_side(self.model, tuple(self._evaluators)).items()
+            }
+        head = {"steps": self.num_timesteps, "seconds": seconds}
+        self._file.append([head | {"side": side} | result for side, result in results.items()])
+        self._last_eval = self.num_timesteps
+        for side, result in results.items():
+            name = "field/score" if len(results) == 1 else f"field/{side}_score"
+            self.logger.record(name, result["score"])
+
+    def _save(self) -> None:
+        save_checkpoint(self.model, self._folder, seconds=self._clock.seconds)
+        self._last_save = time.monotonic()
+
+
+@contextlib.contextmanager
+def ctrl_c_event() -> Iterator[threading.Event]:
+    """Yield an event that the first Ctrl-C sets; the second one interrupts at once.
+
+    Outside the main thread, and where the caller handles or ignores Ctrl-C, nothing is changed.
+    """
+    stop = threading.Event()
+    default = signal.default_int_handler
+    in_main = threading.current_thread() is threading.main_thread()
+    if not in_main or signal.getsignal(signal.SIGINT) is not default:
+        yield stop
+        return
+
+    def set_event(*_: Any) -> None:
+        stop.set()
+        os.write(2, _STOPPING)
+        signal.signal(signal.SIGINT, default)
+
+    signal.signal(signal.SIGINT, set_event)
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, default)

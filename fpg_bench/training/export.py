@@ -1,4 +1,8 @@
-"""From a trained SB3 model to an agent folder: normalisation and memory folded in."""
+"""Export of a trained SB3 model as an agent folder, with normalization and memory folded in.
+
+The usual layers are written operator by operator. PyTorch's exporter reads any network, but takes 1.6 s for
+the first one in a process, and its output depends on its version.
+"""
 
 from __future__ import annotations
 
@@ -9,46 +13,50 @@ import os
 import tempfile
 import threading
 import warnings
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import torch
+from onnx import TensorProto, helper, numpy_helper
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.torch_layers import FlattenExtractor
+from torch import nn
 from torch.distributions import Distribution
 
 from fpg_bench.envs.sb3 import SB3View
 from fpg_bench.errors import UserError
 from fpg_bench.files import write_json, write_whole
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.imports import reason
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer
 from fpg_bench.players.writing import stripped
 from fpg_bench.training.actor import Actor
-from fpg_bench.training.plain_onnx import OPSET, plain_onnx
 
+OPSET = 20
 GREATEST_DIFFERENCE = 1e-4
 
 
 def export_onnx(model: BaseAlgorithm) -> bytes:
-    """The model's deterministic policy as ONNX: ``observation`` (n, 15) to ``action`` (n, 9), float32.
+    """Return the model's deterministic policy as ONNX: ``observation`` (n, 15) to ``action`` (n, 9), float32.
 
-    A policy with memory has a ``state`` (n, S) as well, and gives ``next_state``; see
-    :class:`fpg_bench.training.actor.Actor`. Layers of a user's own are read by PyTorch's exporter.
+    A policy with memory also has an input ``state`` (n, S) and an output ``next_state``; see
+    :class:`fpg_bench.training.actor.Actor`. A user's own layers are read by PyTorch's exporter.
 
     Raises:
-        UserError: a policy of another kind, or one that the versions at hand can't write as ONNX.
+        UserError: a policy of another kind, or one that the installed versions cannot write as ONNX.
     """
     actor = Actor(model)
     plain = plain_onnx(actor)
-    return _by_exporter(type(model.policy).__name__, actor) if plain is None else plain
+    return _torch_export(type(model.policy).__name__, actor) if plain is None else plain
 
 
-def _by_exporter(kind: str, actor: Actor) -> bytes:
-    """The ONNX of an actor, made of a policy of this kind, by PyTorch's exporter."""
-    _keep_tqdm_in_this_process()
+def _torch_export(kind: str, actor: Actor) -> bytes:
+    """Return the ONNX of an actor by PyTorch's exporter; ``kind`` names the policy in errors."""
+    _use_thread_lock_in_tqdm()
     examples = [torch.zeros(2, OBSERVATION_SIZE)]
     names = ["observation", "action"]
     if actor.state_size:
@@ -73,19 +81,19 @@ def _by_exporter(kind: str, actor: Actor) -> bytes:
                 verbose=False,
             )
         except Exception as error:  # the exporters have many kinds, none documented
-            at_hand = ", ".join(f"{name} {version(name)}" for name in ("torch", "onnx", "onnxscript"))
+            versions = ", ".join(f"{name} {version(name)}" for name in ("torch", "onnx", "onnxscript"))
             raise UserError(
-                f"export: {kind} can't be written as ONNX by {at_hand}: {reason(error)}"
+                f"export: {kind} can't be written as ONNX by {versions}: {reason(error)}"
             ) from error
         finally:
             Distribution.set_default_validate_args(True)  # the exporter turns torch's checks off
         return stripped(path.read_bytes())
 
 
-def _keep_tqdm_in_this_process() -> None:
-    """Give tqdm a lock of threads; its own is one of processes, which a worker that is stopped leaves behind.
+def _use_thread_lock_in_tqdm() -> None:
+    """Give tqdm a thread lock; its default process lock is leaked by a worker that is stopped.
 
-    The exporter makes a bar, hidden, where tqdm is installed.
+    The exporter makes a hidden progress bar where tqdm is installed.
     """
     with contextlib.suppress(ImportError):
         from tqdm import tqdm
@@ -108,31 +116,31 @@ def export_agent(
 
     Args:
         model: a trained model of PPO's, SAC's or TD3's kind, with or without an LSTM.
-        folder: where to, for a submission ``<submission>/seed_<training seed>``.
-        training_seed: which of your training runs this is.
-        id: the environment id; None: that of the model's games, made by :func:`fpg_bench.make_sb3`.
-        algorithm: what it is called; None: the model's class.
-        **about: what else ``agent.json`` is to say.
+        folder: the agent's folder; for a submission ``<submission>/seed_<training seed>``.
+        training_seed: the training seed.
+        id: the environment id; None takes that of the model's games, made by :func:`fpg_bench.make_sb3`.
+        algorithm: name of the algorithm; None takes the model's class.
+        **about: further entries of ``agent.json``.
 
     Returns:
         The largest difference of any action to the model's own ``predict``.
 
     Raises:
-        UserError: a policy of another kind, or games of another making and no ``id``.
+        UserError: a policy of another kind, or games of another kind and no ``id``.
     """
     env = model.get_env()
     games = None if env is None else env.unwrapped
-    known = games if isinstance(games, SB3View) else None
-    if id is None and known is None:
+    core = games.core if isinstance(games, SB3View) else None
+    if id is None and core is None:
         raise UserError("export: the model has no games of fpg_bench.make_sb3; say which id it is for")
-    told = {
+    description = {
         "algorithm": algorithm or type(model).__name__.lower(),
-        "id": id or known.core.view.id,  # type: ignore[union-attr]
-        "scenario": STANDARD.hash if known is None else known.core.scenario.hash,
+        "id": id or core.view.id,  # type: ignore[union-attr]
+        "scenario": STANDARD.hash if core is None else core.scenario.hash,
         "training_seed": training_seed,
         "training_steps": model.num_timesteps,
     }
-    return write_exported(model, Path(folder), told | about)
+    return write_exported(model, Path(folder), description | about)
 
 
 def write_exported(model: BaseAlgorithm, folder: Path, about: dict[str, Any]) -> float:
@@ -140,8 +148,8 @@ def write_exported(model: BaseAlgorithm, folder: Path, about: dict[str, Any]) ->
 
     Args:
         model: a trained model (with its ``VecNormalize`` and stacked frames, if it was trained with them).
-        folder: where to.
-        about: what ``agent.json`` says: algorithm, id, scenario hash, training seed and steps, versions.
+        folder: the agent's folder.
+        about: content of ``agent.json``: algorithm, id, scenario hash, training seed and steps, versions.
 
     Returns:
         The largest difference to the model's own ``predict``.
@@ -158,7 +166,7 @@ def write_exported(model: BaseAlgorithm, folder: Path, about: dict[str, Any]) ->
 
 
 def check_exportable(model: BaseAlgorithm) -> None:
-    """Raise UserError where the model's policy could not be exported once it is trained."""
+    """Raise UserError if the model's policy cannot be exported."""
     _checked(largest_difference(model, OnnxPlayer(export_onnx(model), {}), steps=20), model)
 
 
@@ -173,25 +181,182 @@ def _checked(difference: float, model: BaseAlgorithm) -> float:
 
 
 def largest_difference(model: BaseAlgorithm, player: Any, steps: int = 200, games: int = 5) -> float:
-    """The largest difference of any action entry between the model and a player, over rounds that restart.
+    """Return the largest difference of any action entry between a model and a player.
 
     Args:
-        model: its ``predict`` is handed what it was trained on: stacked and normalised observations.
-        player: is handed the observations themselves, uniformly random.
+        model: its ``predict`` gets stacked and normalized observations, as in training.
+        player: its ``predict`` gets the observations themselves, which are uniformly random.
         steps: steps of each game.
-        games: games at once; each restarts every twenty steps on average.
+        games: number of games; each restarts every twenty steps on average.
     """
     rng, normalize = np.random.default_rng(0), model.get_vec_normalize_env()
     stack = np.zeros((games, *cast(tuple[int, ...], model.observation_space.shape)), np.float32)
-    theirs_memory = ours_memory = None
+    model_state = player_state = None
     starts, worst = np.ones(games, bool), 0.0
     for _ in range(steps):
         observation = rng.uniform(-1, 1, (games, OBSERVATION_SIZE)).astype(np.float32)
         stack[starts] = 0
         stack = np.concatenate((stack[:, OBSERVATION_SIZE:], observation), axis=1)
-        seen = stack if normalize is None else normalize.normalize_obs(stack.copy())
-        theirs, theirs_memory = model.predict(cast(np.ndarray, seen), theirs_memory, starts, True)
-        ours, ours_memory = player.predict(observation, ours_memory, starts)
-        worst = np.maximum(worst, np.abs(theirs - ours).max())
+        model_obs = stack if normalize is None else normalize.normalize_obs(stack.copy())
+        expected, model_state = model.predict(cast(np.ndarray, model_obs), model_state, starts, True)
+        actions, player_state = player.predict(observation, player_state, starts)
+        worst = np.maximum(worst, np.abs(expected - actions).max())
         starts = rng.random(games) < 0.05
     return float(worst)
+
+
+def plain_onnx(actor: Actor) -> bytes | None:
+    """Return an actor as ONNX, with the inputs and outputs of :func:`export_onnx`.
+
+    Returns:
+        The bytes of the file; None where a layer is unknown, or is changed by a hook.
+    """
+    if not all(_is_plain(module) for module in actor.modules()):
+        return None
+    graph = _Graph()
+    inputs = [_rows("observation", OBSERVATION_SIZE)]
+    outputs = [_rows("action", ACTION_SIZE)]
+    obs, next_state = "observation", []
+    if actor.frames_size:
+        obs = graph.add("Concat", graph.columns("state", 0, actor.frames_size), obs, axis=1)
+        next_state.append(graph.columns(obs, OBSERVATION_SIZE, OBSERVATION_SIZE + actor.frames_size))
+    latent = _layer(graph, actor.features, _normalize(graph, actor, obs))
+    if actor.lstm is not None:
+        latent, memory = _lstm(graph, actor.lstm, latent, actor.frames_size)
+        next_state += memory
+    latent = _layer(graph, actor.networks, latent)
+    if actor.squash:
+        graph.add("Tanh", latent, to="action")
+    else:
+        graph.clip(latent, -1.0, 1.0, to="action")
+    if next_state:
+        inputs.append(_rows("state", actor.state_size))
+        outputs.append(_rows("next_state", actor.state_size))
+        graph.add("Concat", *next_state, axis=1, to="next_state")
+    return graph.to_bytes(inputs, outputs)
+
+
+class _Graph:
+    """Operators in their order, and their constants."""
+
+    def __init__(self) -> None:
+        self._nodes: list[Any] = []
+        self._constants: list[Any] = []
+
+    def add(self, kind: str, *inputs: str, to: str | Sequence[str] = "", **attributes: Any) -> str:
+        """Add an operator; returns the name of its first output."""
+        outputs = [to or f"{kind.lower()}_{len(self._nodes)}"] if isinstance(to, str) else to
+        self._nodes.append(helper.make_node(kind, inputs, outputs, **attributes))
+        return outputs[0]
+
+    def constant(self, values: Any) -> str:
+        """Add a constant; returns its name."""
+        array = values.detach().numpy() if isinstance(values, torch.Tensor) else np.asarray(values)
+        name = f"number_{len(self._constants)}"
+        self._constants.append(numpy_helper.from_array(array, name))
+        return name
+
+    def columns(self, matrix: str, start: int, end: int) -> str:
+        """Add a slice of a matrix, the columns from ``start`` to before ``end``."""
+        return self.add("Slice", matrix, self.constant([start]), self.constant([end]), self.constant([1]))
+
+    def clip(self, values: str, low: float, high: float, to: str = "") -> str:
+        """Add a clip to two limits."""
+        return self.add(
+            "Clip", values, self.constant(np.float32(low)), self.constant(np.float32(high)), to=to
+        )
+
+    def to_bytes(self, inputs: Sequence[Any], outputs: Sequence[Any]) -> bytes:
+        """Return the graph as the bytes of an ONNX file."""
+        graph = helper.make_graph(self._nodes, "policy", inputs, outputs, self._constants)
+        opsets = [helper.make_opsetid("", OPSET)]
+        ir_version = helper.find_min_ir_version_for(opsets)
+        model = helper.make_model(
+            graph, producer_name="fpg-bench", opset_imports=opsets, ir_version=ir_version
+        )
+        data: bytes = model.SerializeToString(deterministic=True)
+        return data
+
+
+def _rows(name: str, size: int) -> Any:
+    return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", size])
+
+
+def _normalize(graph: _Graph, actor: Actor, obs: str) -> str:
+    if not np.isfinite(actor.clip):
+        return obs
+    centred = graph.add("Sub", obs, graph.constant(actor.mean))
+    scaled = graph.add("Div", centred, graph.constant(actor.scale))
+    return graph.clip(scaled, -actor.clip, actor.clip)
+
+
+def _linear(graph: _Graph, layer: nn.Linear, x: str) -> str:
+    parameters = (layer.weight,) if layer.bias is None else (layer.weight, layer.bias)
+    return graph.add("Gemm", x, *map(graph.constant, parameters), transB=1)
+
+
+def _sequential(graph: _Graph, layers: nn.Sequential, x: str) -> str:
+    for layer in layers:
+        x = _layer(graph, layer, x)
+    return x
+
+
+# Layers whose attributes describe them completely, and the operators of each. Inputs are flat already.
+_LAYERS: dict[type[nn.Module], Callable[[_Graph, Any, str], str]] = {
+    nn.Sequential: _sequential,
+    nn.Linear: _linear,
+    FlattenExtractor: lambda graph, layer, x: x,
+    nn.Flatten: lambda graph, layer, x: x,
+    nn.Identity: lambda graph, layer, x: x,
+    nn.ReLU: lambda graph, layer, x: graph.add("Relu", x),
+    nn.Tanh: lambda graph, layer, x: graph.add("Tanh", x),
+    nn.Sigmoid: lambda graph, layer, x: graph.add("Sigmoid", x),
+    nn.SiLU: lambda graph, layer, x: graph.add("Mul", x, graph.add("Sigmoid", x)),
+    nn.ELU: lambda graph, layer, x: graph.add("Elu", x, alpha=layer.alpha),
+    nn.GELU: lambda graph, layer, x: graph.add("Gelu", x, approximate=layer.approximate),
+    nn.Hardtanh: lambda graph, layer, x: graph.clip(x, layer.min_val, layer.max_val),
+    nn.LeakyReLU: lambda graph, layer, x: graph.add("LeakyRelu", x, alpha=layer.negative_slope),
+}
+
+
+def _layer(graph: _Graph, layer: nn.Module, x: str) -> str:
+    """Add the operators of a layer; returns the name of the output."""
+    return _LAYERS[type(layer)](graph, layer, x)
+
+
+def _is_plain(module: nn.Module) -> bool:
+    if module._forward_hooks or module._forward_pre_hooks or "forward" in vars(module):
+        return False
+    if isinstance(module, nn.Flatten) and module.start_dim != 1:
+        return False
+    return type(module) in (Actor, nn.LSTM, *_LAYERS)
+
+
+def _lstm(graph: _Graph, lstm: nn.LSTM, x: str, start: int) -> tuple[str, list[str]]:
+    """Add an LSTM with its memory at column ``start`` of the state; returns its output and next memory."""
+    size, layers = lstm.hidden_size, lstm.num_layers
+    first = graph.constant([0])
+    memory: list[list[str]] = [[], []]
+    x = graph.add("Unsqueeze", x, first)
+    for layer in range(layers):
+        previous = [
+            graph.add("Unsqueeze", graph.columns("state", begin, begin + size), first)
+            for begin in (start + layer * size, start + (layers + layer) * size)
+        ]
+        weights = [graph.constant(_gates(lstm, f"weight_{kind}_l{layer}")[None]) for kind in ("ih", "hh")]
+        biases = ""
+        if lstm.bias:
+            both = torch.cat([_gates(lstm, f"bias_{kind}_l{layer}") for kind in ("ih", "hh")])
+            biases = graph.constant(both[None])
+        names = [f"{name}_{layer}" for name in ("remembered", "hidden", "cell")]
+        x = graph.add("LSTM", x, *weights, biases, "", *previous, hidden_size=size, to=names)
+        x = graph.add("Squeeze", x, graph.constant([1]))
+        for part, name in zip(memory, names[1:], strict=True):
+            part.append(graph.add("Squeeze", name, first))
+    return graph.add("Squeeze", x, first), [*memory[0], *memory[1]]
+
+
+def _gates(lstm: nn.LSTM, name: str) -> torch.Tensor:
+    """Return weights or biases with the gates in ONNX's order: input, output, forget, cell."""
+    input_gate, forget_gate, cell_gate, output_gate = getattr(lstm, name).detach().chunk(4)
+    return torch.cat([input_gate, output_gate, forget_gate, cell_gate])

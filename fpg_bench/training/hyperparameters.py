@@ -1,34 +1,65 @@
-"""Hyper-parameters as data: one YAML file per algorithm, keyed by environment id, in rl-zoo3's format."""
+"""Hyper-parameters in rl-zoo3's format: one YAML file per algorithm, keyed by environment id."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from fpg_bench.checks import mapping, whole
+from pydantic import ConfigDict, Field
+
 from fpg_bench.errors import UserError, nearest
 from fpg_bench.files import read_yaml
 from fpg_bench.ids import VIEWS
 from fpg_bench.players.agent import baselines_folder
+from fpg_bench.schema import Expected, PositiveInt, Strict, parse
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
-from fpg_bench.training.imitation_words import Imitation, parse_imitation
 
-CUSTOM_GAMES = 64  # games at once of a user's own class that says nothing else
+CUSTOM_N_ENVS = 64  # of a user's own class without hyper-parameters
+
+
+class ImitationConfig(Strict):
+    """The entry ``imitate``: what is imitated before training.
+
+    Attributes:
+        teacher: name of a player of the learner's side.
+        steps: environment steps, over all games; they come on top of the training budget.
+        learning_rate: of Adam.
+        batch_size: size of a minibatch.
+        n_epochs: epochs per round of data.
+    """
+
+    teacher: str
+    steps: PositiveInt = 400_000
+    learning_rate: Annotated[float, Field(gt=0, lt=1), Expected("a number between 0 and 1")] = 0.001
+    batch_size: Annotated[int, Field(ge=2), Expected("a whole number, 2 or more")] = 1024
+    n_epochs: PositiveInt = 5
+
+
+class _Entry(Strict):
+    """The entry of one environment id; other keys are arguments of the algorithm's constructor."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=True)
+
+    n_envs: PositiveInt
+    n_timesteps: PositiveInt
+    normalize: dict[str, Any] | None = None
+    frame_stack: PositiveInt | None = None
+    imitate: ImitationConfig | None = None
 
 
 @dataclass(frozen=True)
 class Hyperparameters:
-    """What a file says for one id: the batch of games, the budget, what the observations become, the rest.
+    """Hyper-parameters of an algorithm on one environment id.
 
     Attributes:
-        n_envs: games at once.
-        n_timesteps: training budget in steps, over all games; 0: none is given.
-        normalize: arguments of SB3's ``VecNormalize``; None: none is used.
+        n_envs: games that are played at once.
+        n_timesteps: training budget in steps, over all games; 0 where none is given.
+        normalize: arguments of SB3's ``VecNormalize``; None trains without it.
         algorithm: arguments of the algorithm's constructor, ``policy`` included.
-        frame_stack: how many of the last observations are seen at once; None: one.
-        imitate: the player that is imitated first; None: nobody is.
+        frame_stack: number of observations that are stacked; None stacks none.
+        imitate: imitation before training; None trains without it.
     """
 
     n_envs: int
@@ -36,16 +67,17 @@ class Hyperparameters:
     normalize: dict[str, Any] | None
     algorithm: dict[str, Any]
     frame_stack: int | None = None
-    imitate: Imitation | None = None
+    imitate: ImitationConfig | None = None
 
     def entry(self) -> dict[str, Any]:
-        """What a file would say for the id."""
+        """Return the content of a hyper-parameter file for the id."""
         values: dict[str, Any] = {
             "n_envs": self.n_envs,
             "n_timesteps": self.n_timesteps,
             "normalize": self.normalize,
+            "frame_stack": self.frame_stack,
+            "imitate": self.imitate and self.imitate.model_dump(),
         }
-        values |= {"frame_stack": self.frame_stack, "imitate": self.imitate and asdict(self.imitate)}
         return {name: value for name, value in values.items() if value is not None} | self.algorithm
 
 
@@ -56,34 +88,35 @@ def load_hyperparameters(
     *,
     path: Any = None,
 ) -> Hyperparameters:
-    """The hyper-parameters of an algorithm on an id.
+    """Load the hyper-parameters of an algorithm on an environment id.
 
     Args:
         algorithm: its name; see :func:`fpg_bench.training.algorithms.find_algorithm`.
         view_id: ``FPG/AllyVsScripted-v0`` and the like.
-        file: a file of the user's, or what it would say for the id; None: the shipped file, and for a class
-            of the user's its own defaults with 64 games.
-        path: how the opponent flies; where that is by itself, the shipped values are others.
+        file: a YAML file, or its content for the id; None takes the shipped file, and for a user's own class
+            that class's defaults with 64 games.
+        path: flight path of the opponent; opponents that fly themselves have shipped values of their own.
 
     Raises:
-        UserError: an unknown algorithm, no entry for the id, or a missing or ill-formed key.
+        UserError: an unknown algorithm, no entry for the id, or a missing or invalid key.
     """
-    found = algorithm if isinstance(algorithm, Algorithm) else find_algorithm(algorithm)
+    if not isinstance(algorithm, Algorithm):
+        algorithm = find_algorithm(algorithm)
     if isinstance(file, Mapping):
-        return _parsed(found, dict(file), f"hyper-parameters: {view_id}")
-    if file is None and found.custom:
-        return Hyperparameters(CUSTOM_GAMES, 0, None, {"policy": "MlpPolicy"})
-    chosen = _shipped(found, view_id, path) if file is None else Path(file)
-    content = read_yaml(chosen, "hyper-parameters")
+        return _parse(algorithm, dict(file), f"hyper-parameters: {view_id}")
+    if file is None and algorithm.custom:
+        return Hyperparameters(CUSTOM_N_ENVS, 0, None, {"policy": "MlpPolicy"})
+    file = _shipped_file(algorithm, view_id, path) if file is None else Path(file)
+    content = read_yaml(file, "hyper-parameters")
     if not isinstance(content.get(view_id), dict):
         raise UserError(
-            f"hyper-parameters {chosen}: no entry for {view_id!r}{nearest(view_id, map(str, content))}"
+            f"hyper-parameters {file}: no entry for {view_id!r}{nearest(view_id, map(str, content))}"
         )
-    return _parsed(found, dict(content[view_id]), f"hyper-parameters {chosen}: {view_id}")
+    return _parse(algorithm, content[view_id], f"hyper-parameters {file}: {view_id}")
 
 
-def _shipped(algorithm: Algorithm, view_id: str, path: Any) -> Path:
-    """The shipped file of an algorithm; frames are stacked on the plain algorithm's where it has none."""
+def _shipped_file(algorithm: Algorithm, view_id: str, path: Any) -> Path:
+    """Return the shipped file of an algorithm; stacked frames fall back to the plain algorithm's file."""
     folder = baselines_folder() / "hyperparams"
     names = [algorithm.name, algorithm.base]
     if path == "learned" and view_id in VIEWS and VIEWS[view_id].side == "opponent":
@@ -92,18 +125,14 @@ def _shipped(algorithm: Algorithm, view_id: str, path: Any) -> Path:
     return next((file for file in files if file.is_file()), files[-1])
 
 
-def _parsed(algorithm: Algorithm, values: dict[str, Any], where: str) -> Hyperparameters:
-    for key in ("n_envs", "n_timesteps"):
-        whole(values.get(key), f"{where}: {key}")
-    normalize = values.pop("normalize", None)
-    if normalize is not None:
-        mapping(normalize, f"{where}: normalize")
-    named, frames = algorithm.frame_stack, values.pop("frame_stack", algorithm.frame_stack)
-    if frames is not None:
-        whole(frames, f"{where}: frame_stack")
-    if named is not None and frames != named:
-        raise UserError(f"{where}: frame_stack: {algorithm.name} has {named}, got {frames}")
-    imitate = values.pop("imitate", None)
-    imitation = None if imitate is None else parse_imitation(imitate, f"{where}: imitate")
-    games, steps = values.pop("n_envs"), values.pop("n_timesteps")
-    return Hyperparameters(games, steps, normalize, values, frames, imitation)
+def _parse(algorithm: Algorithm, content: dict[str, Any], where: str) -> Hyperparameters:
+    entry = parse(_Entry, content, where)
+    frame_stack = entry.frame_stack or algorithm.frame_stack
+    if algorithm.frame_stack not in (None, frame_stack):
+        raise UserError(
+            f"{where}: frame_stack: {algorithm.name} has {algorithm.frame_stack}, got {frame_stack}"
+        )
+    arguments = {name: value for name, value in content.items() if name not in _Entry.model_fields}
+    return Hyperparameters(
+        entry.n_envs, entry.n_timesteps, entry.normalize, arguments, frame_stack, entry.imitate
+    )

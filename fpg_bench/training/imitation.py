@@ -1,9 +1,8 @@
-"""A start from imitation: the learner's own networks first learn what a player does and what that earns."""
+"""Imitation before training: the networks first learn a teacher's actions and returns (DAgger)."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,11 +18,11 @@ from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import Player
 from fpg_bench.players.seat import Seat
-from fpg_bench.training.imitation_words import Imitation
+from fpg_bench.training.hyperparameters import ImitationConfig
 
 
-def teacher_of(imitation: Imitation, model: BaseAlgorithm, side: str, scenario: Scenario) -> Player:
-    """The player to imitate.
+def teacher_of(config: ImitationConfig, model: BaseAlgorithm, side: str, scenario: Scenario) -> Player:
+    """Return the player to imitate.
 
     Raises:
         UserError: no such player, one of the other side, or a model that is not of PPO's kind.
@@ -32,105 +31,107 @@ def teacher_of(imitation: Imitation, model: BaseAlgorithm, side: str, scenario: 
         raise UserError(
             f"imitate: PPO and its kind, without an LSTM, can imitate; {type(model).__name__} can't"
         )
-    return as_player(imitation.teacher, side, scenario)
+    return as_player(config.teacher, side, scenario)
 
 
 def imitate(
     model: BaseAlgorithm,
     games: SB3View,
-    imitation: Imitation,
+    config: ImitationConfig,
     stop: threading.Event | None = None,
-    say: Callable[[str], None] = lambda line: None,
+    verbose: int = 0,
 ) -> float:
-    """Let a model begin as a player's pupil.
+    """Train a model to imitate a player.
 
-    In half of the games the teacher plays, in the others the pupil, and the teacher says what it would do
-    there (Ross et al. 2011, DAgger). The actor's mean learns that by least squares, the critic the discounted
-    return. How widely actions are drawn stays as it is.
+    The teacher acts in half of the games and the model in the others, where the teacher's actions are the
+    labels (Ross et al. 2011, DAgger). The actor's mean is fitted to them by least squares, and the critic to
+    the discounted returns. The standard deviation of the actions is left as it is.
 
     Args:
         model: its environment wraps ``games``.
-        games: one side's games; they have played when this returns, so seed and reset them.
-        imitation: of whom, and how long.
-        stop: ends it where it is set.
-        say: told a line per round.
+        games: one side's games; they have been played when this returns, so seed and reset them.
+        config: the teacher, and how long it is imitated.
+        stop: event that ends the imitation.
+        verbose: 1 prints a line per round.
 
     Returns:
         The mean squared difference of an action to the teacher's in the last round, before learning from it.
 
     Raises:
         UserError: see :func:`teacher_of`.
-        KeyboardInterrupt: it was stopped.
+        KeyboardInterrupt: the event was set.
     """
     core = games.core
-    teacher = teacher_of(imitation, model, core.side, core.scenario)
+    teacher = teacher_of(config, model, core.side, core.scenario)
     env: Any = model.get_env()
-    lesson = _Lesson(model, env, games, Seat(core.side, [teacher], core.duel.arena), imitation)
-    played, error = 0, float("nan")
-    while played < imitation.steps:
+    imitation = _Imitation(model, env, games, Seat(core.side, [teacher], core.duel.arena), config)
+    steps, error = 0, float("nan")
+    while steps < config.steps:
         if stop is not None and stop.is_set():
             raise KeyboardInterrupt("stopped while it imitated; nothing is saved")
-        error = lesson.round(pupils=played > 0)
-        played += lesson.length * env.num_envs
-        say(f"imitating {imitation.teacher}: {played:,} steps, squared difference {error:.4f}")
+        error = imitation.run_round(model_acts=steps > 0)
+        steps += imitation.length * env.num_envs
+        if verbose:
+            print(f"imitating {config.teacher}: {steps:,} steps, squared difference {error:.4f}", flush=True)
     return error
 
 
-class _Lesson:
-    """Rounds of a teacher and its pupil."""
+class _Imitation:
+    """Rounds of data collection, each followed by supervised updates."""
 
     def __init__(
-        self, model: BaseAlgorithm, env: VecEnv, games: SB3View, seat: Seat, imitation: Imitation
+        self, model: BaseAlgorithm, env: VecEnv, games: SB3View, teacher: Seat, config: ImitationConfig
     ) -> None:
-        self._model, self._env, self._seat, self._imitation = model, env, seat, imitation
+        self._model, self._env, self._teacher, self._config = model, env, teacher, config
         self._policy: Any = model.policy
         self._gamma: float = getattr(model, "gamma", 0.99)
-        self._adam = torch.optim.Adam(self._policy.parameters(), lr=imitation.learning_rate)
-        self.length = min(games.core.scenario.steps_per_round, -(-imitation.steps // env.num_envs))
-        self._seen = np.asarray(env.reset())
-        seat.begin(np.ones(env.num_envs, bool))
+        self._optimizer = torch.optim.Adam(self._policy.parameters(), lr=config.learning_rate)
+        self.length = min(games.core.scenario.steps_per_round, -(-config.steps // env.num_envs))
+        self._obs = np.asarray(env.reset())
+        teacher.begin(np.ones(env.num_envs, bool))
 
-    def round(self, pupils: bool) -> float:
-        """Play for a round's steps, then learn from them; how far the pupil was from the teacher."""
-        seen, taught, earned, over = [], [], [], []
+    def run_round(self, model_acts: bool) -> float:
+        """Collect a round of data and fit the networks to it; returns the error before the fit."""
+        all_obs, labels, all_rewards, all_dones = [], [], [], []
         for _ in range(self.length):
-            wanted = np.clip(self._seat.act(), -1, 1)
-            seen.append(self._seen)
-            taught.append(wanted)
-            played = wanted.copy()
-            if pupils:
-                played[1::2] = self._model.predict(self._seen[1::2], deterministic=False)[0]
-            self._seen, rewards, dones, _ = self._env.step(played)  # type: ignore[assignment]
+            label = np.clip(self._teacher.act(), -1, 1)
+            all_obs.append(self._obs)
+            labels.append(label)
+            actions = label.copy()
+            if model_acts:
+                actions[1::2] = self._model.predict(self._obs[1::2], deterministic=False)[0]
+            self._obs, rewards, dones, _ = self._env.step(actions)  # type: ignore[assignment]
             if dones.any():
-                self._seat.begin(dones)
-            earned.append(rewards)
-            over.append(dones)
-        returns = self._returns(np.array(earned), np.array(over))
-        return self._learn(*(torch.as_tensor(np.concatenate(part)) for part in (seen, taught, returns)))
+                self._teacher.begin(dones)
+            all_rewards.append(rewards)
+            all_dones.append(dones)
+        returns = self._returns(np.array(all_rewards), np.array(all_dones))
+        return self._fit(*(torch.as_tensor(np.concatenate(part)) for part in (all_obs, labels, returns)))
 
-    def _returns(self, earned: np.ndarray, over: np.ndarray) -> np.ndarray:
-        """``(T, N)`` float32 discounted returns; the critic says what comes after a cut."""
+    def _returns(self, rewards: np.ndarray, dones: np.ndarray) -> np.ndarray:
+        """Return ``(T, N)`` float32 discounted returns, with the critic's value after the last step."""
         with torch.no_grad():
-            last = self._policy.predict_values(torch.as_tensor(self._seen)).numpy().ravel()
-            mean = float(earned.mean()) / (1 - self._gamma)  # what comes after a round's end, on the whole
-        found = np.empty(earned.shape, np.float32)
-        for step in range(len(earned) - 1, -1, -1):
-            last = earned[step] + self._gamma * np.where(over[step], mean, last)
-            found[step] = last
-        return found
+            value = self._policy.predict_values(torch.as_tensor(self._obs)).numpy().ravel()
+            mean = float(rewards.mean()) / (1 - self._gamma)  # value after a round's end, on average
+        returns = np.empty(rewards.shape, np.float32)
+        for step in range(len(rewards) - 1, -1, -1):
+            value = rewards[step] + self._gamma * np.where(dones[step], mean, value)
+            returns[step] = value
+        return returns
 
-    def _learn(self, seen: torch.Tensor, taught: torch.Tensor, returns: torch.Tensor) -> float:
+    def _fit(self, obs: torch.Tensor, labels: torch.Tensor, returns: torch.Tensor) -> float:
         with torch.no_grad():
-            before = mse_loss(self._means(seen).clamp(-1, 1), taught).item()
-        for _ in range(self._imitation.n_epochs):
-            for rows in torch.randperm(len(seen)).split(self._imitation.batch_size):
-                values = self._policy.predict_values(seen[rows]).flatten()
-                loss = mse_loss(self._means(seen[rows]), taught[rows]) + 0.5 * mse_loss(values, returns[rows])
-                self._adam.zero_grad()
-                loss.backward()
-                self._adam.step()
-        return before
+            error = mse_loss(self._mean_actions(obs).clamp(-1, 1), labels).item()
+        for _ in range(self._config.n_epochs):
+            for rows in torch.split(torch.randperm(len(obs)), self._config.batch_size):
+                values = self._policy.predict_values(obs[rows]).flatten()
+                actor_loss = mse_loss(self._mean_actions(obs[rows]), labels[rows])
+                loss = actor_loss + 0.5 * mse_loss(values, returns[rows])
+                self._optimizer.zero_grad()
+                loss.backward()  # type: ignore[no-untyped-call]
+                self._optimizer.step()
+        return error
 
-    def _means(self, seen: torch.Tensor) -> torch.Tensor:
-        found: torch.Tensor = self._policy.get_distribution(seen).mode()
-        return found
+    def _mean_actions(self, obs: torch.Tensor) -> torch.Tensor:
+        actions: torch.Tensor = self._policy.get_distribution(obs).mode()
+        return actions

@@ -1,4 +1,4 @@
-"""Training against a language model: it plans beside the game; a transcript keeps what was flown."""
+"""Training against a language model, which plans beside the game; a transcript keeps the plans."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ TRANSCRIPT = "transcript.jsonl"
 def training_planner(
     spec: Any, out: Path, replayed: str | Path | None = None, llm: Mapping[str, Any] | None = None
 ) -> Any:
-    """What a run hands over as its planner.
+    """Return the planner of a run's games.
 
     Args:
-        spec: the planner asked for.
-        out: the run's folder, where the transcript of a language model grows.
-        replayed: the transcript of another run, whose plans are flown again without a server.
+        spec: the planner, by name or as an object.
+        out: the run's folder, where the transcript of a language model is written.
+        replayed: transcript of another run, whose plans are replayed without a server.
         llm: options of the language model's planner, and ``server``, the profile of its endpoint.
 
     Returns:
-        What makes a language model's planner beside the game; any other planner as it is.
+        For a language model a function of the scenario that makes its planner; any other planner as it is.
 
     Raises:
-        UserError: a transcript or options, and a planner that asks no language model.
+        UserError: a transcript or options for a planner that asks no language model.
     """
     if not (isinstance(spec, str) and spec in LLM_CONTROLS):
         if replayed is not None:
@@ -50,12 +50,3 @@ def training_planner(
         return BackgroundPlanner(LLMPlanner(scenario, endpoint, transcript=out / TRANSCRIPT, **options))
 
     return make
-
-
-def set_aside(out: Path) -> None:
-    """Keep the transcript of a run that begins again, under the next free name: its answers were paid for."""
-    transcript, number = out / TRANSCRIPT, 1
-    while (kept := transcript.with_stem(f"{transcript.stem}-{number}")).exists():
-        number += 1
-    if transcript.exists():
-        transcript.rename(kept)

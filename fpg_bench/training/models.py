@@ -1,4 +1,4 @@
-"""From hyper-parameters to a model of Stable-Baselines3 on a batch of games; whether it is still finite."""
+"""Models of Stable-Baselines3 on a batch of games, made from hyper-parameters."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from fpg_bench.imports import reason
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import Hyperparameters
 
-_OURS = {"self", "env", "seed", "tensorboard_log", "verbose", "_init_setup_model"}  # not for files to say
+_RESERVED = {"self", "env", "seed", "tensorboard_log", "verbose", "_init_setup_model"}  # set by the runner
 _SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf")
-# What may follow hidden layers: torch's elementwise activations that ONNX has, too, without weights of their
-# own and without chance. Left out: LogSigmoid, whose export differs by 8e-4.
+# Elementwise activations of torch that ONNX has as well, without weights and without randomness.
+# LogSigmoid is left out because its export differs by 8e-4.
 _NAMES = (
     "CELU ELU GELU Hardshrink Hardsigmoid Hardswish Hardtanh LeakyReLU Mish ReLU ReLU6 SELU SiLU Sigmoid "
     "Softplus Softshrink Softsign Tanh Tanhshrink"
@@ -38,57 +38,64 @@ ACTIVATIONS: dict[str, type[nn.Module]] = {name: getattr(nn, name) for name in _
 
 
 def make_games(view_id: str, parameters: Hyperparameters, first_seed: int, **options: Any) -> SB3View:
-    """The games of a training run, in mixed phases.
+    """Make the games of a training run as one ``VecEnv``; they start at different steps of their rounds.
+
+    Args:
+        view_id: the environment id; ``FPG/duel_v0`` for both sides.
+        parameters: ``n_envs`` says how many games.
+        first_seed: match seed of the first game; the others follow.
+        **options: the options of :class:`fpg_bench.training.config.GameOptions`, by name.
 
     Raises:
         UserError: something unknown, out of range, or impossible together.
     """
     if len(sides_of(view_id)) == 2:
-        given = {name: value for name, value in options.items() if value is not None}
-        return make_sb3_duel(parameters.n_envs, first_seed, stagger=True, **given)
+        options = {name: value for name, value in options.items() if value is not None}
+        return make_sb3_duel(parameters.n_envs, first_seed, stagger=True, **options)
     return make_sb3(view_id, parameters.n_envs, first_seed, stagger=True, **options)
 
 
 def by_side(model: Any, sides: Sequence[str]) -> dict[str, Any]:
-    """The sides that learn, each as a model of its own; one side's is the model itself."""
+    """Return a model for each side that learns; that of a single side is the model itself."""
     return {sides[0]: model} if len(sides) == 1 else dict(zip(sides, model.players, strict=True))
 
 
 def make_model(
     algorithm: str | Algorithm, games: VecEnv, parameters: Hyperparameters, seed: int
 ) -> BaseAlgorithm:
-    """The SB3 model of an algorithm on a batch of games, stacked and normalised as the hyper-parameters say.
+    """Make the model of an algorithm on a batch of games, with the wrappers of the hyper-parameters.
 
-    The games begin with the matches that they were made with. SB3's own ``seed`` argument would begin them
-    at the training seed, and neighbouring training seeds with nearly the same matches.
+    The games keep the matches that they were made with. SB3's own ``seed`` argument would reseed them with
+    the training seed, so that neighbouring training seeds would play nearly the same matches.
 
     Raises:
-        UserError: a hyper-parameter that the algorithm does not have, or not in this form.
+        UserError: a hyper-parameter that the algorithm does not have, or an invalid value.
     """
-    found = algorithm if isinstance(algorithm, Algorithm) else find_algorithm(algorithm)
-    where = f"hyper-parameters of {found.name}"
-    arguments = _arguments(found, parameters.algorithm, where)
-    if found.joint and (parameters.normalize is not None or parameters.frame_stack is not None):
-        raise UserError(f"{where}: {found.name} knows neither normalize nor frame_stack")
+    if not isinstance(algorithm, Algorithm):
+        algorithm = find_algorithm(algorithm)
+    where = f"hyper-parameters of {algorithm.name}"
+    arguments = _constructor_arguments(algorithm, parameters.algorithm, where)
+    if algorithm.joint and (parameters.normalize is not None or parameters.frame_stack is not None):
+        raise UserError(f"{where}: {algorithm.name} knows neither normalize nor frame_stack")
     games = wrapped(games, parameters, where)
     try:
         set_random_seed(seed)
-        model = found.kind(env=games, **arguments)
+        model: BaseAlgorithm = algorithm.kind(env=games, **arguments)
     except UserError:
         raise
     except Exception as error:
-        if not found.custom and not isinstance(error, TypeError | ValueError | AssertionError):
+        if not algorithm.custom and not isinstance(error, TypeError | ValueError | AssertionError):
             raise
-        raise UserError(f"{where}: {reason(error) if found.custom else error}") from error
+        raise UserError(f"{where}: {reason(error) if algorithm.custom else error}") from error
     model.action_space.seed(seed)
     return model
 
 
 def wrapped(games: VecEnv, parameters: Hyperparameters, where: str = "hyper-parameters") -> VecEnv:
-    """The games as the model sees them: the last observations stacked, then normalised.
+    """Wrap the games for a model: observations are stacked, then normalized.
 
-    rl-zoo3 normalises first. SB3's replay buffer keeps what ``VecNormalize`` saw, so with SAC and TD3 that
-    must be the whole stack; without ``norm_obs`` both orders are the same.
+    rl-zoo3 normalizes first. SB3's replay buffer stores what ``VecNormalize`` returns, so with SAC and TD3
+    that has to be the whole stack. Without ``norm_obs`` both orders are the same.
 
     Raises:
         UserError: an argument that ``VecNormalize`` does not have.
@@ -97,45 +104,47 @@ def wrapped(games: VecEnv, parameters: Hyperparameters, where: str = "hyper-para
         games = VecFrameStack(games, parameters.frame_stack)
     if parameters.normalize is None:
         return games
-    check_arguments(parameters.normalize, VecNormalize.__init__, f"{where}: normalize", {"venv"})
+    _check_arguments(parameters.normalize, VecNormalize.__init__, f"{where}: normalize", {"venv"})
     return VecNormalize(games, **{"gamma": parameters.algorithm.get("gamma", 0.99), **parameters.normalize})
 
 
-def check_arguments(
-    values: dict[str, Any], function: Callable[..., Any], where: str, hidden: frozenset[str] | set[str]
+def _check_arguments(
+    values: dict[str, Any], function: Callable[..., Any], where: str, reserved: set[str]
 ) -> None:
-    """Raise UserError for a key that a function has no argument for, or a value that is not of its kind."""
+    """Raise UserError for a key that a function has no argument for, or a value of another kind."""
     arguments = inspect.signature(function).parameters
-    known = set(arguments) - {"self"} - hidden
-    anything = any(argument.kind == argument.VAR_KEYWORD for argument in arguments.values())
-    if not anything:
+    known = set(arguments) - {"self"} - reserved
+    if not any(argument.kind == argument.VAR_KEYWORD for argument in arguments.values()):
         check_keys(values, known, where)
     for name in known & set(values):
         _check_value(values[name], arguments[name], f"{where}: {name}")
 
 
 def _check_value(value: Any, argument: inspect.Parameter, where: str) -> None:
-    """Raise UserError where an argument's default is a number or a truth value, and the value is none."""
-    default, words = argument.default, "str" in str(argument.annotation) or argument.name in _SCHEDULED
+    """Raise UserError where an argument's default is a number or a bool, and the value is none."""
+    default = argument.default
+    takes_text = "str" in str(argument.annotation) or argument.name in _SCHEDULED
     if isinstance(default, bool):
         flag(value, where)
-    elif isinstance(default, int | float) and not (words and isinstance(value, str | list)):
-        whole = argument.annotation in (int, "int")
-        if isinstance(value, bool) or not isinstance(value, int if whole else int | float):
-            number = "a whole number" if whole else "a number (1.0e-4, not 1e-4)"
+    elif isinstance(default, int | float) and not (takes_text and isinstance(value, str | list)):
+        is_integer = argument.annotation in (int, "int")
+        if isinstance(value, bool) or not isinstance(value, int if is_integer else int | float):
+            number = "a whole number" if is_integer else "a number (1.0e-4, not 1e-4)"
             raise UserError(f"{where}: expected {number}, got {value!r}")
 
 
-def _arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict[str, Any]:
-    """What the algorithm's constructor is handed: rl-zoo3's words as SB3's objects."""
+def _constructor_arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict[str, Any]:
+    """Translate rl-zoo3's values into arguments of the algorithm's constructor."""
     arguments: dict[str, Any] = {"device": "cpu", **copy.deepcopy(values)}  # SB3 writes into policy_kwargs
-    kind, sd = arguments.pop("noise_type", None), arguments.pop("noise_std", None)
-    if (kind, sd) != (None, None):
-        if kind != "normal":
-            raise UserError(f"{where}: expected noise_type: normal with a noise_std, got {kind}, {sd}")
-        sds = _per_action(sd, f"{where}: noise_std")
-        arguments["action_noise"] = NormalActionNoise(np.zeros(ACTION_SIZE), np.array(sds))
-    check_arguments(arguments, algorithm.kind.__init__, where, _OURS)
+    noise_type, noise_std = arguments.pop("noise_type", None), arguments.pop("noise_std", None)
+    if (noise_type, noise_std) != (None, None):
+        if noise_type != "normal":
+            raise UserError(
+                f"{where}: expected noise_type: normal with a noise_std, got {noise_type}, {noise_std}"
+            )
+        sigma = np.array(_per_action(noise_std, f"{where}: noise_std"))
+        arguments["action_noise"] = NormalActionNoise(np.zeros(ACTION_SIZE), sigma)
+    _check_arguments(arguments, algorithm.kind.__init__, where, _RESERVED)
     policy: Any = mapping(arguments.get("policy_kwargs", {}), f"{where}: policy_kwargs")
     if isinstance(policy.get("log_std_init"), list):  # one for each action
         policy["log_std_init"] = torch.tensor(_per_action(policy["log_std_init"], f"{where}: log_std_init"))
@@ -149,60 +158,59 @@ def _arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict
     return arguments
 
 
-def _per_action(found: Any, where: str) -> list[float]:
-    """How widely each action is drawn, from a number for all or one for each."""
-    values = found if isinstance(found, list) else [found] * ACTION_SIZE
-    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
-    if len(values) != ACTION_SIZE or not numbers:
-        raise UserError(f"{where}: expected a number, or {ACTION_SIZE} of them, got {found}")
-    return [float(value) for value in values]
+def _per_action(value: Any, where: str) -> list[float]:
+    """Return one number per action, from a single number or a list."""
+    values = value if isinstance(value, list) else [value] * ACTION_SIZE
+    are_numbers = all(isinstance(each, int | float) and not isinstance(each, bool) for each in values)
+    if len(values) != ACTION_SIZE or not are_numbers:
+        raise UserError(f"{where}: expected a number, or {ACTION_SIZE} of them, got {value}")
+    return [float(each) for each in values]
 
 
-def _schedule(word: str, where: str) -> LinearSchedule:
-    """``lin_0.001``: from there to zero over the budget."""
+def _schedule(text: str, where: str) -> LinearSchedule:
+    """Return the schedule of ``lin_0.001``: linear from that value to zero over the budget."""
     try:
-        if not word.startswith("lin_"):
+        if not text.startswith("lin_"):
             raise ValueError
-        return LinearSchedule(float(word.removeprefix("lin_")), 0.0, 1.0)
+        return LinearSchedule(float(text.removeprefix("lin_")), 0.0, 1.0)
     except ValueError as error:
         raise UserError(
-            f"{where}: expected a number (1.0e-4, not 1e-4) or lin_<number>, got {word!r}"
+            f"{where}: expected a number (1.0e-4, not 1e-4) or lin_<number>, got {text!r}"
         ) from error
 
 
-def as_activation(found: Any, where: str) -> type[nn.Module]:
-    """The activation of a name, ``ReLU`` for instance; a class of torch's kind, from Python, is itself one.
+def as_activation(value: Any, where: str) -> type[nn.Module]:
+    """Return the activation class of a name, ``ReLU`` for instance; a module class is returned as it is.
 
     Raises:
         UserError: no such name, or something else; ``where`` begins the message.
     """
-    if isinstance(found, type) and issubclass(found, nn.Module):
-        return found
-    if not isinstance(found, str):
-        raise UserError(f"{where}: expected the name of an activation, ReLU for instance, got {found!r}")
-    if found not in ACTIVATIONS:
+    if isinstance(value, type) and issubclass(value, nn.Module):
+        return value
+    if not isinstance(value, str):
+        raise UserError(f"{where}: expected the name of an activation, ReLU for instance, got {value!r}")
+    if value not in ACTIVATIONS:
         lower = {name.lower(): name for name in ACTIVATIONS}
-        near = difflib.get_close_matches(found.lower(), lower, n=1)
-        written = lower[near[0]] if near else found  # relu and RELU are near ReLU, too
-        raise UserError(f"{where}: unknown activation {found!r}{nearest(written, ACTIVATIONS)}")
-    return ACTIVATIONS[found]
+        near = difflib.get_close_matches(value.lower(), lower, n=1)
+        written = lower[near[0]] if near else value  # relu and RELU are near ReLU, too
+        raise UserError(f"{where}: unknown activation {value!r}{nearest(written, ACTIVATIONS)}")
+    return ACTIVATIONS[value]
 
 
 def tells_divergence(error: Exception, sides: Sequence[str]) -> bool:
-    """Whether an error is one that a policy without usable numbers leads to.
+    """Return True for an error that a policy without finite actions leads to.
 
-    Either an action of a side that learns is NaN, or torch refuses the parameters of the distribution that
-    actions are drawn from: a mean that is NaN, or a standard deviation that fell to 0, which can happen while
-    all weights are finite.
+    Either an action of a side that learns is NaN, or torch refuses the parameters of the action distribution:
+    a mean that is NaN, or a standard deviation of 0, which can happen while all weights are finite.
 
     Args:
-        error: what stopped the training.
-        sides: those that learn.
+        error: the error that stopped the training.
+        sides: the sides that learn.
     """
-    own_action = isinstance(error, ActionError) and str(error).startswith(tuple(sides))
-    return own_action or "found invalid values" in str(error)
+    is_own_action = isinstance(error, ActionError) and str(error).startswith(tuple(sides))
+    return is_own_action or "found invalid values" in str(error)
 
 
 def is_finite(model: BaseAlgorithm) -> bool:
-    """Whether all weights of a model's policy are finite."""
+    """Return True if all weights of a model's policy are finite."""
     return all(bool(torch.isfinite(weights).all()) for weights in model.policy.parameters())

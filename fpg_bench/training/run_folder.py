@@ -1,4 +1,4 @@
-"""A training run's folder: what it says of itself, whose it is, and what lies in it."""
+"""Folder of a training run: its files, its lock, and the description in ``run.json``."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from typing import Any
 from fpg_bench.errors import UserError
 from fpg_bench.files import read_json, write_json
 from fpg_bench.rows import RowFile
-from fpg_bench.training.checkpoints import MODEL, NORMALIZE, newest_checkpoint
-from fpg_bench.training.language_model import set_aside
+from fpg_bench.training.checkpoint import MODEL, NORMALIZE, newest_checkpoint
+from fpg_bench.training.language_model import TRANSCRIPT
 
 EVALUATIONS = "evaluations.jsonl"
-# What tells two runs apart; the command and the versions may differ where one goes on.
-_SAME = (
+# What distinguishes two runs; the command and the versions may change when a run is resumed.
+_IDENTITY = (
     "algorithm",
     "id",
     "scenario",
@@ -32,20 +32,20 @@ _SAME = (
 
 
 class RunFolder:
-    """The folder of one run.
+    """Folder of one run.
 
     Args:
-        path: where it is or shall be.
+        path: the folder, which need not exist yet.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.agent, self.checkpoints = path / "agent", path / "checkpoints"
-        self.curve = path / "curve.png"
+        self.description, self.curve = path / "run.json", path / "curve.png"
         self.evaluations = RowFile(path / EVALUATIONS, {"side": str, "score": float | int})
 
     def agent_of(self, side: str, sides: Sequence[str]) -> Path:
-        """The folder of a side's agent, where these sides learn."""
+        """Return the folder of a side's agent, given the sides that learn."""
         return self.agent if len(sides) == 1 else self.agent / side
 
     @contextlib.contextmanager
@@ -55,10 +55,10 @@ class RunFolder:
         Raises:
             UserError: another process holds it, or it is not empty and no run's folder.
         """
-        there = os.listdir(self.path) if self.path.exists() else []
-        # A run that was killed before its run.json was whole may have left these
-        others = [name for name in there if name != EVALUATIONS and not name.startswith(".run.json.")]
-        if others and "run.json" not in there:
+        names = os.listdir(self.path) if self.path.exists() else []
+        # A run that was killed before its run.json was complete may have left these
+        others = [name for name in names if name != EVALUATIONS and not name.startswith(".run.json.")]
+        if others and self.description.name not in names:
             raise UserError(f"{self.path}: is not empty and no run's folder; choose another")
         with contextlib.ExitStack() as stack:
             try:
@@ -67,79 +67,86 @@ class RunFolder:
                 raise UserError(f"{self.path}: another process is training in this folder") from error
             yield
 
-    def found(self, about: dict[str, Any], again: bool) -> dict[str, Any] | None:
-        """What the folder says of this very run, None where none was begun.
+    def read(self) -> dict[str, Any]:
+        """Return the content of ``run.json``; raises UserError where it cannot be read."""
+        return read_json(self.description, "run")
+
+    def write(self, about: dict[str, Any]) -> None:
+        """Write ``run.json``."""
+        write_json(self.description, about)
+
+    def state(self, about: dict[str, Any], allow_unfinished: bool) -> dict[str, Any] | None:
+        """Return the content of ``run.json`` if it describes this very run, None if there is none.
 
         Args:
-            about: this run.
-            again: whether it may be there unfinished.
+            about: description of this run.
+            allow_unfinished: accept the run if it is unfinished.
 
         Raises:
-            UserError: another run, or this one unfinished.
+            UserError: the folder holds another run, or this one unfinished.
         """
-        if not (self.path / "run.json").exists():
+        if not self.description.exists():
             return None
-        found = read_json(self.path / "run.json", "run")
-        differing = [key for key in _SAME if found.get(key) != about.get(key)]
+        state = self.read()
+        differing = [key for key in _IDENTITY if state.get(key) != about.get(key)]
         if differing == ["training_steps"]:
             raise UserError(
-                f"{self.path}: holds this run with {found['training_steps']:,} steps, and its budget stays; "
+                f"{self.path}: holds this run with {state['training_steps']:,} steps, and its budget stays; "
                 f"to train on, finish it, then begin another with its weights: --start {self.path} --out NEW"
             )
         if differing:
             raise UserError(
-                f"{self.path}: holds another run ({found.get('command')}), or this one with other "
+                f"{self.path}: holds another run ({state.get('command')}), or this one with other "
                 "hyper-parameters or agents; choose another folder"
             )
-        if not found.get("finished") and not again:
+        if not state.get("finished") and not allow_unfinished:
             raise UserError(
                 f"{self.path}: holds this run unfinished; go on with --resume, begin it again with "
                 "--restart, or choose another folder"
             )
-        return found
+        return state
 
     def last_scores(self) -> dict[str, float | None]:
-        """What the policy of each side scored when it was last looked at; of no side where it never was."""
+        """Return the last score of each side's policy; empty where none was evaluated."""
         return {row["side"]: row["score"] for row in self.evaluations.read()}
 
     def has_checkpoint(self) -> bool:
-        """Whether there is something to go on from."""
+        """Return True if the run can be resumed."""
         return newest_checkpoint(self.checkpoints) is not None
 
     def is_finished(self) -> bool:
-        """Whether a run lies here that came to its end."""
-        about = self.path / "run.json"
-        return about.exists() and bool(read_json(about, "run").get("finished"))
+        """Return True if the folder holds a finished run."""
+        return self.description.exists() and bool(self.read().get("finished"))
 
     def clear(self) -> None:
-        """Forget a run that is to begin again."""
+        """Remove what an earlier start of the run has left.
+
+        A language model's transcript was paid for, so it is kept under the next free name.
+        """
         for folder in (self.agent, self.checkpoints):
             shutil.rmtree(folder, ignore_errors=True)
         events = self.path.glob("events.out.tfevents.*")
         for file in (self.curve, *events, *(self.path / name for name in (MODEL, NORMALIZE))):
             file.unlink(missing_ok=True)
-        set_aside(self.path)
+        transcript, number = self.path / TRANSCRIPT, 1
+        while (kept := transcript.with_stem(f"{transcript.stem}-{number}")).exists():
+            number += 1
+        if transcript.exists():
+            transcript.rename(kept)
         os.truncate(self.evaluations.path, 0)  # it is locked, so it stays
 
-    def write(self, about: dict[str, Any]) -> None:
-        """Write ``run.json``."""
-        write_json(self.path / "run.json", about)
 
-
-def command_line(*words: str, **options: Any) -> str:
-    """The command of these words and options, as it is typed."""
+def command_line(*arguments: str, **options: Any) -> str:
+    """Return the ``fpg-bench`` command of these arguments and options, lists separated by commas."""
+    words = ["fpg-bench", *arguments]
     for name, value in options.items():
-        words += (f"--{name.replace('_', '-')}", words_of(value))
-    return shlex.join(("fpg-bench", *words))
-
-
-def words_of(value: Any) -> str:
-    """An option as it is typed, a list separated by commas."""
-    return ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+        text = ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+        words += [f"--{name.replace('_', '-')}", text]
+    return shlex.join(words)
 
 
 def revision() -> str | None:
-    """The git revision that this code is at, with a + where it has changed; None outside a checkout."""
+    """Return the git revision of this code, with a + where files have changed; None outside a checkout."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None
@@ -150,6 +157,8 @@ def revision() -> str | None:
         return None
 
 
-def _git(root: Path, *words: str) -> str:
-    done = subprocess.run(["git", *words], cwd=root, capture_output=True, text=True, check=True, timeout=10)
-    return done.stdout.strip()
+def _git(root: Path, *arguments: str) -> str:
+    result = subprocess.run(
+        ["git", *arguments], cwd=root, capture_output=True, text=True, check=True, timeout=10
+    )
+    return result.stdout.strip()

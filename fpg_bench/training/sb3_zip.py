@@ -1,4 +1,4 @@
-"""A model of Stable-Baselines3 from its zip, without opening a pickle: weights, sizes and plain words."""
+"""Loading of a Stable-Baselines3 zip without unpickling: weights, sizes and plain JSON only."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.plain_json import read_object
 from fpg_bench.training.models import ACTIVATIONS
 
-KINDS: dict[str, Any] = {"ppo": PPO, "a2c": A2C, "sac": SAC, "td3": TD3}
-# What policy_kwargs may say without changing what predict computes, beside the sizes that the weights tell.
+KINDS: dict[str, type[PPO | A2C | SAC | TD3]] = {"ppo": PPO, "a2c": A2C, "sac": SAC, "td3": TD3}
+# policy_kwargs that do not change predict, apart from the sizes, which follow from the weights.
 _HARMLESS = {
     "net_arch",
     "activation_fn",
@@ -34,7 +34,7 @@ INSTEAD = "load it yourself and call fpg_bench.export_agent(model, folder, train
 
 
 def load_zip(path: Path, algorithm: str, id: str) -> BaseAlgorithm:
-    """A model with the weights of a zip that SB3's ``save`` has written; its pickles stay closed.
+    """Load a model from a zip that SB3's ``save`` has written; its pickles stay closed.
 
     Args:
         path: the zip.
@@ -42,48 +42,48 @@ def load_zip(path: Path, algorithm: str, id: str) -> BaseAlgorithm:
         id: the environment id that it was trained on.
 
     Raises:
-        UserError: no such zip, or a policy that its weights alone do not tell.
+        UserError: no such zip, or a policy that does not follow from its weights alone.
     """
     if algorithm not in KINDS:
         raise UserError(f"export: algorithm {algorithm!r}{nearest(algorithm, KINDS)}; else {INSTEAD}")
-    words, weights = _read(path)
+    data, weights = _read(path)
     try:
         model: BaseAlgorithm = KINDS[algorithm](
-            "MlpPolicy", _games(id, weights), policy_kwargs=_policy_kwargs(words, weights), device="cpu"
+            "MlpPolicy", _games(id, weights), policy_kwargs=_policy_kwargs(data, weights), device="cpu"
         )
         model.policy.load_state_dict(weights)
     except (KeyError, RuntimeError, TypeError, AssertionError, StopIteration) as error:
-        said = " ".join(str(error).split())[:120]
+        message = " ".join(str(error).split())[:120]
         raise UserError(
-            f"export: {path} holds no plain MlpPolicy of {algorithm} ({said}); {INSTEAD}"
+            f"export: {path} holds no plain MlpPolicy of {algorithm} ({message}); {INSTEAD}"
         ) from error
-    steps = words.get("num_timesteps")
+    steps = data.get("num_timesteps")
     model.num_timesteps = steps if isinstance(steps, int) else 0
     return model
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
-    """What the zip says in plain JSON, and the policy's weights."""
+    """Return the plain JSON of a zip, and the policy's weights."""
     try:
         with zipfile.ZipFile(path) as archive:
-            words = read_object(archive.read("data"), nan=True)
+            data = read_object(archive.read("data"), nan=True)
         _, parameters, _ = load_from_zip_file(path, device="cpu", load_data=False)
         weights: Any = parameters["policy"]
     except Exception as error:  # zip's, JSON's and torch's kinds
         raise UserError(f"export: {path} is no zip that SB3's save has written: {error}") from error
-    return words, weights
+    return data, weights
 
 
-def _policy_kwargs(words: dict[str, Any], weights: dict[str, torch.Tensor]) -> dict[str, Any]:
-    """The networks' sizes, which the weights tell, and their activation, which stands there as a word."""
-    told = words.get("policy_kwargs") or {}
-    if other := sorted(set(told) - _HARMLESS):
+def _policy_kwargs(data: dict[str, Any], weights: dict[str, torch.Tensor]) -> dict[str, Any]:
+    """Return the sizes of the networks, from the weights, and their activation, from its name."""
+    saved = data.get("policy_kwargs") or {}
+    if other := sorted(set(saved) - _HARMLESS):
         raise UserError(f"export: its policy_kwargs name {', '.join(other)}; {INSTEAD}")
-    if words.get("use_sde") or told.get("use_sde"):
+    if data.get("use_sde") or saved.get("use_sde"):
         raise UserError(f"export: it was trained with use_sde; {INSTEAD}")
     kwargs: dict[str, Any] = {"net_arch": _sizes(weights)}
-    if "activation_fn" in told:
-        name = re.sub(r"\W+$", "", str(told["activation_fn"])).rpartition(".")[2]
+    if "activation_fn" in saved:
+        name = re.sub(r"\W+$", "", str(saved["activation_fn"])).rpartition(".")[2]
         if name not in ACTIVATIONS:
             raise UserError(f"export: its activation is {name!r}; {INSTEAD}")
         kwargs["activation_fn"] = ACTIVATIONS[name]
@@ -101,17 +101,17 @@ def _sizes(weights: dict[str, torch.Tensor]) -> dict[str, list[int]]:
 
 
 def _layers(weights: dict[str, torch.Tensor], prefix: str) -> list[int]:
-    """The sizes of a chain of layers, first to last."""
-    found = {
+    """Return the output sizes of a chain of layers, first to last."""
+    sizes = {
         int(match[1]): tensor.shape[0]
         for key, tensor in weights.items()
         if (match := re.fullmatch(re.escape(prefix) + r"\.(\d+)\.weight", key))
     }
-    return [found[index] for index in sorted(found)]
+    return [sizes[index] for index in sorted(sizes)]
 
 
 def _games(id: str, weights: dict[str, torch.Tensor]) -> VecEnv:
-    """A game of the id, with as many stacked frames as the first layer reads."""
+    """Return a game of the id, with as many stacked frames as the first layer reads."""
     first = next(
         tensor
         for key, tensor in weights.items()

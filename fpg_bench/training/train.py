@@ -1,106 +1,387 @@
-"""One training run: an algorithm on an id, into a folder that says how it was made."""
+"""Training runs: an algorithm on an environment id, into a folder that describes how it was made."""
 
 from __future__ import annotations
 
+import dataclasses
+import io
+import json
+import platform
+import re
+import shutil
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import torch
-from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.logger import configure
+from torch.distributions import Distribution
 
+from fpg_bench.checks import whole
+from fpg_bench.envs.core import OneSided
 from fpg_bench.errors import UserError
+from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.evaluation.yardstick import Yardstick
-from fpg_bench.training.run import Run
-from fpg_bench.training.run_folder import RunFolder
-from fpg_bench.training.spec import RunSpec
+from fpg_bench.files import read_json, write_whole
+from fpg_bench.game.scenario import STANDARD, Scenario
+from fpg_bench.ids import DUEL
+from fpg_bench.jobs.folders import folder_job
+from fpg_bench.jobs.job import check_all_done
+from fpg_bench.jobs.run import run_jobs
+from fpg_bench.pictures.canvas import SIDE_COLOURS, blank_figure
+from fpg_bench.planning import LLM_CONTROLS
+from fpg_bench.rows import Row
+from fpg_bench.training.algorithms import find_algorithm
+from fpg_bench.training.callbacks import (
+    Clock,
+    EvalCheckpointCallback,
+    GameMeasuresCallback,
+    ProgressCallback,
+    ctrl_c_event,
+)
+from fpg_bench.training.checkpoint import load_checkpoint, load_weights, newest_checkpoint, save_model
+from fpg_bench.training.config import RunConfig
+from fpg_bench.training.export import check_exportable, write_exported
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.imitation import imitate, teacher_of
+from fpg_bench.training.language_model import training_planner
+from fpg_bench.training.models import by_side, is_finite, make_games, make_model, tells_divergence
+from fpg_bench.training.run_folder import RunFolder, command_line, revision
 
-LOOKS = 20
+EVALUATIONS = 20
+_PACKAGES = (
+    "fpg-bench",
+    "stable-baselines3",
+    "sb3-contrib",
+    "torch",
+    "gymnasium",
+    "numpy",
+    "numba",
+    "onnx",
+    "onnxruntime",
+)
 
 
 def train(
-    algorithm: str | type[BaseAlgorithm],
-    view_id: str,
+    config: RunConfig,
     out: str | Path,
     *,
-    evaluations: int = LOOKS,
-    progress: bool = True,
-    restart: bool = False,
-    resume: bool = False,
-    **words: Any,
-) -> Path:
-    """Train an algorithm on an id and export the agent; see :func:`train_run`.
-
-    Args:
-        algorithm: as for :class:`fpg_bench.training.spec.RunSpec`.
-        view_id: as there.
-        out, evaluations, progress, restart, resume: as for :func:`train_run`.
-        **words: the others of ``RunSpec`` (``seed``, ``steps``, ``hyperparams``, ``field``, ``transcript``,
-            ``llm``, ``against``, ``start``), and its games' options by their names.
-    """
-    how: dict[str, Any] = {"progress": progress, "restart": restart, "resume": resume}
-    return train_run(RunSpec.of(algorithm, view_id, **words), out, evaluations=evaluations, **how)
-
-
-def train_run(
-    spec: RunSpec,
-    out: str | Path,
-    *,
-    evaluations: int = LOOKS,
+    evaluations: int = EVALUATIONS,
     progress: bool = True,
     restart: bool = False,
     resume: bool = False,
 ) -> Path:
     """Train a run and export the agent.
 
-    The folder then holds ``run.json``, ``evaluations.jsonl`` (what the policy was worth on the way) with
-    its picture ``curve.png``, ``model.zip``, the TensorBoard log and ``agent/`` (``agent.json``,
-    ``policy.onnx``). A finished run is not repeated. A stopped or killed one leaves a checkpoint that is at
-    most a minute old; resumed, it plays new matches and ends with as many steps as if it had never stopped.
+    The folder then holds ``run.json``, ``evaluations.jsonl`` (the scores during training) with its picture
+    ``curve.png``, ``model.zip``, the TensorBoard log and ``agent/`` (``agent.json``, ``policy.onnx``). A
+    finished run is not repeated. A stopped or killed run leaves a checkpoint that is at most a minute old;
+    resumed, it plays new matches and ends with as many steps as if it had never stopped.
 
-    A language model plans beside the game: each round flies the newest plan that is there. How far that is
-    behind depends on the server's speed, so ``transcript.jsonl`` keeps what each round flew.
+    A language model plans beside the game: each round flies the newest plan. How far that plan is behind
+    depends on the server's speed, so ``transcript.jsonl`` records what each round flew.
 
     Args:
-        spec: what is trained.
+        config: the run.
         out: the run's folder.
-        evaluations: how many times the policy is scored on the way; 0: never.
-        progress: whether to draw a bar, or print lines where standard output is no terminal.
-        restart: whether to begin an unfinished run of the folder again, from the start.
-        resume: whether to go on with an unfinished run; begins it where there is none.
+        evaluations: number of evaluations during training; 0 for none.
+        progress: show a progress bar, or print lines where standard output is no terminal.
+        restart: begin an unfinished run of the folder again, from the start.
+        resume: go on with an unfinished run of the folder, or begin it where there is none.
 
     Returns:
         The agent's folder; where both sides learn, it holds one of each.
 
     Raises:
-        UserError: something unknown or out of range, a policy that can't be exported, or a folder that holds
+        UserError: something unknown or out of range, a policy that cannot be exported, or a folder that holds
             another or an unfinished run, or that another process trains in.
-        KeyboardInterrupt: stopped by the user; says what is saved.
+        KeyboardInterrupt: stopped by the user; the message says what was saved.
     """
     torch.set_num_threads(1)
     if restart and resume:
         raise UserError("resume goes on with a run, restart begins it again: say one of them")
-    run = Run(spec, RunFolder(Path(out)))
-    run.begin()
+    run = _Run(config, RunFolder(Path(out)))
+    run.setup()
     with run.folder.locked():
-        state = run.folder.found(run.about, again=restart or resume)
+        state = run.folder.state(run.about, allow_unfinished=restart or resume)
         if state is None or not state.get("finished"):
-            yardsticks = {
+            evaluators = {
                 side: Yardstick(field, scenario=run.games.core.scenario, side=side)
                 for side, field in zip(run.sides, run.fields, strict=True)
                 if evaluations
             }
-            run.go_on(state) if state is not None and resume else run.folder.clear()
-            run.learn(yardsticks, evaluations, progress)
+            if state is not None and resume:
+                run.resume(state)
+            else:
+                run.folder.clear()
+            run.learn(evaluators, evaluations, progress)
             run.finish()
     return run.folder.agent
 
 
-def is_finished(spec: RunSpec, out: str | Path) -> bool:
-    """Whether a folder holds this very run, finished.
+def is_finished(config: RunConfig, out: str | Path) -> bool:
+    """Return True if a folder holds this very run, finished.
 
     Raises:
         UserError: something unknown or out of range, or a folder that holds another run.
     """
-    run = Run(spec, RunFolder(Path(out)))
-    state = run.folder.found(run.about, again=True)
+    run = _Run(config, RunFolder(Path(out)))
+    state = run.folder.state(run.about, allow_unfinished=True)
     return bool(state and state.get("finished"))
+
+
+def train_seeds(
+    config: RunConfig,
+    out: str | Path,
+    seeds: Iterable[int],
+    *,
+    evaluations: int = EVALUATIONS,
+    restart: bool = False,
+    workers: int = 2,
+    backend: str = "loky",
+    address: str | None = None,
+    say: Callable[[str], None] = print,
+) -> None:
+    """Train several seeds of a run, some of them at once; finished ones are not repeated.
+
+    Args:
+        config: the run of each seed, apart from the seed.
+        out: seed k is trained into its folder ``seed_k``.
+        seeds: the training seeds.
+        evaluations: number of evaluations during each training.
+        restart: begin unfinished runs again, from the start; otherwise they are resumed.
+        workers, backend, address: how many are trained at once, one thread each, and where; see
+            :func:`fpg_bench.jobs.run.run_jobs`.
+        say: called with a line per run that begins or ends.
+
+    Raises:
+        UserError: something unknown or out of range, folders that hold other runs, a language model as the
+            planner, or a run that failed; the other runs go on.
+        KeyboardInterrupt: stopped by the user; the runs have saved their checkpoints.
+    """
+    if config.game.planner in LLM_CONTROLS:
+        raise UserError("seeds: a language model plans for one run at a time; train each seed by itself")
+    jobs = []
+    for seed in seeds:
+        run, folder = dataclasses.replace(config, seed=seed), Path(out) / f"seed_{seed}"
+        call = partial(
+            train, run, evaluations=evaluations, restart=restart, resume=not restart, progress=False
+        )
+        jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
+    check_all_done(run_jobs(jobs, workers, backend, address, say=say))
+
+
+def parse_seeds(text: str) -> list[int]:
+    """Return the seeds of ``0-4`` or ``0,2,5``; raises UserError for any other text."""
+    seeds: list[int] = []
+    for part in text.split(","):
+        match = re.fullmatch(r"(\d+)(?:-(\d+))?", part)
+        if not match:
+            raise UserError(f"seeds: expected 0-4 or 0,2,5, got {text!r}")
+        seeds += range(int(match[1]), int(match[2] or match[1]) + 1)
+    if not seeds or len(set(seeds)) < len(seeds):
+        raise UserError(f"seeds: each has to be named once, got {text!r}")
+    return seeds
+
+
+class _Run:
+    """A run with its games; nothing is written before :meth:`learn`.
+
+    Attributes:
+        sides: the sides that learn.
+        fields: the suite that scores each of them.
+        about: description of the run, with everything that is needed to repeat it.
+
+    Raises:
+        UserError: something unknown or out of range.
+    """
+
+    def __init__(self, config: RunConfig, folder: RunFolder) -> None:
+        self.algorithm, self.folder = find_algorithm(config.algorithm), folder
+        self.sides = config.sides
+        if self.algorithm.joint != (len(self.sides) == 2):
+            scope = "both sides, in" if self.algorithm.joint else "one side, not both, as in"
+            raise UserError(f"{self.algorithm.name}: trains {scope} {DUEL}; got {config.view_id}")
+        options = config.game_options()
+        self.parameters = load_hyperparameters(
+            self.algorithm, config.id, config.hyperparams, path=options.get("path")
+        )
+        budget = self.parameters.n_timesteps if config.steps is None else whole(config.steps, "steps")
+        if not budget:
+            raise UserError(
+                f"steps: {self.algorithm.name} has no hyper-parameter file that says how many; say it"
+            )
+        planner = training_planner(config.planner, folder.path, config.transcript, config.llm)
+        options |= {"planner": planner}
+        self.games = make_games(config.id, self.parameters, training_seed(config.seed), **options)
+        self.fields = config.fields()
+        self.about = self._describe(config, budget)
+        self._start = None if config.start is None else Path(config.start)
+        self._seconds_before = 0.0
+        self._part = 0  # times that it was resumed
+        self._starts_fresh = True  # from newly initialized weights
+
+    def _describe(self, config: RunConfig, budget: int) -> dict[str, Any]:
+        """Return the content of ``run.json`` and ``agent.json``; ``policies`` hashes the agents met."""
+        parameters, core, name = self.parameters, self.games.core, self.algorithm.name
+        options = config.options()
+        entry = {"n_envs": parameters.n_envs, "normalize": parameters.normalize} | parameters.entry()
+        del entry["n_timesteps"]
+        command_options = {"seed": config.seed, "steps": budget, **options}
+        if isinstance(config.hyperparams, str | Path):
+            command_options["hyperparams"] = config.hyperparams
+        about = {
+            "command": command_line("train", name, config.id, **command_options),
+            "algorithm": name,
+            "id": config.id,
+            "side": " and ".join(self.sides),
+            "field": ", ".join(self.fields),
+            "scenario": core.scenario.hash,
+            "scenario_fields": _changed_fields(core.scenario),
+            "options": options,
+            "training_seed": config.seed,
+            "training_steps": budget,
+            "hyperparameters": entry,
+            **({"policies": core.policies} if isinstance(core, OneSided) and core.policies else {}),
+            "versions": {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()},
+            "revision": revision(),
+        }
+        content: dict[str, Any] = json.loads(json.dumps(about, default=str))  # as it is read again
+        return content
+
+    def setup(self) -> None:
+        """Make the model and check that it can be exported, before anything is written."""
+        Distribution.set_default_validate_args(True)  # an export in this process turned torch's checks off
+        self.model = make_model(self.algorithm, self.games, self.parameters, self.about["training_seed"])
+        if self._start is not None:
+            _check_start(self._start, self.about)
+            load_weights(self.model, self._start)
+            self._starts_fresh = False
+        if (imitation := self.parameters.imitate) is not None:
+            teacher_of(imitation, self.model, self.sides[0], self.games.core.scenario)
+        try:
+            for player in by_side(self.model, self.sides).values():
+                check_exportable(player)
+        except ValueError as error:
+            if not tells_divergence(error, self.sides):
+                raise
+            raise UserError(
+                f"hyper-parameters of {self.algorithm.name}: the new policy draws no finite actions; see its "
+                "policy_kwargs, log_std_init for instance"
+            ) from error
+
+    def resume(self, state: dict[str, Any]) -> None:
+        """Load the newest checkpoint; from here on, the matches and random numbers are new ones."""
+        self._part = state.get("part", 0) + 1
+        seed = self.about["training_seed"]
+        checkpoint = newest_checkpoint(self.folder.checkpoints)
+        if checkpoint is not None:
+            del self.model  # and its replay buffer
+            self.model, self._seconds_before = load_checkpoint(
+                checkpoint, self.algorithm, self.games, self.parameters, (seed + self._part * 2**20) % 2**32
+            )
+            self._starts_fresh = False
+        self._seed_games()
+
+    def _seed_games(self) -> None:
+        """Seed the games with the matches of this part of the run."""
+        n_envs = self.games.num_envs
+        offset = self._part * n_envs % (TRAINING_STRIDE - n_envs)
+        self.games.seed(training_seed(self.about["training_seed"]) + offset)
+
+    def _imitate(self, stop: threading.Event, progress: bool) -> None:
+        """Imitate the hyper-parameters' teacher, if there is one and the weights are new."""
+        if self.parameters.imitate is None or not self._starts_fresh:
+            return
+        error = imitate(self.model, self.games, self.parameters.imitate, stop, verbose=int(progress))
+        self.about["imitation_error"] = round(error, 6)
+        self._seed_games()
+
+    def learn(self, evaluators: Mapping[str, Yardstick], n_evals: int, progress: bool) -> None:
+        """Train to the budget.
+
+        Raises:
+            KeyboardInterrupt: stopped by the user.
+        """
+        self.folder.write(self.about | {"finished": False, "part": self._part})
+        self.model.set_logger(configure(str(self.folder.path), ["tensorboard"]))
+        budget, model = self.about["training_steps"], self.model
+        bars = [ProgressCallback(budget)] if progress else []
+        clock = Clock(self._seconds_before)
+        with ctrl_c_event() as stop:
+            self._imitate(stop, progress)
+            checkpoints = EvalCheckpointCallback(
+                self.folder.checkpoints, clock, evaluators, self.folder.evaluations, budget, n_evals, stop
+            )
+            try:
+                if model.num_timesteps < budget:
+                    steps = budget - model.num_timesteps
+                    callbacks = [GameMeasuresCallback(), checkpoints, *bars]
+                    model.learn(steps, callbacks, log_interval=1, reset_num_timesteps=False)
+            except ValueError as error:
+                if tells_divergence(error, self.sides) or not is_finite(model):
+                    raise self._divergence() from error
+                raise
+            finally:
+                for bar in bars:
+                    bar.close()
+        if not is_finite(model):  # after the last update
+            raise self._divergence()
+        self.seconds = clock.seconds
+
+    def _divergence(self) -> UserError:
+        return UserError(
+            f"{self.folder.path}: training diverged by {self.model.num_timesteps:,} steps, the policy has no "
+            "finite actions any more; try a smaller learning_rate"
+        )
+
+    def finish(self) -> None:
+        """Export the agent, save the model, draw the learning curve, and remove the checkpoints."""
+        steps = self.model.num_timesteps
+        about = self.about | {"steps_done": steps, "seconds": round(self.seconds, 1)}
+        if (plans := getattr(self.games.core.duel.planner, "flown", None)) is not None:
+            about["plans"] = dict(plans)  # of this part of the run
+        difference = max(
+            write_exported(player, self.folder.agent_of(side, self.sides), about | {"side": side})
+            for side, player in by_side(self.model, self.sides).items()
+        )
+        save_model(self.model, self.folder.path)
+        if rows := self.folder.evaluations.read():
+            _draw_curve(rows, f"{about['algorithm']}, {about['id']}", self.folder.curve)
+        rate = round(steps / self.seconds)
+        result = {"finished": True, "part": self._part, "steps_per_s": rate, "largest_difference": difference}
+        self.folder.write(about | result)
+        shutil.rmtree(self.folder.checkpoints, ignore_errors=True)
+
+
+def _check_start(run: Path, about: dict[str, Any]) -> None:
+    """Raise UserError where a run cannot start from the weights of another."""
+    other = read_json(run / "run.json", "start")
+    other |= other.get("hyperparameters", {})
+    expected = {key: about[key] for key in ("algorithm", "side")} | {"finished": True}
+    for key, value in (expected | {"normalize": about["hyperparameters"]["normalize"]}).items():
+        if other.get(key) != value:
+            raise UserError(f"start {run}: {key} is {other.get(key)!r} there, expected {value!r}")
+
+
+def _changed_fields(scenario: Scenario) -> dict[str, Any]:
+    """Return the fields that differ from the standard scenario."""
+    values = {field.name: getattr(scenario, field.name) for field in dataclasses.fields(scenario)}
+    return {name: value for name, value in values.items() if value != getattr(STANDARD, name)}
+
+
+def _draw_curve(rows: Sequence[Row], title: str, path: Path) -> None:
+    """Draw each side's score over the steps, the rows of ``evaluations.jsonl``, into a PNG file."""
+    figure = blank_figure(6, 3.6)
+    axes = figure.subplots()
+    for side in dict.fromkeys(row["side"] for row in rows):
+        points = [(row["steps"], row["score"]) for row in rows if row["side"] == side]
+        axes.plot(*zip(*points, strict=True), "o-", ms=3, color=SIDE_COLOURS[side], label=side)
+    axes.set(xlabel="steps", ylabel="score (few rounds, tuning seeds)", title=title)
+    axes.legend(frameon=False)
+    axes.spines[["top", "right"]].set_visible(False)
+    image = io.BytesIO()
+    figure.savefig(image, format="png")
+    write_whole(path, image.getvalue())

@@ -14,9 +14,9 @@ from fpg_bench.jobs.job import Job
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.players.agent import load_agent
 from fpg_bench.rows import RowFile
+from fpg_bench.training.config import GameOptions, RunConfig
 from fpg_bench.training.run_folder import RunFolder
-from fpg_bench.training.spec import RunSpec
-from fpg_bench.training.train import train_run
+from fpg_bench.training.train import train
 from fpg_bench.zoo.curves import keep_curve
 from fpg_bench.zoo.scores import add_missing_lines
 from fpg_bench.zoo.zoo import Zoo, ZooAgent
@@ -56,7 +56,7 @@ def train_zoo(
     listed = [
         Job(
             members[0].name,
-            partial(train_run, run_spec(members[0]), folder, progress=False, resume=True),
+            partial(train, run_spec(members[0]), folder, progress=False, resume=True),
             partial(_take, zoo, members, folder, say),
         )
         for folder, members in by_run.items()
@@ -73,12 +73,12 @@ def run_folder(member: ZooAgent, runs: Path) -> Path:
     return runs / name / member.algorithm / f"seed_{member.seed}"
 
 
-def run_spec(member: ZooAgent) -> RunSpec:
+def run_spec(member: ZooAgent) -> RunConfig:
     """The run that trains a member."""
     view = member.view
     field = None if view.id == DUEL else view.fields[0]
-    words = {"seed": member.seed, "steps": member.steps, "field": field, **view.options}
-    return RunSpec.of(member.algorithm, view.id, **words)
+    game = GameOptions(**view.options)
+    return RunConfig(member.algorithm, view.id, member.seed, member.steps, game=game, field=field)
 
 
 def ship(member: ZooAgent, run: Path) -> None:

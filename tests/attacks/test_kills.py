@@ -14,7 +14,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.files import write_whole
 from fpg_bench.leaderboard.cases import at_work
 from fpg_bench.leaderboard.verify import verify
-from fpg_bench.training.checkpoints import load_checkpoint
+from fpg_bench.training.checkpoint import load_checkpoint
 from fpg_bench.training.tuning import claim
 from fpg_bench.training.tuning.study import SeededSampler
 from tests.leaderboard.entering import enter

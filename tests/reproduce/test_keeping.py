@@ -11,7 +11,7 @@ from fpg_bench.reproduce.experiment import Budget
 from fpg_bench.reproduce.keeping import Checkpoint
 from fpg_bench.reproduce.reproduce import _jobs
 from fpg_bench.reproduce.runs import RunFile
-from fpg_bench.training.maddpg_seeds import Together
+from fpg_bench.training.maddpg.multi_seed import MultiSeedTrainer
 
 TINY = Budget("tiny", 4_000, 8, 25, 2, 1)
 PLANNED = replace(conditions_of("fig4", "paper", full=False)[0], changes={"rounds_per_match": 2})
@@ -36,14 +36,14 @@ def run(folder, learner="torch"):
 def killed_at(monkeypatch, steps):
     """Let a run keep all that it does, and be killed after so many steps of all its games."""
     monkeypatch.setattr(keeping, "EVERY_S", 0.0)
-    whole = Together.go_on
+    whole = MultiSeedTrainer.step
 
     def go_on(self):
         if self._models[0].num_timesteps >= steps:
             raise KeyboardInterrupt
         whole(self)
 
-    monkeypatch.setattr(Together, "go_on", go_on)
+    monkeypatch.setattr(MultiSeedTrainer, "step", go_on)
 
 
 @pytest.mark.parametrize("learner", ["torch", "jax"])
@@ -58,7 +58,7 @@ def test_a_killed_run_goes_on_to_the_same_rows(learner, monkeypatch, tmp_path, c
             run(tmp_path / "killed", learner)
     assert len(list(cache.iterdir())) == 1
     with monkeypatch.context() as patch:
-        patch.setattr(Together, "__init__", None)  # nothing begins anew
+        patch.setattr(MultiSeedTrainer, "__init__", None)  # nothing begins anew
         assert run(tmp_path / "killed", learner) == wanted
     assert not list(cache.iterdir())
 
@@ -71,7 +71,7 @@ def test_a_run_is_not_lost_between_its_end_and_its_rows(monkeypatch, tmp_path, c
         with pytest.raises(ZeroDivisionError):
             job.keep(job.run())
     assert len(list(cache.iterdir())) == 1
-    monkeypatch.setattr(Together, "__init__", None)  # nothing begins anew
+    monkeypatch.setattr(MultiSeedTrainer, "__init__", None)  # nothing begins anew
     again, _ = job_of(tmp_path)
     runs = again.run()
     assert [each.line() for each in runs] == ended

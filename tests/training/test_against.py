@@ -12,11 +12,10 @@ from fpg_bench.errors import UserError
 from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent
 from fpg_bench.rows import RowFile
-from fpg_bench.training.checkpoints import load_weights, save_model
+from fpg_bench.training.checkpoint import load_weights, save_model
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model
-from fpg_bench.training.train import train
-from tests.training.tiny import ALLY, settings, train_tiny
+from tests.training.tiny import ALLY, settings, train, train_tiny
 
 AGAINST_ALLIES, AGAINST_OPPONENTS = "FPG/OpponentVsPolicy-v0", "FPG/AllyVsPolicy-v0"
 REWARDS = {"normalize": {"norm_obs": False}}  # the statistics of observations move with the first ones
@@ -32,7 +31,7 @@ def ally(tmp_path_factory):
 
 
 def respond(out, against, view_id=AGAINST_ALLIES, **options):
-    given = {"hyperparams": settings("ppo"), "progress": False, "evaluations": 0, "steps": 400}
+    given = {"hyperparams": settings("ppo"), "steps": 400}
     return train("ppo", view_id, out, against=against, **(given | options))
 
 
@@ -41,7 +40,7 @@ def test_a_run_against_somebody_says_so_and_is_made_again_by_what_it_says(ally, 
     agent = str(ally / "agent")
     respond(tmp_path / "run", [agent, "expert"])
     about = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert about["options"] == {"ally": f"{agent},expert"}
+    assert about["options"] == {"ally": [agent, "expert"]}
     assert about["command"].endswith(f"--ally {agent},expert")
     assert respond(tmp_path / "run", None, ally=[agent, "expert"]) == tmp_path / "run" / "agent"
     with pytest.raises(UserError, match="holds another run"):
@@ -63,7 +62,7 @@ def test_an_agent_that_is_another_one_by_now_is_not_taken_for_the_same(ally, tmp
 @pytest.mark.slow
 def test_every_player_named_is_met(ally, tmp_path, monkeypatch):
     met = []
-    monkeypatch.setattr("fpg_bench.training.run.make_games", lambda *a, **k: met.append(k) or 1 / 0)
+    monkeypatch.setattr("fpg_bench.training.train.make_games", lambda *a, **k: met.append(k) or 1 / 0)
     for view_id, other in ((AGAINST_ALLIES, "ally"), (AGAINST_OPPONENTS, "opponent")):
         with pytest.raises(ZeroDivisionError):
             respond(tmp_path / "run", ["one", "another"], view_id)

@@ -13,10 +13,9 @@ from fpg_bench.players.agent import load_agent
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_games, make_model
-from fpg_bench.training.train import train
 from fpg_bench.training.tuning.space import load_space
 from tests.training.own import Mine
-from tests.training.tiny import ALLY, train_tiny
+from tests.training.tiny import ALLY, train, train_tiny
 
 
 @pytest.mark.parametrize(
@@ -115,7 +114,7 @@ def test_an_algorithm_of_ones_own_is_trained_by_its_name(tmp_path):
 @pytest.mark.slow
 def test_or_by_its_class_with_hyperparameters_of_its_own(tmp_path):
     values = {"n_envs": 4, "n_timesteps": 200, "policy": "MlpPolicy", "bonus": 0.5, "normalize": None}
-    agent = train(Mine, ALLY, tmp_path / "run", hyperparams=values, progress=False, evaluations=0)
+    agent = train(Mine, ALLY, tmp_path / "run", hyperparams=values)
     assert load_agent(agent).about["hyperparameters"]["bonus"] == 0.5
 
 

@@ -1,4 +1,4 @@
-"""What is said of a training on its way, where no bar can be drawn."""
+"""Progress of a training where no bar can be drawn."""
 
 import pytest
 

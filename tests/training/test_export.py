@@ -14,8 +14,7 @@ from fpg_bench.errors import UserError
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.training import export
 from fpg_bench.training.actor import Actor
-from fpg_bench.training.export import export_onnx, largest_difference, write_exported
-from fpg_bench.training.plain_onnx import plain_onnx
+from fpg_bench.training.export import export_onnx, largest_difference, plain_onnx, write_exported
 
 ABOUT = {
     "algorithm": "x",

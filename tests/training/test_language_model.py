@@ -7,9 +7,9 @@ import json
 import pytest
 
 from fpg_bench.errors import UserError
-from fpg_bench.training.train import train
 from tests.planning.llm.fault_server import FaultServer, ok
 from tests.planning.llm.playing import path_text
+from tests.training.tiny import train
 
 LLM = "FPG/AllyVsLLM-v0"
 TINY = f"""\
@@ -28,7 +28,7 @@ FPG/AllyVsPlanner-v0: *tiny
 @pytest.fixture
 def tiny(tmp_path):
     (tmp_path / "tiny.yml").write_text(TINY)
-    return {"hyperparams": tmp_path / "tiny.yml", "progress": False, "evaluations": 0}
+    return {"hyperparams": tmp_path / "tiny.yml"}
 
 
 def lines(path, kind):

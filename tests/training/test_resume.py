@@ -16,8 +16,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 from fpg_bench.errors import UserError
 from fpg_bench.players.agent import load_agent
 from fpg_bench.rows import RowFile
-from fpg_bench.training import checkpoints, run
-from fpg_bench.training.checkpoints import newest_checkpoint
+from fpg_bench.training import checkpoint, train
+from fpg_bench.training.checkpoint import newest_checkpoint
 from tests.training.tiny import settings, train_tiny
 
 ALGORITHMS = ["ppo", "sac", "td3", "recurrent-ppo", "ppo-stack3", "sac-stack3"]
@@ -63,14 +63,14 @@ def snapshot(model):
 def watched(monkeypatch, at=None):
     """What the next runs are seen by."""
     watch = Watched(at)
-    monkeypatch.setattr(run, "TrainingBar", lambda budget: watch)
+    monkeypatch.setattr(train, "ProgressCallback", lambda budget: watch)
     return watch
 
 
 def stopped(algorithm, out, monkeypatch, at=600, **options):
     """A run that is stopped at a step, right after its checkpoint was written; it will export nothing."""
-    monkeypatch.setattr(run, "write_exported", lambda *a: 0.0)
-    monkeypatch.setattr("fpg_bench.training.keeping.SAVE_EVERY_S", -1.0)
+    monkeypatch.setattr(train, "write_exported", lambda *a: 0.0)
+    monkeypatch.setattr("fpg_bench.training.callbacks.SAVE_EVERY_S", -1.0)
     watch = watched(monkeypatch, at)
     with pytest.raises(KeyboardInterrupt):
         train_tiny(algorithm, out, progress=True, **options)
@@ -126,7 +126,7 @@ def test_a_truncated_checkpoint_is_one_clear_line(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_a_checkpoint_that_is_not_written_to_its_end_leaves_the_one_before(tmp_path, monkeypatch):
-    real = checkpoints.write_json
+    real = checkpoint.write_json
     written = []
 
     def fail(path, content):
@@ -135,7 +135,7 @@ def test_a_checkpoint_that_is_not_written_to_its_end_leaves_the_one_before(tmp_p
             raise OSError("no space left")
         real(path, content)
 
-    monkeypatch.setattr(checkpoints, "write_json", fail)
+    monkeypatch.setattr(checkpoint, "write_json", fail)
     with pytest.raises(OSError, match="no space"):
         stopped("td3", tmp_path / "run", monkeypatch)
     folder = tmp_path / "run" / "checkpoints"
@@ -175,9 +175,9 @@ def test_scores_of_a_run_that_goes_on_stand_once(tmp_path, monkeypatch):
 
 PROGRAM = """
 import json, sys
-import fpg_bench.training.keeping as keeping
+from fpg_bench.training import callbacks
 from tests.training.tiny import settings, train_tiny
-keeping.SAVE_EVERY_S = 0.0
+callbacks.SAVE_EVERY_S = 0.0
 changes = {"train_freq": 1, "gradient_steps": 2}
 train_tiny("sac", sys.argv[1], changes, steps=int(sys.argv[2]), resume=True, evaluations=4)
 """

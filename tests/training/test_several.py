@@ -4,15 +4,15 @@ import pytest
 
 from fpg_bench.errors import UserError
 from fpg_bench.players.agent import load_agent
-from fpg_bench.training.several import parse_seeds, train_seeds
-from tests.training.tiny import ALLY, settings
+from fpg_bench.training.train import parse_seeds, train_seeds
+from tests.training.tiny import run_config, settings
 
 
-def train(out, seeds, **words):
-    said = []
-    given = {"hyperparams": settings("ppo"), "evaluations": 0, "say": said.append}
-    train_seeds("ppo", ALLY, out, seeds, **given | words)
-    return said
+def train(out, seeds, *, workers=2, **options):
+    lines = []
+    config = run_config("ppo", **{"hyperparams": settings("ppo")} | options)
+    train_seeds(config, out, seeds, evaluations=0, workers=workers, say=lines.append)
+    return lines
 
 
 @pytest.mark.process
@@ -22,9 +22,9 @@ def test_each_seed_is_trained_once_and_one_that_fails_does_not_hold_up_the_other
     with pytest.raises(UserError, match=r"seed_2: .*is not empty and no run's folder"):
         train(tmp_path, [0, 2], workers=1)
     (tmp_path / "seed_2" / "mine.txt").unlink()
-    said = train(tmp_path, [0, 2], workers=1)
-    told = [line.split(":")[0] for line in said if not line.startswith("under way")]  # on a slow machine
-    assert told == ["seed_2", "seed_2"]
+    lines = train(tmp_path, [0, 2], workers=1)
+    names = [line.split(":")[0] for line in lines if not line.startswith("under way")]  # on a slow machine
+    assert names == ["seed_2", "seed_2"]
     for seed in (0, 2):
         assert load_agent(tmp_path / f"seed_{seed}" / "agent").about["training_seed"] == seed
     with pytest.raises(UserError, match="seed_0: holds this run with 1,200 steps, and its budget stays"):
@@ -34,7 +34,7 @@ def test_each_seed_is_trained_once_and_one_that_fails_does_not_hold_up_the_other
 @pytest.mark.process
 def test_words_are_checked_before_anything_begins(tmp_path):
     with pytest.raises(UserError, match="unknown id 'FPG/AllyVsScripted-v9'"):
-        train_seeds("ppo", "FPG/AllyVsScripted-v9", tmp_path, [0, 1])
+        train(tmp_path, [0, 1], view_id="FPG/AllyVsScripted-v9")
     with pytest.raises(UserError, match="a language model plans for one run at a time"):
         train(tmp_path, [0], planner="llm")
     assert not list(tmp_path.glob("seed_*"))

@@ -17,13 +17,12 @@ from fpg_bench.ids import VIEWS
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.rows import RowFile
 from fpg_bench.training.algorithms import ALGORITHMS
-from fpg_bench.training.callbacks import WATCHED
-from fpg_bench.training.checkpoints import newest_checkpoint
+from fpg_bench.training.callbacks import LOGGED_MEASURES
+from fpg_bench.training.checkpoint import newest_checkpoint
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model
-from fpg_bench.training.train import train
-from tests.training.tiny import settings, train_tiny
+from tests.training.tiny import settings, train, train_tiny
 
 TINY = """\
 FPG/AllyVsScripted-v0:
@@ -48,7 +47,6 @@ def run(tmp_path_factory):
         folder / "run",
         seed=3,
         hyperparams=folder / "tiny.yml",
-        progress=False,
         evaluations=2,
     )
     return folder / "run"
@@ -113,8 +111,8 @@ def test_tensorboard_shows_the_game(run):
     events = EventAccumulator(str(run))
     events.Reload()
     tags = set(events.Tags()["scalars"])
-    assert {f"game/{name}" for name in WATCHED} | {"rollout/ep_rew_mean", "field/score"} <= tags
-    assert {"outage", "capacity_mbit_s", "opponent_return"} < set(WATCHED)
+    assert {f"game/{name}" for name in LOGGED_MEASURES} | {"rollout/ep_rew_mean", "field/score"} <= tags
+    assert {"outage", "capacity_mbit_s", "opponent_return"} < set(LOGGED_MEASURES)
     assert all(0 <= event.value <= 1 for event in events.Scalars("game/jamming_success_rate"))
 
 
@@ -122,14 +120,14 @@ def test_tensorboard_shows_the_game(run):
 def test_a_finished_run_is_not_repeated_and_no_other_overwritten(run, tmp_path):
     before = (run / "run.json").read_text()
     arguments = ("ppo", "FPG/AllyVsScripted-v0", run)
-    options = {"hyperparams": run.parent / "tiny.yml", "progress": False, "evaluations": 0}
+    options = {"hyperparams": run.parent / "tiny.yml"}
     assert train(*arguments, seed=3, **options) == run / "agent"
     assert (run / "run.json").read_text() == before
     with pytest.raises(UserError, match="holds another run"):
         train(*arguments, seed=4, **options)
     (tmp_path / "other.yml").write_text(TINY.replace("[8]", "[9]"))
     with pytest.raises(UserError, match="other hyper-parameters"):
-        train(*arguments, seed=3, hyperparams=tmp_path / "other.yml", progress=False)
+        train(*arguments, seed=3, hyperparams=tmp_path / "other.yml")
     with pytest.raises(UserError, match=r"with 2,400 steps, and its budget stays; .* --start"):
         train(*arguments, seed=3, steps=4800, resume=True, **options)
     about = json.loads(before) | {"finished": False}
@@ -149,7 +147,7 @@ def test_a_run_that_was_killed_before_it_said_anything_begins_again(tmp_path):
     (tmp_path / "run").mkdir()
     for left in ("evaluations.jsonl", ".run.json.ab12"):
         (tmp_path / "run" / left).touch()
-    given = {"hyperparams": tmp_path / "tiny.yml", "progress": False, "evaluations": 0}
+    given = {"hyperparams": tmp_path / "tiny.yml"}
     train("ppo", "FPG/AllyVsScripted-v0", tmp_path / "run", resume=True, **given)
     assert json.loads((tmp_path / "run" / "run.json").read_text())["finished"]
 
@@ -160,14 +158,14 @@ def test_a_stopped_run_leaves_its_model(tmp_path, monkeypatch):
     def stop(self):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("fpg_bench.training.callbacks.GameMeasures._on_rollout_end", stop)
+    monkeypatch.setattr("fpg_bench.training.callbacks.GameMeasuresCallback._on_rollout_end", stop)
     with pytest.raises(KeyboardInterrupt):
         train(
             "ppo",
             "FPG/AllyVsScripted-v0",
             tmp_path / "run",
             hyperparams=tmp_path / "tiny.yml",
-            progress=False,
+            evaluations=20,
         )
     assert newest_checkpoint(tmp_path / "run" / "checkpoints").name == f"{0:012d}"
     assert not json.loads((tmp_path / "run" / "run.json").read_text())["finished"]
@@ -237,7 +235,7 @@ def test_bad_hyperparameters(tmp_path, old, new, message):
     path = tmp_path / "mine.yml"
     path.write_text(TINY.replace(old, new))
     with pytest.raises(UserError, match=message):
-        train("ppo", "FPG/AllyVsScripted-v0", tmp_path / "run", hyperparams=path, progress=False)
+        train("ppo", "FPG/AllyVsScripted-v0", tmp_path / "run", hyperparams=path)
     assert not (tmp_path / "run").exists()
 
 
@@ -288,7 +286,7 @@ def test_the_trial_export_leaves_chance_and_checks_as_they_are():
 
 
 def test_an_opponent_that_answers_nan_is_not_called_divergence(tmp_path):
-    given = {"hyperparams": settings("ppo"), "progress": False, "evaluations": 0}
+    given = {"hyperparams": settings("ppo")}
     with pytest.raises(UserError, match="opponent action of game 0: index 0 is nan"):
         train("ppo", "FPG/AllyVsPolicy-v0", tmp_path / "run", opponent=Nowhere(), **given)
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from fpg_bench.training.maddpg_seeds import Together
-from fpg_bench.training.train import train
+import dataclasses
+
+from fpg_bench.training import train as training
+from fpg_bench.training.config import GameOptions, RunConfig
 
 ALLY = "FPG/AllyVsScripted-v0"
 ON_POLICY = {"n_steps": 100, "batch_size": 100, "n_epochs": 1}
@@ -19,7 +21,7 @@ LSTM = SMALL | {"lstm_hidden_size": 6, "n_lstm_layers": 2}
 
 
 def settings(algorithm: str, **changes) -> dict:
-    """What a hyper-parameter file says for one id: 1200 steps of four games."""
+    """The hyper-parameters of one id: 1200 steps of four games."""
     kind = ON_POLICY if "ppo" in algorithm else OFF_POLICY
     policy = {"policy": "MlpPolicy", "policy_kwargs": SMALL}
     if algorithm == "recurrent-ppo":
@@ -28,14 +30,24 @@ def settings(algorithm: str, **changes) -> dict:
     return {"n_envs": 4, "n_timesteps": 1200, "normalize": normalize, **policy, **kind, **changes}
 
 
+def run_config(algorithm, view_id=ALLY, **options) -> RunConfig:
+    """A run; options that are none of its own are those of its games."""
+    own = {field.name for field in dataclasses.fields(RunConfig)}
+    game = GameOptions(**{name: value for name, value in options.items() if name not in own})
+    return RunConfig(
+        algorithm, view_id, game=game, **{name: value for name, value in options.items() if name in own}
+    )
+
+
+def train(algorithm, view_id, out, *, progress=False, evaluations=0, restart=False, resume=False, **options):
+    """Train a run; scored nowhere unless asked for."""
+    config = run_config(algorithm, view_id, **options)
+    return training.train(
+        config, out, progress=progress, evaluations=evaluations, restart=restart, resume=resume
+    )
+
+
 def train_tiny(algorithm, out, changes=None, view_id=ALLY, **options):
-    """A run of :func:`settings`; scored nowhere unless asked for."""
-    given = {"hyperparams": settings(algorithm, **(changes or {})), "progress": False, "evaluations": 0}
+    """Train a run with :func:`settings`."""
+    given = {"hyperparams": settings(algorithm, **(changes or {}))}
     return train(algorithm, view_id, out, **(given | options))
-
-
-def learn_together(models, steps, learner="torch"):
-    """Train several MADDPG models at once, to the end."""
-    together = Together(models, steps, learner)
-    while not together.done:
-        together.go_on()

@@ -6,12 +6,12 @@ import time
 from pathlib import Path
 
 from fpg_bench.errors import UserError
-from fpg_bench.training.spec import RunSpec
+from fpg_bench.training.config import RunConfig
 from fpg_bench.zoo.zoo import load_zoo
 from tests.zoo.making import evaluations, make_agent
 
 
-def stand_in(here: Path, spec: RunSpec, out: Path, **how: object) -> Path:
+def stand_in(here: Path, spec: RunConfig, out: Path, **how: object) -> Path:
     """ "Train" a run of the zoo in a folder: ``hold_<seed>`` there holds it up, ``break_<seed>`` ends it."""
     out.mkdir(parents=True, exist_ok=True)
     (out / "run.json").write_text('{"finished": false}')

@@ -21,7 +21,7 @@ from tests.zoo.standing_in import stand_in
 
 @pytest.fixture
 def zoo(tmp_path, monkeypatch):
-    monkeypatch.setattr(training, "train_run", partial(stand_in, tmp_path))
+    monkeypatch.setattr(training, "train", partial(stand_in, tmp_path))
     monkeypatch.setattr(training, "run_jobs", in_turn)
     return make_zoo(tmp_path)
 
@@ -40,7 +40,7 @@ def begun(zoo):
 def test_a_run_is_what_the_zoo_says(zoo):
     spec = run_spec(zoo.members()[1])
     assert (spec.algorithm, spec.id, spec.seed, spec.steps) == ("ppo", "FPG/AllyVsScripted-v0", 1, 2000)
-    assert spec.options == {"path": ["pursuit", "circle"]}
+    assert spec.game.to_dict() == {"path": ["pursuit", "circle"]}
     assert [spec.field] == list(zoo.views[0].fields)
 
 

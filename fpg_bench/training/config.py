@@ -1,0 +1,137 @@
+"""Configuration of a training run."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from fpg_bench.checks import check_keys
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.field import field_of
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.ids import DUEL, VIEWS, find_view, sides_of
+from fpg_bench.players.player import Player
+
+Players = str | Player | Sequence[str | Player]  # one, or several to draw from per round
+
+
+@dataclass(frozen=True)
+class GameOptions:
+    """Options of the games that a run trains in; None leaves the default of the environment id.
+
+    Attributes:
+        scenario: a scenario, the name of a preset, or a YAML file.
+        opponent, ally: the other side's player, or several; ``field:NAME`` stands for all members of a suite.
+        path: flight path of the opponent, or several to draw from per round.
+        planner: planner of the opponent's path, by name or as an object.
+        knowledge: the ally's knowledge base: ``expert``, ``none``, or a YAML file.
+        jamming_types: the jamming types that are allowed.
+        reward: reward of the learner; see :mod:`fpg_bench.envs.payment`.
+    """
+
+    scenario: Scenario | str | Path | None = None
+    opponent: Players | None = None
+    ally: Players | None = None
+    path: str | Sequence[str] | None = None
+    planner: Any = None
+    knowledge: str | None = None
+    jamming_types: str | Sequence[str] | None = None
+    reward: str | None = None
+
+    @classmethod
+    def parse(cls, content: Mapping[str, Any], where: str) -> GameOptions:
+        """Read the options from a mapping of a YAML or JSON file.
+
+        Raises:
+            UserError: no mapping, or an unknown key; ``where`` begins the message.
+        """
+        check_keys(content, [each.name for each in dataclasses.fields(cls)], where)
+        return cls(**content)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the options that are set, by name."""
+        values = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
+        return {name: value for name, value in values.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """Everything that distinguishes one training run from another, apart from its folder.
+
+    Attributes:
+        algorithm: ``ppo``, ``ppo-fast``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` and the like,
+            ``maddpg``, ``package.module:Class``, or a class of Stable-Baselines3's kind.
+        view_id: environment id, for instance ``FPG/AllyVsScripted-v0``; ``FPG/duel_v0`` trains both sides.
+        seed: training seed k; its games start at game seed k * 10^6.
+        steps: budget over all games, rounded up to whole rollouts; None takes that of the hyper-parameters.
+        hyperparams: a YAML file, or its content for the id; None takes the shipped file.
+        game: options of the games.
+        field: suite that scores the policy during training, on tuning seeds; None takes that of the id.
+        against: the other side's player or players, whichever side that is.
+        start: folder of a finished run of the same side, algorithm and networks; the new run starts from its
+            weights, optimizer and normalization, and skips imitation.
+        transcript: transcript of a run with a language model; its plans are replayed without a server.
+        llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``, the profile of
+            the endpoint.
+    """
+
+    algorithm: str | type[BaseAlgorithm]
+    view_id: str
+    seed: int = 0
+    steps: int | None = None
+    hyperparams: str | Path | Mapping[str, Any] | None = None
+    game: GameOptions = dataclasses.field(default_factory=GameOptions)
+    field: str | None = None
+    against: Players | None = None
+    start: str | Path | None = None
+    transcript: str | Path | None = None
+    llm: Mapping[str, Any] | None = None
+
+    @property
+    def id(self) -> str:
+        """The id as it is registered."""
+        return self.view_id.removeprefix("fpg_bench:")
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """The sides that learn; raises UserError for an unknown id."""
+        return sides_of(self.view_id)
+
+    @property
+    def planner(self) -> Any:
+        """The planner of the opponent's path: the one that is set, else the default of the id."""
+        return self.game.planner or (VIEWS[self.id].planner if self.id in VIEWS else None)
+
+    def game_options(self) -> dict[str, Any]:
+        """Return the options that are set, with the players of ``against`` under the name of their side.
+
+        Raises:
+            UserError: both sides learn, or the other side's players are named twice.
+        """
+        options = self.game.to_dict()
+        if self.against is None:
+            return options
+        if self.id == DUEL:
+            raise UserError(f"against: in {DUEL} both sides learn; name nobody")
+        other = find_view(self.id).other_side
+        if other in options:
+            raise UserError(f"against: names the {other}, and so does {other}; say one of them")
+        return {**options, other: self.against}
+
+    def fields(self) -> list[str]:
+        """Return the suite that scores each side; raises UserError where one suite is set for both sides."""
+        if self.field and len(self.sides) == 2:
+            raise UserError(f"field: each side of {DUEL} is scored by its own; name none")
+        options = self.game_options()
+        return [self.field] if self.field else [field_of(self.id, options, side) for side in self.sides]
+
+    def options(self) -> dict[str, Any]:
+        """Return the options of the command line beside algorithm, id, seed, steps, hyperparams and field."""
+        llm = {name.removesuffix("_s"): value for name, value in (self.llm or {}).items()}
+        options = {**self.game_options(), "transcript": self.transcript, "start": self.start, **llm}
+        return {name: value for name, value in options.items() if value is not None}

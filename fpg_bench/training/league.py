@@ -1,0 +1,695 @@
+"""League training: best responses to a player, self-play against the past, champions against populations.
+
+Self-play is fictitious self-play (Heinrich, Lanctot and Silver, "Fictitious self-play in extensive-form
+games", 2015) with a pool of past policies in the place of their average. Champions use prioritized
+fictitious self-play (Vinyals et al. 2019).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field as Constraint
+
+from fpg_bench.checks import mapping, whole
+from fpg_bench.errors import UserError, nearest
+from fpg_bench.evaluation.entry import code_fingerprint, player_entry
+from fpg_bench.evaluation.field import Counterpart, Field, Scale, side_field
+from fpg_bench.evaluation.play import Seeds, play
+from fpg_bench.evaluation.seeds import PROTOCOL, tuning_seeds
+from fpg_bench.evaluation.summary import Summary, summarise
+from fpg_bench.files import read_json, read_yaml, write_json, write_whole
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import STANDARD, Scenario, as_scenario
+from fpg_bench.ids import find_view, policy_view, sides_of
+from fpg_bench.players.agent import load_agent
+from fpg_bench.players.naming import as_player, policy_hash
+from fpg_bench.players.player import SIDES
+from fpg_bench.players.population import with_members
+from fpg_bench.players.scripted import SCRIPTED
+from fpg_bench.rows import Row, RowFile
+from fpg_bench.schema import Items, PositiveInt, Strict, parse
+from fpg_bench.training.config import GameOptions, RunConfig
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.run_folder import RunFolder, command_line
+from fpg_bench.training.train import train
+
+Hyperparams = str | Path | Mapping[str, Any] | None
+Start = Literal["nothing", "strongest"]
+
+RESULT = "exploit.json"
+ROWS, ABOUT = "selfplay.jsonl", "selfplay.json"
+STARTS: tuple[Start, ...] = ("nothing", "strongest")
+MATCHES = 100  # against each player, in the evaluation of best responses and generations
+SEED_STRIDE = 1000  # generation g of self-play with seed k has training seed 1000 k + g
+RESPONDER_SEED = 1_000_000  # first training seed of the responders to champions
+POPULATION_ROUNDS, CHAMPION_EVALUATIONS = 48, 4
+_LOG = logging.getLogger(__name__)
+
+
+def evaluate_against(
+    player: Any,
+    others: Mapping[str, Any],
+    side: str,
+    scenario: Scenario,
+    matches: int = MATCHES,
+    seeds: Seeds | None = None,
+) -> Summary:
+    """Evaluate a player against players that no suite names.
+
+    The scale of the scores is that of the side's public suite where the scenario is that suite's own, apart
+    from the path.
+
+    Args:
+        player: the player, as :func:`fpg_bench.players.naming.as_player` takes it.
+        others: players of the other side, by the names that the summary calls them.
+        side: side of the player.
+        scenario: the scenario that is played.
+        matches: number of matches against each of the others.
+        seeds: function from a number of matches to their seeds; None takes the evaluation seeds.
+
+    Raises:
+        UserError: no such player, or one of the wrong side.
+    """
+    public = side_field(side, scenario)
+    same_path = dataclasses.replace(scenario, opponent_path=public.scenario.opponent_path)
+    scale = public.scale if same_path.hash == public.scenario.hash else Scale()
+    counterparts = tuple(Counterpart(name, (other,), scenario) for name, other in others.items())
+    field = Field("league", side, scenario, matches, counterparts, scale)
+    entry = player_entry(player)
+    (summary,) = summarise([play(entry, field, counterpart, seeds) for counterpart in counterparts], field)
+    return summary
+
+
+def _result_row(summary: Summary) -> Row:
+    """Return ``score`` and ``return`` (per step, means), ``returns`` against each, and ``measures``."""
+    return {
+        "score": round(summary.score.value, 2),
+        "return": round(summary.reward.value, 4),
+        "returns": {name: round(result.value, 4) for name, result in summary.by_counterpart.items()},
+        "measures": {name: None if x is None else round(x, 5) for name, x in summary.measures.items()},
+    }
+
+
+def _other_side(side: str) -> str:
+    return SIDES[1 - SIDES.index(side)]
+
+
+def _check_same(file: Path, kind: str, about: Row) -> Row:
+    """Return the content of a file; raise UserError where it was made with other settings."""
+    content = read_json(file, kind)
+    if different := [key for key in about if content.get(key) != about[key]]:
+        raise UserError(f"{file}: holds {kind} with another {different[0]}; choose another folder")
+    return content
+
+
+# Best responses
+
+
+def exploit(
+    agent: str,
+    out: str | Path,
+    *,
+    algorithm: str | Sequence[str] = "ppo",
+    steps: int | Sequence[int] = 500_000,
+    seeds: int = 3,
+    start: Start | Sequence[Start] = "nothing",
+    hyperparams: Hyperparams = None,
+    reward: str = "against",
+    side: str | None = None,
+    scenario: str | Path | None = None,
+    path: str | Sequence[str] | None = None,
+    progress: bool = True,
+) -> Row:
+    """Train best responses to a fixed player, and evaluate the player against them.
+
+    The opponent's path is that of the player's training: ``learned`` where it was among its paths, else
+    ``pursuit``. What was stopped goes on, finished responses are not trained again, and more algorithms,
+    budgets or seeds are added to those that are there.
+
+    Args:
+        agent: the player: a shipped agent, a folder, a script, or ``package.module:object``.
+        out: a folder for ``exploit.json`` and the runs, ``<start>-<algorithm>-<steps>/seed_<k>``.
+        algorithm: algorithm of the responses, or several; see
+            :class:`fpg_bench.training.config.RunConfig`.
+        steps: training budget of each response, or several.
+        seeds: number of responses of each kind, with training seeds 0, 1, 2, ...
+        start: ``nothing``; or ``strongest``, to imitate first whoever left the player the least return so
+            far, a script or a response that started from nothing; or both, one after the other.
+        hyperparams: hyper-parameters of a single algorithm.
+        reward: reward of the responses: ``against``, to lower the player's return, or any other of
+            :class:`fpg_bench.envs.core.OneSided`.
+        side: side of the player; None takes that of the agent or the script.
+        scenario: the scenario; None takes that of the agent's training.
+        path: flight path of the opponent; None chooses it as described above.
+        progress: show the progress of each training.
+
+    Returns:
+        The content of ``exploit.json``: the player, the game, ``responses`` (how each was made, the player's
+        ``return`` per step and ``score`` against it, the response's own return per step ``earned``, the
+        ``measures``), the same for the other side's ``scripts``, and ``lowest``, the lowest return and
+        against whom. It is an upper bound of the player's worst return: another response may find a lower
+        one.
+
+    Raises:
+        UserError: no such player, one whose training scenario is not available any more, or a folder with
+            best responses to another player.
+        KeyboardInterrupt: stopped by the user.
+    """
+    algorithms, budgets, starts = _as_list(algorithm), _as_list(steps), _as_list(start)
+    if unknown := [begin for begin in starts if begin not in STARTS]:
+        raise UserError(f"start: expected nothing or strongest, got {unknown[0]!r}")
+    for name, value in (("seeds", seeds), *(("steps", budget) for budget in budgets)):
+        whole(value, name)
+    if hyperparams is not None and len(algorithms) > 1:
+        raise UserError("hyperparams: are those of one algorithm; name one")
+    target = _find_target(agent, side, scenario, path)
+    view_id, file = policy_view(_other_side(target.side)).id, Path(out) / RESULT
+    about = {
+        "side": target.side,
+        "policy": target.fingerprint,
+        "scenario": target.scenario.hash,
+        "path": target.game.path,
+        "matches": MATCHES,
+        "protocol": PROTOCOL,
+    }
+    if file.exists():
+        result = _check_same(file, "best responses", about)
+    else:
+        scripts = {name: target.meet(name) for name in SCRIPTED[_other_side(target.side)]}
+        result = {"agent": agent, **about, "scripts": scripts, "responses": []}
+        write_json(file, result | {"lowest": _lowest(result)})  # the folder is taken before any training
+    for begin, name, budget, seed in product(starts, algorithms, budgets, range(seeds)):
+        values = load_hyperparameters(name, view_id, hyperparams, path=target.game.path).entry()
+        if begin == "strongest":
+            values |= {"imitate": {"teacher": _strongest(result, Path(out))}}
+        recipe: Row = {
+            "algorithm": name,
+            "steps": budget,
+            "start": begin,
+            "training_seed": seed,
+            "reward": reward,
+            "hyperparameters": json.loads(json.dumps(values, default=str)),  # as they are read again
+        }
+        if not any(recipe.items() <= response.items() for response in result["responses"]):
+            game = dataclasses.replace(target.game, reward=reward)
+            run = RunConfig(name, view_id, seed, budget, values, game, against=agent)
+            folder = Path(out) / response_folder(recipe)
+            response = train(run, folder, evaluations=0, progress=progress, resume=True)
+            result["responses"].append(recipe | target.meet(str(response)))
+        result["lowest"] = _lowest(result)
+        write_json(file, result)
+    return result
+
+
+def response_folder(response: Row) -> str:
+    """Return the folder of a response's run, relative to the folder of all responses."""
+    parts = (response["start"], response["algorithm"], response["steps"])
+    return f"{'-'.join(map(str, parts))}/seed_{response['training_seed']}"
+
+
+def response_label(response: Row) -> str:
+    """Return a description of how a response was made."""
+    start = "" if response["start"] == "nothing" else ", from the strongest"
+    return f"{response['algorithm']}, {response['steps']:,} steps{start}, seed {response['training_seed']}"
+
+
+def _as_list(value: Any) -> list[Any]:
+    return [value] if isinstance(value, str | int) else list(value)
+
+
+def _strongest(result: Row, out: Path) -> str:
+    """Return the script or response from nothing that left the player the least return."""
+    returns = {name: row["return"] for name, row in result["scripts"].items()}
+    for response in result["responses"]:
+        if response["start"] == "nothing":
+            returns[str(out / response_folder(response) / "agent")] = response["return"]
+    return str(min(returns, key=lambda name: returns[name]))
+
+
+def _lowest(result: Row) -> Row:
+    """Return the player's lowest return per step, and against whom that was."""
+    returns = {name: row["return"] for name, row in result["scripts"].items()}
+    returns |= {response_label(response): response["return"] for response in result["responses"]}
+    name = min(returns, key=lambda name: returns[name])
+    return {"return": returns[name], "against": name}
+
+
+@dataclass(frozen=True)
+class _Target:
+    """A fixed player that responses are trained against, and the game that it plays."""
+
+    agent: str
+    side: str
+    fingerprint: str
+    game: GameOptions
+    scenario: Scenario
+
+    def meet(self, other: str) -> Row:
+        """Return the player's results against another player, with that player's return ``earned``."""
+        summary = evaluate_against(self.agent, {other: other}, self.side, self.scenario)
+        row = _result_row(summary)
+        del row["returns"]
+        tally = summary.pooled.tally
+        return row | {"earned": round(tally[f"{_other_side(self.side)}_return"] / tally["steps"], 4)}
+
+
+def _find_target(
+    agent: str, side: str | None, scenario: str | Path | None, path: str | Sequence[str] | None
+) -> _Target:
+    """Load the player; the game is that of the agent's training unless the caller sets it."""
+    side = _side_of(agent) if side is None else side
+    if side not in SIDES:
+        raise UserError(f"side: expected ally or opponent, got {side!r}")
+    player = as_player(agent, side, STANDARD)
+    about = getattr(player, "about", {}) if scenario is None else {}  # of an agent
+    own = mapping(about.get("options") or {}, f"agent {agent}: agent.json: options")
+    options: dict[str, Any] = {
+        key: own[key] for key in ("scenario", "knowledge", "jamming_types") if key in own
+    }
+    if isinstance(options.get("jamming_types"), str):  # as agents of earlier versions have them
+        options["jamming_types"] = options["jamming_types"].split(",")
+    if scenario is not None:
+        options["scenario"] = str(scenario)
+    fields = about.get("scenario_fields") or {}
+    flown = fields.get("opponent_path", STANDARD.opponent_path)
+    game = GameOptions(path=path or ("learned" if "learned" in flown else STANDARD.opponent_path), **options)
+    played = game_scenario(game)
+    if about:
+        same = {key: fields.get(key, getattr(STANDARD, key)) for key in ("opponent_path", "rounds_per_match")}
+        if dataclasses.replace(played, **same).hash != about["scenario"]:
+            raise UserError(
+                f"agent {agent}: was trained in a scenario that is not here any more; name the scenario"
+            )
+    return _Target(agent, side, policy_hash(player) or code_fingerprint(agent), game, played)
+
+
+def game_scenario(game: GameOptions) -> Scenario:
+    """Return the scenario of some game options."""
+    return as_scenario(
+        game.scenario, opponent_path=game.path, knowledge=game.knowledge, jamming_types=game.jamming_types
+    )
+
+
+def _side_of(agent: str) -> str:
+    """Return the side that an agent or a script plays."""
+    sides = [side for side in SIDES if agent in SCRIPTED[side]]
+    if "/" in agent or Path(agent).is_dir():
+        about = load_agent(agent).about
+        sides = [str(about.get("side") or sides_of(about["id"])[0])]
+    if len(sides) != 1:
+        hint = "" if sides else nearest(agent, [name for side in SIDES for name in SCRIPTED[side]])
+        raise UserError(
+            f"player {agent!r}: no agent, and no script of one side alone{hint}; say which side it plays"
+        )
+    return sides[0]
+
+
+# Self-play
+
+
+def selfplay(
+    algorithm: str,
+    out: str | Path,
+    *,
+    generations: int = 10,
+    steps: int = 500_000,
+    pool: int = 5,
+    seed: int = 0,
+    hyperparams: Hyperparams = None,
+    scenario: Scenario | str | Path | None = None,
+    path: str | Sequence[str] | None = None,
+    knowledge: str | None = None,
+    jamming_types: str | Sequence[str] | None = None,
+    evaluations: int = 1,
+    progress: bool = True,
+) -> dict[str, Path]:
+    """Train both sides in turns, each generation against past generations of the other side.
+
+    Generation 0 of a side plays all scripts of the other side. Each later one starts from the weights of the
+    one before. Every generation is a run of its own. What was stopped goes on, more generations are added to
+    those that are there, and finished ones are not trained again.
+
+    Args:
+        algorithm: algorithm of both sides; see :class:`fpg_bench.training.config.RunConfig`.
+        out: a folder for ``generations/<side>_<g>``, a run's folder each; ``selfplay.jsonl``, a row each;
+            ``ally`` and ``opponent``, the agents of the last generation.
+        generations: number of generations of each side.
+        steps: training budget of a generation of a side.
+        pool: number of past generations of the other side that are drawn for a generation, at most.
+        seed: decides the draws and the matches.
+        hyperparams: a YAML file, or the entry of both sides' ids; None takes the shipped file.
+        scenario, path, knowledge, jamming_types: the game, as in
+            :class:`fpg_bench.training.config.GameOptions`.
+        evaluations: evaluations of each generation on its suite, besides the one at its start; 0 for none.
+        progress: show the progress of each training.
+
+    Returns:
+        The folders of both agents.
+
+    Raises:
+        UserError: something unknown or out of range, a folder with another self-play, or an agent of a past
+            generation that is incomplete.
+        KeyboardInterrupt: stopped by the user.
+    """
+    for name, value in (("generations", generations), ("pool", pool)):
+        whole(value, name)
+    game = GameOptions(scenario=scenario, path=path, knowledge=knowledge, jamming_types=jamming_types)
+    league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, game)
+    about, file = league.describe(), RowFile(league.folder / ROWS, {"generation": int, "side": str})
+    with file.locked():
+        done = {(row["generation"], row["side"]) for row in file.read()}
+        if not done:
+            write_json(league.folder / ABOUT, about)
+        _check_same(league.folder / ABOUT, "a self-play", about)
+        for generation, side in product(range(generations), SIDES):
+            if (generation, side) not in done:
+                run = league.run_config(side, generation)
+                folder = league.run(side, generation).path
+                train(run, folder, evaluations=evaluations, progress=progress, resume=True)
+                row = league.evaluate(side, generation)
+                file.append([row])
+                _LOG.info(_row_text(row))
+        last = {row["side"]: row["generation"] for row in file.read()}
+        return {side: league.ship(side, last[side] + 1) for side in SIDES}
+
+
+@dataclass(frozen=True)
+class _SelfPlay:
+    """A self-play league in a folder; the attributes are the arguments of :func:`selfplay`."""
+
+    algorithm: str
+    folder: Path
+    steps: int
+    pool: int
+    seed: int
+    hyperparams: Hyperparams
+    game: GameOptions
+
+    def describe(self) -> Row:
+        """Return what distinguishes it from another self-play, as it is read from JSON."""
+        parameters = {
+            side: load_hyperparameters(
+                self.algorithm, policy_view(side).id, self.hyperparams, path=self.game.path
+            )
+            for side in SIDES
+        }
+        about = {
+            "algorithm": self.algorithm,
+            "scenario": game_scenario(self.game).hash,
+            "steps": self.steps,
+            "pool": self.pool,
+            "seed": self.seed,
+            "hyperparameters": {side: found.entry() for side, found in parameters.items()},
+        }
+        content: Row = json.loads(json.dumps(about))
+        return content
+
+    def run(self, side: str, generation: int) -> RunFolder:
+        """Return the folder of a generation's run."""
+        return RunFolder(self.folder / "generations" / f"{side}_{generation}")
+
+    def others(self, side: str, generation: int) -> dict[str, str]:
+        """Return the players that a generation is trained against, by their names in rows."""
+        other = _other_side(side)
+        if generation == 0:
+            return {name: name for name in SCRIPTED[other]}
+        past = draw_past(side, generation, self.pool, self.seed)
+        return {f"{other}_{number}": str(self.run(other, number).agent) for number in past}
+
+    def run_config(self, side: str, generation: int) -> RunConfig:
+        """Return the run of a generation."""
+        return RunConfig(
+            self.algorithm,
+            policy_view(side).id,
+            SEED_STRIDE * self.seed + generation,
+            self.steps,
+            self.hyperparams,
+            self.game,
+            against=list(self.others(side, generation).values()),
+            start=self.run(side, generation - 1).path if generation else None,
+        )
+
+    def evaluate(self, side: str, generation: int) -> Row:
+        """Return a generation's row: its scores on the suite, and against the players of its training."""
+        run, others = self.run(side, generation), self.others(side, generation)
+        about, scores = run.read(), run.last_scores()
+        head = {
+            "generation": generation,
+            "side": side,
+            "steps": about["steps_done"],
+            "against": list(others),
+            "field": about["field"],
+            "field_score": scores.get(side),
+        }
+        scenario = game_scenario(self.game)
+        summary = evaluate_against(str(run.agent), others, side, scenario, seeds=tuning_seeds)
+        return head | _result_row(summary)
+
+    def ship(self, side: str, generations: int) -> Path:
+        """Copy the last generation's agent, and describe in ``agent.json`` how all of it was made."""
+        last = self.run(side, generations - 1).agent
+        parts = [self.run(side, generation).read() for generation in range(generations)]
+        about = read_json(last / "agent.json", "agent")
+        settings = {"generations": generations, "steps": self.steps, "pool": self.pool, "seed": self.seed}
+        options = self.game.to_dict()
+        about |= {
+            "command": command_line("selfplay", self.algorithm, **settings, **options),
+            "options": {name: about["options"][name] for name in options},
+            "training_seed": self.seed,
+            "training_steps": generations * self.steps,
+            **{key: round(sum(part[key] for part in parts), 1) for key in ("steps_done", "seconds")},
+        }
+        return _write_agent(self.folder / side, last, about)
+
+
+def draw_past(side: str, generation: int, pool: int, seed: int) -> list[int]:
+    """Draw the past generations of the other side that a generation is trained against, uniformly."""
+    rng = np.random.default_rng([seed, generation, SIDES.index(side)])
+    return sorted(rng.choice(generation, min(pool, generation), replace=False).tolist())
+
+
+def _row_text(row: Row) -> str:
+    measures = row["measures"]
+    shares = ", ".join(f"{kind} {100 * measures[f'share_{kind}']:.0f} %" for kind in JAMMING_TYPES)
+    on_field = "" if row["field_score"] is None else f", {row['field_score']:.1f} on {row['field']}"
+    return (
+        f"{row['side']}_{row['generation']}: {row['score']:.1f} against {', '.join(row['against'])}{on_field}"
+        f"; hops {100 * measures['hop_rate']:.0f} %, spreading {100 * measures['spread_ratio']:.0f} %, "
+        f"{shares}"
+    )
+
+
+def _write_agent(folder: Path, agent: Path, about: Row) -> Path:
+    """Copy an agent's policy to a folder, with another ``agent.json`` written last."""
+    write_whole(folder / "policy.onnx", (agent / "policy.onnx").read_bytes())
+    write_json(folder / "agent.json", about)
+    return folder
+
+
+# Champions
+
+
+class Stage(Strict):
+    """A stage of a champion's training: its budget, and hyper-parameters that differ from the recipe's."""
+
+    steps: PositiveInt
+    hyperparams: dict[str, Any] | None = None
+
+
+class Responder(Strict):
+    """Training of a player against the champion of a stage; see :class:`Recipe` for the attributes."""
+
+    algorithm: str
+    steps: PositiveInt
+    hyperparams: dict[str, Any] | None = None
+    options: dict[str, Any] | None = None
+
+
+class Recipe(Strict):
+    """Recipe of a champion, an entry of ``baselines/champions.yml``.
+
+    Attributes:
+        name: folder of the agents.
+        id: environment id, one against any player.
+        algorithm, hyperparams: as in :class:`fpg_bench.training.config.RunConfig`.
+        against: the population, suites included; one player is drawn per round.
+        stages: the stages, each of which starts from the weights of the one before.
+        responders: players that are trained against the champion of a stage and join the population.
+        priority: how much more often the hardest player is drawn than the easiest, after the first stage.
+        options: options of the games, as in :class:`fpg_bench.training.config.GameOptions`.
+    """
+
+    name: str
+    id: str
+    algorithm: str
+    hyperparams: dict[str, Any]
+    against: Annotated[list[str], Constraint(min_length=1)]
+    stages: Annotated[list[Stage], Constraint(min_length=1)]
+    responders: Items[Responder] = ()
+    priority: PositiveInt = 4
+    options: dict[str, Any] = Constraint(default_factory=dict)
+
+    @property
+    def side(self) -> str:
+        """Side of the champion."""
+        return find_view(self.id).side
+
+    @property
+    def other_side(self) -> str:
+        """Side of the population."""
+        return find_view(self.id).other_side
+
+
+def load_recipes(file: Path) -> dict[str, Recipe]:
+    """Load the champions' recipes of a YAML file, by name.
+
+    Raises:
+        UserError: the file cannot be read, or a key is missing, unknown or invalid.
+    """
+    recipes = {}
+    for name, content in read_yaml(file, "champions").items():
+        where = f"champions {file}: {name}"
+        recipe = parse(Recipe, {"name": name, **mapping(content, where)}, where)
+        if recipe.id != policy_view(recipe.side).id:
+            raise UserError(f"{where}: id: expected {policy_view(recipe.side).id}, got {recipe.id}")
+        for options in (recipe.options, *(responder.options or {} for responder in recipe.responders)):
+            GameOptions.parse(options, f"{where}: options")
+        recipes[recipe.name] = recipe
+    return recipes
+
+
+def train_champion(recipe: Recipe, seed: int, runs: Path, *, progress: bool = False) -> Path:
+    """Train one champion; what was stopped goes on, and finished runs are not repeated.
+
+    After each stage, responders are trained against its agent, and the next stage meets them as well. From
+    the second stage on, players that leave the champion less return are drawn more often.
+
+    Args:
+        recipe: the recipe.
+        seed: the training seed.
+        runs: folder of all champions' runs: ``NAME/seed_k/stage_i/run`` and ``.../responder_j``.
+        progress: show the progress of each training.
+
+    Returns:
+        The agent's folder of the last stage.
+
+    Raises:
+        UserError: something unknown or out of range, or a folder that holds another run.
+        KeyboardInterrupt: stopped by the user.
+    """
+    population = [str(spec) for spec in with_members(recipe.against, recipe.other_side)]
+    folder, agent = runs / recipe.name / f"seed_{seed}", Path()
+    for number, stage in enumerate(recipe.stages):
+        here = folder / f"stage_{number}"
+        drawn = _prioritized(recipe, agent, population, here / "population.json") if number else population
+        run = RunConfig(
+            recipe.algorithm,
+            recipe.id,
+            seed,
+            stage.steps,
+            {**recipe.hyperparams, "n_timesteps": stage.steps, **(stage.hyperparams or {})},
+            GameOptions(**recipe.options),
+            against=drawn,
+            start=folder / f"stage_{number - 1}" / "run" if number else None,
+        )
+        agent = train(run, here / "run", evaluations=CHAMPION_EVALUATIONS, progress=progress, resume=True)
+        _LOG.info(f"{recipe.name}/seed_{seed}: stage {number} trained, against {len(population)} players")
+        if number + 1 < len(recipe.stages):
+            first_seed = RESPONDER_SEED + 1000 * seed + 100 * number
+            population += train_responders(recipe, agent, here, first_seed, progress)
+    return agent
+
+
+def train_responders(
+    recipe: Recipe, agent: str | Path, folder: Path, seed: int, progress: bool = False
+) -> list[str]:
+    """Train a recipe's responders against an agent; finished ones are not trained again.
+
+    Args:
+        recipe: the recipe.
+        agent: folder or name of the agent.
+        folder: folder of the runs, ``responder_<j>``.
+        seed: training seed of the first one.
+        progress: show the progress of each training.
+
+    Returns:
+        The folders of their agents.
+    """
+    agents = []
+    for index, responder in enumerate(recipe.responders):
+        run = RunConfig(
+            responder.algorithm,
+            policy_view(recipe.other_side).id,
+            seed + index,
+            responder.steps,
+            responder.hyperparams,
+            GameOptions(**(responder.options or {})),
+            against=str(agent),
+        )
+        response = train(run, folder / f"responder_{index}", evaluations=0, progress=progress, resume=True)
+        agents.append(str(response))
+    return agents
+
+
+def _prioritized(recipe: Recipe, agent: Path, population: list[str], file: Path) -> list[str]:
+    """Return the population with each player as often as it is to be drawn; kept in a file."""
+    if file.exists():
+        copies = read_json(file, "population")["copies"]
+        if list(copies) != population:
+            raise UserError(f"{file}: holds another population; choose another folder")
+    else:
+        returns = population_returns(recipe, agent, population)
+        copies = dict(
+            zip(population, copies_by_hardness(list(returns.values()), recipe.priority), strict=True)
+        )
+        rounded = {name: round(value, 3) for name, value in returns.items()}
+        write_json(file, {"agent": str(agent), "returns_per_step": rounded, "copies": copies})
+    return [player for player, count in copies.items() for _ in range(count)]
+
+
+def copies_by_hardness(returns: Sequence[float], priority: int) -> list[int]:
+    """Return how often each player is listed: 1 for the easiest, ``priority`` for the hardest.
+
+    Between them the number grows with the square of the hardness, which is linear in the return.
+    """
+    low, high = min(returns), max(returns)
+    hardness = [(high - value) / (high - low) if high > low else 0.0 for value in returns]
+    return [1 + round((priority - 1) * share**2) for share in hardness]
+
+
+def population_returns(
+    recipe: Recipe, agent: str | Path, population: Sequence[str], rounds: int = POPULATION_ROUNDS
+) -> dict[str, float]:
+    """Return the agent's mean return per step against each player of a population, on tuning seeds."""
+    scenario = game_scenario(GameOptions(**recipe.options))
+    others = {name: name for name in population}
+    summary = evaluate_against(str(agent), others, recipe.side, scenario, rounds, tuning_seeds)
+    return {name: summary.by_counterpart[name].value for name in population}
+
+
+def ship_champion(agent: Path, folder: Path, recipe: Recipe, seed: int, command: str) -> None:
+    """Copy a champion's agent to its shipped folder; its ``agent.json`` describes how all of it was made.
+
+    Args:
+        agent: the agent's folder of the last stage.
+        folder: the shipped folder.
+        recipe, seed: how it was made.
+        command: the command that makes it again.
+
+    Raises:
+        UserError: the agent is incomplete.
+    """
+    about = dict(load_agent(agent, recipe.side).about)
+    steps = sum(stage.steps for stage in recipe.stages)
+    about |= {"command": command, "training_steps": steps, "training_seed": seed}
+    about["recipe"] = recipe.model_dump(mode="json", exclude_none=True)
+    _write_agent(folder, agent, about)

@@ -1,0 +1,524 @@
+"""Best responses, self-play and champions: opponents, starting weights, results, and resumption."""
+
+import dataclasses
+import json
+import logging
+
+import pytest
+import yaml
+
+from fpg_bench.errors import UserError
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.field import Counterpart, Scale, load_field
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.seeds import tuning_seeds
+from fpg_bench.game.scenario import PAPER, STANDARD, as_scenario
+from fpg_bench.players.agent import load_agent
+from fpg_bench.players.scripted import SCRIPTED
+from fpg_bench.rows import RowFile
+from fpg_bench.training import league
+from fpg_bench.training.callbacks import GameMeasuresCallback
+from fpg_bench.training.league import (
+    copies_by_hardness,
+    draw_past,
+    evaluate_against,
+    exploit,
+    load_recipes,
+    population_returns,
+    selfplay,
+    ship_champion,
+    train_champion,
+)
+from tests.programs import fpg
+from tests.training.tiny import settings, train, train_tiny
+
+OPPONENT = "FPG/OpponentVsScripted-v0"
+LIMITS = {"jamming_types": ["tone", "comb"], "knowledge": "none"}
+TINY = settings("ppo", normalize={"norm_obs": False})
+RECIPE = {
+    "id": "FPG/AllyVsPolicy-v0",
+    "algorithm": "ppo",
+    "hyperparams": settings("ppo"),
+    "against": ["tone", "opponent-pursuit/td3/seed_0"],
+    "stages": [{"steps": 400}, {"steps": 400, "hyperparams": {"learning_rate": 0.0001}}],
+    "responders": [
+        {"algorithm": "ppo", "steps": 400, "hyperparams": settings("ppo"), "options": {"reward": "against"}}
+    ],
+    "priority": 3,
+}
+
+
+@pytest.fixture
+def trained(monkeypatch):
+    """The runs that a league trains, in their order."""
+    runs, real = [], league.train
+
+    def record(config, out, **options):
+        runs.append(config)
+        return real(config, out, **options)
+
+    monkeypatch.setattr(league, "train", record)
+    return runs
+
+
+def interrupt(*arguments, **options):
+    raise KeyboardInterrupt
+
+
+# Evaluation
+
+
+@pytest.mark.parametrize(
+    ("side", "scenario", "field"),
+    [
+        ("ally", STANDARD, "ally-v1"),
+        ("ally", as_scenario(None, opponent_path=("circle", "pursuit")), "ally-v1"),
+        ("opponent", as_scenario(None, opponent_path="learned"), "opponent-learned-v1"),
+        ("ally", PAPER, None),
+        ("ally", as_scenario(None, hop_cost=41), None),
+    ],
+)
+def test_scores_are_on_the_scale_of_the_side_s_public_suite_in_its_own_scenario(side, scenario, field):
+    other = "adaptive" if side == "ally" else "expert"
+    player = "idle" if side == "ally" else "tone"
+    summary = evaluate_against(player, {"it": other}, side, scenario, matches=1)
+    assert summary.field.scale == (Scale() if field is None else load_field(field).scale)
+
+
+@pytest.mark.parametrize("seeds", [None, tuning_seeds])
+def test_the_evaluation_equals_that_of_a_suite_with_the_same_players(seeds):
+    field = dataclasses.replace(load_field("ally-v1"), matches=10)
+    others = {"mine": "tone", "yours": "comb"}
+    summary = evaluate_against("idle", others, "ally", STANDARD, matches=10, seeds=seeds)
+    for name, other in (("mine", "tone/pursuit"), ("yours", "comb/pursuit")):
+        line = play(player_entry("idle"), field, field.named(other), seeds)
+        assert summary.by_counterpart[name].value == field.rewards(line.returns).mean()
+
+
+def test_players_of_the_wrong_side_are_refused():
+    with pytest.raises(UserError, match="unknown ally 'tone'"):
+        evaluate_against("tone", {"it": "adaptive"}, "ally", STANDARD, matches=1)
+    with pytest.raises(UserError, match="unknown opponent 'idle'"):
+        evaluate_against("idle", {"it": "idle"}, "ally", STANDARD, matches=1)
+
+
+# Best responses
+
+
+@pytest.fixture(scope="module")
+def ally(tmp_path_factory):
+    """The agent of a tiny ally."""
+    return train_tiny("ppo", tmp_path_factory.mktemp("responses") / "ally", steps=400)
+
+
+@pytest.fixture(scope="module")
+def result(ally):
+    """The results of two best responses to it."""
+    return respond(ally, ally.parent.parent / "responses", seeds=2)
+
+
+def respond(agent, out, **options):
+    given = {"hyperparams": settings("ppo"), "steps": 400, "seeds": 1, "progress": False}
+    return exploit(str(agent), out, **(given | options))
+
+
+def run_folder(out, seed, steps=400, algorithm="ppo"):
+    return out / f"nothing-{algorithm}-{steps}" / f"seed_{seed}"
+
+
+def lowest(result):
+    rows = {
+        f"{r['algorithm']}, {r['steps']:,} steps, seed {r['training_seed']}": r for r in result["responses"]
+    }
+    rows |= result["scripts"]
+    name = min(rows, key=lambda name: rows[name]["return"])
+    return {"return": rows[name]["return"], "against": name}
+
+
+@pytest.mark.slow
+def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, result):
+    out = ally.parent.parent / "responses"
+    assert json.loads((out / "exploit.json").read_text()) == result
+    assert [(made["algorithm"], made["steps"], made["training_seed"]) for made in result["responses"]] == [
+        ("ppo", 400, 0),
+        ("ppo", 400, 1),
+    ]
+    field = load_field("ally-v1")
+    for seed, made in enumerate(result["responses"]):
+        agent = run_folder(out, seed) / "agent"
+        response = load_agent(agent, "opponent")
+        assert (response.about["training_seed"], response.about["training_steps"]) == (seed, 400)
+        assert response.about["options"] == {"ally": str(ally), "path": "pursuit", "reward": "against"}
+        line = play(player_entry(str(ally)), field, Counterpart("it", (str(agent),), field.scenario))
+        reward = field.rewards(line.returns).mean()
+        assert made["return"] == pytest.approx(reward, abs=1e-4)
+        assert made["score"] == pytest.approx(field.scale.score(reward), abs=0.01)
+        earned = line.tally["opponent_return"] / line.tally["steps"]
+        assert made["earned"] == pytest.approx(earned, abs=1e-4)
+    assert result["policy"] == load_agent(ally).about["policy_sha256"]
+    assert list(result["scripts"]) == list(SCRIPTED["opponent"])
+    adaptive = evaluate_against(str(ally), {"adaptive": "adaptive"}, "ally", STANDARD)
+    assert result["scripts"]["adaptive"]["score"] == round(adaptive.score.value, 2)
+    assert result["lowest"] == lowest(result)
+
+
+@pytest.mark.slow
+def test_finished_responses_are_not_trained_again_and_others_can_be_added(ally, result, trained):
+    out = ally.parent.parent / "responses"
+    assert respond(ally, out, seeds=2) == result
+    assert not trained
+    assert respond(ally, out, seeds=3)["responses"][:2] == result["responses"]
+    respond(ally, out, steps=[400, 800])
+    curve = respond(ally, out, algorithm="ppo-stack2")
+    assert [(run.algorithm, run.steps, run.seed) for run in trained] == [
+        ("ppo", 400, 2),
+        ("ppo", 800, 0),
+        ("ppo-stack2", 400, 0),
+    ]
+    assert [(r["algorithm"], r["steps"]) for r in curve["responses"]] == [
+        *[("ppo", 400)] * 3,
+        ("ppo", 800),
+        ("ppo-stack2", 400),
+    ]
+    assert curve["lowest"] == lowest(curve)
+    with pytest.raises(UserError, match="hyperparams: are those of one algorithm; name one"):
+        respond(ally, out, algorithm=["ppo", "sac"])
+    with pytest.raises(UserError, match="holds another run"):  # of this budget and seed
+        respond(ally, out, hyperparams=settings("ppo", gamma=0.5))
+
+
+@pytest.mark.slow
+def test_an_interrupted_command_goes_on(ally, tmp_path, monkeypatch):
+    for place, is_started in (("evaluate_against", False), ("train", True)):
+        with monkeypatch.context() as patched:
+            patched.setattr(league, place, interrupt)
+            with pytest.raises(KeyboardInterrupt):
+                respond(ally, tmp_path / "out")
+        # The folder is taken before anything is trained
+        assert (tmp_path / "out" / "exploit.json").exists() == is_started
+    respond(ally, tmp_path / "out")
+    assert (run_folder(tmp_path / "out", 0) / "agent" / "agent.json").exists()
+
+
+@pytest.mark.slow
+def test_another_player_or_game_needs_another_folder(ally, result):
+    out = ally.parent.parent / "responses"
+    for other, options, what in (("expert", {}, "policy"), (ally, {"path": "learned"}, "scenario")):
+        with pytest.raises(UserError, match=f"holds best responses with another {what}"):
+            respond(other, out, **options)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("view_id", "options", "game", "path"),
+    [
+        (OPPONENT, {"path": "learned"}, as_scenario(None, opponent_path="learned"), "learned"),
+        (OPPONENT, {"path": ["circle", "triangle"]}, STANDARD, "pursuit"),
+        (OPPONENT, {"scenario": "paper"} | LIMITS, as_scenario(PAPER, **LIMITS), "pursuit"),
+        ("FPG/AllyVsPlanner-v0", {"planner": "circle"}, STANDARD, "pursuit"),
+    ],
+)
+def test_the_game_is_that_of_the_agent_s_training(view_id, options, game, path, tmp_path):
+    agent = train("ppo", view_id, tmp_path / "agent", hyperparams=settings("ppo"), steps=400, **options)
+    result = respond(agent, tmp_path / "out")
+    assert (result["path"], result["scenario"]) == (path, game.hash)
+    response = load_agent(run_folder(tmp_path / "out", 0) / "agent").about
+    assert response["scenario"] == game.hash
+    assert response["side"] == {"ally": "opponent", "opponent": "ally"}[result["side"]]
+
+
+@pytest.mark.slow
+def test_a_scenario_file_that_has_changed_since_the_training_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "mine.yml"
+    file.write_text(yaml.safe_dump({"hop_cost": 20}))
+    agent = train_tiny("ppo", tmp_path / "agent", steps=400, scenario="mine.yml")
+    file.write_text(yaml.safe_dump({"hop_cost": 30}))
+    with pytest.raises(UserError, match="was trained in a scenario that is not here any more"):
+        respond(agent, tmp_path / "out")
+    assert respond(agent, tmp_path / "out", scenario="mine.yml")["scenario"] == as_scenario("mine.yml").hash
+
+
+@pytest.mark.slow
+def test_a_script_can_be_the_player_if_its_side_is_clear(tmp_path):
+    with pytest.raises(UserError, match="no script of one side alone"):
+        respond("random", tmp_path / "out")
+    with pytest.raises(UserError, match="expected ally or opponent, got 'alli'"):
+        respond("random", tmp_path / "out", side="alli")
+    with pytest.raises(UserError, match="start: expected nothing or strongest, got 'weakest'"):
+        respond("random", tmp_path / "out", side="ally", start="weakest")
+    result = respond("random", tmp_path / "out", side="ally", start=["nothing", "strongest"])
+    assert result["side"] == "ally"
+    teacher = result["responses"][1]["hyperparameters"]["imitate"]["teacher"]
+    assert teacher in (*SCRIPTED["opponent"], str(run_folder(tmp_path / "out", 0) / "agent"))
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_best_responses_from_the_command_line(ally, tmp_path):
+    (tmp_path / "tiny.yml").write_text(yaml.safe_dump({"FPG/OpponentVsPolicy-v0": settings("ppo")}))
+    words = ["--out", "out", "--steps", "400", "--seeds", "1", "--hyperparams", "tiny.yml"]
+    done = fpg("exploit", ally, *words, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    result = json.loads((tmp_path / "out" / "exploit.json").read_text())
+    made, *_ = result["responses"]
+    assert f"ppo, 400 steps, seed 0: {made['return']:.2f} a step, jammed" in done.stdout
+    found = result["lowest"]
+    assert f"lowest {found['return']:.2f} a step, against {found['against']}" in done.stdout
+    assert ("they are no best ones yet" in done.stdout) == (found["against"] in result["scripts"])
+    done = fpg("exploit", "no/such", *words, folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == "fpg-bench: agent 'no/such': neither a shipped agent nor a folder\n"
+
+
+# Self-play
+
+
+def play_selfplay(out, generations=2, **options):
+    given = {"hyperparams": TINY, "steps": 400, "progress": False, "evaluations": 0}
+    return selfplay("ppo", out, generations=generations, **(given | options))
+
+
+def read_rows(out):
+    return RowFile(out / "selfplay.jsonl").read()
+
+
+def read_run(out, side, generation):
+    return json.loads((out / "generations" / f"{side}_{generation}" / "run.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory):
+    """Two generations, scored on their suites."""
+    out = tmp_path_factory.mktemp("selfplay") / "out"
+    agents = play_selfplay(out, evaluations=1, seed=3)
+    assert agents == {"ally": out / "ally", "opponent": out / "opponent"}
+    return out
+
+
+@pytest.mark.slow
+def test_each_generation_has_a_row(played):
+    rows = read_rows(played)
+    assert [(row["generation"], row["side"]) for row in rows] == [
+        (0, "ally"),
+        (0, "opponent"),
+        (1, "ally"),
+        (1, "opponent"),
+    ]
+    assert rows[0]["against"] == list(SCRIPTED["opponent"])
+    assert rows[1]["against"] == list(SCRIPTED["ally"])
+    assert [row["against"] for row in rows[2:]] == [["opponent_0"], ["ally_0"]]
+    for row in rows:
+        assert row["steps"] == 400
+        assert list(row["returns"]) == row["against"]
+        assert row["return"] == pytest.approx(sum(row["returns"].values()) / len(row["returns"]), abs=2e-4)
+        scores = RowFile(played / f"generations/{row['side']}_{row['generation']}/evaluations.jsonl").read()
+        assert (row["field"], row["field_score"]) == (f"{row['side']}-v1", scores[-1]["score"])
+
+
+@pytest.mark.slow
+def test_a_generation_starts_from_the_one_before_against_the_other_side_s_past(played):
+    for side, other in (("ally", "opponent"), ("opponent", "ally")):
+        options = read_run(played, side, 1)["options"]
+        assert options[other] == [str(played / "generations" / f"{other}_0" / "agent")]
+        assert options["start"] == str(played / "generations" / f"{side}_0")
+        scores = [RowFile(played / f"generations/{side}_{k}/evaluations.jsonl").read() for k in range(2)]
+        assert scores[1][0]["counterparts"] == scores[0][-1]["counterparts"]
+        assert [read_run(played, side, k)["training_seed"] for k in range(2)] == [3000, 3001]
+
+
+@pytest.mark.slow
+def test_the_last_generation_is_shipped_and_describes_the_self_play(played):
+    for side in ("ally", "opponent"):
+        agent = load_agent(played / side, side)
+        last = load_agent(played / "generations" / f"{side}_1" / "agent")
+        assert agent.model == last.model
+        assert agent.about["command"] == (
+            "fpg-bench selfplay ppo --generations 2 --steps 400 --pool 5 --seed 3"
+        )
+        assert (agent.about["training_seed"], agent.about["training_steps"]) == (3, 800)
+        assert (agent.about["steps_done"], agent.about["options"]) == (800, {})
+
+
+def test_past_generations_are_drawn_uniformly_by_the_seed():
+    every = [draw_past("ally", 8, 3, seed) for seed in range(60)]
+    assert every == [draw_past("ally", 8, 3, seed) for seed in range(60)]
+    assert every != [draw_past("opponent", 8, 3, seed) for seed in range(60)]
+    assert {len(set(past)) for past in every} == {3}
+    assert {past for drawn in every for past in drawn} == set(range(8))
+    assert draw_past("ally", 2, 3, 0) == [0, 1]
+
+
+@pytest.mark.slow
+def test_finished_generations_are_kept_and_more_can_be_added(played, trained):
+    before = read_rows(played)
+    play_selfplay(played, evaluations=1, seed=3)
+    assert (read_rows(played), trained) == (before, [])
+    play_selfplay(played, 3, seed=3)
+    assert [(run.sides, run.seed) for run in trained] == [(("ally",), 3002), (("opponent",), 3002)]
+    assert read_rows(played)[:4] == before
+    assert load_agent(played / "ally").about["training_steps"] == 1200
+    play_selfplay(played, 1, seed=3)  # fewer generations change nothing
+    assert load_agent(played / "ally").about["training_steps"] == 1200
+
+
+@pytest.mark.slow
+def test_self_play_goes_on_wherever_it_was_killed(tmp_path, monkeypatch):
+    """In a training, before a row, before an agent is shipped; nothing is saved on the way."""
+
+    def interrupted(owner, name):
+        with monkeypatch.context() as patched:
+            patched.setattr(owner, name, interrupt)
+            with pytest.raises(KeyboardInterrupt):
+                play_selfplay(tmp_path, 1)
+
+    interrupted(GameMeasuresCallback, "_on_rollout_end")
+    assert not read_rows(tmp_path)
+    interrupted(league, "evaluate_against")
+    finished = read_run(tmp_path, "ally", 0)
+    assert (finished["finished"], finished["part"], finished["steps_done"]) == (True, 1, 400)
+    interrupted(league, "write_whole")
+    assert len(read_rows(tmp_path)) == 2
+    play_selfplay(tmp_path, 1)
+    assert len(read_rows(tmp_path)) == 2
+    assert read_run(tmp_path, "ally", 0) == finished
+    load_agent(tmp_path / "ally", "ally")
+
+
+@pytest.mark.slow
+def test_an_incomplete_agent_of_the_past_is_one_line(tmp_path):
+    play_selfplay(tmp_path, 1)
+    policy = tmp_path / "generations" / "opponent_0" / "agent" / "policy.onnx"
+    policy.write_bytes(policy.read_bytes()[:100])
+    with pytest.raises(UserError, match=r"opponent_0/agent: policy.onnx is not the file that") as caught:
+        play_selfplay(tmp_path, 2)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"steps": 800}, "another steps"),
+        ({"seed": 4}, "another seed"),
+        ({"path": "learned"}, "another scenario"),
+        ({"hyperparams": TINY | {"n_epochs": 2}}, "another hyperparameters"),
+    ],
+)
+def test_another_self_play_needs_another_folder(played, changes, message):
+    with pytest.raises(UserError, match=f"holds a self-play with {message}"):
+        play_selfplay(played, **({"seed": 3} | changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"generations": 0}, "generations"),
+        ({"pool": 0}, "pool"),
+        ({"steps": 0}, "steps"),
+        ({"path": "waypoints"}, "plans no 'waypoints'"),
+        ({"scenario": "papr"}, "did you mean 'paper'"),
+    ],
+)
+def test_invalid_settings_of_self_play_are_refused(tmp_path, changes, message):
+    with pytest.raises(UserError, match=message):
+        play_selfplay(tmp_path, **changes)
+    assert not list(tmp_path.rglob("run.json"))
+
+
+@pytest.mark.process
+def test_self_play_from_the_command_line(tmp_path):
+    entries = dict.fromkeys(("FPG/AllyVsPolicy-v0", "FPG/OpponentVsPolicy-v0"), TINY)
+    (tmp_path / "tiny.yml").write_text(yaml.safe_dump(entries))
+    words = ["--generations", "1", "--steps", "400", "--path", "learned", "--evaluations", "0"]
+    done = fpg("selfplay", "ppo", "--hyperparams", "tiny.yml", *words, "--out", "out", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert [line.partition(":")[0] for line in lines if line[-1] == "%"] == ["ally_0", "opponent_0"]
+    assert lines[-1] == "agents: out/ally, out/opponent"
+    assert load_agent(tmp_path / "out" / "opponent").about["options"] == {"path": "learned"}
+    assert read_rows(tmp_path / "out")[1]["field"] == "opponent-learned-v1"
+
+
+# Champions
+
+
+def load_recipe(folder, **changes):
+    file = folder / "champions.yml"
+    file.write_text(json.dumps({"brave": {**RECIPE, **changes}}))  # JSON is YAML
+    return load_recipes(file)["brave"]
+
+
+@pytest.mark.slow
+def test_each_stage_starts_from_the_last_and_meets_its_responders(tmp_path, caplog):
+    recipe = load_recipe(tmp_path)
+    with caplog.at_level(logging.INFO, "fpg_bench.training.league"):
+        agent = train_champion(recipe, 3, tmp_path / "runs")
+    folder = tmp_path / "runs" / "brave" / "seed_3"
+    first, last = (json.loads((folder / f"stage_{i}" / "run" / "run.json").read_text()) for i in (0, 1))
+    responder = str(folder / "stage_0" / "responder_0" / "agent")
+    assert first["options"]["opponent"] == RECIPE["against"]
+    assert set(last["options"]["opponent"]) == {*RECIPE["against"], responder}
+    assert last["options"]["start"] == str(folder / "stage_0" / "run")
+    assert last["hyperparameters"]["learning_rate"] == 0.0001
+    kept = json.loads((folder / "stage_1" / "population.json").read_text())
+    hardest = min(kept["returns_per_step"], key=kept["returns_per_step"].get)
+    assert kept["copies"][hardest] == 3
+    assert len(last["options"]["opponent"]) == sum(kept["copies"].values())
+    assert agent == folder / "stage_1" / "run" / "agent"
+    assert len(caplog.messages) == 2
+
+
+@pytest.mark.slow
+def test_an_interrupted_champion_goes_on_and_nothing_is_trained_twice(tmp_path, monkeypatch):
+    recipe = load_recipe(tmp_path)
+    real, calls = league.train, []
+
+    def stopped(*arguments, **options):
+        calls.append(arguments)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(league, "train", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        train_champion(recipe, 0, tmp_path / "runs")
+    made = {path: path.stat().st_mtime_ns for path in (tmp_path / "runs").rglob("policy.onnx")}
+    assert len(made) == 2
+    assert train_champion(recipe, 0, tmp_path / "runs").is_dir()
+    assert all(path.stat().st_mtime_ns == time for path, time in made.items())
+
+
+@pytest.mark.slow
+def test_a_shipped_champion_describes_its_recipe(tmp_path):
+    recipe = load_recipe(tmp_path, stages=[{"steps": 400}])
+    ship_champion(train_champion(recipe, 0, tmp_path / "runs"), tmp_path / "out", recipe, 0, "make brave")
+    about = load_agent(tmp_path / "out", "ally").about
+    assert about["command"] == "make brave"
+    assert about["recipe"] == {"name": "brave", **RECIPE, "options": {}, "stages": [{"steps": 400}]}
+    assert about["training_steps"] == 400
+
+
+def test_the_hardest_player_is_drawn_most_often(tmp_path):
+    assert copies_by_hardness([5.0, 0.0, 10.0], 5) == [2, 5, 1]
+    assert copies_by_hardness([1.0, 1.0], 5) == [1, 1]
+    returns = population_returns(load_recipe(tmp_path), "expert", ["tone", "adaptive"], rounds=4)
+    assert list(returns) == ["tone", "adaptive"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"stage": []}, "unknown key 'stage'; did you mean 'stages'"),
+        ({"stages": []}, "stages: expected a list"),
+        ({"stages": [{"step": 3}]}, "unknown key 'step'; did you mean 'steps'"),
+        ({"responders": [{"steps": 3}]}, "lacks algorithm"),
+        ({"options": {"pth": "circle"}}, "options: unknown key 'pth'; did you mean 'path'"),
+        ({"id": "FPG/AllyVsScripted-v0"}, "id: expected FPG/AllyVsPolicy-v0"),
+        ({"id": "FPG/AllyVsPolicy"}, "FPG/AllyVsPolicy"),
+    ],
+)
+def test_an_invalid_recipe_is_refused_in_one_line(tmp_path, changes, message):
+    with pytest.raises(UserError, match=message) as caught:
+        load_recipe(tmp_path, **changes)
+    assert "\n" not in str(caught.value)

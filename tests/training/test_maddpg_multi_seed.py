@@ -1,0 +1,148 @@
+"""Several MADDPG seeds by torch and by JAX learn what each of them learns alone."""
+
+import pickle
+import sys
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from fpg_bench.envs.sb3 import make_sb3_duel
+from fpg_bench.errors import UserError
+from fpg_bench.training.maddpg import MADDPG
+from fpg_bench.training.maddpg.maddpg import Transitions
+from fpg_bench.training.maddpg.multi_seed import MultiSeedTrainer
+
+STEPS, UPDATES = 240, 100
+NETWORKS = ("actors", "critics", "actor_targets", "critic_targets")
+
+
+def make_model(seed, **kwargs):
+    torch.set_num_threads(1)
+    policy = {"net_arch": [16, 8], **kwargs.pop("policy_kwargs", {})}
+    settings = {
+        "learning_starts": 40,
+        "train_freq": 2,
+        "gradient_steps": 3,
+        "logit_penalty": 0.5,
+        "logit_limit": 0.01,
+    }
+    games = make_sb3_duel(4, seed=seed, scenario="paper")
+    return MADDPG("JointPolicy", games, seed=seed, policy_kwargs=policy, **settings | kwargs)
+
+
+def weights_of(model, name):
+    return np.concatenate(
+        [each.detach().numpy().ravel() for each in getattr(model.policy, name).parameters()]
+    )
+
+
+def learn_together(models, learner="torch", steps=STEPS):
+    trainer = MultiSeedTrainer(models, steps, learner)
+    while not trainer.is_done:
+        trainer.step()
+
+
+@pytest.fixture(scope="module")
+def jax_learner():
+    pytest.importorskip("jax", reason='the extra is missing: pip install "fpg-bench[fast]"')
+    from fpg_bench.training.maddpg.jax_learner import JaxLearner
+
+    return JaxLearner
+
+
+@pytest.fixture(scope="module")
+def together():
+    models = {seed: make_model(seed) for seed in (0, 1)}
+    learn_together(models)
+    return models
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_each_seed_learns_exactly_what_it_learns_alone(together, seed):
+    alone, model = make_model(seed), together[seed]
+    alone.learn(STEPS)
+    assert model.num_timesteps == alone.num_timesteps == STEPS
+    assert model.n_updates == alone.n_updates == 3 * (STEPS - 40) // 8
+    assert np.array_equal(model.replay_buffer.actions, alone.replay_buffer.actions)
+    for name in NETWORKS:
+        assert np.array_equal(weights_of(model, name), weights_of(alone, name))
+
+
+def test_seeds_differ(together):
+    assert np.abs(weights_of(together[0], "actors") - weights_of(together[1], "actors")).max() > 0.01
+
+
+@pytest.mark.parametrize("learner", ["torch", "jax"])
+def test_a_pickled_trainer_goes_on_as_the_original(learner, request):
+    if learner == "jax":
+        request.getfixturevalue("jax_learner")
+    trainer = MultiSeedTrainer({0: make_model(0)}, STEPS, learner)
+    for _ in range(STEPS // 16):
+        trainer.step()
+    copied = pickle.loads(pickle.dumps(trainer))
+    for each in (trainer, copied):
+        while not each.is_done:
+            each.step()
+    for name in NETWORKS:
+        assert np.array_equal(*(weights_of(each._models[0], name) for each in (trainer, copied)))
+
+
+def random_batches(seed):
+    """Random transitions, some of which end a game."""
+    rng = np.random.default_rng(seed)
+    shape = (UPDATES, 32)
+    obs, next_obs = rng.uniform(-1, 1, (2, *shape, 30))
+    actions, dones = rng.uniform(-1, 1, (*shape, 18)), rng.random((*shape, 1)) < 0.1
+    arrays = (obs, actions, next_obs, dones, rng.normal(size=(*shape, 2)))
+    return Transitions(*(each.astype(np.float32) for each in arrays))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("activation", [nn.ReLU, nn.Tanh])
+def test_a_hundred_updates_by_jax_give_torch_s_weights(jax_learner, activation):
+    policy = {"activation_fn": activation}
+    expected, *models = (make_model(0, policy_kwargs=policy) for _ in range(3))
+    start = {name: weights_of(expected, name) for name in NETWORKS}
+    batches = random_batches(0)
+    expected.update(batches)
+    learner = jax_learner(models)
+    for part in np.split(np.arange(UPDATES), 4):
+        learner.learn([Transitions(*(each[part] for each in batches))] * 2)
+    learner.write()
+    for name in NETWORKS:
+        for model in models:
+            assert np.abs(weights_of(model, name) - weights_of(expected, name)).max() < 1e-5
+        assert np.abs(weights_of(expected, name) - start[name]).max() > 0.01
+
+
+@pytest.mark.slow
+def test_training_is_the_same_by_both_learners(jax_learner, together):
+    models = {seed: make_model(seed) for seed in (0, 1)}
+    learn_together(models, "jax")
+    for seed, model in models.items():
+        assert model.n_updates == together[seed].n_updates
+        assert np.allclose(model.replay_buffer.actions, together[seed].replay_buffer.actions, atol=1e-4)
+        assert np.allclose(weights_of(model, "critics"), weights_of(together[seed], "critics"), atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("policy", "message"),
+    [
+        ({"optimizer_class": torch.optim.SGD}, "knows Adam"),
+        ({"optimizer_kwargs": {"weight_decay": 0.1}}, "weight_decay"),
+        ({"activation_fn": nn.Mish}, "Mish"),
+    ],
+)
+def test_jax_refuses_what_it_does_not_support(jax_learner, policy, message):
+    with pytest.raises(UserError, match=message):
+        jax_learner([make_model(0, policy_kwargs=policy)])
+
+
+def test_a_missing_extra_or_an_unknown_learner_is_one_line(monkeypatch):
+    with pytest.raises(UserError, match="torch or jax, got 'jaxx'; did you mean 'jax'"):
+        learn_together({0: make_model(0)}, "jaxx")
+    monkeypatch.setitem(sys.modules, "jax", None)
+    with pytest.raises(UserError, match=r'pip install "fpg-bench\[fast\]"$'):
+        learn_together({0: make_model(0)}, "jax")
