@@ -29,7 +29,8 @@ def main() -> None:
     parser.add_argument("--agents", type=Path, help="where agents are shipped; default: baselines/agents")
     parser.add_argument("--progress", action="store_true", help="show how each training goes")
     options = parser.parse_args()
-    logging.basicConfig(format="%(message)s", level=logging.INFO, stream=sys.stdout)
+    logging.basicConfig(format="%(message)s", stream=sys.stdout)
+    logging.getLogger("fpg_bench.training").setLevel(logging.INFO)
     recipes = load_recipes(options.file or baselines_folder() / "champions.yml")
     if options.only is not None and options.only not in recipes:
         raise UserError(f"only: no champion {options.only!r}{nearest(options.only, recipes)}")

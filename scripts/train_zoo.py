@@ -1,73 +1,218 @@
-"""Train every agent of the zoo that is missing, ship and score it, and write the zoo's page.
+"""Train every agent of the zoo that is missing, ship and evaluate it, and write the zoo's page.
 
-python scripts/train_zoo.py [--only ally-scripted/ppo] [--jobs 2]    trains; stopped, it goes on next time
-python scripts/train_zoo.py --list      how far each agent is
-python scripts/train_zoo.py --check     plays every shipped agent again and compares with its lines
-python scripts/train_zoo.py --tables    scores what has no lines yet; baselines/README.md and its pictures
+python scripts/train_zoo.py [--only ally-scripted/ppo] [--jobs 2]    trains; an interrupted call goes on
+python scripts/train_zoo.py --list      shows the state of each agent
+python scripts/train_zoo.py --check     evaluates every shipped agent again and compares the records
+python scripts/train_zoo.py --tables    adds missing records; writes baselines/README.md and its pictures
 """
 
 from __future__ import annotations
 
 import argparse
+import logging
 import signal
 import sys
+from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 
+from zoo_page import keep_curve, write_page
+
+from fpg_bench.checks import whole
 from fpg_bench.errors import UserError
-from fpg_bench.zoo.scores import add_missing_lines, check_member
-from fpg_bench.zoo.table import write_page
-from fpg_bench.zoo.training import state, train_zoo
-from fpg_bench.zoo.zoo import Zoo, load_zoo
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.line import Line
+from fpg_bench.evaluation.play import play
+from fpg_bench.files import write_whole
+from fpg_bench.ids import DUEL, sides_of
+from fpg_bench.jobs.job import Job
+from fpg_bench.jobs.run import run_jobs
+from fpg_bench.players.agent import load_agent
+from fpg_bench.players.scripted import SCRIPTED
+from fpg_bench.rows import RowFile
+from fpg_bench.training.config import GameOptions, RunConfig
+from fpg_bench.training.run_folder import RunFolder
+from fpg_bench.training.train import train
+from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView, load_zoo
+
+_LOCK = "zoo.lock"
+_LOG = logging.getLogger("train_zoo")
 
 
-def show(zoo: Zoo, runs: Path, only: str | None) -> bool:
-    """Print how far each agent is."""
-    for member in zoo.members(only):
-        print(f"{member.name:36} {member.steps:12,}  {state(member, runs)}")
-    return True
+def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, jobs: int = 2) -> list[str]:
+    """Train every agent that is missing, ship it and evaluate it.
+
+    Args:
+        zoo: the zoo.
+        runs: folder of the runs, ``<group>/<algorithm>/seed_<k>``.
+        only: ``group``, ``group/algorithm`` or ``group/algorithm/seed_k``; None for all.
+        jobs: number of trainings at once, one thread each.
+
+    Returns:
+        The names of the agents that are still missing because something failed.
+
+    Raises:
+        UserError: no agent has the name ``only``, or another process trains into ``runs``.
+        KeyboardInterrupt: stopped by the user; the trainings have saved their checkpoints.
+    """
+    whole(jobs, "jobs")
+    missing = [agent for agent in zoo.members(only) if not agent.shipped]
+    by_run: dict[Path, list[ZooAgent]] = {}
+    for agent in missing:
+        by_run.setdefault(run_folder(agent, runs).absolute(), []).append(agent)
+    listed = [
+        Job(
+            agents[0].name,
+            partial(train, run_config(agents[0]), folder, progress=False, resume=True),
+            partial(_ship_and_evaluate, zoo, agents, folder),
+        )
+        for folder, agents in by_run.items()
+    ]
+    with RowFile(runs / _LOCK).locked():
+        run_jobs(listed, jobs, say=_LOG.info)
+    return [agent.name for agent in missing if not agent.shipped]
+
+
+def run_folder(agent: ZooAgent, runs: Path) -> Path:
+    """Return the folder of an agent's run; both sides of a duel share one."""
+    view = agent.view
+    name = view.name.replace(f"-{view.side}", "") if view.id == DUEL else view.name
+    return runs / name / agent.algorithm / f"seed_{agent.seed}"
+
+
+def run_config(agent: ZooAgent) -> RunConfig:
+    """Return the run that trains an agent."""
+    view = agent.view
+    field = None if view.id == DUEL else view.fields[0]
+    game = GameOptions.parse(view.options, f"zoo: {view.name}: options")
+    return RunConfig(agent.algorithm, view.id, agent.seed, agent.steps, game=game, field=field)
+
+
+def _ship_and_evaluate(zoo: Zoo, agents: Sequence[ZooAgent], run: Path, _: Path) -> None:
+    """Ship and evaluate the agents of a run; a failure is logged, and the others go on."""
+    for agent in agents:
+        try:
+            keep_curve(zoo, agent, run)
+            ship(agent, run)
+            add_missing_lines(zoo, agent.view)
+            _LOG.info(f"{agent.name}: shipped")
+        except UserError as error:
+            _LOG.info(f"{agent.name}: failed: {error}")
+
+
+def ship(agent: ZooAgent, run: Path) -> None:
+    """Copy a finished run's agent to its place in the zoo, ``agent.json`` last.
+
+    Raises:
+        UserError: the agent is damaged, or of another budget or seed than the zoo's.
+    """
+    folder = RunFolder(run).agent_of(agent.view.side, sides_of(agent.view.id))
+    about = load_agent(folder).about
+    expected = {"id": agent.view.id, "training_steps": agent.steps, "training_seed": agent.seed}
+    for key, value in expected.items():
+        if about[key] != value:
+            raise UserError(f"run {run}: {key} is {about[key]!r}, the zoo asks for {value!r}; remove it")
+    for name in ("policy.onnx", "agent.json"):
+        write_whole(agent.folder / name, (folder / name).read_bytes())
+
+
+def state(agent: ZooAgent, runs: Path) -> str:
+    """Return the state of an agent: shipped, trained, begun, or missing."""
+    if agent.shipped:
+        return "shipped"
+    folder = RunFolder(run_folder(agent, runs))
+    if folder.is_finished():
+        return "trained"
+    return "begun" if folder.description.is_file() else "missing"
+
+
+def add_missing_lines(zoo: Zoo, view: ZooView) -> list[Line]:
+    """Evaluate a group's scripts and shipped agents on its suites where their records are missing.
+
+    Returns:
+        All records of the group.
+    """
+    file, lines = zoo.score_file(view), []
+    entries = [player_entry(name) for name in SCRIPTED[view.side]]
+    entries += [agent.entry() for agent in zoo.members(view.name) if agent.shipped]
+    with file.locked():
+        for field in map(load_field, view.fields):
+            known = zoo.read_lines(view, field)
+            done = {(line.entry, line.training_seed, line.counterpart) for line in known}
+            for entry in entries:
+                key = (entry.name, entry.training_seed)
+                missing = [c for c in field.counterparts if (*key, c.name) not in done]
+                if missing:
+                    seed = "" if entry.training_seed is None else f"/seed_{entry.training_seed}"
+                    _LOG.info(f"scoring {view.name}: {entry.name}{seed} against {field.name}")
+                played = [play(entry, field, counterpart) for counterpart in missing]
+                file.append(line.row() for line in played)
+                known += played
+            lines += known
+    return lines
+
+
+def check_agent(zoo: Zoo, agent: ZooAgent) -> list[str]:
+    """Evaluate a shipped agent again; returns the differences from its records."""
+    entry, problems = agent.entry(), []
+    for field in map(load_field, agent.view.fields):
+        lines = [play(entry, field, counterpart) for counterpart in field.counterparts]
+        problems += differences(lines, zoo.read_lines(agent.view, field))
+    return problems
+
+
+def differences(played: Iterable[Line], kept: Iterable[Line]) -> list[str]:
+    """Return the differences of new records from the kept ones, one text per rival."""
+    before = {(line.entry, line.training_seed, line.counterpart): line for line in kept}
+    problems = []
+    for line in played:
+        known = before.get((line.entry, line.training_seed, line.counterpart))
+        if known is None:
+            problems.append(f"{line.field}, {line.counterpart}: no line")
+        elif line.returns != known.returns:
+            problems.append(f"{line.field}, {line.counterpart}: other returns")
+        elif line.rounds_sha256 != known.rounds_sha256:
+            problems.append(f"{line.field}, {line.counterpart}: the same returns, but other rounds")
+    return problems
 
 
 def check(zoo: Zoo, only: str | None) -> bool:
-    """Play the shipped agents again; whether all lines are as before."""
-    same = True
-    for member in zoo.members(only):
-        if member.shipped:
-            found = check_member(zoo, member)
-            print(f"{member.name}: {'; '.join(found) or 'as before'}", flush=True)
-            same = same and not found
-    return same
-
-
-def write_tables(zoo: Zoo) -> bool:
-    """Score what has no lines yet, and write the page."""
-    for view in zoo.views:
-        add_missing_lines(zoo, view, lambda name: print(f"scoring {name}", flush=True))
-    write_page(zoo)
-    print(f"written: {zoo.folder / 'README.md'}")
-    return True
+    """Evaluate the shipped agents again; returns True if all records are as before."""
+    is_same = True
+    for agent in zoo.members(only):
+        if agent.shipped:
+            problems = check_agent(zoo, agent)
+            print(f"{agent.name}: {'; '.join(problems) or 'as before'}", flush=True)
+            is_same = is_same and not problems
+    return is_same
 
 
 def main() -> int:
-    """Do what the options say; 0 where all went well."""
+    """Run the command; returns 0 if all went well."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--only", help="a view, view/algorithm, or view/algorithm/seed_k")
+    parser.add_argument("--only", help="a group, group/algorithm, or group/algorithm/seed_k")
     parser.add_argument("--jobs", type=int, default=2, help="trainings at once, one thread each")
     parser.add_argument("--runs", type=Path, default=Path("runs/zoo"), help="the runs' folders")
     parser.add_argument("--zoo", type=Path, help="a folder with a zoo.yml; default: baselines/")
     for name in ("list", "check", "tables"):
         parser.add_argument(f"--{name}", action="store_true")
     options = parser.parse_args()
-    zoo = load_zoo(options.zoo)
+    logging.basicConfig(format="%(message)s", stream=sys.stdout)
+    _LOG.setLevel(logging.INFO)
+    zoo, failed = load_zoo(options.zoo), []
     if options.list:
-        return not show(zoo, options.runs, options.only)
+        for agent in zoo.members(options.only):
+            print(f"{agent.name:36} {agent.steps:12,}  {state(agent, options.runs)}")
+        return 0
     if options.check:
-        return not check(zoo, options.only)
-    failed = []
+        return int(not check(zoo, options.only))
     if not options.tables:
-        failed = train_zoo(
-            zoo, options.runs, only=options.only, jobs=options.jobs, say=lambda line: print(line, flush=True)
-        )
-    return not write_tables(zoo) or bool(failed)
+        failed = train_zoo(zoo, options.runs, options.only, options.jobs)
+    for view in zoo.views:
+        add_missing_lines(zoo, view)
+    print(f"written: {write_page(zoo)}")
+    return int(bool(failed))
 
 
 if __name__ == "__main__":
@@ -79,4 +224,4 @@ if __name__ == "__main__":
     except UserError as error:
         sys.exit(f"train_zoo: {error}")
     except KeyboardInterrupt:
-        sys.exit("train_zoo: stopped; what was finished is kept, and the rest goes on next time")
+        sys.exit("train_zoo: stopped; finished work is kept, and the rest goes on next time")

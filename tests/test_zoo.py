@@ -18,11 +18,9 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.ids import DUEL
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.league import load_recipes
-from fpg_bench.zoo.scores import add_missing_lines, member_entry, read_zoo_lines
-from fpg_bench.zoo.table import page
 from fpg_bench.zoo.zoo import load_zoo
 from tests.programs import fpg, python
-from tests.zoo.making import make_agent, make_zoo
+from tests.zoo.making import add_missing_lines, make_agent, make_zoo, page
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = load_zoo()
@@ -65,14 +63,14 @@ def shipped_agents():
 def first_returns(member, field, counterpart, matches=2):
     """The returns of an agent's first matches."""
     few = dataclasses.replace(field, matches=matches)
-    return play(member_entry(member), few, counterpart).returns
+    return play(member.entry(), few, counterpart).returns
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("view", SHIPPED.views, ids=lambda view: view.name)
 def test_every_shipped_agent_plays_as_its_lines_say(view):
     fields = [load_field(name) for name in view.fields]
-    lines_of = {field: read_zoo_lines(SHIPPED, view, field) for field in fields}
+    lines_of = {field: SHIPPED.read_lines(view, field) for field in fields}
     for member in SHIPPED.members(view.name):
         if not member.shipped:
             continue
@@ -180,7 +178,7 @@ def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
     for member in zoo.members():
         field = load_field(member.view.fields[0])
         assert load_agent(member.folder).about["side"] == member.view.side == field.side
-        lines = [x for x in read_zoo_lines(zoo, member.view, field) if x.training_seed == member.seed]
+        lines = [x for x in zoo.read_lines(member.view, field) if x.training_seed == member.seed]
         played = [first_returns(member, field, counterpart) for counterpart in field.counterparts]
         assert played == [line.returns[:2] for line in lines]
 

@@ -65,10 +65,9 @@ def _scores(shipped: Zoo, view: ZooView) -> dict[tuple[str, int | None], float]:
     """The score of each agent of a view over its public field, by algorithm and seed."""
     from fpg_bench.evaluation.field import load_field
     from fpg_bench.evaluation.summary import summarise
-    from fpg_bench.zoo.scores import read_zoo_lines
 
     field = load_field(view.fields[0])
-    summaries = summarise(read_zoo_lines(shipped, view, field), field)
+    summaries = summarise(shipped.read_lines(view, field), field)
     return {(s.entry, seed): score for s in summaries for seed, score in s.seed_scores().items()}
 
 

@@ -1,1 +1,1 @@
-"""The zoo of trained agents: what is in it, how it is trained, its scores, curves and page."""
+"""The zoo of trained agents: its contents, and its committed scores."""

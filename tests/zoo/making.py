@@ -1,14 +1,23 @@
-"""A small zoo of its own for tests: a field of two counterparts, and agents with random linear policies."""
+"""A small zoo for tests: a suite of two rivals, random linear policies, and a stand-in for training."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import sys
+import time
 from pathlib import Path
 
+from fpg_bench.errors import UserError
+from fpg_bench.training.config import RunConfig
 from fpg_bench.zoo.zoo import Zoo, ZooAgent, load_zoo
 from tests.leaderboard.making import policy
 
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+import train_zoo as script
+import zoo_page
+
+add_missing_lines, page = script.add_missing_lines, zoo_page.page
 FIELD = """\
 side: ally
 scenario: standard
@@ -30,7 +39,7 @@ views:
 
 
 def make_zoo(folder: Path, more: str = "") -> Zoo:
-    """A zoo without agents; ``more`` are fields beside its first."""
+    """A zoo without agents; ``more`` are suites beside its first."""
     field = folder / "small-v1.yml"
     field.write_text(FIELD)
     (folder / "zoo.yml").write_text(ZOO.replace("[FIELD]", f"[{field}{more}]"))
@@ -60,8 +69,31 @@ def make_agent(
 
 
 def evaluations(count: int = 5, score: float = 0.0, pace: float = 2.0) -> str:
-    """What a run's folder has seen of the score while it trained."""
+    """The ``evaluations.jsonl`` of a run."""
     rows = [
         {"side": "ally", "steps": 500 * i, "seconds": pace * i, "score": score + 10 * i} for i in range(count)
     ]
     return "".join(json.dumps(row) + "\n" for row in rows)
+
+
+def stand_in(here: Path, config: RunConfig, out: Path, **how: object) -> Path:
+    """ "Train" a run of the zoo in a folder: ``hold_<seed>`` there holds it up, ``break_<seed>`` ends it."""
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "run.json").write_text('{"finished": false}')
+    with (here / "begun").open("a") as file:
+        file.write(f"{config.seed}\n")
+    if (here / f"break_{config.seed}").exists():
+        raise UserError("out of luck")
+    try:
+        while (here / f"hold_{config.seed}").exists():
+            time.sleep(0.02)
+    except KeyboardInterrupt:
+        (out / "saved").touch()
+        raise
+    agents = load_zoo(here).members()
+    (agent,) = (a for a in agents if (a.algorithm, a.seed) == (config.algorithm, config.seed))
+    if not (out / "agent").exists():
+        make_agent(agent, out / "agent")
+    (out / "evaluations.jsonl").write_text(evaluations())
+    (out / "run.json").write_text('{"finished": true}')
+    return out / "agent"

@@ -44,14 +44,14 @@ def test_an_agent_is_shipped_once_it_lies_there_and_whole_while_its_policy_is_th
     ("old", "new", "message"),
     [
         ("seeds: [0, 1, 2]", "seeds: 5", "seeds: expected a list"),
-        ("seeds: [0, 1, 2]", "seeds: [0, true]", "seeds: expected a list"),
+        ("seeds: [0, 1, 2]", "seeds: [0, true]", r"seeds\[1\]: expected a whole number"),
         ("seeds:", "seed:", "unknown key 'seed'; did you mean 'seeds'"),
         ("views:", "views: 3\nview:", "unknown key 'view'"),
         ("AllyVsScripted", "AlyVsScripted", "did you mean 'FPG/AllyVsScripted-v0'"),
         ("    fields: [FIELD]\n", "", "small: lacks fields"),
-        ("fields: [FIELD]", "fields: FIELD", "fields: expected a list of fields' names"),
+        ("fields: [FIELD]", "fields: FIELD", "fields: expected a list"),
         ("steps: {ppo: 2000", "step: {ppo: 2000", "did you mean 'steps'"),
-        ("ppo: 2000", "ppo: 2M", "expected algorithm: steps"),
+        ("ppo: 2000", "ppo: 2M", "steps.ppo: expected a whole number above 0"),
         ("options: {path: [pursuit, circle]}", "options: circle", "options: expected a mapping"),
     ],
 )

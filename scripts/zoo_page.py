@@ -1,0 +1,307 @@
+"""The zoo's page: for each group a table, learning curves, profiles and probabilities of improvement."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.evaluation.field import Field, load_field
+from fpg_bench.evaluation.statistics import FEW_SEEDS, performance_profile, probability_of_improvement
+from fpg_bench.evaluation.summary import Summary, summarise
+from fpg_bench.evaluation.table import as_markdown, bounds, number
+from fpg_bench.files import write_whole
+from fpg_bench.pictures.canvas import blank_figure
+from fpg_bench.rows import Row, RowFile
+from fpg_bench.training.run_folder import EVALUATIONS
+from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView
+
+PAGE, CURVES = "README.md", "curves.jsonl"
+PICTURES = ("curves", "profiles", "improvement")
+COMMAND = "python scripts/train_zoo.py --tables"
+_POINTS = 200
+# Okabe and Ito's colours, which everybody can tell apart.
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
+_DASHES = ("-", "--", "-.", ":", (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))  # and without colours
+_GREY = "#7f7f7f"
+_LOWEST = -100.0  # of the learning curves' axis; early policies may score far below
+_MEASURES = (("jammed %", "jamming_success_rate"), ("hops %", "hop_rate"))
+_HEAD = f"""\
+# The zoo
+
+Trained agents, ready to play. Each is a player by its name:
+`fpg_bench.load_agent("ally-scripted/ppo/seed_0")`. `fpg-bench zoo` lists all of them. `zoo.yml` says what is
+trained, `hyperparams/` has the hyper-parameters, `search/` how they were found, `agents/` the policies,
+`fields/` the suites, and `scores/` one record per training seed and rival. `python scripts/train_zoo.py`
+repeats all of it, and goes on where it was stopped; `python scripts/train_zoo.py --check` evaluates every
+agent again and compares. This page and its pictures are made by `{COMMAND}`.
+
+A score is the mean over a suite's rivals of the return per step, on the scale of the track
+([measures](../docs/measures.md#fields-and-scores)). The first suite of a group is public: agents may be
+trained against its rivals. The rivals of a season suite were trained after the entries of that season had
+been closed. Intervals are 95 %, by Student's t: over training seeds, and for scripts over matches. † marks
+fewer than three training seeds. Time is that of training, on one core, without evaluations, at the speed of
+the fastest training seed, because other work slowed down the others on a shared machine.
+"""
+_CAPTIONS = (
+    "Learning curves: the score on tuning seeds, mean and range over training seeds, while all of them "
+    "train; the grey line is the best script on the evaluation seeds.",
+    "Performance profiles: the share of runs (a training seed against a rival) with a return above τ per "
+    "step; thin lines are single training seeds, the grey one is the best script.",
+    "Probability of improvement: how likely a new training of one algorithm has a higher return against a "
+    "rival than one of the other (Agarwal et al. 2021), over training seeds. Where nearly all seeds agree "
+    "(an interval of no width), the interval is too narrow.",
+)
+
+Styles = Mapping[str, Mapping[str, Any]]
+
+
+# Learning curves
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Score of an algorithm over training: ``x`` (p,), mean over seeds and range at each x, (p,)."""
+
+    x: np.ndarray
+    mean: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def keep_curve(zoo: Zoo, agent: ZooAgent, run: Path) -> None:
+    """Keep the scores of a run's evaluations, in place of those of an earlier run of the agent."""
+    file, head = curve_file(zoo, agent.view), {"algorithm": agent.algorithm, "training_seed": agent.seed}
+    rows = [row for row in file.read() if not head.items() <= row.items()]
+    for row in RowFile(run / EVALUATIONS).read():
+        if row["side"] == agent.view.side:
+            score = round(row["score"], 2)
+            rows.append({**head, "steps": row["steps"], "seconds": row["seconds"], "score": score})
+    write_whole(file.path, "".join(json.dumps(row) + "\n" for row in rows))
+
+
+def curve_file(zoo: Zoo, view: ZooView) -> RowFile:
+    """Return the file of a group's learning curves."""
+    return RowFile(zoo.scores(view) / CURVES)
+
+
+def curves(rows: Iterable[Row], over: str) -> dict[str, Curve]:
+    """Return the curve of each algorithm over its training seeds, as far as all of them have come.
+
+    Args:
+        rows: rows of a group's curve file.
+        over: unit of x: ``steps``, or ``seconds`` at the speed of the fastest seed, because other work slowed
+            down the others.
+    """
+    points: dict[str, dict[int, list[tuple[float, float]]]] = {}
+    seconds_per_step: dict[str, float] = {}
+    for row in rows:
+        name, steps = row["algorithm"], row["steps"]
+        if steps > 0:  # a logarithmic axis has no zero
+            points.setdefault(name, {}).setdefault(row["training_seed"], []).append((steps, row["score"]))
+            seconds_per_step[name] = min(seconds_per_step.get(name, np.inf), row["seconds"] / steps)
+    units = dict.fromkeys(points, 1.0) if over == "steps" else seconds_per_step
+    return {
+        name: _mean_curve([np.array(sorted(each)).T * [[units[name]], [1]] for each in seeds.values()])
+        for name, seeds in points.items()
+    }
+
+
+def _mean_curve(seeds: list[np.ndarray]) -> Curve:
+    """Interpolate the seeds' ``(2, n)`` points on one grid."""
+    start, end = max(x[0] for x, _ in seeds), min(x[-1] for x, _ in seeds)
+    grid = np.geomspace(start, end, _POINTS)
+    scores = np.array([np.interp(grid, x, y) for x, y in seeds])
+    return Curve(grid, scores.mean(axis=0), scores.min(axis=0), scores.max(axis=0))
+
+
+# The page
+
+
+def write_page(zoo: Zoo) -> Path:
+    """Write the zoo's ``README.md`` and the pictures of all groups that have records; returns its path."""
+    text = page(zoo)
+    for view in zoo.views:
+        public = _summaries(zoo, view)[0]
+        if any(summary.trained for summary in public):
+            draw_pictures(zoo, view, public)
+    write_whole(zoo.folder / PAGE, text)
+    return zoo.folder / PAGE
+
+
+def page(zoo: Zoo) -> str:
+    """Return the text of the page, from the records and agents of the zoo's folder."""
+    return "\n".join([_HEAD, *(_section(zoo, view) for view in zoo.views)])
+
+
+def _summaries(zoo: Zoo, view: ZooView) -> list[list[Summary]]:
+    """Return the summaries of each of a group's suites, best first."""
+    return [summarise(zoo.read_lines(view, field), field) for field in map(load_field, view.fields)]
+
+
+def _section(zoo: Zoo, view: ZooView) -> str:
+    public, *others = _summaries(zoo, view)
+    head = [f"## {view.name}", "", _description(view, [load_field(name) for name in view.fields]), ""]
+    if not public:
+        return "\n".join([*head, "Not trained yet.", ""])
+    body = [_table(zoo, view, public, others), ""]
+    if any(summary.trained for summary in public):
+        for name, caption in zip(PICTURES, _CAPTIONS, strict=True):
+            if name == PICTURES[0] and not curve_file(zoo, view).read():
+                continue  # agents whose training was scored on another scale have no curves
+            body += [caption, "", f"![{name} of {view.name}](scores/{view.name}/{name}.svg)", ""]
+    return "\n".join([*head, *body])
+
+
+def _description(view: ZooView, fields: Sequence[Field]) -> str:
+    options = "".join(f", {key} {_option(value)}" for key, value in view.options.items())
+    suites = "; ".join(
+        f"`{field.name}` ({field.hash[:12]}): {len(field.counterparts)} rivals, {field.matches} matches each"
+        for field in fields
+    )
+    return f"Trained on `{view.id}`{options}; evaluated on {suites}. {fields[0].scale.told.capitalize()}."
+
+
+def _option(value: Any) -> str:
+    names = [f"`{name}`" for name in (value if isinstance(value, list) else [value])]
+    return names[0] if len(names) == 1 else f"one of {', '.join(names)}"
+
+
+def _table(zoo: Zoo, view: ZooView, public: list[Summary], others: list[list[Summary]]) -> str:
+    names = ["player", "seeds", "steps", "score", "95 % interval"]
+    for name in view.fields[1:]:
+        names += [f"on {name}", "95 % interval"]
+    names += ["worst return per step", *(heading for heading, _ in _MEASURES), "time (min)"]
+    cells = [_cells(zoo, view, summary, others) for summary in public]
+    return as_markdown(names, cells, "").rstrip() + "\n"
+
+
+def _cells(zoo: Zoo, view: ZooView, summary: Summary, others: list[list[Summary]]) -> list[str]:
+    few = " †" if 0 < summary.training_seeds < FEW_SEEDS else ""
+    steps, minutes = _training(zoo, view, summary.entry) if summary.trained else ("-", "-")
+    elsewhere = [next((s for s in suite if s.entry == summary.entry), None) for suite in others]
+    lows = {f"{s.field.name}, {s.worst}": s.by_counterpart[s.worst].value for s in (summary, *elsewhere) if s}
+    worst = min(lows, key=lambda name: lows[name])
+    scores = [("-", "-") if s is None else (number(s.score.value), bounds(s.score)) for s in elsewhere]
+    return [
+        f"**{summary.entry}**" if summary.trained else summary.entry,
+        str(summary.training_seeds or "-"),
+        steps,
+        number(summary.score.value),
+        f"{bounds(summary.score)}{few}",
+        *(text for pair in scores for text in pair),
+        f"{number(lows[worst])} {worst}",
+        *(number(summary.measures[name], 100) for _, name in _MEASURES),
+        minutes,
+    ]
+
+
+def _training(zoo: Zoo, view: ZooView, algorithm: str) -> tuple[str, str]:
+    """Return an algorithm's training steps, and the minutes of its fastest training."""
+    abouts = [agent.about() for agent in zoo.members(f"{view.name}/{algorithm}") if agent.shipped]
+    seconds = [about["seconds"] for about in abouts if "seconds" in about]
+    steps = f"{np.mean([about['training_steps'] for about in abouts]) / 1e6:.3g}M"
+    return steps, number(min(seconds) / 60 if seconds else None)
+
+
+# Pictures
+
+
+def draw_pictures(zoo: Zoo, view: ZooView, summaries: Sequence[Summary]) -> None:
+    """Draw a group's pictures of its public suite, beside its records."""
+    paths = [zoo.scores(view) / f"{name}.svg" for name in PICTURES]
+    best = next((summary for summary in summaries if not summary.trained), None)  # of the scripts
+    scores = {s.entry: s.rewards.mean(axis=2) for s in summaries if s.trained or s is best}
+    levels = {best.entry: best.score.value} if best else {}
+    looks = zip(_COLOURS, _DASHES, strict=True)
+    styles = {
+        name: {"color": colour, "ls": dashes}
+        for name, (colour, dashes) in zip(view.steps, looks, strict=False)
+    }
+    if rows := curve_file(zoo, view).read():
+        _draw_curves(rows, levels, styles, paths[0])
+    _draw_profiles(scores, styles, paths[1])
+    _draw_improvement(scores, styles, paths[2])
+
+
+def _draw_curves(rows: Sequence[Row], levels: Mapping[str, float], styles: Styles, path: Path) -> None:
+    """Draw the scores against steps and against time; scripts are level lines."""
+    from matplotlib.ticker import EngFormatter, LogLocator
+
+    figure = blank_figure(9.5, 3.6)
+    both = figure.subplots(1, 2, sharey=True)
+    kinds = (("steps", "steps", 1, EngFormatter(sep="")), ("seconds", "training time (minutes)", 60, "{x:g}"))
+    for axes, (over, label, unit, form) in zip(both, kinds, strict=True):
+        for name, curve in curves(rows, over).items():
+            style = styles.get(name, {"color": _GREY})
+            axes.plot(curve.x / unit, curve.mean, lw=1.8, label=name, **style)
+            axes.fill_between(curve.x / unit, curve.low, curve.high, color=style["color"], alpha=0.2, lw=0)
+        for name, score in levels.items():
+            axes.axhline(score, color=_GREY, lw=0.9)
+            axes.annotate(
+                name, (0.01, score), xycoords=("axes fraction", "data"), va="bottom", color=_GREY, fontsize=8
+            )
+        axes.set(xscale="log", xlabel=label)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_formatter(form)
+        axes.xaxis.set_minor_formatter("")
+    both[0].set_ylabel("score")
+    both[1].legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1), handlelength=4)
+    low, _ = both[0].get_ylim()
+    both[0].set_ylim(bottom=max(low, _LOWEST))
+    _save(figure, path)
+
+
+def _draw_profiles(scores: Mapping[str, np.ndarray], styles: Styles, path: Path) -> None:
+    """Draw the share of runs above each return per step, of scores ``(training seeds, rivals)``."""
+    figure = blank_figure(6, 3.8)
+    axes = figure.subplots()
+    values = np.concatenate([each.ravel() for each in scores.values()])
+    thresholds = np.linspace(values.min() - 1, values.max() + 1, 400)
+    for name, each in scores.items():
+        style = styles.get(name, {"color": _GREY})
+        if len(each) > 1:
+            for seed in performance_profile(each[:, None], thresholds):
+                axes.step(thresholds, seed, color=style["color"], lw=0.5, alpha=0.45)
+        axes.step(thresholds, performance_profile(each, thresholds), lw=1.8, label=name, **style)
+    axes.set(xlabel="return per step τ", ylabel="share of runs above τ", ylim=(-0.02, 1.02))
+    axes.legend(frameon=False, fontsize=8, handlelength=4)
+    _save(figure, path)
+
+
+def _draw_improvement(scores: Mapping[str, np.ndarray], styles: Styles, path: Path) -> None:
+    """Draw the probability of improvement of each pair, the better one first."""
+    pairs = [pair for pair in combinations(scores, 2) if set(pair) & set(styles)]
+    figure = blank_figure(6, 1.1 + 0.3 * len(pairs))
+    axes = figure.subplots()
+    labels = []
+    for height, (one, other) in enumerate(reversed(pairs)):
+        estimate = probability_of_improvement(scores[one], scores[other])
+        if estimate.value < 0.5:
+            one, other = other, one
+            estimate = probability_of_improvement(scores[one], scores[other])
+        labels.append(f"{one} > {other}")
+        bar = [[estimate.value - estimate.low], [estimate.high - estimate.value]]
+        axes.errorbar(estimate.value, height, xerr=bar, fmt="o", color=_COLOURS[0], ms=4, lw=1.6, capsize=4)
+    axes.axvline(0.5, color="0.6", lw=0.8, ls=":")
+    axes.set_yticks(range(len(labels)), labels, fontsize=8)
+    axes.set(xlim=(-0.02, 1.02), ylim=(-0.6, max(len(labels), 1) - 0.4))
+    axes.set_xlabel("probability of improvement, with its 95 % interval")
+    _save(figure, path)
+
+
+def _save(figure: Any, path: Path) -> None:
+    from matplotlib import rc_context
+
+    for axes in figure.axes:
+        axes.spines[["top", "right"]].set_visible(False)
+    image = io.BytesIO()
+    with rc_context({"svg.hashsalt": f"{path.parent.name}-{path.stem}", "svg.fonttype": "none"}):
+        figure.savefig(image, format="svg", metadata={"Date": None})
+    write_whole(path, image.getvalue())
