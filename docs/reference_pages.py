@@ -14,9 +14,9 @@ from typing import Any
 
 import gymnasium
 
-from fpg_bench.envs.core import OneSided, action_space, observation_space
+from fpg_bench.common.ids import DUEL, ENVS, EnvConfig
+from fpg_bench.envs.core import SingleAgentGame, action_space, observation_space
 from fpg_bench.game.scenario import preset
-from fpg_bench.ids import DUEL, VIEWS, View
 from fpg_bench.planning import LLM_CONTROLS
 
 GENERATED = Path(__file__).parent / "reference/generated"
@@ -64,7 +64,7 @@ _VIEW = """\
 
 {options}
 
-{{class}}`fpg_bench.envs.core.OneSided` says what each of them takes.
+{{class}}`fpg_bench.envs.core.SingleAgentGame` says what each of them takes.
 """
 _SINGLE = """\
 ```python
@@ -122,7 +122,7 @@ def write_pages(folder: Path, pictures: bool = True) -> None:
         pictures: whether to draw the films that are not there yet.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    for view in VIEWS.values():
+    for view in ENVS.values():
         _write(folder / f"{_short(view.id)}.md", view_page(view))
         if pictures:
             _draw(view, folder / _gif(view))
@@ -130,7 +130,7 @@ def write_pages(folder: Path, pictures: bool = True) -> None:
     _write(folder / "command-line.md", command_line_page())
 
 
-def view_page(view: View) -> str:
+def view_page(view: EnvConfig) -> str:
     """The page of an id, from the registry, the spaces and the signature of what it opens."""
     return _VIEW.format(
         id=view.id,
@@ -177,12 +177,12 @@ def _sizes() -> dict[str, Any]:
     }
 
 
-def _options(view: View) -> str:
+def _options(view: EnvConfig) -> str:
     """The keywords that an id takes, a line each, with what they are where nothing is said."""
     given = {view.other_side: view.other, "path": view.path, "planner": view.planner}
     names = [
         name
-        for name, option in inspect.signature(OneSided.__init__).parameters.items()
+        for name, option in inspect.signature(SingleAgentGame.__init__).parameters.items()
         if option.kind is inspect.Parameter.KEYWORD_ONLY and name not in (view.side, "threads")
     ]
     names = [name for name in names if view.planner or name != "planner"]
@@ -193,7 +193,7 @@ def _default(value: str | None) -> str:
     return f", here `{value}`" if value else ""
 
 
-def _pairing(view: View) -> str:
+def _pairing(view: EnvConfig) -> str:
     sides = {view.side: _SHOWN[view.side], view.other_side: view.other}
     return f"the ally is {sides['ally']}, the opponent {sides['opponent']}"
 
@@ -201,8 +201,8 @@ def _pairing(view: View) -> str:
 _SHOWN = {"ally": "ally-scripted/ppo/seed_0", "opponent": "opponent-pursuit/ppo/seed_0"}
 
 
-def _draw(view: View, file: Path) -> None:
-    from fpg_bench.matches.watching import watch
+def _draw(view: EnvConfig, file: Path) -> None:
+    from fpg_bench.evaluation.watching import watch
 
     if not file.exists():
         planner = "interceptor" if view.planner else None  # a language model's paths look the same
@@ -210,7 +210,7 @@ def _draw(view: View, file: Path) -> None:
         watch(**sides, seed=12, out=file, every=10, planner=planner, path=None if planner else view.path)
 
 
-def _gif(view: View) -> str:
+def _gif(view: EnvConfig) -> str:
     return f"{view.side}-{view.other}-{'planned' if view.planner else view.path}.gif"
 
 

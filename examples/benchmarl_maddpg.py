@@ -20,12 +20,12 @@ from torchrl.envs import PettingZooWrapper
 from torchrl.modules import MultiAgentMLP
 
 import fpg_bench
-from fpg_bench.envs.multi_agent import parallel_env
+from fpg_bench.envs.pettingzoo_env import parallel_env
 
 ID = "FPG/duel_v0"
 
 
-class Duel(PettingZooClass):
+class TwoPlayerBatch(PettingZooClass):
     """The game as a task: two groups of one agent each."""
 
     def get_env_fun(self, num_envs, continuous_actions, seed, device):
@@ -63,7 +63,7 @@ def main() -> None:
     config.off_policy_n_optimizer_steps = max(1, args.rollout // 8)
     config.save_folder = tempfile.mkdtemp()  # of BenchMARL's own notes
     model = MlpConfig(num_cells=[64, 64], activation_class=nn.ReLU, layer_class=nn.Linear)
-    task = Duel("DUEL", {"task": "duel"})
+    task = TwoPlayerBatch("DUEL", {"task": "duel"})
     experiment = Experiment(
         task, MaddpgConfig.get_from_yaml(), model, seed=args.seed, config=config, critic_model_config=model
     )

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 import pettingzoo
 
-from fpg_bench.errors import UserError
-from fpg_bench.ids import DUEL, VIEWS
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import DUEL, ENVS
 from fpg_bench.version import __version__
 
 if TYPE_CHECKING:
-    from fpg_bench.envs.duel import make_duel
-    from fpg_bench.envs.sb3 import make_sb3
+    from fpg_bench.envs.sb3_vec_env import make_sb3
     from fpg_bench.envs.supersuit_bridge import supersuit_vec_env
+    from fpg_bench.envs.two_player import make_duel
     from fpg_bench.evaluation.evaluate import evaluate
     from fpg_bench.game.scenario import Scenario, preset
     from fpg_bench.players.agent import load_agent
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "Scenario": "fpg_bench.game.scenario",
     "preset": "fpg_bench.game.scenario",
-    "make_duel": "fpg_bench.envs.duel",
-    "make_sb3": "fpg_bench.envs.sb3",
+    "make_duel": "fpg_bench.envs.two_player",
+    "make_sb3": "fpg_bench.envs.sb3_vec_env",
     "supersuit_vec_env": "fpg_bench.envs.supersuit_bridge",
     "evaluate": "fpg_bench.evaluation.evaluate",
     "load_agent": "fpg_bench.players.agent",
@@ -66,13 +66,13 @@ def __dir__() -> list[str]:
 def _register() -> None:
     if hasattr(pettingzoo, "register"):  # since PettingZoo 1.27
         for kind in ("parallel", "aec"):
-            pettingzoo.register(kind, DUEL, f"fpg_bench.envs.multi_agent:{kind}_env")
-    for view_id in VIEWS:
+            pettingzoo.register(kind, DUEL, f"fpg_bench.envs.pettingzoo_env:{kind}_env")
+    for env_id in ENVS:
         gymnasium.register(
-            id=view_id,
-            entry_point="fpg_bench.envs.single:SingleView",
-            vector_entry_point="fpg_bench.envs.vector:VectorView",
-            kwargs={"view_id": view_id},
+            id=env_id,
+            entry_point="fpg_bench.envs.gymnasium_env:FPGEnv",
+            vector_entry_point="fpg_bench.envs.gymnasium_vector:FPGVectorEnv",
+            kwargs={"env_id": env_id},
         )
 
 

@@ -21,13 +21,13 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from fpg_bench.common.strict_json import read_object
 from fpg_bench.leaderboard.cases import case_of, result_file
 from fpg_bench.leaderboard.check import examine, load_submission, problems
-from fpg_bench.leaderboard.fields import plain, read_fields
 from fpg_bench.leaderboard.onnx_contract import check_policies
+from fpg_bench.leaderboard.smoke_test import trial
+from fpg_bench.leaderboard.submission_file import plain, read_fields
 from fpg_bench.leaderboard.tracks import TRACKS
-from fpg_bench.leaderboard.trial import trial
-from fpg_bench.plain_json import read_object
 from fpg_bench.planning.llm.replies import ERRORS, MOST_TOKENS, Received, read_reply
 from fpg_bench.players.agent import OnnxPlayer
 from tests.attacks.json_texts import hostile_texts
@@ -49,28 +49,28 @@ Found = Iterator[tuple[str, str, float]]  # kind, what became of it, seconds
 
 def onnx(count: int, seed: int) -> Found:
     """Policies: the contract, and a trial where that lets one pass."""
-    field, waiting = TRACKS["ally"].field, []
+    suite, waiting = TRACKS["ally"].suite, []
     for item in hostile_files(count, seed):
         waiting.append(item)
         if len(waiting) == _AT_ONCE:
-            yield from _checked(waiting, field)
+            yield from _checked(waiting, suite)
             waiting = []
-    yield from _checked(waiting, field)
+    yield from _checked(waiting, suite)
 
 
-def _checked(items: list, field) -> Found:
+def _checked(items: list, suite) -> Found:
     start = time.perf_counter()
     found = check_policies([data for _, data, _ in items])
     each = (time.perf_counter() - start) / max(len(items), 1)
-    for (kind, data, must), lines in zip(items, found, strict=True):
+    for (kind, data, must), records in zip(items, found, strict=True):
         start = time.perf_counter()
-        if not lines and must:
+        if not records and must:
             alone = kind == "reader" and not OnnxPlayer(data, {}).row_wise  # it has no others to read
-            lines = ["is asked one game at a time"] if alone else trial(as_policy(data), field)
-        what = OUT if lines or not must else IN
+            records = ["is asked one game at a time"] if alone else trial(as_policy(data), suite)
+        what = OUT if records or not must else IN
         yield (
             kind,
-            CRASH if any("a bug" in line for line in lines) else what,
+            CRASH if any("a bug" in record for record in records) else what,
             each + time.perf_counter() - start,
         )
 
@@ -91,10 +91,10 @@ def pulls(count: int, seed: int) -> Found:
 
 
 def _entered(board: Path, folder: Path) -> str:
-    lines = problems(folder)
-    "".join(lines).encode()
+    records = problems(folder)
+    "".join(records).encode()
     submission, _ = examine(folder)
-    if submission is None or lines:
+    if submission is None or records:
         return OUT
     try:
         case = case_of(board, submission)

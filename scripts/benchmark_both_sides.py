@@ -23,7 +23,7 @@ from benchmark_speed import Figure, interleaved, median_ratio, report
 from stable_baselines3.common.logger import configure
 from torch import nn
 
-from fpg_bench.ids import DUEL
+from fpg_bench.common.ids import DUEL
 from fpg_bench.training.export import write_exported
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_games, make_model

@@ -19,8 +19,8 @@ import numpy as np
 from benchmark_speed import Figure, report
 from stable_baselines3 import PPO
 
-from fpg_bench.evaluation.field import Counterpart
-from fpg_bench.ids import policy_view
+from fpg_bench.common.ids import policy_env
+from fpg_bench.evaluation.suite import Rival
 from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.verify import verify
 
@@ -38,10 +38,10 @@ def verdict_s(folder: Path, jobs: int) -> float:
     return time.perf_counter() - begin
 
 
-def round_s(counterpart: Counterpart, rounds: int) -> float:
+def round_s(rival: Rival, rounds: int) -> float:
     """Return the seconds of a round against a rival in a single environment with SB3's predict."""
-    scenario = counterpart.scenario
-    players, view = list(counterpart.players), policy_view("ally").id
+    scenario = rival.scenario
+    players, view = list(rival.players), policy_env("ally").id
     env = gymnasium.make(view, opponent=players, path=scenario.opponent_path, scenario=scenario)
     model = PPO("MlpPolicy", env, policy_kwargs=NETWORK, device="cpu")
     begin = time.perf_counter()
@@ -62,16 +62,12 @@ def measure_all(quick: bool) -> list[Figure]:
         folder = Path(scratch)
         shutil.copytree(ENTERED, folder / "submissions" / "ally" / ENTERED.name)
         case = make_case(folder, folder / "submissions" / "ally" / ENTERED.name)
-        played = sum(field.rounds for _, meetings in case.wanted for field, _ in meetings)
-        met = [
-            (counterpart, field.rounds)
-            for field in case.fields.values()
-            for counterpart in field.counterparts
-        ]
+        played = sum(suite.rounds for _, matchups in case.wanted for suite, _ in matchups)
+        met = [(rival, suite.rounds) for suite in case.suites.values() for rival in suite.rivals]
         round_s(met[0][0], 1)  # compiles
         singles, ones, twos = [], [], []
         for _ in range(repeats):  # in turns, so that a slow moment meets all
-            each = [count * round_s(counterpart, rounds) for counterpart, count in met]
+            each = [count * round_s(rival, rounds) for rival, count in met]
             singles.append(len(case.wanted) * sum(each))
             ones.append(verdict_s(folder, 1))
             twos.append(verdict_s(folder, 2))

@@ -16,8 +16,8 @@ from functools import partial
 import numpy as np
 from benchmark_speed import Figure, interleaved, median_ratio, report
 
-from fpg_bench.envs.sb3 import make_sb3_duel
-from fpg_bench.reproduce.experiment import ALGORITHM, BUDGETS, hyperparameters
+from fpg_bench.envs.sb3_vec_env import make_sb3_duel
+from fpg_bench.paper.experiment import ALGORITHM, BUDGETS, hyperparameters
 from fpg_bench.training.maddpg import MADDPG
 from fpg_bench.training.maddpg.jax_learner import JaxLearner
 from fpg_bench.training.models import make_model

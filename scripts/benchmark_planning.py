@@ -20,9 +20,9 @@ from benchmark_speed import PPO_GAMES, PPO_SETTINGS, Figure, interleaved, median
 from stable_baselines3 import PPO
 
 import fpg_bench
-from fpg_bench.envs.duel import make_duel
+from fpg_bench.envs.two_player import make_duel
+from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.matches.rounds import play_round, seated
 from fpg_bench.planning.llm.background import BackgroundPlanner
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.servers import Endpoint, load_server
@@ -36,7 +36,7 @@ PLANNED = as_scenario(None, opponent_path="waypoints", rounds_per_match=ROUNDS)
 def rounds_rate(planner: str, rounds: int, plan_ms: list[float]) -> float:
     """Thousands of game steps a second of whole matches on one thread; notes what each game's plans took."""
     duel = make_duel(MATCHES, scenario=PLANNED, planner=planner, threads=1)
-    table = seated(duel, "expert", "adaptive")
+    table = make_match(duel, "expert", "adaptive")
     begin = time.perf_counter()
     for number in range(rounds):
         play_round(table, seeds=None if number else 0)

@@ -37,9 +37,9 @@ def grow(source: Path, folder: Path, entries: int) -> None:
         about["name"] = f"{about['name'][:40]} {number}"
         (target / "submission.yaml").write_text(yaml.safe_dump(about))
         submission = load_submission(target)
-        fields = submission.fields
-        lines = [dataclasses.replace(line, entry=slug) for line in read_result(result, fields).lines]
-        copied = verified_result(slug, track, fingerprint(submission, fields), lines, fields)
+        suites = submission.suites
+        lines = [dataclasses.replace(line, entry=slug) for line in read_result(result, suites).records]
+        copied = verified_result(slug, track, fingerprint(submission, suites), lines, suites)
         write_result(folder / "results" / track / f"{slug}.jsonl", copied)
 
 

@@ -31,9 +31,9 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 import fpg_bench
-from fpg_bench.envs.multi_agent import parallel_env
-from fpg_bench.envs.sb3 import SB3View
-from fpg_bench.game.arena import Arena
+from fpg_bench.envs.pettingzoo_env import parallel_env
+from fpg_bench.envs.sb3_vec_env import FPGVecEnv
+from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 
@@ -47,15 +47,17 @@ class Size(NamedTuple):
     """How much is measured: repeats of each pair, and steps per repeat."""
 
     repeats: int
-    arena_steps: int
+    game_batch_steps: int
     single_steps: int
     batch_steps: int
     ppo_repeats: int
     ppo_rollouts: int
 
 
-FULL = Size(repeats=15, arena_steps=290, single_steps=15_000, batch_steps=100, ppo_repeats=5, ppo_rollouts=2)
-QUICK = Size(repeats=1, arena_steps=5, single_steps=200, batch_steps=5, ppo_repeats=1, ppo_rollouts=1)
+FULL = Size(
+    repeats=15, game_batch_steps=290, single_steps=15_000, batch_steps=100, ppo_repeats=5, ppo_rollouts=2
+)
+QUICK = Size(repeats=1, game_batch_steps=5, single_steps=200, batch_steps=5, ppo_repeats=1, ppo_rollouts=1)
 
 
 class Figure(NamedTuple):
@@ -84,21 +86,21 @@ def interleaved(repeats: int, runs: dict[str, Callable[[], float]]) -> dict[str,
     return {name: np.array(values) for name, values in found.items()}
 
 
-def median_ratio(rates: dict[str, np.ndarray], name: str, yardstick: str) -> float:
+def median_ratio(rates: dict[str, np.ndarray], name: str, evaluator: str) -> float:
     """The median over the repeats of one rate divided by another."""
-    return float(np.median(rates[name] / rates[yardstick]))
+    return float(np.median(rates[name] / rates[evaluator]))
 
 
-def arena_rate(arena: Arena, steps: int) -> float:
+def game_batch_rate(game_batch: GameBatch, steps: int) -> float:
     """Game steps per second of an arena, both sides acting at random."""
     rng = np.random.default_rng(0)
-    actions = rng.uniform(-1, 1, (8, 2, arena.count, ACTION_SIZE)).astype(np.float32)
-    arena.reset(seeds=0)
-    arena.step(*actions[0])  # a first step, which may compile
+    actions = rng.uniform(-1, 1, (8, 2, game_batch.count, ACTION_SIZE)).astype(np.float32)
+    game_batch.reset(seeds=0)
+    game_batch.step(*actions[0])  # a first step, which may compile
     begin = time.perf_counter()
     for step in range(steps):
-        arena.step(*actions[step % 8])
-    return steps * arena.count / (time.perf_counter() - begin)
+        game_batch.step(*actions[step % 8])
+    return steps * game_batch.count / (time.perf_counter() - begin)
 
 
 def single_rate(env: gymnasium.Env, steps: int) -> float:
@@ -129,12 +131,12 @@ def parallel_rate(env: Any, steps: int) -> float:
 def stepping(size: Size) -> list[Figure]:
     """The arena, one Gymnasium view and the PettingZoo view, against environments that people know."""
     cart_pole, view = gymnasium.make("CartPole-v1"), gymnasium.make(VIEW)
-    one, two = (Arena(STANDARD, ARENA_GAMES, threads) for threads in (1, 2))
+    one, two = (GameBatch(STANDARD, ARENA_GAMES, threads) for threads in (1, 2))
     single_rate(view, 2)  # compiles the scripted players
     runs: dict[str, Callable[[], float]] = {
-        "one thread": partial(arena_rate, one, size.arena_steps),
+        "one thread": partial(game_batch_rate, one, size.game_batch_steps),
         "CartPole": partial(single_rate, cart_pole, size.single_steps),
-        "two threads": partial(arena_rate, two, size.arena_steps),
+        "two threads": partial(game_batch_rate, two, size.game_batch_steps),
         "view": partial(single_rate, view, size.single_steps),
         "adversary": partial(parallel_rate, simple_adversary_v3.parallel_env(), size.single_steps // 20),
         "duel": partial(parallel_rate, parallel_env(), size.single_steps),
@@ -151,15 +153,15 @@ def stepping(size: Size) -> list[Figure]:
 def memory() -> list[Figure]:
     """What a game costs to keep, and what a step allocates (for all games together)."""
     tracemalloc.start()
-    arena = Arena(STANDARD, ARENA_GAMES, threads=1)
+    game_batch = GameBatch(STANDARD, ARENA_GAMES, threads=1)
     held = tracemalloc.get_traced_memory()[0]
     actions = np.zeros((2, ARENA_GAMES, ACTION_SIZE), np.float32)
-    arena.reset(seeds=0)
-    arena.step(*actions)
+    game_batch.reset(seeds=0)
+    game_batch.step(*actions)
     before = tracemalloc.get_traced_memory()[0]
     tracemalloc.reset_peak()
     for _ in range(100):
-        arena.step(*actions)
+        game_batch.step(*actions)
     allocated = tracemalloc.get_traced_memory()[1] - before
     tracemalloc.stop()
     return [
@@ -168,7 +170,7 @@ def memory() -> list[Figure]:
     ]
 
 
-class Zeros(SB3View):
+class Zeros(FPGVecEnv):
     """Our batched view with nothing behind it: what PPO itself costs."""
 
     def reset(self) -> np.ndarray:

@@ -15,23 +15,23 @@ from typing import Any
 
 import yaml
 
-from fpg_bench.errors import UserError
-from fpg_bench.files import read_json, write_whole
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_json, write_whole
 from fpg_bench.leaderboard.policies import seed_folders
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.zoo.zoo import load_zoo
+from fpg_bench.training.zoo import load_zoo
 
 AUTHORS = ["fpg-bench maintainers"]
 MADE = "trained by python scripts/"
-# By the public field of a view: track and path. Agents of other scenarios are not entered.
+# By the public suite of a view: track and path. Agents of other scenarios are not entered.
 TRACKS = {
     "ally-v1": ("ally", None),
     "ally-planner-v1": ("ally", None),
     "opponent-v1": ("opponent", "pursuit"),
     "opponent-learned-v1": ("opponent", "learned"),
 }
-VIEWS = {
+ENVS = {
     "ally-scripted": (
         "ally",
         "seven scripted opponents, in pursuit and on the three patrols, drawn anew every round",
@@ -110,9 +110,9 @@ SCRIPTS = {
 }
 
 
-def entry(**fields: Any) -> str:
+def entry(**suites: Any) -> str:
     """The text of a submission.yaml."""
-    return yaml.safe_dump(fields, sort_keys=False, allow_unicode=True, width=110)
+    return yaml.safe_dump(suites, sort_keys=False, allow_unicode=True, width=110)
 
 
 def scripts() -> dict[str, str]:
@@ -141,13 +141,13 @@ def scripts() -> dict[str, str]:
 def agents() -> dict[str, str]:
     """Every shipped algorithm's submission, by track and name."""
     zoo, found = load_zoo(), {}
-    for view in zoo.views:
+    for view in zoo.groups:
         for algorithm in view.steps:
             members = zoo.members(f"{view.name}/{algorithm}")
-            if view.fields[0] in TRACKS and all(member.shipped for member in members):
-                place, made = TRACKS[view.fields[0]], f"train_zoo.py --only {view.name}/{algorithm}"
+            if view.suites[0] in TRACKS and all(member.shipped for member in members):
+                place, made = TRACKS[view.suites[0]], f"train_zoo.py --only {view.name}/{algorithm}"
                 text = trained(
-                    members[0].folder.parent, place, *VIEWS[view.name], f"From the zoo; {MADE}{made}."
+                    members[0].folder.parent, place, *ENVS[view.name], f"From the zoo; {MADE}{made}."
                 )
                 found[f"{place[0]}/{view.name}-{algorithm}"] = text
     return found

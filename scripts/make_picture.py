@@ -9,10 +9,10 @@ import sys
 from pathlib import Path
 
 from fpg_bench import make_duel
-from fpg_bench.pictures.film import write_gif
-from fpg_bench.pictures.recording import Recording
-from fpg_bench.players.naming import as_player
-from fpg_bench.players.seat import Seat
+from fpg_bench.players.policy_runner import PolicyRunner
+from fpg_bench.players.registry import as_player
+from fpg_bench.rendering.film import write_gif
+from fpg_bench.rendering.recording import Recording
 
 STEPS, SEED = 170, 12
 EVERY = 3  # steps from one frame to the next
@@ -22,15 +22,15 @@ def main(path: Path) -> None:
     """Play expert-spread against adaptive."""
     duel = make_duel(1)
     ally, opponent = (
-        Seat(side, [as_player(name, side, duel.scenario)], duel.arena)
+        PolicyRunner(side, [as_player(name, side, duel.scenario)], duel.batch)
         for side, name in (("ally", "expert-spread"), ("opponent", "adaptive"))
     )
     mask = duel.reset(seeds=SEED)
     ally.begin(mask)
     opponent.begin(mask)
-    recording = Recording(duel.arena, 0)
+    recording = Recording(duel.batch, 0)
     for _ in range(STEPS):
-        duel.arena.step(ally.act(), opponent.act())
+        duel.batch.step(ally.act(), opponent.act())
         recording.add()
     write_gif([recording], path, every=EVERY)
 

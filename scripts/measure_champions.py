@@ -16,10 +16,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.rows import Row, RowFile
 from fpg_bench.training.league import Recipe, load_recipes, population_returns, train_responders
 
 ZOO = {"opponent": "opponent-pursuit", "ally": "ally-scripted"}
@@ -34,7 +34,7 @@ def shipped(folder: Path) -> list[str]:
 
 
 def rows_of(recipe: Recipe, agent: str, kind: str, others: list[str]) -> list[Row]:
-    """One row for each of several counterparts."""
+    """One row for each of several rivals."""
     returns = population_returns(recipe, agent, others, ROUNDS)
     return [
         {"agent": agent, "kind": kind, "other": other, "return_a_step": round(found, 3)}
@@ -55,7 +55,7 @@ def measure(recipe: Recipe, agent: str, file: RowFile, runs: Path, fresh: bool) 
         file.append(rows_of(recipe, agent, "fresh", responders))
 
 
-def line(agent: str, rows: list[Row]) -> str:
+def record(agent: str, rows: list[Row]) -> str:
     """An agent's means, and its worst with who did it."""
     words: list[Any] = [agent]
     for kind in ("scripts", "zoo", "fresh"):
@@ -81,7 +81,7 @@ def main() -> None:
     file = RowFile(options.out)
     for agent in options.agents or shipped(Path(options.recipe)):
         measure(recipes[options.recipe], agent, file, options.runs, not options.no_fresh)
-        print(line(agent, file.read()), flush=True)
+        print(record(agent, file.read()), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Ask a language model for the plans of a field in several parts, and put it beside other planners.
+"""Ask a language model for the plans of a suite in several parts, and put it beside other planners.
 
     python scripts/measure_language_model.py
     python scripts/measure_language_model.py --table
@@ -23,18 +23,18 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import PACKED, write_whole
+from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.compare import TRANSCRIPTS, compare
-from fpg_bench.evaluation.evaluate import LINES
-from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.evaluate import RECORDS
 from fpg_bench.evaluation.statistics import MATCHES, mean_interval
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import as_markdown, bounds, write_table
-from fpg_bench.files import PACKED, write_whole
 from fpg_bench.planning.llm.packed import packed_rows
-from fpg_bench.rows import RowFile
 
-FIELD = Path(__file__).with_name("planner-expert.yml")
+SUITE = Path(__file__).with_name("planner-expert.yml")
 BESIDE = ("random", "circle", "hill-climb", "interceptor")  # planners that are no language models
 
 _TIMINGS = ("cache_n", "prompt_n", "predicted_n", "prompt_ms", "predicted_ms")  # as llama.cpp says them
@@ -68,7 +68,7 @@ def record(parts: Iterable[Part], out: Path, matches: int, server: str | None) -
         try:
             known = compare(
                 [part.planner],
-                str(FIELD),
+                str(SUITE),
                 out / part.name,
                 matches=matches,
                 llm={"prompt": "standard", **part.options, **({} if server is None else {"server": server})},
@@ -86,8 +86,8 @@ def table(parts: Iterable[Part], out: Path, into: Path, matches: int) -> None:
         if is_whole(part, out):
             pack(out / part.name / TRANSCRIPTS / part.planner, into / TRANSCRIPTS / part.name)
     with tempfile.TemporaryDirectory() as folder:
-        found = compare(BESIDE, str(FIELD), folder, matches=matches, transcripts=into / TRANSCRIPTS)
-    write_table(found, found[0].field, into)
+        found = compare(BESIDE, str(SUITE), folder, matches=matches, transcripts=into / TRANSCRIPTS)
+    write_table(found, found[0].suite, into)
     write_whole(into / "differences.md", differences(found))
     write_whole(into / "speed.md", speeds(into / TRANSCRIPTS))
     for name in ("table.md", "differences.md", "speed.md"):
@@ -101,7 +101,7 @@ def differences(found: Sequence[Summary]) -> str:
     for name, other in by_name.items():
         each = [mean_interval(mine - theirs, MATCHES) for mine, theirs in _paired(model, other)]
         lines.append([name, *(f"{one.value:+.1f} {bounds(one)}" for one in each)])
-    heads = ["llm less", f"score, last {model.field.last_rounds} rounds", "score, all rounds"]
+    heads = ["llm less", f"score, last {model.suite.last_rounds} rounds", "score, all rounds"]
     return as_markdown(
         heads, lines, "With 95 % intervals over the same matches; not corrected for their number."
     )
@@ -114,9 +114,9 @@ def _paired(model: Summary, other: Summary) -> Iterator[tuple[np.ndarray, np.nda
 
 
 def _over_all(summary: Summary) -> np.ndarray:
-    returns = np.array([line.returns for line in summary.lines])
-    by_match = returns.reshape(len(summary.lines), summary.field.matches, -1).mean(axis=(0, 2))
-    found: np.ndarray = summary.field.scale.score(by_match / summary.field.scenario.steps_per_round)
+    returns = np.array([line.returns for line in summary.records])
+    by_match = returns.reshape(len(summary.records), summary.suite.matches, -1).mean(axis=(0, 2))
+    found: np.ndarray = summary.suite.scale.score(by_match / summary.suite.scenario.steps_per_round)
     return found
 
 
@@ -152,8 +152,8 @@ def speeds(transcripts: Path) -> str:
 
 def is_whole(part: Part, out: Path) -> bool:
     """Whether a part has met everybody."""
-    allies = load_field(str(FIELD)).counterparts
-    return len(RowFile(out / part.name / LINES).read()) == len(allies)
+    allies = load_suite(str(SUITE)).rivals
+    return len(RowFile(out / part.name / RECORDS).read()) == len(allies)
 
 
 def pack(recorded: Path, folder: Path) -> None:

@@ -19,18 +19,18 @@ from pathlib import Path
 
 import numpy as np
 
-from fpg_bench.files import read_json, write_json, write_whole
-from fpg_bench.rows import RowFile
+from fpg_bench.common.files import read_json, write_json, write_whole
+from fpg_bench.common.rows import RowFile
 from fpg_bench.training.language_model import TRANSCRIPT
 
-FIELD = """\
+SUITE = """\
 side: planner
 scenario: standard
 rounds_per_match: {rounds}
 matches: {matches}
 opponent: adaptive
 scale: {{zero: 5.73, top: 30.45}}  # of planner-v1
-counterparts:
+rivals:
   - {{name: trained-on-llm, ally: {out}/llm/agent}}
   - {{name: trained-on-interceptor, ally: {out}/interceptor/agent}}
 """
@@ -70,9 +70,9 @@ def compare(out: Path, said: argparse.Namespace) -> None:
         ("cheap", ["interceptor", "circle", "random"], 50, 10),
         ("model", ["llm", "interceptor", "circle"], said.matches, said.asked),
     ):
-        field = out / f"{name}-field.yml"
-        write_whole(field, FIELD.format(rounds=rounds, matches=matches, out=out))
-        fpg_bench("plan", "compare", *planners, "--field", str(field), "--out", str(out / name))
+        suite = out / f"{name}-suite.yml"
+        write_whole(suite, SUITE.format(rounds=rounds, matches=matches, out=out))
+        fpg_bench("plan", "compare", *planners, "--suite", str(suite), "--out", str(out / name))
 
 
 def told(out: Path) -> dict[str, object]:

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from fpg_bench import make_duel
-from fpg_bench.envs.duel import Duel
+from fpg_bench.common.files import write_whole
+from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
-from fpg_bench.files import write_whole
 from fpg_bench.game.measures import measures, pool
-from fpg_bench.matches.rounds import play_round, seated
 from fpg_bench.players.scripted import SCRIPTED
 
 Measures = dict[str, float | None]
@@ -28,20 +28,20 @@ TABLES = (
 )
 
 
-def play(ally: str, opponent: str, duel: Duel, rounds: int) -> Measures:
+def play(ally: str, opponent: str, duel: TwoPlayerBatch, rounds: int) -> Measures:
     """The measures of a pairing over as many rounds as the duel has games; returns per step."""
-    play_round(seated(duel, ally, opponent), seeds=np.array(evaluation_seeds(rounds)))
-    found = measures(pool(duel.arena.tallies), duel.arena.histograms.sum(axis=0))
-    steps = float(duel.arena.tallies["steps"].sum())
+    play_round(make_match(duel, ally, opponent), seeds=np.array(evaluation_seeds(rounds)))
+    found = measures(pool(duel.batch.tallies), duel.batch.histograms.sum(axis=0))
+    steps = float(duel.batch.tallies["steps"].sum())
     return found | {f"{side}_return": found[f"{side}_return"] / steps for side in ("ally", "opponent")}  # type: ignore[operator]
 
 
 def table(title: str, measure: str, digits: int, found: dict[tuple[str, str], Measures]) -> str:
     """One measure of all pairings, allies down, opponents across."""
     allies, opponents = (list(dict.fromkeys(names)) for names in zip(*found, strict=True))
-    lines: list[Sequence[str]] = [["ally \\ opponent", *opponents], ["---"] * (len(opponents) + 1)]
-    lines += [[a, *(f"{found[a, o][measure]:.{digits}f}" for o in opponents)] for a in allies]
-    return f"## {title}\n\n" + "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+    records: list[Sequence[str]] = [["ally \\ opponent", *opponents], ["---"] * (len(opponents) + 1)]
+    records += [[a, *(f"{found[a, o][measure]:.{digits}f}" for o in opponents)] for a in allies]
+    return f"## {title}\n\n" + "\n".join("| " + " | ".join(record) + " |" for record in records) + "\n"
 
 
 def main() -> None:

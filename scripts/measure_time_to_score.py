@@ -23,16 +23,16 @@ import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
 from taking_turns import train_together
 
-from fpg_bench.evaluation.field import field_of
+from fpg_bench.common.files import read_yaml, write_whole
+from fpg_bench.common.ids import find_env
+from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import training_seed
-from fpg_bench.evaluation.yardstick import Yardstick
-from fpg_bench.files import read_yaml, write_whole
-from fpg_bench.ids import find_view
-from fpg_bench.pictures.canvas import blank_figure
+from fpg_bench.evaluation.suite import suite_of
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.players.naming import as_player
+from fpg_bench.players.registry import as_player
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.rows import Row, RowFile
+from fpg_bench.rendering.canvas import blank_figure
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_games, make_model
@@ -47,7 +47,7 @@ Trainings = dict[str, list[list[Row]]]  # by setting, of each seed the looks
 class Setting(NamedTuple):
     """What is compared: an algorithm's shipped hyper-parameters for an id, with some of them changed."""
 
-    view_id: str
+    env_id: str
     algorithm: str
     changes: dict[str, Any]
 
@@ -56,26 +56,26 @@ class Setting(NamedTuple):
         values = None
         if self.changes:
             file = baselines_folder() / "hyperparams" / f"{self.algorithm}.yml"
-            values = merged(read_yaml(file, "hyper-parameters")[self.view_id], self.changes)
-        parameters = load_hyperparameters(self.algorithm, self.view_id, values)
-        games = make_games(self.view_id, parameters, training_seed(seed))
+            values = merged(read_yaml(file, "hyper-parameters")[self.env_id], self.changes)
+        parameters = load_hyperparameters(self.algorithm, self.env_id, values)
+        games = make_games(self.env_id, parameters, training_seed(seed))
         model = make_model(find_algorithm(self.algorithm), games, parameters, seed)
         return model, steps or parameters.n_timesteps
 
 
 class Judge:
-    """What a policy is worth on an id's field, and the best script there."""
+    """What a policy is worth on an id's suite, and the best script there."""
 
-    def __init__(self, view_id: str) -> None:
-        self._yardstick = Yardstick(field_of(view_id, {}))
-        scenario, side = self._yardstick.field.scenario, find_view(view_id).side
+    def __init__(self, env_id: str) -> None:
+        self._evaluator = PolicyEvaluator(suite_of(env_id, {}))
+        scenario, side = self._evaluator.suite.scenario, find_env(env_id).side
         scripts = {name: self.look(as_player(name, side, scenario)) for name in SCRIPTED[side]}
         self.script = max(scripts, key=lambda name: scripts[name]["return"])
         self.bounds = scripts[self.script]
 
     def look(self, player: Any) -> Row:
         """The score, and the return a step."""
-        found = self._yardstick.score(player)
+        found = self._evaluator.score(player)
         return {measure: found[measure] for measure in MEASURES}
 
 
@@ -101,9 +101,9 @@ def measured(settings: dict[str, Setting], judge: Judge, options: argparse.Names
     return found
 
 
-def seconds_to_pass(looks: Sequence[Row], measure: str, bound: float, clock: str) -> float:
+def seconds_to_pass(n_evals: Sequence[Row], measure: str, bound: float, clock: str) -> float:
     """Until a training first reached a bound, between two looks by a straight line; NaN: never."""
-    for before, after in pairwise(looks):
+    for before, after in pairwise(n_evals):
         if after[measure] >= bound:
             part = (bound - before[measure]) / (after[measure] - before[measure])
             return float(before[clock] + max(part, 0.0) * (after[clock] - before[clock]))
@@ -112,9 +112,9 @@ def seconds_to_pass(looks: Sequence[Row], measure: str, bound: float, clock: str
 
 def reached(trainings: Sequence[Sequence[Row]], measure: str, cpu_s: float) -> float:
     """The mean over trainings of what they had reached after so many seconds; NaN: one had ended by then."""
-    if min(looks[-1]["cpu_s"] for looks in trainings) < 0.98 * cpu_s:
+    if min(n_evals[-1]["cpu_s"] for n_evals in trainings) < 0.98 * cpu_s:
         return float("nan")
-    curves = [([row["cpu_s"] for row in looks], [row[measure] for row in looks]) for looks in trainings]
+    curves = [([row["cpu_s"] for row in n_evals], [row[measure] for row in n_evals]) for n_evals in trainings]
     return float(np.mean([np.interp(cpu_s, *curve) for curve in curves]))
 
 
@@ -130,29 +130,29 @@ def shown(values: Sequence[float], form: str) -> str:
 def table(found: Trainings, judge: Judge, measure: str, versus: str) -> str:
     """A line per setting: speed, what it reached when, and how long it took to pass the best script."""
     form, bound = (".2f" if measure == "return" else ".1f"), judge.bounds[measure]
-    longest = max(looks[-1]["cpu_s"] for trainings in found.values() for looks in trainings)
+    longest = max(n_evals[-1]["cpu_s"] for trainings in found.values() for n_evals in trainings)
     at = [s for s in AT_S if s <= 1.02 * longest]
     heads = ["setting", "steps per CPU s", *(f"{s} s" for s in at), "at the end", "steps", "CPU s"]
-    lines = [[*heads, "CPU s to pass", "wall s to pass", "ratio of CPU s"]]
-    lines.append(["---"] * len(lines[0]))
+    records = [[*heads, "CPU s to pass", "wall s to pass", "ratio of CPU s"]]
+    records.append(["---"] * len(records[0]))
     times = {
         name: {
-            clock: [seconds_to_pass(looks, measure, bound, clock) for looks in trainings]
+            clock: [seconds_to_pass(n_evals, measure, bound, clock) for n_evals in trainings]
             for clock in ("cpu_s", "wall_s")
         }
         for name, trainings in found.items()
     }
     for name, trainings in found.items():
-        ends = [looks[-1] for looks in trainings]
-        line = [name, f"{np.mean([row['steps'] / row['cpu_s'] for row in ends]):,.0f}"]
-        line += [shown([reached(trainings, measure, s)], form) for s in at]
-        line += [shown([row[measure] for row in ends], form)]
-        line += [f"{np.mean([row[key] for row in ends]):,.0f}" for key in ("steps", "cpu_s")]
-        line += [shown(times[name][clock], ".1f") for clock in ("cpu_s", "wall_s")]
-        line.append(shown([float(np.mean(times[name]["cpu_s"]) / np.mean(times[versus]["cpu_s"]))], ".2f"))
-        lines.append(line)
+        ends = [n_evals[-1] for n_evals in trainings]
+        record = [name, f"{np.mean([row['steps'] / row['cpu_s'] for row in ends]):,.0f}"]
+        record += [shown([reached(trainings, measure, s)], form) for s in at]
+        record += [shown([row[measure] for row in ends], form)]
+        record += [f"{np.mean([row[key] for row in ends]):,.0f}" for key in ("steps", "cpu_s")]
+        record += [shown(times[name][clock], ".1f") for clock in ("cpu_s", "wall_s")]
+        record.append(shown([float(np.mean(times[name]["cpu_s"]) / np.mean(times[versus]["cpu_s"]))], ".2f"))
+        records.append(record)
     head = f"{measure}: {judge.script}, the best script, {bound:{form}}; ratio to {versus}\n\n"
-    return head + "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+    return head + "\n".join("| " + " | ".join(record) + " |" for record in records) + "\n"
 
 
 def draw(found: Trainings, judge: Judge, path: Path) -> None:
@@ -160,10 +160,10 @@ def draw(found: Trainings, judge: Judge, path: Path) -> None:
     figure = blank_figure(6.4, 3.6)
     axes = figure.subplots()
     for (name, trainings), colour in zip(found.items(), COLOURS, strict=False):
-        grid = np.geomspace(1, min(looks[-1]["cpu_s"] for looks in trainings), 200)
+        grid = np.geomspace(1, min(n_evals[-1]["cpu_s"] for n_evals in trainings), 200)
         curve = [
-            np.interp(grid, [row["cpu_s"] for row in looks], [row["return"] for row in looks])
-            for looks in trainings
+            np.interp(grid, [row["cpu_s"] for row in n_evals], [row["return"] for row in n_evals])
+            for n_evals in trainings
         ]
         axes.plot(grid, np.mean(curve, axis=0), color=colour, lw=1.8, label=name)
         axes.fill_between(grid, np.min(curve, axis=0), np.max(curve, axis=0), color=colour, alpha=0.15, lw=0)

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from benchmark_speed import interleaved
 
-from fpg_bench.files import read_yaml, write_whole
+from fpg_bench.common.files import read_yaml, write_whole
+from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.rows import Row, RowFile
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_games, make_model
@@ -90,11 +90,11 @@ def table(found: dict[Setting, list[list[Row]]], rates: dict[Setting, float], st
     """A line per setting: its speed, and its score after all steps and after two times of training."""
     times = np.quantile([steps / rates[setting] for setting in found], (0.25, 0.75))
     heads = ["net", "steps per update", "steps/s", f"score after {steps:,} steps"]
-    lines = [[*heads, *(f"after {t:.0f} s" for t in times)], ["---"] * (len(heads) + len(times))]
+    records = [[*heads, *(f"after {t:.0f} s" for t in times)], ["---"] * (len(heads) + len(times))]
     for setting, trainings in found.items():
-        line = [" x ".join(map(str, setting.net)), str(setting.ratio), f"{rates[setting]:.0f}"]
-        lines.append(line + [score(trainings, s) for s in (steps, *(times * rates[setting]))])
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+        record = [" x ".join(map(str, setting.net)), str(setting.ratio), f"{rates[setting]:.0f}"]
+        records.append(record + [score(trainings, s) for s in (steps, *(times * rates[setting]))])
+    return "\n".join("| " + " | ".join(record) + " |" for record in records) + "\n"
 
 
 def main() -> None:
@@ -114,7 +114,7 @@ def main() -> None:
         "# Update ratio and net size of SAC and TD3\n\n"
         f"On `{VIEW}`, {options.seeds} training seeds of {options.steps:,} steps each;\n"
         "otherwise the shipped hyper-parameters. The score is that of training on the way (mean over the\n"
-        "field's counterparts, tuning seeds); `-`: the training had ended by then. Times are of one core of\n"
+        "suite's rivals, tuning seeds); `-`: the training had ended by then. Times are of one core of\n"
         "a shared machine, measured with all settings taking turns: compare them with each other. Made by\n"
         f"`python scripts/measure_update_ratios.py --steps {options.steps} --seeds {options.seeds}`.\n"
     )

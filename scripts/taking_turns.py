@@ -11,7 +11,7 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
-from fpg_bench.rows import Row
+from fpg_bench.common.rows import Row
 from fpg_bench.training.actor import ActorPlayer
 
 TURN_S = 1.0  # of CPU time

@@ -12,7 +12,7 @@ import signal
 import sys
 from pathlib import Path
 
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.league import load_recipes, ship_champion, train_champion
 

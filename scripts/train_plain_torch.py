@@ -20,7 +20,7 @@ from torch import nn
 import fpg_bench
 from fpg_bench import preset
 from fpg_bench.evaluation.seeds import training_seed
-from fpg_bench.players.naming import as_player
+from fpg_bench.players.registry import as_player
 
 ID = "FPG/AllyVsScripted-v0"
 OPPONENTS = ["tone", "narrowband", "broadband", "comb", "random", "sweep", "adaptive"]

@@ -18,23 +18,23 @@ from pathlib import Path
 
 from zoo_page import keep_curve, write_page
 
-from fpg_bench.checks import whole
-from fpg_bench.errors import UserError
+from fpg_bench.common.checks import whole
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
+from fpg_bench.common.ids import DUEL, sides_of
+from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.field import load_field
-from fpg_bench.evaluation.line import Line
 from fpg_bench.evaluation.play import play
-from fpg_bench.files import write_whole
-from fpg_bench.ids import DUEL, sides_of
+from fpg_bench.evaluation.record import Record
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.jobs.job import Job
 from fpg_bench.jobs.run import run_jobs
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.rows import RowFile
 from fpg_bench.training.config import GameOptions, RunConfig
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
-from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView, load_zoo
+from fpg_bench.training.zoo import Zoo, ZooAgent, ZooGroup, load_zoo
 
 _LOCK = "zoo.lock"
 _LOG = logging.getLogger("train_zoo")
@@ -76,17 +76,17 @@ def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, jobs: int = 2) -> l
 
 def run_folder(agent: ZooAgent, runs: Path) -> Path:
     """Return the folder of an agent's run; both sides of a duel share one."""
-    view = agent.view
-    name = view.name.replace(f"-{view.side}", "") if view.id == DUEL else view.name
+    group = agent.group
+    name = group.name.replace(f"-{group.side}", "") if group.id == DUEL else group.name
     return runs / name / agent.algorithm / f"seed_{agent.seed}"
 
 
 def run_config(agent: ZooAgent) -> RunConfig:
     """Return the run that trains an agent."""
-    view = agent.view
-    field = None if view.id == DUEL else view.fields[0]
-    game = GameOptions.parse(view.options, f"zoo: {view.name}: options")
-    return RunConfig(agent.algorithm, view.id, agent.seed, agent.steps, game=game, field=field)
+    group = agent.group
+    suite = None if group.id == DUEL else group.suites[0]
+    game = GameOptions.parse(group.options, f"zoo: {group.name}: options")
+    return RunConfig(agent.algorithm, group.id, agent.seed, agent.steps, game=game, suite=suite)
 
 
 def _ship_and_evaluate(zoo: Zoo, agents: Sequence[ZooAgent], run: Path, _: Path) -> None:
@@ -95,7 +95,7 @@ def _ship_and_evaluate(zoo: Zoo, agents: Sequence[ZooAgent], run: Path, _: Path)
         try:
             keep_curve(zoo, agent, run)
             ship(agent, run)
-            add_missing_lines(zoo, agent.view)
+            add_missing_records(zoo, agent.group)
             _LOG.info(f"{agent.name}: shipped")
         except UserError as error:
             _LOG.info(f"{agent.name}: failed: {error}")
@@ -107,9 +107,9 @@ def ship(agent: ZooAgent, run: Path) -> None:
     Raises:
         UserError: the agent is damaged, or of another budget or seed than the zoo's.
     """
-    folder = RunFolder(run).agent_of(agent.view.side, sides_of(agent.view.id))
+    folder = RunFolder(run).agent_of(agent.group.side, sides_of(agent.group.id))
     about = load_agent(folder).about
-    expected = {"id": agent.view.id, "training_steps": agent.steps, "training_seed": agent.seed}
+    expected = {"id": agent.group.id, "training_steps": agent.steps, "training_seed": agent.seed}
     for key, value in expected.items():
         if about[key] != value:
             raise UserError(f"run {run}: {key} is {about[key]!r}, the zoo asks for {value!r}; remove it")
@@ -127,26 +127,26 @@ def state(agent: ZooAgent, runs: Path) -> str:
     return "begun" if folder.description.is_file() else "missing"
 
 
-def add_missing_lines(zoo: Zoo, view: ZooView) -> list[Line]:
+def add_missing_records(zoo: Zoo, group: ZooGroup) -> list[Record]:
     """Evaluate a group's scripts and shipped agents on its suites where their records are missing.
 
     Returns:
         All records of the group.
     """
-    file, lines = zoo.score_file(view), []
-    entries = [player_entry(name) for name in SCRIPTED[view.side]]
-    entries += [agent.entry() for agent in zoo.members(view.name) if agent.shipped]
+    file, lines = zoo.score_file(group), []
+    entries = [player_entry(name) for name in SCRIPTED[group.side]]
+    entries += [agent.entry() for agent in zoo.members(group.name) if agent.shipped]
     with file.locked():
-        for field in map(load_field, view.fields):
-            known = zoo.read_lines(view, field)
-            done = {(line.entry, line.training_seed, line.counterpart) for line in known}
+        for suite in map(load_suite, group.suites):
+            known = zoo.read_records(group, suite)
+            done = {(line.entry, line.training_seed, line.rival) for line in known}
             for entry in entries:
                 key = (entry.name, entry.training_seed)
-                missing = [c for c in field.counterparts if (*key, c.name) not in done]
+                missing = [c for c in suite.rivals if (*key, c.name) not in done]
                 if missing:
                     seed = "" if entry.training_seed is None else f"/seed_{entry.training_seed}"
-                    _LOG.info(f"scoring {view.name}: {entry.name}{seed} against {field.name}")
-                played = [play(entry, field, counterpart) for counterpart in missing]
+                    _LOG.info(f"scoring {group.name}: {entry.name}{seed} against {suite.name}")
+                played = [play(entry, suite, rival) for rival in missing]
                 file.append(line.row() for line in played)
                 known += played
             lines += known
@@ -156,24 +156,24 @@ def add_missing_lines(zoo: Zoo, view: ZooView) -> list[Line]:
 def check_agent(zoo: Zoo, agent: ZooAgent) -> list[str]:
     """Evaluate a shipped agent again; returns the differences from its records."""
     entry, problems = agent.entry(), []
-    for field in map(load_field, agent.view.fields):
-        lines = [play(entry, field, counterpart) for counterpart in field.counterparts]
-        problems += differences(lines, zoo.read_lines(agent.view, field))
+    for suite in map(load_suite, agent.group.suites):
+        lines = [play(entry, suite, rival) for rival in suite.rivals]
+        problems += differences(lines, zoo.read_records(agent.group, suite))
     return problems
 
 
-def differences(played: Iterable[Line], kept: Iterable[Line]) -> list[str]:
+def differences(played: Iterable[Record], kept: Iterable[Record]) -> list[str]:
     """Return the differences of new records from the kept ones, one text per rival."""
-    before = {(line.entry, line.training_seed, line.counterpart): line for line in kept}
+    before = {(line.entry, line.training_seed, line.rival): line for line in kept}
     problems = []
     for line in played:
-        known = before.get((line.entry, line.training_seed, line.counterpart))
+        known = before.get((line.entry, line.training_seed, line.rival))
         if known is None:
-            problems.append(f"{line.field}, {line.counterpart}: no line")
+            problems.append(f"{line.suite}, {line.rival}: no line")
         elif line.returns != known.returns:
-            problems.append(f"{line.field}, {line.counterpart}: other returns")
+            problems.append(f"{line.suite}, {line.rival}: other returns")
         elif line.rounds_sha256 != known.rounds_sha256:
-            problems.append(f"{line.field}, {line.counterpart}: the same returns, but other rounds")
+            problems.append(f"{line.suite}, {line.rival}: the same returns, but other rounds")
     return problems
 
 
@@ -209,8 +209,8 @@ def main() -> int:
         return int(not check(zoo, options.only))
     if not options.tables:
         failed = train_zoo(zoo, options.runs, options.only, options.jobs)
-    for view in zoo.views:
-        add_missing_lines(zoo, view)
+    for group in zoo.groups:
+        add_missing_records(zoo, group)
     print(f"written: {write_page(zoo)}")
     return int(bool(failed))
 

@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.evaluation.field import Field, load_field
+from fpg_bench.common.files import write_whole
+from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.statistics import FEW_SEEDS, performance_profile, probability_of_improvement
+from fpg_bench.evaluation.suite import Suite, load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.evaluation.table import as_markdown, bounds, number
-from fpg_bench.files import write_whole
-from fpg_bench.pictures.canvas import blank_figure
-from fpg_bench.rows import Row, RowFile
+from fpg_bench.rendering.canvas import blank_figure
 from fpg_bench.training.run_folder import EVALUATIONS
-from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView
+from fpg_bench.training.zoo import Zoo, ZooAgent, ZooGroup
 
 PAGE, CURVES = "README.md", "curves.jsonl"
 PICTURES = ("curves", "profiles", "improvement")
@@ -38,12 +38,12 @@ _HEAD = f"""\
 Trained agents, ready to play. Each is a player by its name:
 `fpg_bench.load_agent("ally-scripted/ppo/seed_0")`. `fpg-bench zoo` lists all of them. `zoo.yml` says what is
 trained, `hyperparams/` has the hyper-parameters, `search/` how they were found, `agents/` the policies,
-`fields/` the suites, and `scores/` one record per training seed and rival. `python scripts/train_zoo.py`
+`suites/` the suites, and `scores/` one record per training seed and rival. `python scripts/train_zoo.py`
 repeats all of it, and goes on where it was stopped; `python scripts/train_zoo.py --check` evaluates every
 agent again and compares. This page and its pictures are made by `{COMMAND}`.
 
 A score is the mean over a suite's rivals of the return per step, on the scale of the track
-([measures](../docs/measures.md#fields-and-scores)). The first suite of a group is public: agents may be
+([measures](../docs/measures.md#suites-and-scores)). The first suite of a group is public: agents may be
 trained against its rivals. The rivals of a season suite were trained after the entries of that season had
 been closed. Intervals are 95 %, by Student's t: over training seeds, and for scripts over matches. † marks
 fewer than three training seeds. Time is that of training, on one core, without evaluations, at the speed of
@@ -77,18 +77,18 @@ class Curve:
 
 def keep_curve(zoo: Zoo, agent: ZooAgent, run: Path) -> None:
     """Keep the scores of a run's evaluations, in place of those of an earlier run of the agent."""
-    file, head = curve_file(zoo, agent.view), {"algorithm": agent.algorithm, "training_seed": agent.seed}
+    file, head = curve_file(zoo, agent.group), {"algorithm": agent.algorithm, "training_seed": agent.seed}
     rows = [row for row in file.read() if not head.items() <= row.items()]
     for row in RowFile(run / EVALUATIONS).read():
-        if row["side"] == agent.view.side:
+        if row["side"] == agent.group.side:
             score = round(row["score"], 2)
             rows.append({**head, "steps": row["steps"], "seconds": row["seconds"], "score": score})
     write_whole(file.path, "".join(json.dumps(row) + "\n" for row in rows))
 
 
-def curve_file(zoo: Zoo, view: ZooView) -> RowFile:
+def curve_file(zoo: Zoo, group: ZooGroup) -> RowFile:
     """Return the file of a group's learning curves."""
-    return RowFile(zoo.scores(view) / CURVES)
+    return RowFile(zoo.scores(group) / CURVES)
 
 
 def curves(rows: Iterable[Row], over: str) -> dict[str, Curve]:
@@ -127,45 +127,45 @@ def _mean_curve(seeds: list[np.ndarray]) -> Curve:
 def write_page(zoo: Zoo) -> Path:
     """Write the zoo's ``README.md`` and the pictures of all groups that have records; returns its path."""
     text = page(zoo)
-    for view in zoo.views:
-        public = _summaries(zoo, view)[0]
+    for group in zoo.groups:
+        public = _summaries(zoo, group)[0]
         if any(summary.trained for summary in public):
-            draw_pictures(zoo, view, public)
+            draw_pictures(zoo, group, public)
     write_whole(zoo.folder / PAGE, text)
     return zoo.folder / PAGE
 
 
 def page(zoo: Zoo) -> str:
     """Return the text of the page, from the records and agents of the zoo's folder."""
-    return "\n".join([_HEAD, *(_section(zoo, view) for view in zoo.views)])
+    return "\n".join([_HEAD, *(_section(zoo, group) for group in zoo.groups)])
 
 
-def _summaries(zoo: Zoo, view: ZooView) -> list[list[Summary]]:
+def _summaries(zoo: Zoo, group: ZooGroup) -> list[list[Summary]]:
     """Return the summaries of each of a group's suites, best first."""
-    return [summarise(zoo.read_lines(view, field), field) for field in map(load_field, view.fields)]
+    return [summarise(zoo.read_records(group, suite), suite) for suite in map(load_suite, group.suites)]
 
 
-def _section(zoo: Zoo, view: ZooView) -> str:
-    public, *others = _summaries(zoo, view)
-    head = [f"## {view.name}", "", _description(view, [load_field(name) for name in view.fields]), ""]
+def _section(zoo: Zoo, group: ZooGroup) -> str:
+    public, *others = _summaries(zoo, group)
+    head = [f"## {group.name}", "", _description(group, [load_suite(name) for name in group.suites]), ""]
     if not public:
         return "\n".join([*head, "Not trained yet.", ""])
-    body = [_table(zoo, view, public, others), ""]
+    body = [_table(zoo, group, public, others), ""]
     if any(summary.trained for summary in public):
         for name, caption in zip(PICTURES, _CAPTIONS, strict=True):
-            if name == PICTURES[0] and not curve_file(zoo, view).read():
+            if name == PICTURES[0] and not curve_file(zoo, group).read():
                 continue  # agents whose training was scored on another scale have no curves
-            body += [caption, "", f"![{name} of {view.name}](scores/{view.name}/{name}.svg)", ""]
+            body += [caption, "", f"![{name} of {group.name}](scores/{group.name}/{name}.svg)", ""]
     return "\n".join([*head, *body])
 
 
-def _description(view: ZooView, fields: Sequence[Field]) -> str:
-    options = "".join(f", {key} {_option(value)}" for key, value in view.options.items())
+def _description(group: ZooGroup, suites: Sequence[Suite]) -> str:
+    options = "".join(f", {key} {_option(value)}" for key, value in group.options.items())
     suites = "; ".join(
-        f"`{field.name}` ({field.hash[:12]}): {len(field.counterparts)} rivals, {field.matches} matches each"
-        for field in fields
+        f"`{suite.name}` ({suite.hash[:12]}): {len(suite.rivals)} rivals, {suite.matches} matches each"
+        for suite in suites
     )
-    return f"Trained on `{view.id}`{options}; evaluated on {suites}. {fields[0].scale.told.capitalize()}."
+    return f"Trained on `{group.id}`{options}; evaluated on {suites}. {suites[0].scale.told.capitalize()}."
 
 
 def _option(value: Any) -> str:
@@ -173,20 +173,20 @@ def _option(value: Any) -> str:
     return names[0] if len(names) == 1 else f"one of {', '.join(names)}"
 
 
-def _table(zoo: Zoo, view: ZooView, public: list[Summary], others: list[list[Summary]]) -> str:
+def _table(zoo: Zoo, group: ZooGroup, public: list[Summary], others: list[list[Summary]]) -> str:
     names = ["player", "seeds", "steps", "score", "95 % interval"]
-    for name in view.fields[1:]:
+    for name in group.suites[1:]:
         names += [f"on {name}", "95 % interval"]
     names += ["worst return per step", *(heading for heading, _ in _MEASURES), "time (min)"]
-    cells = [_cells(zoo, view, summary, others) for summary in public]
+    cells = [_cells(zoo, group, summary, others) for summary in public]
     return as_markdown(names, cells, "").rstrip() + "\n"
 
 
-def _cells(zoo: Zoo, view: ZooView, summary: Summary, others: list[list[Summary]]) -> list[str]:
+def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summary]]) -> list[str]:
     few = " †" if 0 < summary.training_seeds < FEW_SEEDS else ""
-    steps, minutes = _training(zoo, view, summary.entry) if summary.trained else ("-", "-")
+    steps, minutes = _training(zoo, group, summary.entry) if summary.trained else ("-", "-")
     elsewhere = [next((s for s in suite if s.entry == summary.entry), None) for suite in others]
-    lows = {f"{s.field.name}, {s.worst}": s.by_counterpart[s.worst].value for s in (summary, *elsewhere) if s}
+    lows = {f"{s.suite.name}, {s.worst}": s.by_rival[s.worst].value for s in (summary, *elsewhere) if s}
     worst = min(lows, key=lambda name: lows[name])
     scores = [("-", "-") if s is None else (number(s.score.value), bounds(s.score)) for s in elsewhere]
     return [
@@ -202,9 +202,9 @@ def _cells(zoo: Zoo, view: ZooView, summary: Summary, others: list[list[Summary]
     ]
 
 
-def _training(zoo: Zoo, view: ZooView, algorithm: str) -> tuple[str, str]:
+def _training(zoo: Zoo, group: ZooGroup, algorithm: str) -> tuple[str, str]:
     """Return an algorithm's training steps, and the minutes of its fastest training."""
-    abouts = [agent.about() for agent in zoo.members(f"{view.name}/{algorithm}") if agent.shipped]
+    abouts = [agent.about() for agent in zoo.members(f"{group.name}/{algorithm}") if agent.shipped]
     seconds = [about["seconds"] for about in abouts if "seconds" in about]
     steps = f"{np.mean([about['training_steps'] for about in abouts]) / 1e6:.3g}M"
     return steps, number(min(seconds) / 60 if seconds else None)
@@ -213,18 +213,18 @@ def _training(zoo: Zoo, view: ZooView, algorithm: str) -> tuple[str, str]:
 # Pictures
 
 
-def draw_pictures(zoo: Zoo, view: ZooView, summaries: Sequence[Summary]) -> None:
+def draw_pictures(zoo: Zoo, group: ZooGroup, summaries: Sequence[Summary]) -> None:
     """Draw a group's pictures of its public suite, beside its records."""
-    paths = [zoo.scores(view) / f"{name}.svg" for name in PICTURES]
+    paths = [zoo.scores(group) / f"{name}.svg" for name in PICTURES]
     best = next((summary for summary in summaries if not summary.trained), None)  # of the scripts
     scores = {s.entry: s.rewards.mean(axis=2) for s in summaries if s.trained or s is best}
     levels = {best.entry: best.score.value} if best else {}
-    looks = zip(_COLOURS, _DASHES, strict=True)
+    n_evals = zip(_COLOURS, _DASHES, strict=True)
     styles = {
         name: {"color": colour, "ls": dashes}
-        for name, (colour, dashes) in zip(view.steps, looks, strict=False)
+        for name, (colour, dashes) in zip(group.steps, n_evals, strict=False)
     }
-    if rows := curve_file(zoo, view).read():
+    if rows := curve_file(zoo, group).read():
         _draw_curves(rows, levels, styles, paths[0])
     _draw_profiles(scores, styles, paths[1])
     _draw_improvement(scores, styles, paths[2])

@@ -1,6 +1,6 @@
 """Pages of the docs, done in a folder as a reader would, in their order.
 
-A block of code whose first line is ``# NAME`` is a file, too. Commands play fields with few matches.
+A block of code whose first line is ``# NAME`` is a file, too. Commands play suites with few matches.
 """
 
 from __future__ import annotations
@@ -57,17 +57,17 @@ def small(text: str, verdicts: bool = False) -> str:
 
 
 def small_baselines(folder: Path) -> Path:
-    """A folder like ``baselines``: a third of each field's counterparts, few matches, agents of two seeds."""
+    """A folder like ``baselines``: a third of each suite's rivals, few matches, agents of two seeds."""
     whole = baselines_folder()
-    for path in (*whole.iterdir(), *whole.glob("fields/*"), *whole.glob("agents/*/*/seed_[01]")):
+    for path in (*whole.iterdir(), *whole.glob("suites/*"), *whole.glob("agents/*/*/seed_[01]")):
         target = folder / path.relative_to(whole)
         target.parent.mkdir(parents=True, exist_ok=True)
-        if path.match("fields/*.yml"):
-            field = yaml.safe_load(path.read_text())
-            field["matches"] = 1 if "rounds_per_match" in field else 2
-            field["counterparts"] = field["counterparts"][::3]
-            target.write_text(yaml.safe_dump(field))
-        elif path.name not in ("fields", "agents"):
+        if path.match("suites/*.yml"):
+            suite = yaml.safe_load(path.read_text())
+            suite["matches"] = 1 if "rounds_per_match" in suite else 2
+            suite["rivals"] = suite["rivals"][::3]
+            target.write_text(yaml.safe_dump(suite))
+        elif path.name not in ("suites", "agents"):
             target.symlink_to(path)
     return folder
 

@@ -26,7 +26,7 @@ HEAVY = (
     "fpg_bench.cli",
     "fpg_bench.evaluation.compare",
     "fpg_bench.leaderboard.verify",
-    "fpg_bench.reproduce.experiment",
+    "fpg_bench.paper.experiment",
     "fpg_bench.training.league",
     "cmaes",
     "matplotlib.pyplot",

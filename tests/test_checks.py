@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fpg_bench.checks import check_keys, flag, mapping, whole
-from fpg_bench.errors import UserError
+from fpg_bench.common.checks import check_keys, flag, mapping, whole
+from fpg_bench.common.errors import UserError
 
 
 @pytest.mark.parametrize("value", [1, 7, np.int64(3)])

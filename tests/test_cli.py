@@ -17,12 +17,12 @@ from fpg_bench import __version__
 from fpg_bench.cli import app
 from fpg_bench.cli import verbs as verbs_module
 from fpg_bench.cli.options import whole_number
+from fpg_bench.common.rows import RowFile
 from fpg_bench.game.compiling import cache_folder
 from fpg_bench.game.names import CHOSEN, OBSERVED, PATHS
 from fpg_bench.planning import PLANNERS
-from fpg_bench.players.agent import fields_folder
+from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.rows import RowFile
 from tests.programs import fpg, python
 
 TINY = """\
@@ -42,7 +42,7 @@ def test_help_names_every_verb_and_loads_nothing_heavy():
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert found.returncode == 0, found.stderr
-    for verb in ("envs", "play", "train", "evaluate", "table", "players", "fields"):
+    for verb in ("envs", "play", "train", "evaluate", "table", "players", "suites"):
         assert verb in found.stdout
 
 
@@ -77,14 +77,14 @@ def test_envs_lists_every_id_and_what_is_seen_and_chosen():
     for named in (OBSERVED, CHOSEN):
         for names in named.values():
             assert ", ".join(f"{k} {name}" for k, name in enumerate(names)) in words
-    for view_id in (
+    for env_id in (
         "AllyVsScripted",
         "AllyVsPlanner",
         "OpponentVsScripted",
         "AllyVsPolicy",
         "OpponentVsPolicy",
     ):
-        assert f"FPG/{view_id}-v0" in found.stdout
+        assert f"FPG/{env_id}-v0" in found.stdout
 
 
 @pytest.mark.process
@@ -98,10 +98,10 @@ def test_players_lists_all_that_can_be_named():
 
 
 @pytest.mark.process
-def test_fields_lists_each_with_its_counterparts():
-    found = fpg("fields")
+def test_fields_lists_each_with_its_rivals():
+    found = fpg("suites")
     assert found.returncode == 0, found.stderr
-    for path in fields_folder().glob("*.yml"):
+    for path in suites_folder().glob("*.yml"):
         assert f"{path.stem}: measures the " in found.stdout
     assert "adaptive/interceptor" in found.stdout
 
@@ -137,7 +137,7 @@ def test_train_evaluate_table(tmp_path):
     again = fpg(*words, folder=tmp_path)
     assert "finished before; nothing was trained" in again.stdout
     assert said in again.stdout
-    words = ("evaluate", "idle", "run/agent", "--field", "ally-v1", "--matches", 2, "--out", "results")
+    words = ("evaluate", "idle", "run/agent", "--suite", "ally-v1", "--matches", 2, "--out", "results")
     found = fpg(*words, folder=tmp_path)
     assert found.returncode == 0, found.stderr
     assert "idle" in found.stdout
@@ -145,7 +145,7 @@ def test_train_evaluate_table(tmp_path):
     again = fpg(*words, folder=tmp_path)
     assert again.stdout == found.stdout  # the same rows, nothing played again
     assert fpg("table", "results", folder=tmp_path).stdout == found.stdout
-    lines = (tmp_path / "results" / "lines.jsonl").read_text().splitlines()
+    lines = (tmp_path / "results" / "records.jsonl").read_text().splitlines()
     assert len(lines) == 2 * 10
 
 
@@ -154,7 +154,7 @@ def test_train_evaluate_table(tmp_path):
     ("words", "message"),
     [
         (("evaluate", "exprt"), "did you mean 'expert'"),
-        (("evaluate", "expert", "--field", "aly-v1"), "did you mean 'ally-v1'"),
+        (("evaluate", "expert", "--suite", "aly-v1"), "did you mean 'ally-v1'"),
         (("evaluate", "oracle"), "sees the full state"),
         (("evaluate", "no/such/agent"), "neither a shipped agent nor a folder"),
         (("evaluate", "expert", "--matches", "0"), "matches"),
@@ -223,13 +223,13 @@ def test_version():
 
 
 @pytest.mark.process
-def test_a_field_of_ones_own_needs_a_file_and_no_more(tmp_path):
+def test_a_suite_of_ones_own_needs_a_file_and_no_more(tmp_path):
     content = "side: opponent\nscenario: standard\nmatches: 3\ncounterparts: [{ally: idle, path: circle}]\n"
     (tmp_path / "mine.yml").write_text(content)
-    found = fpg("evaluate", "adaptive", "--field", "mine.yml", folder=tmp_path)
+    found = fpg("evaluate", "adaptive", "--suite", "mine.yml", folder=tmp_path)
     assert found.returncode == 0, found.stderr
     assert "score: the return a step" in " ".join(found.stdout.split())
-    assert (tmp_path / "results" / "lines.jsonl").exists()
+    assert (tmp_path / "results" / "records.jsonl").exists()
 
 
 @pytest.mark.process
@@ -278,12 +278,12 @@ def test_a_file_that_cannot_grow_is_one_line_and_keeps_what_it_holds(tmp_path):
     assert found.returncode == 1
     assert found.stderr.count("\n") == 1
     assert "File too large; what was finished is kept" in found.stderr
-    kept = RowFile(tmp_path / "results" / "lines.jsonl").read()
+    kept = RowFile(tmp_path / "results" / "records.jsonl").read()
     assert 1 <= len(kept) < 10
     assert subprocess.run(command, cwd=tmp_path, capture_output=True).returncode == 0
-    lines = RowFile(tmp_path / "results" / "lines.jsonl").read()
+    lines = RowFile(tmp_path / "results" / "records.jsonl").read()
     assert lines[: len(kept)] == kept
-    assert len({line["counterpart"] for line in lines}) == len(lines) == 10
+    assert len({line["rival"] for line in lines}) == len(lines) == 10
 
 
 def started(*words, folder):
@@ -361,7 +361,7 @@ def test_ctrl_c_while_training_saves_the_model(tmp_path):
 def test_ctrl_c_while_evaluating_keeps_finished_lines(tmp_path):
     words = ("evaluate", "all-scripted", "--matches", "500", "--out", "results")
     process = started(*words, folder=tmp_path)
-    lines = tmp_path / "results" / "lines.jsonl"
+    lines = tmp_path / "results" / "records.jsonl"
     deadline = time.monotonic() + 120
     while not (lines.exists() and lines.stat().st_size) and time.monotonic() < deadline:
         time.sleep(0.1)
@@ -370,4 +370,4 @@ def test_ctrl_c_while_evaluating_keeps_finished_lines(tmp_path):
     assert process.returncode == 130, error
     whole = RowFile(lines).read()
     assert len(whole[0]["returns"]) == 500
-    assert whole[0]["counterpart"] == "tone/pursuit"
+    assert whole[0]["rival"] == "tone/pursuit"

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from fpg_bench.ids import DUEL, VIEWS
+from fpg_bench.common.ids import DUEL, ENVS
 from fpg_bench.planning import LLM_CONTROLS
 from tests.pages import Reader, blocks, broken_links, small, small_baselines
 from tests.planning.llm.fault_server import FaultServer, answer
@@ -66,7 +66,7 @@ def test_every_page_has_its_place_in_the_site():
 def test_every_id_has_a_page_of_what_it_sees_and_does(tmp_path):
     reference_pages.write_pages(tmp_path, pictures=False)
     rules = (DOCS / "rules.md").read_text()
-    for view in VIEWS.values():
+    for view in ENVS.values():
         text = (tmp_path / f"{view.id.removeprefix('FPG/')}.md").read_text()
         assert f"`{view.other}`" in text
         for mark in re.findall(r':start-after: "(.*)"', text):

@@ -1,6 +1,6 @@
 import pytest
 
-from fpg_bench.errors import nearest
+from fpg_bench.common.errors import nearest
 
 KNOWN = ["ally/tone", "ally/comb", "random"]
 

@@ -56,13 +56,13 @@ class Case:
 CASES = {
     "envs": Case("envs"),
     "players": Case("players"),
-    "fields": Case("fields"),
+    "suites": Case("suites"),
     "zoo": Case("zoo", kept=150),
     "play": Case("play --ally expert-spread --opponent sweep --path circle --seed 4 --every 20"),
     "play-page": Case("play --scenario paper --seed 3 --out round.html", ("round.html",)),
-    "evaluate": Case("evaluate idle expert --field ally-v1 --matches 2 --out results", ("results/*.jsonl",)),
+    "evaluate": Case("evaluate idle expert --suite ally-v1 --matches 2 --out results", ("results/*.jsonl",)),
     "evaluate-opponent": Case(
-        "evaluate tone --field opponent-v1 --matches 1 --out opponents", ("opponents/*.jsonl",)
+        "evaluate tone --suite opponent-v1 --matches 1 --out opponents", ("opponents/*.jsonl",)
     ),
     "table": Case("table results --wide", ("-", "results/*.csv")),
     "plan-run": Case(
@@ -71,7 +71,7 @@ CASES = {
     ),
     "plan-replay": Case("plan replay match.jsonl", ()),  # its status: the match is identical
     "plan-compare": Case(
-        "plan compare circle pursuit --field planner-v1 --matches 1 --out comparison",
+        "plan compare circle pursuit --suite planner-v1 --matches 1 --out comparison",
         ("comparison/*.jsonl", "comparison/*.csv"),
     ),
     "train": Case(

@@ -169,7 +169,7 @@ def test_importing_the_package_loads_nothing_heavy():
 
 @pytest.mark.process
 def test_the_process_of_a_submitted_policy_loads_no_more_than_it_plays_with():
-    code = "import sys, fpg_bench.leaderboard.host_process; print(*sys.modules)"
+    code = "import sys, fpg_bench.leaderboard.policy_process; print(*sys.modules)"
     loaded = subprocess.check_output([sys.executable, "-c", code], text=True).split()
     assert set(loaded).isdisjoint({*HEAVY, "fpg_bench.leaderboard.submission", "fpg_bench.planning"})
 
@@ -178,9 +178,9 @@ def test_the_process_of_a_submitted_policy_loads_no_more_than_it_plays_with():
 def test_importing_the_package_registers_the_ids():
     code = "import fpg_bench, gymnasium; print(*(i for i in gymnasium.registry if i.startswith('FPG/')))"
     found = subprocess.check_output([sys.executable, "-c", code], text=True).split()
-    from fpg_bench.ids import VIEWS
+    from fpg_bench.common.ids import ENVS
 
-    assert set(found) == set(VIEWS)
+    assert set(found) == set(ENVS)
 
 
 @pytest.mark.parametrize("name", [spec.name for spec in dataclasses.fields(Scenario)])

@@ -3,9 +3,9 @@
 import hashlib
 import re
 
+from fpg_bench.common.ids import DUEL, ENVS
 from fpg_bench.game.scenario import PRESETS, preset
-from fpg_bench.ids import DUEL, VIEWS
-from fpg_bench.players.agent import fields_folder
+from fpg_bench.players.agent import suites_folder
 from fpg_bench.version import __version__
 from tests.programs import ROOT
 
@@ -46,7 +46,7 @@ def test_headings_of_the_changelog_are_the_usual_ones():
 
 
 def test_ids_stay():
-    assert {view.id: (view.side, view.other, view.path, view.planner) for view in VIEWS.values()} == IDS
+    assert {view.id: (view.side, view.other, view.path, view.planner) for view in ENVS.values()} == IDS
     assert DUEL == "FPG/duel_v0"
 
 
@@ -56,6 +56,6 @@ def test_presets_play_the_game_that_they_played():
 
 def test_a_closed_season_s_file_stays():
     """It names its agents by their hashes, so they stay, too."""
-    folder = fields_folder()
+    folder = suites_folder()
     found = {path.parent.name: path.read_bytes() for path in folder.glob("season-*/season.yml")}
     assert {name: hashlib.sha256(content).hexdigest() for name, content in found.items()} == SEASONS

@@ -3,8 +3,8 @@ import sys
 
 import pytest
 
-from fpg_bench.errors import UserError
-from fpg_bench.rows import RowFile
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import RowFile
 
 
 def test_rows_come_back_in_order(tmp_path):
@@ -28,8 +28,8 @@ def test_a_torn_last_line_is_dropped_and_cut_off(tmp_path, torn):
 OTHER = """
 import sys
 from pathlib import Path
-from fpg_bench.errors import UserError
-from fpg_bench.rows import RowFile
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import RowFile
 file = RowFile(Path(sys.argv[1]))
 try:
     with file.locked():

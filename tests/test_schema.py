@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
-from fpg_bench.errors import UserError
-from fpg_bench.schema import Expected, Items, NonNegativeInt, PositiveInt, Strict, parse
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.schema import Expected, Items, NonNegativeInt, PositiveInt, Strict, parse
 
 
 class Noise(Strict):

@@ -8,15 +8,15 @@ import gymnasium
 import numpy as np
 import pytest
 
-from fpg_bench.envs.multi_agent import parallel_env
-from fpg_bench.envs.single import SingleView
-from fpg_bench.errors import UserError
-from fpg_bench.game.arena import Arena
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.gymnasium_env import FPGEnv
+from fpg_bench.envs.pettingzoo_env import parallel_env
+from fpg_bench.evaluation.checkers import check_env, check_planner, check_player, check_scenario
+from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import PATHS
 from fpg_bench.game.scenario import preset
 from fpg_bench.planning import PATTERNS, Plan
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.testing import check_env, check_planner, check_player, check_scenario
 
 SCRIPTS = [(side, name) for side, names in SCRIPTED.items() for name in (*names, "oracle")]
 
@@ -295,25 +295,25 @@ def test_each_broken_planner_is_caught_by_its_own_message(kind, message):
     assert "\n" not in str(caught.value)
 
 
-def _nan_reward(arena):
-    arena.games["ally_reward"][0] = np.nan
+def _nan_reward(batch):
+    batch.games["ally_reward"][0] = np.nan
 
 
-def _wide_observation(arena):
-    arena.opponent_observations[0, 4] = 1.5
+def _wide_observation(batch):
+    batch.opponent_observations[0, 4] = 1.5
 
 
-def _early_end(arena):
-    arena.games["truncated"][arena.games["step"] == 7] = True
+def _early_end(batch):
+    batch.games["truncated"][batch.games["step"] == 7] = True
 
 
-def _batch_dependent(arena):
-    arena.ally_observations[:, 0] = 0.1 * arena.count
+def _batch_dependent(batch):
+    batch.ally_observations[:, 0] = 0.1 * batch.count
 
 
-def _drifting(arena, drift=np.zeros(())):  # noqa: B008
+def _drifting(batch, drift=np.zeros(())):  # noqa: B008
     drift += 1e-4
-    arena.ally_observations[:, 0] = drift
+    batch.ally_observations[:, 0] = drift
 
 
 @pytest.mark.parametrize(
@@ -327,30 +327,30 @@ def _drifting(arena, drift=np.zeros(())):  # noqa: B008
     ],
 )
 def test_each_fault_of_a_game_is_caught_by_its_own_message(monkeypatch, fault, message):
-    sound = Arena.step
+    sound = GameBatch.step
 
-    def step(arena, *actions):
-        sound(arena, *actions)
-        fault(arena)
+    def step(batch, *actions):
+        sound(batch, *actions)
+        fault(batch)
 
-    monkeypatch.setattr(Arena, "step", step)
+    monkeypatch.setattr(GameBatch, "step", step)
     with pytest.raises(AssertionError, match=message):
         check_scenario("standard")
 
 
-class Terminating(SingleView):
+class Terminating(FPGEnv):
     def step(self, action):
         observation, reward, _, over, info = super().step(action)
         return observation, reward, over, False, info
 
 
-class Mistaken(SingleView):
+class Mistaken(FPGEnv):
     def step(self, action):
         observation, reward, *rest = super().step(action)
         return observation, 2 * reward, *rest
 
 
-class Shifted(SingleView):
+class Shifted(FPGEnv):
     def reset(self, *, seed=None, options=None):
         return super().reset(seed=None, options=options)
 
@@ -361,17 +361,17 @@ ALLY = "FPG/AllyVsScripted-v0"
 
 @pytest.mark.parametrize(
     "env",
-    [gymnasium.make(ALLY, scenario=SHORT), SingleView("FPG/OpponentVsScripted-v0", scenario=SHORT)],
+    [gymnasium.make(ALLY, scenario=SHORT), FPGEnv("FPG/OpponentVsScripted-v0", scenario=SHORT)],
     ids=["wrapped", "bare"],
 )
 def test_environments_by_gymnasium_pass(env, capsys):
     check_env(env)
-    assert capsys.readouterr().out.endswith("SingleView: keeps to the contract of environments\n")
+    assert capsys.readouterr().out.endswith("FPGEnv: keeps to the contract of environments\n")
 
 
 def test_the_environment_by_pettingzoo_passes(capsys):
     check_env(parallel_env(scenario=SHORT))
-    assert capsys.readouterr().out.endswith("DuelView: keeps to the contract of environments\n")
+    assert capsys.readouterr().out.endswith("FPGParallelEnv: keeps to the contract of environments\n")
 
 
 @pytest.mark.parametrize(

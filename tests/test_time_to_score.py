@@ -15,7 +15,7 @@ import measure_time_to_score
 import taking_turns
 from measure_time_to_score import Setting, reached, seconds_to_pass
 
-LOOKS = [
+N_EVALS = [
     {"cpu_s": 0.0, "wall_s": 0.0, "return": -4.0},
     {"cpu_s": 2.0, "wall_s": 5.0, "return": 4.0},
     {"cpu_s": 4.0, "wall_s": 9.0, "return": 2.0},
@@ -23,15 +23,15 @@ LOOKS = [
 
 
 def test_the_bound_is_passed_between_two_looks():
-    assert seconds_to_pass(LOOKS, "return", 0.0, "cpu_s") == pytest.approx(1.0)
-    assert seconds_to_pass(LOOKS, "return", 0.0, "wall_s") == pytest.approx(2.5)
-    assert math.isnan(seconds_to_pass(LOOKS, "return", 4.1, "cpu_s"))
+    assert seconds_to_pass(N_EVALS, "return", 0.0, "cpu_s") == pytest.approx(1.0)
+    assert seconds_to_pass(N_EVALS, "return", 0.0, "wall_s") == pytest.approx(2.5)
+    assert math.isnan(seconds_to_pass(N_EVALS, "return", 4.1, "cpu_s"))
 
 
 def test_what_was_reached_is_a_mean_over_trainings_none_of_which_had_ended():
-    other = [row | {"return": row["return"] + 2} for row in LOOKS]
-    assert reached([LOOKS, other], "return", 3.0) == pytest.approx(4.0)
-    assert math.isnan(reached([LOOKS, other[:2]], "return", 3.0))
+    other = [row | {"return": row["return"] + 2} for row in N_EVALS]
+    assert reached([N_EVALS, other], "return", 3.0) == pytest.approx(4.0)
+    assert math.isnan(reached([N_EVALS, other[:2]], "return", 3.0))
 
 
 @pytest.mark.slow
@@ -96,4 +96,4 @@ def ends(*names):
     """The steps and weights with which trainings end."""
     makers = {name: partial(maker(name), 0, None) for name in names}
     found = taking_turns.train_together(makers, weights, 1e9, None)
-    return {name: {key: looks[-1][key] for key in ("steps", "seen")} for name, looks in found.items()}
+    return {name: {key: n_evals[-1][key] for key in ("steps", "seen")} for name, n_evals in found.items()}

@@ -16,7 +16,7 @@ import typer
 
 import fpg_bench
 from fpg_bench.cli import app
-from fpg_bench.matches.match import run_match
+from fpg_bench.evaluation.match import run_match
 from tests.environments import ROOT, environment, install_wheel, run
 
 pytestmark = pytest.mark.process
@@ -28,7 +28,7 @@ import gymnasium, pettingzoo
 import fpg_bench
 from gymnasium.utils.env_checker import check_env
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.testing import check_player
+from fpg_bench.evaluation.checkers import check_player
 
 assert pathlib.Path(fpg_bench.__file__).is_relative_to(sys.prefix), fpg_bench.__file__
 assert baselines_folder().is_relative_to(sys.prefix) and (baselines_folder() / "hyperparams/ppo.yml").exists()
@@ -146,7 +146,7 @@ EXTRAS = {
 PLAYS = (
     "envs",
     "players",
-    "fields",
+    "suites",
     "play --every 100",
     f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner cma-es --every 300",
     "play --out round.html",
@@ -176,7 +176,7 @@ def test_the_wheel_is_small_and_holds_the_agents(wheel):
     assert len(list((wheel / "fpg_bench" / "baselines").rglob("policy.onnx"))) > 50
 
 
-def lines_in(python, folder, lines):
+def records_in(python, folder, lines):
     """The status and the words of each line, run in an environment."""
     done = run(python, "-c", RUN, json.dumps(lines), cwd=folder)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -186,7 +186,7 @@ def lines_in(python, folder, lines):
 def check(python, folder, extra, base):
     """An extra's lines work, and those of extras that stand on ``base`` name what is missing; one program."""
     does, missing = [*extra.does, *extra.tries], missing_on(base)
-    found = lines_in(python, folder, [*does, *(line for line, _ in missing)])
+    found = records_in(python, folder, [*does, *(line for line, _ in missing)])
     for line, status, said in found[: len(does)]:
         assert status == 0 or (line in extra.tries and status == 2), (line, said)
         assert "not installed" not in said

@@ -12,41 +12,41 @@ from pathlib import Path
 import pytest
 
 from fpg_bench import make_sb3
-from fpg_bench.envs.sb3 import make_sb3_duel
-from fpg_bench.evaluation.field import load_field
+from fpg_bench.common.ids import DUEL
+from fpg_bench.envs.sb3_vec_env import make_sb3_duel
 from fpg_bench.evaluation.play import play
-from fpg_bench.ids import DUEL
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.league import load_recipes
-from fpg_bench.zoo.zoo import load_zoo
+from fpg_bench.training.zoo import load_zoo
 from tests.programs import fpg, python
-from tests.zoo.making import add_missing_lines, make_agent, make_zoo, page
+from tests.training.making import add_missing_records, make_agent, make_zoo, page
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = load_zoo()
 LARGEST_MB = 40
 TINY = """\
 seeds: [0, 1]
-views:
+groups:
   small:
     id: FPG/AllyVsScripted-v0
     options: {path: circle}
-    fields: [FIELD]
+    suites: [FIELD]
     steps: {td3: 5200}
   duel-ally:
     id: FPG/duel_v0
-    fields: [FIELD]
+    suites: [FIELD]
     steps: {maddpg: 48}
   duel-opponent:
     id: FPG/duel_v0
-    fields: [OTHER]
+    suites: [OTHER]
     steps: {maddpg: 48}
 """
 OTHER = """\
 side: opponent
 scenario: standard
 matches: 2
-counterparts:
+rivals:
   - {ally: idle, path: pursuit}
   - {ally: expert, path: pursuit}
 """
@@ -60,39 +60,39 @@ def shipped_agents():
     return [member.name for member in SHIPPED.members() if member.shipped]
 
 
-def first_returns(member, field, counterpart, matches=2):
+def first_returns(member, suite, rival, matches=2):
     """The returns of an agent's first matches."""
-    few = dataclasses.replace(field, matches=matches)
-    return play(member.entry(), few, counterpart).returns
+    few = dataclasses.replace(suite, matches=matches)
+    return play(member.entry(), few, rival).returns
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("view", SHIPPED.views, ids=lambda view: view.name)
+@pytest.mark.parametrize("view", SHIPPED.groups, ids=lambda view: view.name)
 def test_every_shipped_agent_plays_as_its_lines_say(view):
-    fields = [load_field(name) for name in view.fields]
-    lines_of = {field: SHIPPED.read_lines(view, field) for field in fields}
+    suites = [load_suite(name) for name in view.suites]
+    records_of = {suite: SHIPPED.read_records(view, suite) for suite in suites}
     for member in SHIPPED.members(view.name):
         if not member.shipped:
             continue
         about = load_agent(member.name).about
         assert (about["id"], about["training_seed"]) == (view.id, member.seed), member.name
         assert about["training_steps"] == member.steps, member.name
-        for field, lines in lines_of.items():
+        for suite, records in records_of.items():
             kept = {
-                line.counterpart: line
-                for line in lines
-                if (line.entry, line.training_seed) == (member.algorithm, member.seed)
+                record.rival: record
+                for record in records
+                if (record.entry, record.training_seed) == (member.algorithm, member.seed)
             }
-            counterpart = field.counterparts[-1]
-            returns = first_returns(member, field, counterpart, 1 if field.rounds_per_match > 1 else 2)
-            known = kept[counterpart.name].returns[: len(returns)]
-            assert returns == pytest.approx(known, abs=2e-3), (member.name, field.name)
+            rival = suite.rivals[-1]
+            returns = first_returns(member, suite, rival, 1 if suite.rounds_per_match > 1 else 2)
+            known = kept[rival.name].returns[: len(returns)]
+            assert returns == pytest.approx(known, abs=2e-3), (member.name, suite.name)
 
 
-@pytest.mark.parametrize("view", SHIPPED.views, ids=lambda view: view.name)
+@pytest.mark.parametrize("view", SHIPPED.groups, ids=lambda view: view.name)
 def test_shipped_views_can_be_played_and_measured(view):
-    fields = [load_field(name) for name in view.fields]
-    assert {field.side for field in fields} == {view.side}
+    suites = [load_suite(name) for name in view.suites]
+    assert {suite.side for suite in suites} == {view.side}
     if view.id == DUEL:
         games = make_sb3_duel(2, 0, **view.options)
         assert games.reset().shape == (2, 30)
@@ -124,13 +124,13 @@ def test_the_page_is_what_the_lines_give():
 def test_the_verb_lists_what_is_shipped():
     found = fpg("zoo")
     assert found.returncode == 0, found.stderr
-    names = [line.split()[0] for line in found.stdout.splitlines() if line.endswith("whole")]
+    names = [record.split()[0] for record in found.stdout.splitlines() if record.endswith("whole")]
     assert names == shipped_agents()
 
 
 def test_the_list_tells_scores_and_what_has_changed(tmp_path, monkeypatch, capsys):
     from fpg_bench.cli.zoo import zoo as verb
-    from fpg_bench.zoo import zoo as zoos
+    from fpg_bench.training import zoo as zoos
 
     zoo = make_zoo(tmp_path)
     monkeypatch.setattr(zoos, "load_zoo", lambda: zoo)
@@ -138,7 +138,7 @@ def test_the_list_tells_scores_and_what_has_changed(tmp_path, monkeypatch, capsy
     assert capsys.readouterr().out.startswith("no agents are shipped")
     scored, changed, _, unscored, *_ = zoo.members()
     make_agent(scored)
-    add_missing_lines(zoo, scored.view)
+    add_missing_records(zoo, scored.group)
     make_agent(changed)
     make_agent(unscored)
     (changed.folder / "policy.onnx").write_bytes(b"torn")
@@ -158,7 +158,7 @@ def tiny(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tiny")
     make_zoo(folder)
     (folder / "other-v1.yml").write_text(OTHER)
-    zoo = TINY.replace("FIELD", str(folder / "small-v1.yml")).replace("OTHER", str(folder / "other-v1.yml"))
+    zoo = TINY.replace("SUITE", str(folder / "small-v1.yml")).replace("OTHER", str(folder / "other-v1.yml"))
     (folder / "zoo.yml").write_text(zoo)
     found = script("--zoo", folder, "--runs", folder / "runs", "--jobs", 1, folder=folder)
     assert found.returncode == 0, found.stdout + found.stderr
@@ -169,18 +169,18 @@ def tiny(tmp_path_factory):
 def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
     found = script("--zoo", tiny, "--runs", tiny / "runs", "--list", folder=tiny)
     kinds = (("small/td3", "5,200"), ("duel-ally/maddpg", "48"), ("duel-opponent/maddpg", "48"))
-    assert [line.split() for line in found.stdout.splitlines()] == [
+    assert [record.split() for record in found.stdout.splitlines()] == [
         [f"{name}/seed_{k}", steps, "shipped"] for name, steps in kinds for k in (0, 1)
     ]
     zoo = load_zoo(tiny)
     assert (tiny / "README.md").read_text() == page(zoo)
     assert (tiny / "scores/small/curves.svg").is_file()
     for member in zoo.members():
-        field = load_field(member.view.fields[0])
-        assert load_agent(member.folder).about["side"] == member.view.side == field.side
-        lines = [x for x in zoo.read_lines(member.view, field) if x.training_seed == member.seed]
-        played = [first_returns(member, field, counterpart) for counterpart in field.counterparts]
-        assert played == [line.returns[:2] for line in lines]
+        suite = load_suite(member.group.suites[0])
+        assert load_agent(member.folder).about["side"] == member.group.side == suite.side
+        records = [x for x in zoo.read_records(member.group, suite) if x.training_seed == member.seed]
+        played = [first_returns(member, suite, rival) for rival in suite.rivals]
+        assert played == [record.returns[:2] for record in records]
 
 
 @pytest.mark.process
@@ -189,8 +189,8 @@ def test_the_script_checks(tiny, tmp_path):
     words = ("--zoo", tmp_path / "zoo", "--check", "--only", "small/td3/seed_1")
     found = script(*words, folder=tmp_path)
     assert (found.returncode, found.stdout) == (0, "small/td3/seed_1: as before\n")
-    lines = tmp_path / "zoo/scores/small/lines.jsonl"
-    lines.write_text(re.sub(r'("entry":"td3".*?"returns":)\[[^,]+', r"\1[0.5", lines.read_text()))
+    records = tmp_path / "zoo/scores/small/records.jsonl"
+    records.write_text(re.sub(r'("entry":"td3".*?"returns":)\[[^,]+', r"\1[0.5", records.read_text()))
     found = script(*words, folder=tmp_path)
     assert found.returncode == 1
     assert "small-v1, adaptive/pursuit: other returns; small-v1, sweep/circle: other returns" in found.stdout

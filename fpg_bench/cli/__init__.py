@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import typer
 
 from fpg_bench.cli import export, leaderboard, llm, plan, reproduce, season, selfplay, tune, verbs, zoo
-from fpg_bench.errors import UserError, printable
+from fpg_bench.common.errors import UserError, printable
 
 app = typer.Typer(
     help="Benchmark suite for the UAV frequency point game.",
@@ -29,9 +29,9 @@ for verb in (
     verbs.table,
     zoo.zoo,
     zoo.players,
-    zoo.fields,
+    zoo.suites,
     selfplay.selfplay,
-    selfplay.exploit,
+    selfplay.best_responses,
     tune.tune,
     tune.tune_report,
     tune.tune_write,

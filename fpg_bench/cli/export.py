@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 
 
 def export(
@@ -17,7 +17,7 @@ def export(
     out: Annotated[Path, typer.Option(help="the agent's folder, <submission>/seed_<k>")],
     side: Annotated[str | None, typer.Option(help="of a run that trained both: ally or opponent")] = None,
     algo: Annotated[str | None, typer.Option(help="of a zip: ppo, a2c, sac or td3")] = None,
-    view_id: Annotated[
+    env_id: Annotated[
         str, typer.Option("--id", help="of a zip: the environment id")
     ] = "FPG/AllyVsScripted-v0",
     seed: Annotated[
@@ -37,14 +37,14 @@ def export(
     if source.is_dir():
         difference = _from_run(source, out, side)
     else:
-        difference = _from_zip(source, out, algo, view_id, seed, not_normalized)
+        difference = _from_zip(source, out, algo, env_id, seed, not_normalized)
     told = "unknown" if difference is None else f"{difference:.2g}"
     typer.echo(f"agent: {out}\nlargest difference to predict: {told}")
 
 
 def _from_run(run: Path, out: Path, side: str | None) -> Any:
     """Copy the agent of a run's folder, which was compared when it was exported."""
-    from fpg_bench.files import write_whole
+    from fpg_bench.common.files import write_whole
     from fpg_bench.players.agent import load_agent
 
     agent = run / "agent" if (run / "agent").is_dir() else run
@@ -61,7 +61,7 @@ def _from_run(run: Path, out: Path, side: str | None) -> Any:
 
 
 def _from_zip(
-    path: Path, out: Path, algorithm: str | None, view_id: str, seed: int | None, not_normalized: bool
+    path: Path, out: Path, algorithm: str | None, env_id: str, seed: int | None, not_normalized: bool
 ) -> float:
     from fpg_bench.training.export import export_agent
     from fpg_bench.training.sb3_zip import INSTEAD, load_zip
@@ -79,7 +79,7 @@ def _from_zip(
         )
     training_seed = _seed(out, seed)
     return export_agent(
-        load_zip(path, algorithm, view_id), out, training_seed=training_seed, algorithm=algorithm
+        load_zip(path, algorithm, env_id), out, training_seed=training_seed, algorithm=algorithm
     )
 
 

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from fpg_bench.cli.options import AddressOption, BackendOption, JobsOption, say
-from fpg_bench.errors import UserError
-from fpg_bench.extras import need
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.extras import need
 
 submit = typer.Typer(help="Check and verify submissions to the leaderboard.", no_args_is_help=True)
 leaderboard = typer.Typer(help="Build and show the leaderboard's site.", no_args_is_help=True)
@@ -45,14 +45,14 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
     Example: fpg-bench submit check leaderboard/submissions/ally/my-agent
     """
     from fpg_bench.leaderboard.check import load_submission, notes, problems
-    from fpg_bench.leaderboard.tracks import KNOWN
-    from fpg_bench.leaderboard.trial import trial
+    from fpg_bench.leaderboard.smoke_test import trial
+    from fpg_bench.leaderboard.tracks import PUBLIC
 
     found = problems(folder)
     if not found:
         submission = load_submission(folder)
         for policy in submission.policies:
-            found += [f"seed_{policy.seed}: {line}" for line in trial(policy, submission.fields[KNOWN])]
+            found += [f"seed_{policy.seed}: {line}" for line in trial(policy, submission.suites[PUBLIC])]
         for line in notes(submission):
             say(f"{folder}: note: {line}")
     for line in found:
@@ -138,8 +138,8 @@ def crossplay(
 
     Example: fpg-bench submit crossplay
     """
+    from fpg_bench.leaderboard.changed_entries import pairs_at
     from fpg_bench.leaderboard.crossplay import check_pairs, play_missing
-    from fpg_bench.leaderboard.since import pairs_at
 
     trusted = None if since is None else pairs_at(folder, since)
     if check is None:

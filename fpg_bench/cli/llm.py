@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.options import say
-from fpg_bench.extras import need
+from fpg_bench.common.extras import need
 
 app = typer.Typer(help="A small language model on this machine, for the planner llm.")
 

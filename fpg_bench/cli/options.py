@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.errors import printable
+from fpg_bench.common.errors import printable
 
 
 def whole_number(text: str) -> int:
@@ -35,7 +35,7 @@ def steps_option(help: str) -> Any:
 _PLAYER = "a script, a shipped agent, an agent's folder or package.module:object (fpg-bench players)"
 PlayerOption = Annotated[str, typer.Option(help=_PLAYER)]
 PlayersOption = Annotated[
-    str | None, typer.Option(help=f"against whom: {_PLAYER}, or field:NAME; several, separated by commas")
+    str | None, typer.Option(help=f"against whom: {_PLAYER}, or suite:NAME; several, separated by commas")
 ]
 ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper, figures or a YAML file")]
 PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]

@@ -22,11 +22,11 @@ from fpg_bench.cli.options import (
     llm_options,
 )
 from fpg_bench.cli.watching import watched
-from fpg_bench.errors import UserError, printable
-from fpg_bench.extras import need
+from fpg_bench.common.errors import UserError, printable
+from fpg_bench.common.extras import need
 
 if TYPE_CHECKING:
-    from fpg_bench.matches.match import Round
+    from fpg_bench.evaluation.match import Round
 
 DRAW_EVERY_S = 5.0  # drawing takes about a second, many planners less
 
@@ -62,8 +62,8 @@ def run(
     Example: fpg-bench plan run --planner interceptor --ally expert --rounds 10
     """
     need("video", "matplotlib")
-    from fpg_bench.matches.match import run_match
-    from fpg_bench.matches.match_picture import draw_match, write_match_replay
+    from fpg_bench.evaluation.match import run_match
+    from fpg_bench.evaluation.match_picture import draw_match, write_match_replay
 
     told: dict[str, Any] = {"prompt": prompt, "control": control, "server": server}
     told |= {"temperature": temperature, "sampling_seed": sampling_seed}
@@ -116,7 +116,7 @@ def replay(
 
     Example: fpg-bench plan replay runs/plan/interceptor-expert-0/match.jsonl
     """
-    from fpg_bench.matches.match import replay_match
+    from fpg_bench.evaluation.match import replay_match
 
     match, played = replay_match(file, allow=allow or ())
     _print_table(played, f"{match.planner} against {match.ally}, seed {match.seed}")
@@ -164,9 +164,9 @@ def compare(
             "all (as if none is named): those that ask no language model"
         ),
     ] = None,
-    field: Annotated[str, typer.Option(help="a field's name or YAML file")] = "planner-v1",
+    suite: Annotated[str, typer.Option(help="a suite's name or YAML file")] = "planner-v1",
     out: Annotated[Path, typer.Option(help="the results folder")] = Path("comparison"),
-    matches: Annotated[int | None, typer.Option(help="matches per ally; default: the field's")] = None,
+    matches: Annotated[int | None, typer.Option(help="matches per ally; default: the suite's")] = None,
     transcripts: Annotated[
         Path | None, typer.Option(help="a folder of language models' transcripts: one more planner each")
     ] = None,
@@ -181,7 +181,7 @@ def compare(
     wide: WideOption = False,
     concurrency: Annotated[int | None, typer.Option(min=1, help="llm: calls under way at once")] = None,
 ) -> None:
-    """Compare planners by a field of allies; what is in the folder already is not played again.
+    """Compare planners by a suite of allies; what is in the folder already is not played again.
 
     Example: fpg-bench plan compare circle hill-climb interceptor --matches 10 --out results/planners
     """
@@ -194,7 +194,7 @@ def compare(
     with shown_progress() as show:
         compare_planners(
             planners or ["all"],
-            field,
+            suite,
             out,
             matches=matches,
             transcripts=transcripts,
@@ -213,7 +213,7 @@ def _targets(out: Path | None, name: str) -> tuple[Path, Path, Path]:
 
 
 def _print_talk(played: Round) -> None:
-    from fpg_bench.matches.match_picture import said_in
+    from fpg_bench.evaluation.match_picture import said_in
 
     for attempt in played.talk:
         for who, text in said_in(attempt):

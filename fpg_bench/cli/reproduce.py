@@ -34,8 +34,8 @@ def reproduce(
 
     Example: fpg-bench reproduce fig7 --budget quick --out reproduced
     """
-    from fpg_bench.reproduce.reproduce import reproduce as run
-    from fpg_bench.reproduce.screen_report import reproduce_screen
+    from fpg_bench.paper.reproduce import reproduce as run
+    from fpg_bench.paper.screen_report import reproduce_screen
 
     if target == "screen":  # of all readings; nobody learns
         for path in reproduce_screen(out, budget, workers=jobs, backend=backend, address=address, say=say):

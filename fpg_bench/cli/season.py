@@ -1,4 +1,4 @@
-"""The verbs of ``fpg-bench season``: fields that are trained once all entries are in."""
+"""The verbs of ``fpg-bench season``: suites that are trained once all entries are in."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fpg_bench.cli.options import AddressOption, BackendOption, JobsOption, say
 
 app = typer.Typer(help="Close a season, show it, check how it was made.", no_args_is_help=True)
 BoardOption = Annotated[Path, typer.Option(help="the leaderboard's folder")]
-NameArgument = Annotated[str, typer.Argument(help="a shipped field (season-1), or its folder")]
+NameArgument = Annotated[str, typer.Argument(help="a shipped suite (season-1), or its folder")]
 
 
 @app.command()
@@ -19,7 +19,7 @@ def close(
     name: Annotated[str, typer.Argument(help="the season's number, or what a training population is called")],
     work: Annotated[Path, typer.Option(help="a folder for the candidates; a stopped closing goes on there")],
     out: Annotated[
-        Path | None, typer.Option(help="the field's folder; default: baselines/fields/<name>")
+        Path | None, typer.Option(help="the suite's folder; default: baselines/suites/<name>")
     ] = None,
     board: BoardOption = Path("leaderboard"),
     side: Annotated[str | None, typer.Option(help="train candidates of one side only now")] = None,
@@ -31,18 +31,18 @@ def close(
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Close a season: train candidates from a seed that the entries make, and choose the field from them.
+    """Close a season: train candidates from a seed that the entries make, and choose the suite from them.
 
     Example: fpg-bench season close 2 --work runs/season-2
     """
+    from fpg_bench.leaderboard.close_season import CANDIDATES, SIZE, close_season, make_closing
     from fpg_bench.players.agent import baselines_folder
     from fpg_bench.players.player import SIDES
-    from fpg_bench.seasons.close_season import CANDIDATES, SIZE, close_season, make_closing
 
     closing = make_closing(name, board, work, candidates or CANDIDATES, size or SIZE)
     season = close_season(
         closing,
-        out or baselines_folder() / "fields" / closing.name,
+        out or baselines_folder() / "suites" / closing.name,
         SIDES if side is None else [side],
         workers=jobs,
         backend=backend,
@@ -59,7 +59,7 @@ def show(name: NameArgument, board: BoardOption = Path("leaderboard")) -> None:
 
     Example: fpg-bench season show season-1
     """
-    from fpg_bench.seasons.audit_season import describe_season
+    from fpg_bench.leaderboard.audit_season import describe_season
 
     for line in describe_season(name, board):
         say(line)
@@ -80,8 +80,8 @@ def audit(
 
     Example: fpg-bench season audit season-1 --work runs/audit
     """
-    from fpg_bench.seasons.audit_season import audit_season
-    from fpg_bench.seasons.season import load_season, read_entries
+    from fpg_bench.leaderboard.audit_season import audit_season
+    from fpg_bench.leaderboard.season import load_season, read_entries
 
     season = load_season(name)
     for audited in audit_season(season, read_entries(board), work, member, count, workers=jobs, say=say):

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.options import PathOption, ScenarioOption, listed, say, steps_option, whole_number
-from fpg_bench.rows import Row
+from fpg_bench.common.rows import Row
 
 HyperparamsOption = Annotated[Path | None, typer.Option(help="a YAML file of your own")]
 
@@ -23,7 +23,7 @@ def selfplay(
     ] = 5,
     seed: Annotated[int, typer.Option(min=0, help="decides who is drawn from the past, and the matches")] = 0,
     hyperparams: HyperparamsOption = None,
-    evaluations: Annotated[int, typer.Option(min=0, help="a generation's scores on its field; 0: none")] = 1,
+    evaluations: Annotated[int, typer.Option(min=0, help="a generation's scores on its suite; 0: none")] = 1,
     scenario: ScenarioOption = None,
     path: PathOption = None,
     knowledge: Annotated[str | None, typer.Option(help="expert, none or a YAML file")] = None,
@@ -52,7 +52,7 @@ def selfplay(
     say(f"agents: {agents['ally']}, {agents['opponent']}")
 
 
-def exploit(
+def best_responses(
     agent: Annotated[
         str, typer.Argument(help="a shipped agent, an agent folder, a script, or package.module:object")
     ],
@@ -74,13 +74,13 @@ def exploit(
     path: PathOption = None,
     reward: Annotated[
         str, typer.Option(help="against: to lower the player's return; own: to raise the response's")
-    ] = "against",
+    ] = "zero_sum",
 ) -> None:
     """Train best responses against a player as it is, and say what it earns against them.
 
     Example: fpg-bench exploit runs/ppo_0/agent --steps 500000 --out runs/exploited
     """
-    from fpg_bench.training.league import exploit as respond
+    from fpg_bench.training.league import best_responses as respond
     from fpg_bench.training.league import response_label
 
     row = respond(
@@ -103,7 +103,7 @@ def exploit(
     met = scripts[strongest]
     say(f"strongest script, {strongest}: {met['return']:.2f} a step, jammed {_percent(met)}")
     say(f"{agent}: lowest {row['lowest']['return']:.2f} a step, against {row['lowest']['against']}")
-    if row["lowest"]["against"] == strongest:
+    if row["lowest"]["zero_sum"] == strongest:
         say(f"{strongest} takes more than these responses: they are no best ones yet; give more --steps")
 
 

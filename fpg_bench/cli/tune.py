@@ -20,7 +20,7 @@ from fpg_bench.cli.options import (
     say,
     steps_option,
 )
-from fpg_bench.extras import need
+from fpg_bench.common.extras import need
 
 Folder = Annotated[Path, typer.Argument(help="the study's folder")]
 StorageOption = Annotated[
@@ -33,15 +33,15 @@ PatienceOption = Annotated[float, typer.Option(min=0, help="seconds to wait for 
 
 def tune(
     algorithm: Annotated[str, typer.Argument(help="as for train")],
-    view_id: Annotated[str, typer.Argument(metavar="ID", help="FPG/AllyVsScripted-v0 and the like")],
+    env_id: Annotated[str, typer.Argument(metavar="ID", help="FPG/AllyVsScripted-v0 and the like")],
     out: Annotated[Path, typer.Option(help="the study's folder")],
     trials: Annotated[int, typer.Option(min=1, help="finished trials, of all workers together")] = 20,
     seeds: Annotated[int, typer.Option(min=1, help="training seeds of a trial")] = 2,
     steps: Annotated[int | None, steps_option("budget of a seed; default: half of the file's")] = None,
     space: Annotated[Path | None, typer.Option(help="a search space of your own, YAML")] = None,
     hyperparams: Annotated[Path | None, typer.Option(help="a YAML file of your own")] = None,
-    field: Annotated[str | None, typer.Option(help="what scores a policy; default: the id's")] = None,
-    rounds: Annotated[int, typer.Option(min=1, help="rounds per counterpart")] = 100,
+    suite: Annotated[str | None, typer.Option(help="what scores a policy; default: the id's")] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="rounds per rival")] = 100,
     storage: StorageOption = None,
     name: NameOption = None,
     lost: LostOption = None,
@@ -67,14 +67,14 @@ def tune(
         tune_run = tuning.tune
     tune_run(
         algorithm,
-        view_id,
+        env_id,
         out,
         trials=trials,
         seeds=seeds,
         steps=steps,
         space=space,
         hyperparams=hyperparams,
-        field=field,
+        suite=suite,
         rounds=rounds,
         storage=storage,
         name=name,
@@ -116,7 +116,7 @@ def tune_write(
     Example: fpg-bench tune-write runs/tune my_ppo.yml
     """
     need("tune", "optuna", "plotly")
-    from fpg_bench.errors import UserError
+    from fpg_bench.common.errors import UserError
     from fpg_bench.training.tuning.confirm import confirm
     from fpg_bench.training.tuning.write import check_file, shown, write_values
 
@@ -138,4 +138,4 @@ def tune_write(
     if not found:
         raise UserError(f"{out}: no trial was trained on all its fresh seeds; see the lines above")
     write_values(file, found[0])
-    say(f"written: {file}, {found[0].task.view_id}")
+    say(f"written: {file}, {found[0].task.env_id}")

@@ -32,7 +32,7 @@ from fpg_bench.cli.options import (
     say,
     steps_option,
 )
-from fpg_bench.errors import UserError, printable
+from fpg_bench.common.errors import UserError, printable
 
 if TYPE_CHECKING:
     from fpg_bench.training.run_folder import RunFolder
@@ -53,7 +53,7 @@ def play(
 
     Example: fpg-bench play --ally expert-spread --opponent adaptive --seed 12
     """
-    from fpg_bench.matches.watching import watch
+    from fpg_bench.evaluation.watching import watch
 
     watch(
         ally,
@@ -75,7 +75,7 @@ def train(
             help="ppo, ppo-fast, ppo-stack8, recurrent-ppo, sac, td3, maddpg, or package.module:Class"
         ),
     ],
-    view_id: Annotated[str, typer.Argument(metavar="ID", help="FPG/AllyVsScripted-v0 and the like")],
+    env_id: Annotated[str, typer.Argument(metavar="ID", help="FPG/AllyVsScripted-v0 and the like")],
     out: Annotated[Path, typer.Option(help="the run's folder")],
     resume: Annotated[bool, typer.Option("--resume", help="go on with an unfinished run")] = False,
     restart: Annotated[bool, typer.Option("--restart", help="begin an unfinished run again")] = False,
@@ -90,8 +90,8 @@ def train(
         int | None, steps_option("budget, 2e6 for instance; default: the hyper-parameter file's")
     ] = None,
     hyperparams: Annotated[Path | None, typer.Option(help="a YAML file of your own")] = None,
-    field: Annotated[
-        str | None, typer.Option(help="what scores the policy on the way; default: the id's field")
+    suite: Annotated[
+        str | None, typer.Option(help="what scores the policy on the way; default: the id's suite")
     ] = None,
     evaluations: Annotated[int, typer.Option(min=0, help="how many times; 0: never")] = 20,
     against: Annotated[str | None, typer.Option(help="as --opponent or --ally, whichever side it is")] = None,
@@ -140,12 +140,12 @@ def train(
     llm = llm_options(deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds)
     config = RunConfig(
         algorithm,
-        view_id,
+        env_id,
         seed or 0,
         steps,
         hyperparams,
         game,
-        field=field,
+        suite=suite,
         against=listed(against),
         start=start,
         transcript=transcript,
@@ -200,29 +200,29 @@ def evaluate(
     players: Annotated[
         list[str], typer.Argument(help="scripts, agent folders, shipped agents, or all-scripted")
     ],
-    field: Annotated[str, typer.Option(help="a field's name or YAML file")] = "ally-v1",
+    suite: Annotated[str, typer.Option(help="a suite's name or YAML file")] = "ally-v1",
     out: Annotated[Path, typer.Option(help="the results folder")] = Path("results"),
-    matches: Annotated[int | None, typer.Option(help="matches per counterpart; default: the field's")] = None,
+    matches: Annotated[int | None, typer.Option(help="matches per rival; default: the suite's")] = None,
     name: Annotated[str | None, typer.Option(help="what the table calls the agents named")] = None,
     wide: WideOption = False,
     jobs: JobsOption = 1,
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Play players against a field; what is in the folder already is not played again.
+    """Play players against a suite; what is in the folder already is not played again.
 
-    Example: fpg-bench evaluate runs/ppo_0/agent all-scripted --field ally-v1 --out results/mine
+    Example: fpg-bench evaluate runs/ppo_0/agent all-scripted --suite ally-v1 --out results/mine
     """
     from fpg_bench.evaluation.evaluate import evaluate as evaluate_players
 
     with shown_progress() as show:
         evaluate_players(
             players,
-            field,
+            suite,
             out,
             matches=matches,
             name=name,
-            progress=lambda entry, counterpart, rounds: show(f"{entry.name} - {counterpart.name}"),
+            progress=lambda entry, rival, rounds: show(f"{entry.name} - {rival.name}"),
             jobs=jobs,
             backend=backend,
             address=address,
@@ -239,11 +239,11 @@ def table(folder: Annotated[Path, typer.Argument(help="a results folder")], wide
     from fpg_bench.evaluation import table as tables
     from fpg_bench.evaluation.evaluate import read_results
 
-    summaries, field = read_results(folder)
-    tables.write_table(summaries, field, folder)
+    summaries, suite = read_results(folder)
+    tables.write_table(summaries, suite, folder)
     width = None if wide else terminal_width()
-    head, *lines = tables.lines_of_table(summaries, field, width)
-    print_table(head, lines, tables.caption(field))
+    head, *lines = tables.lines_of_table(summaries, suite, width)
+    print_table(head, lines, tables.caption(suite))
     typer.echo(f"written: {folder}/table.md, table.csv, table.png")
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
-    from fpg_bench.matches.match import Round
+    from fpg_bench.evaluation.match import Round
 
 _MOVES_S = 0.5
 _TOLD_S = 10.0  # where there is no terminal

@@ -1,4 +1,4 @@
-"""What there is to name: ``fpg-bench envs``, ``zoo`` (the shipped agents), ``players`` and ``fields``."""
+"""What there is to name: ``fpg-bench envs``, ``zoo`` (the shipped agents), ``players`` and ``suites``."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import typer
 
 from fpg_bench.cli.options import name_all
-from fpg_bench.extras import need
+from fpg_bench.common.extras import need
 
 if TYPE_CHECKING:
-    from fpg_bench.evaluation.field import Field
-    from fpg_bench.zoo.zoo import Zoo, ZooAgent, ZooView
+    from fpg_bench.evaluation.suite import Suite
+    from fpg_bench.training.zoo import Zoo, ZooAgent, ZooGroup
 
 
 def envs() -> None:
@@ -20,16 +20,16 @@ def envs() -> None:
 
     Example: fpg-bench envs
     """
+    from fpg_bench.common.ids import ENVS
     from fpg_bench.game.names import CHOSEN, OBSERVED
-    from fpg_bench.ids import VIEWS
     from fpg_bench.players.player import SIDES
 
-    for view in VIEWS.values():
-        flown = f"planned by {view.planner}" if view.planner else view.path
-        typer.echo(f"{view.id}\n    {view.about}")
+    for group in ENVS.values():
+        flown = f"planned by {group.planner}" if group.planner else group.path
+        typer.echo(f"{group.id}\n    {group.about}")
         typer.echo(
-            f"    you play: {view.side}; {view.other_side}: {view.other}; opponent's path: {flown}; "
-            f"rounds a match: {view.rounds_per_match}"
+            f"    you play: {group.side}; {group.other_side}: {group.other}; opponent's path: {flown}; "
+            f"rounds a match: {group.rounds_per_match}"
         )
     typer.echo("Both sides at once: fpg_bench.make_duel(n), and FPG/duel_v0 in PettingZoo's registry.")
     typer.echo("A round: 300 steps of 1 s. All numbers lie in [-1, 1]; docs/rules.md has their scales.")
@@ -44,7 +44,7 @@ def zoo() -> None:
     Example: fpg-bench zoo
     """
     need("evaluate", "scipy")
-    from fpg_bench.zoo.zoo import load_zoo
+    from fpg_bench.training.zoo import load_zoo
 
     shipped = load_zoo()
     members = [member for member in shipped.members() if member.shipped]
@@ -52,22 +52,22 @@ def zoo() -> None:
         typer.echo("no agents are shipped; python scripts/train_zoo.py trains them")
         return
     typer.echo(f"{'agent':36} {'steps':>12} {'score':>7}  policy")
-    for view in shipped.views:
-        scores = _scores(shipped, view)
+    for group in shipped.groups:
+        scores = _scores(shipped, group)
         for member in members:
-            if member.view == view:
+            if member.group == group:
                 typer.echo(_line(member, scores.get((member.algorithm, member.seed))))
     size = sum(file.stat().st_size for member in members for file in member.folder.iterdir())
-    typer.echo(f"{len(members)} agents, {size / 1e6:.1f} MB; scores over the first field of its view")
+    typer.echo(f"{len(members)} agents, {size / 1e6:.1f} MB; scores over the first suite of its view")
 
 
-def _scores(shipped: Zoo, view: ZooView) -> dict[tuple[str, int | None], float]:
-    """The score of each agent of a view over its public field, by algorithm and seed."""
-    from fpg_bench.evaluation.field import load_field
+def _scores(shipped: Zoo, group: ZooGroup) -> dict[tuple[str, int | None], float]:
+    """The score of each agent of a view over its public suite, by algorithm and seed."""
+    from fpg_bench.evaluation.suite import load_suite
     from fpg_bench.evaluation.summary import summarise
 
-    field = load_field(view.fields[0])
-    summaries = summarise(shipped.read_lines(view, field), field)
+    suite = load_suite(group.suites[0])
+    summaries = summarise(shipped.read_records(group, suite), suite)
     return {(s.entry, seed): score for s in summaries for seed, score in s.seed_scores().items()}
 
 
@@ -85,46 +85,46 @@ def players() -> None:
     from fpg_bench.game.names import PATHS
     from fpg_bench.players.player import SIDES
     from fpg_bench.players.scripted import SCRIPTED
-    from fpg_bench.zoo.zoo import load_zoo
+    from fpg_bench.training.zoo import load_zoo
 
     members = [member for member in load_zoo().members() if member.shipped]
     for side in SIDES:
         name_all(f"scripts, {side}", SCRIPTED[side])
-        name_all(f"agents, {side}", _agents(member for member in members if member.view.side == side))
+        name_all(f"agents, {side}", _agents(member for member in members if member.group.side == side))
         name_all(f"populations, {side}", _populations(side))
-    name_all("either side", ["oracle: sees the full state, so it stands in no field"])
+    name_all("either side", ["oracle: sees the full state, so it stands in no suite"])
     for tier, names in _planners().items():
         name_all(f"planners, tier {tier}", names)
     name_all("paths", PATHS)
     typer.echo("Your own: an agent's folder, or package.module:object. All agents' scores: fpg-bench zoo")
 
 
-def fields() -> None:
-    """List the fields: who is measured against whom.
+def suites() -> None:
+    """List the suites: who is measured against whom.
 
-    Example: fpg-bench fields
+    Example: fpg-bench suites
     """
-    from fpg_bench.evaluation.field import load_field
-    from fpg_bench.players.agent import fields_folder
+    from fpg_bench.evaluation.suite import load_suite
+    from fpg_bench.players.agent import suites_folder
 
-    for path in sorted(fields_folder().glob("*.yml")):
-        field = load_field(path.stem)
-        typer.echo(f"{field.name}: {_described(field)}")
-        name_all("", [counterpart.name for counterpart in field.counterparts])
+    for path in sorted(suites_folder().glob("*.yml")):
+        suite = load_suite(path.stem)
+        typer.echo(f"{suite.name}: {_described(suite)}")
+        name_all("", [rival.name for rival in suite.rivals])
     typer.echo("Your own: a YAML file of the same form, see docs/measures.md")
 
 
-def _described(field: Field) -> str:
-    rounds = f" of {field.rounds_per_match} rounds" if field.rounds_per_match > 1 else ""
-    met = f"{field.matches} matches{rounds} per counterpart"
-    return f"measures the {field.side}, {met}\n    {field.scale.told}"
+def _described(suite: Suite) -> str:
+    rounds = f" of {suite.rounds_per_match} rounds" if suite.rounds_per_match > 1 else ""
+    met = f"{suite.matches} matches{rounds} per rival"
+    return f"measures the {suite.side}, {met}\n    {suite.scale.told}"
 
 
 def _agents(members: Iterable[ZooAgent]) -> list[str]:
     """The agents' names, training seeds together."""
     seeds: dict[str, list[str]] = {}
     for member in members:
-        seeds.setdefault(f"{member.view.name}/{member.algorithm}", []).append(str(member.seed))
+        seeds.setdefault(f"{member.group.name}/{member.algorithm}", []).append(str(member.seed))
     return [
         f"{name}/seed_{{{','.join(of)}}}" if len(of) > 1 else f"{name}/seed_{of[0]}"
         for name, of in seeds.items()
@@ -132,11 +132,11 @@ def _agents(members: Iterable[ZooAgent]) -> list[str]:
 
 
 def _populations(side: str) -> list[str]:
-    """The fields whose agents ``field:NAME`` draws from."""
-    from fpg_bench.players.agent import fields_folder
+    """The suites whose agents ``suite:NAME`` draws from."""
+    from fpg_bench.players.agent import suites_folder
 
-    folders = {path.parents[2].name for path in fields_folder().glob(f"*/{side}/*/agent.json")}
-    return [f"field:{name}" for name in sorted(folders)]
+    folders = {path.parents[2].name for path in suites_folder().glob(f"*/{side}/*/agent.json")}
+    return [f"suite:{name}" for name in sorted(folders)]
 
 
 def _planners() -> dict[str, list[str]]:

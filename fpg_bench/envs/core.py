@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from fpg_bench.envs.duel import Duel, make_duel
-from fpg_bench.errors import UnknownOptionError, UserError, nearest
-from fpg_bench.game.arena import ActionError, check_seeds, described
+from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
+from fpg_bench.common.ids import EnvConfig, find_env
+from fpg_bench.envs.two_player import TwoPlayerBatch, make_duel
+from fpg_bench.game.batch import ActionError, check_seeds, described
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.ids import View, find_view
 from fpg_bench.planning import LLM_CONTROLS, as_planner
 from fpg_bench.planning.planner import planner_name
-from fpg_bench.players.naming import as_player, player_name, policy_hash
 from fpg_bench.players.player import SIDES
+from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.population import with_members
+from fpg_bench.players.registry import as_player, player_name, policy_hash
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.players.seat import Seat
 
 
 def observation_space() -> spaces.Box:
@@ -48,16 +48,16 @@ def action_space() -> spaces.Box:
     return spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)
 
 
-class OneSided:
+class SingleAgentGame:
     """N games of which the caller plays one side.
 
     Args:
-        view_id: one of the ids of :mod:`fpg_bench.ids`.
+        env_id: one of the ids of :mod:`fpg_bench.common.ids`.
         games: how many, N.
         scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard`` (with ten rounds
             a match in planner views).
         opponent, ally: the other side's player (its name, or in ``...VsPolicy`` views any object with
-            ``predict``), or a list to draw from per round; ``field:NAME``, alone or in a list, stands for all
+            ``predict``), or a list to draw from per round; ``suite:NAME``, alone or in a list, stands for all
             members of that field that play this side.
         path: how the opponent flies, or a list to draw from per round.
         planner: who plans the opponent's path (planner views): a name, an object, or a function or class
@@ -76,7 +76,7 @@ class OneSided:
 
     def __init__(
         self,
-        view_id: str,
+        env_id: str,
         games: int = 1,
         *,
         scenario: Scenario | str | None = None,
@@ -90,8 +90,8 @@ class OneSided:
         threads: int | None = None,
         **unknown: Any,
     ) -> None:
-        self.view = view = find_view(view_id)
-        refuse_unknown(unknown, OneSided.__init__)
+        self.view = view = find_env(env_id)
+        refuse_unknown(unknown, SingleAgentGame.__init__)
         named = {"opponent": opponent, "ally": ally}
         if named[view.side] is not None:
             raise UserError(f"{view.side}: in {view.id} you play the {view.side}; name the {view.other_side}")
@@ -114,24 +114,24 @@ class OneSided:
         if "waypoints" in played.paths and view.planner is None:
             raise UserError(f"path: {view.id} plans no 'waypoints'; FPG/AllyVsPlanner-v0 does")
         self.planner = _planner(planner, view, played)
-        self.duel = Duel(played, games, self.planner, threads)
+        self.duel = TwoPlayerBatch(played, games, self.planner, threads)
         self.scenario, self.side, self.count = played, view.side, self.duel.count
         self.observation_space, self.action_space = observation_space(), action_space()
-        self._seat = Seat(view.other_side, self._others(), self.duel.arena)
-        hashes = zip(self.other_specs, map(policy_hash, self._seat.players), strict=True)
+        self._runner = PolicyRunner(view.other_side, self._others(), self.duel.batch)
+        hashes = zip(self.other_specs, map(policy_hash, self._runner.players), strict=True)
         self.policies = {player_name(spec): found for spec, found in hashes if found is not None}
         self._bind()
 
     def _bind(self) -> None:
         """The caller's side of the arena's buffers."""
-        arena = self.duel.arena
-        self.observations = arena.ally_observations if self.side == "ally" else arena.opponent_observations
-        self.truncated = arena.games["truncated"]
+        batch = self.duel.batch
+        self.observations = batch.ally_observations if self.side == "ally" else batch.opponent_observations
+        self.truncated = batch.games["truncated"]
 
     @property
     def rewards(self) -> np.ndarray:
         """``(N,)`` float64: of the last step; a buffer, copy what you keep."""
-        return pay(self._reward, self.side, self.duel.arena.games, self.scenario)
+        return compute_reward(self._reward, self.side, self.duel.batch.games, self.scenario)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -157,21 +157,21 @@ class OneSided:
         new_match: bool = False,
         horizons: np.ndarray | None = None,
     ) -> None:
-        """Begin rounds in the masked games; see :meth:`fpg_bench.envs.duel.Duel.reset`."""
-        self._seat.begin(self.duel.reset(mask, seeds, new_match, horizons))
+        """Begin rounds in the masked games; see :meth:`fpg_bench.envs.two_player.Duel.reset`."""
+        self._runner.begin(self.duel.reset(mask, seeds, new_match, horizons))
 
     def step(self, actions: np.ndarray) -> None:
         """Play one step with the caller's actions ``(N, 9)``; the other side's player chooses its own."""
-        other = self._seat.act()
+        other = self._runner.act()
         if self.side == "ally":
-            self.duel.arena.step(actions, other)
+            self.duel.batch.step(actions, other)
         else:
-            self.duel.arena.step(other, actions)
+            self.duel.batch.step(other, actions)
 
     def advice(self, game: int) -> str | None:
         """What the expert knowledge base advises on what the ally has sensed; None for the opponent."""
         base = self.scenario.knowledge_base
-        sensed = self.duel.arena.games["sensed_type"][game]
+        sensed = self.duel.batch.games["sensed_type"][game]
         if self.side == "opponent" or base is None or sensed < 0:
             return None
         return base.entries[sensed].advice
@@ -226,7 +226,7 @@ def _as_list(spec: Any, default: Any) -> list[Any]:
     return [spec]
 
 
-def _planner(spec: Any, view: View, scenario: Scenario) -> Any:
+def _planner(spec: Any, view: EnvConfig, scenario: Scenario) -> Any:
     """Who plans in a view, if anybody does: the planner named, or the view's own."""
     spec = view.planner if spec is None else spec
     planner = None if spec is None else as_planner(spec, scenario)
@@ -249,12 +249,12 @@ def _path(path: Any, default: str, scenario: Any) -> Any:
     return None if scenario is not None else default
 
 
-class TwoSided:
+class JointGame:
     """N games whose sides are both played by the caller, the ally's numbers first everywhere.
 
     Args:
         games: how many, N.
-        **options: those of :func:`fpg_bench.envs.duel.make_duel`.
+        **options: those of :func:`fpg_bench.envs.two_player.make_duel`.
 
     Raises:
         UserError: something unknown, out of range, or impossible together.
@@ -278,20 +278,20 @@ class TwoSided:
     @property
     def truncated(self) -> np.ndarray:
         """``(N,)`` bool, a buffer; of the present duel, which a copy has its own of."""
-        return self.duel.arena.games["truncated"]
+        return self.duel.batch.games["truncated"]
 
     @property
     def observations(self) -> np.ndarray:
         """``(N, 30)`` float32."""
-        return np.concatenate([getattr(self.duel.arena, f"{side}_observations") for side in SIDES], axis=1)
+        return np.concatenate([getattr(self.duel.batch, f"{side}_observations") for side in SIDES], axis=1)
 
     @property
     def rewards(self) -> np.ndarray:
         """``(N, 2)`` float64."""
-        return np.stack([self.duel.arena.games[f"{side}_reward"] for side in SIDES], axis=1)
+        return np.stack([self.duel.batch.games[f"{side}_reward"] for side in SIDES], axis=1)
 
     def reset(self, *arguments: Any, **more: Any) -> None:
-        """Begin rounds; see :meth:`fpg_bench.envs.duel.Duel.reset`."""
+        """Begin rounds; see :meth:`fpg_bench.envs.two_player.Duel.reset`."""
         self.duel.reset(*arguments, **more)
 
     def step(self, actions: np.ndarray) -> None:
@@ -303,17 +303,17 @@ class TwoSided:
         shape = (self.count, 2 * ACTION_SIZE)
         if not isinstance(actions, np.ndarray) or actions.dtype.kind != "f" or actions.shape != shape:
             raise ActionError(f"actions: expected a float array of shape {shape}, got {described(actions)}")
-        self.duel.arena.step(*(np.ascontiguousarray(part) for part in np.split(actions, 2, axis=1)))
+        self.duel.batch.step(*(np.ascontiguousarray(part) for part in np.split(actions, 2, axis=1)))
 
     def measures(self, game: int) -> dict[str, float | None]:
         """The measures of one game's present round so far."""
         return self.duel.measures(game)
 
 
-REWARDS = ("own", "against", "jamming", "overlap", "spending")
+REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
 
 
-def pay(reward: str, side: str, games: np.ndarray, scenario: Scenario) -> np.ndarray:
+def compute_reward(reward: str, side: str, games: np.ndarray, scenario: Scenario) -> np.ndarray:
     """``(N,)`` float64: what one side is paid for the step just played.
 
     Args:
@@ -328,7 +328,7 @@ def pay(reward: str, side: str, games: np.ndarray, scenario: Scenario) -> np.nda
     other = "opponent" if side == "ally" else "ally"
     if reward == "own":
         return games[f"{side}_reward"]
-    if reward == "against":
+    if reward == "zero_sum":
         return -games[f"{other}_reward"]
     found = _of_opponent(reward, games, scenario)
     return found if side == "opponent" else -found
@@ -336,7 +336,7 @@ def pay(reward: str, side: str, games: np.ndarray, scenario: Scenario) -> np.nda
 
 def _of_opponent(reward: str, games: np.ndarray, scenario: Scenario) -> np.ndarray:
     """``(N,)`` float64: what the opponent raises and the ally lowers."""
-    if reward == "spending":
+    if reward == "ally_cost":
         cap = np.inf if scenario.snr_cap_db is None else scenario.snr_cap_db
         unspent = np.minimum(games["snr_db"], cap) - scenario.snr_threshold_db
         return unspent - games["ally_reward"]

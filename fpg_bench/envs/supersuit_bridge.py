@@ -7,7 +7,7 @@ is :func:`fpg_bench.make_sb3`.
 
 from __future__ import annotations
 
-from fpg_bench.extras import need
+from fpg_bench.common.extras import need
 
 need("supersuit", "supersuit", "stable_baselines3")
 
@@ -19,13 +19,13 @@ import supersuit
 from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
-from fpg_bench.checks import whole
+from fpg_bench.common.checks import whole
 from fpg_bench.envs.core import first_seeds
-from fpg_bench.envs.multi_agent import DuelView, parallel_env
+from fpg_bench.envs.pettingzoo_env import FPGParallelEnv, parallel_env
 from fpg_bench.players.player import SIDES
 
 
-class SuperSuitView(VecEnvWrapper):
+class SuperSuitVecEnv(VecEnvWrapper):
     """SuperSuit's SB3 ``VecEnv``, repaired.
 
     As it comes, ``seed`` and ``reset(seed=...)`` raise, every copy plays the same game, time limits look
@@ -33,13 +33,13 @@ class SuperSuitView(VecEnvWrapper):
 
     Args:
         venv: what ``supersuit.concat_vec_envs_v1(..., base_class="stable_baselines3")`` gives for copies
-            of :class:`fpg_bench.envs.multi_agent.DuelView`, all in this process.
+            of :class:`fpg_bench.envs.pettingzoo_env.FPGParallelEnv`, all in this process.
         seed: copy i begins with a match of seed + i; None: by chance.
     """
 
     def __init__(self, venv: Any, seed: int | None = None) -> None:
         self._concatenated = venv.venv
-        self.games: list[DuelView] = [part.par_env for part in self._concatenated.vec_envs]
+        self.games: list[FPGParallelEnv] = [part.par_env for part in self._concatenated.vec_envs]
         super().__init__(venv)
         self._next_seeds: np.ndarray | None = first_seeds(seed, len(self.games))
 
@@ -85,7 +85,7 @@ class SuperSuitView(VecEnvWrapper):
         """False: a game is wrapped in nothing."""
         return [False for _ in self._get_indices(indices)]
 
-    def _game(self, slot: int) -> DuelView:
+    def _game(self, slot: int) -> FPGParallelEnv:
         return self.games[slot // len(SIDES)]
 
 
@@ -103,7 +103,7 @@ def supersuit_vec_env(n_envs: int = 1, seed: int | None = None, **options: Any) 
     Args:
         n_envs: how many games.
         seed: game i begins with a match of seed + i; None: by chance.
-        **options: those of :func:`fpg_bench.envs.duel.make_duel`.
+        **options: those of :func:`fpg_bench.envs.two_player.make_duel`.
 
     Raises:
         UserError: something unknown, out of range, or impossible together.
@@ -111,4 +111,4 @@ def supersuit_vec_env(n_envs: int = 1, seed: int | None = None, **options: Any) 
     whole(n_envs, "n_envs")
     copies = supersuit.pettingzoo_env_to_vec_env_v1(parallel_env(**options))
     venv = supersuit.concat_vec_envs_v1(copies, n_envs, base_class="stable_baselines3")
-    return VecMonitor(SuperSuitView(venv, seed))
+    return VecMonitor(SuperSuitVecEnv(venv, seed))

@@ -1,1 +1,1 @@
-"""Measures under one protocol: fields, entries, lines, summaries and tables."""
+"""Measures under one protocol: suites, entries, lines, summaries and tables."""

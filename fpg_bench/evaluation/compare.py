@@ -9,14 +9,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
 from fpg_bench.evaluation.entry import Entry, planner_entry
 from fpg_bench.evaluation.evaluate import Progress, play_into, with_matches
-from fpg_bench.evaluation.field import PLANNER, Counterpart, Field, load_field
+from fpg_bench.evaluation.match import asks_llm, replaying
 from fpg_bench.evaluation.seeds import SeasonKey, current_season
+from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, load_suite
 from fpg_bench.evaluation.summary import Summary
-from fpg_bench.files import PACKED, read_json, write_json, write_whole
-from fpg_bench.matches.match import asks_llm, replaying
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.planning.llm.budget import Budget
 from fpg_bench.planning.llm.chain import chain_start
@@ -31,23 +31,23 @@ TRANSCRIPTS = "transcripts"  # of language models, in a results folder
 
 def compare(
     planners: Sequence[Any] = (ALL,),
-    field: str = "planner-v1",
+    suite: str = "planner-v1",
     out: str | Path = "comparison",
     *,
     matches: int | None = None,
     transcripts: str | Path | None = None,
     llm: Mapping[str, Any] | None = None,
-    progress: Progress = lambda entry, counterpart, rounds: None,
+    progress: Progress = lambda entry, rival, rounds: None,
 ) -> list[Summary]:
-    """Play planners against a field of allies; what is in the folder already is not played again.
+    """Play planners against a suite of allies; what is in the folder already is not played again.
 
     Args:
         planners: planners or their names; ``all``: all that ask no language model; ``llm``,
             ``llm-shuffled-rewards``, ``llm-no-history``: the model that the environment names, recorded in
             the folder's ``transcripts``.
-        field: a field's name or YAML file.
-        out: the results folder; ``lines.jsonl`` grows as allies are met.
-        matches: per ally; None: the field's own.
+        suite: a suite's name or YAML file.
+        out: the results folder; ``records.jsonl`` grows as allies are met.
+        matches: per ally; None: the suite's own.
         transcripts: a folder of transcripts; each planner in it is one more, replayed without a server.
         llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, whose caps hold for all
             allies together, and ``server``, the profile of its endpoint.
@@ -57,12 +57,12 @@ def compare(
         The summaries of all planners in the folder, best first.
 
     Raises:
-        UserError: something unknown, a folder that holds another field's lines, no language model where one
+        UserError: something unknown, a folder that holds another suite's lines, no language model where one
             is named, or one that is of no use, options for one where none is, or transcripts that do not
             hold these matches.
     """
     out = Path(out)
-    played = with_matches(load_field(field, side=PLANNER), matches)
+    played = with_matches(load_suite(suite, side=PLANNER), matches)
     ordinary = [name for name in PLANNERS if not asks_llm(name)]
     named = [spec for named in planners for spec in (ordinary if named == ALL else [named])]
     named = [spec for k, spec in enumerate(named) if spec not in named[:k]]
@@ -76,7 +76,7 @@ def compare(
     ]
     if transcripts is not None:
         entries += replayed(Path(transcripts), played, [entry.name for entry in entries])
-    return play_into(out, field, played, entries, progress)
+    return play_into(out, suite, played, entries, progress)
 
 
 ABOUT, PROMPT = "planner.json", "prompt.yml"  # lie beside a planner's transcripts, one for each ally
@@ -85,12 +85,12 @@ _SAMPLING = ("temperature", "sampling_seed")
 _CAPS = ("calls", "tokens", "seconds")
 
 
-def asked(name: str, field: Field, folder: Path, options: Mapping[str, Any]) -> Entry:
+def asked(name: str, suite: Suite, folder: Path, options: Mapping[str, Any]) -> Entry:
     """A language model that is asked and recorded; what its transcripts hold is not asked again.
 
     Args:
         name: one of ``LLM_CONTROLS``.
-        field: what it will play.
+        suite: what it will play.
         folder: where its transcripts grow.
         options: those of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, whose caps hold for all
             allies together, and ``server``, the profile of its endpoint.
@@ -105,15 +105,15 @@ def asked(name: str, field: Field, folder: Path, options: Mapping[str, Any]) -> 
     about |= {"prompt": prompt, "prompt_hash": load_prompt(prompt).hash}
     about |= {"temperature": rest.get("temperature", endpoint.server.temperature)}
     about |= {"sampling_seed": rest.get("sampling_seed", 0)}
-    about |= {"field": field.name, "field_hash": field.hash, "matches": field.matches}
+    about |= {"suite": suite.name, "suite_hash": suite.hash, "matches": suite.matches}
     about |= begun(about)
     budget = _budget(folder, {cap: rest.pop(cap) for cap in _CAPS if cap in rest})
 
-    def make(ally: Counterpart) -> LLMPlanner:
-        header = _claimed(folder, about, field)
+    def make(ally: Rival) -> LLMPlanner:
+        header = _claimed(folder, about, suite)
         path = folder / transcript_name(ally.name)
         planner = LLMPlanner(
-            field.scenario,
+            suite.scenario,
             endpoint,
             prompt=prompt,
             control=control,
@@ -128,16 +128,16 @@ def asked(name: str, field: Field, folder: Path, options: Mapping[str, Any]) -> 
     return Entry(name, None, _fingerprint(about), make, LLMPlanner.tier)
 
 
-def replayed(folder: Path, field: Field, taken: Collection[str] = ()) -> list[Entry]:
+def replayed(folder: Path, suite: Suite, taken: Collection[str] = ()) -> list[Entry]:
     """The language models whose transcripts lie in a folder, as they were recorded; no server is asked.
 
     Args:
         folder: holds a folder for each planner, whose name is what rows call it.
-        field: what they played.
+        suite: what they played.
         taken: the names of the other planners under comparison.
 
     Raises:
-        UserError: no transcripts there, those of another field, or a planner by the name of another.
+        UserError: no transcripts there, those of another suite, or a planner by the name of another.
     """
     found = sorted(path.parent for path in folder.glob(f"*/{ABOUT}"))
     if not found:
@@ -147,18 +147,18 @@ def replayed(folder: Path, field: Field, taken: Collection[str] = ()) -> list[En
             raise UserError(f"transcripts {path}: another planner here has this name; rename the folder")
         if path.name in PLANNERS and path.name not in LLM_CONTROLS:
             raise UserError(f"transcripts {path}: a planner of the package has this name; rename the folder")
-    return [_replayed(path, field) for path in found]
+    return [_replayed(path, suite) for path in found]
 
 
-def _replayed(folder: Path, field: Field) -> Entry:
+def _replayed(folder: Path, suite: Suite) -> Entry:
     about, prompt = _about(folder), load_prompt(str(folder / PROMPT))
-    _check_field(folder, about, field)
+    _check_suite(folder, about, suite)
     if prompt.hash != about["prompt_hash"]:
         raise UserError(f"transcripts {folder}: its {PROMPT} is not the prompt that was recorded")
 
-    def make(ally: Counterpart) -> LLMPlanner:
+    def make(ally: Rival) -> LLMPlanner:
         recorded, chain = transcript_file(folder, ally.name), chain_of(about, ally.name)
-        return replaying(field.scenario, prompt, about, recorded, chain)
+        return replaying(suite.scenario, prompt, about, recorded, chain)
 
     return Entry(folder.name, None, _fingerprint(about), make, LLMPlanner.tier)
 
@@ -176,7 +176,7 @@ def begun(about: Mapping[str, Any]) -> dict[str, Any]:
 
 def nonce_of(about: Mapping[str, Any], season: SeasonKey) -> dict[str, Any]:
     """The season's number, and a hash of its seed and of what is asked whom."""
-    words = [season.seed, *(about[key] for key in (*_DECIDING, "field_hash"))]
+    words = [season.seed, *(about[key] for key in (*_DECIDING, "suite_hash"))]
     return {"season": season.number, "nonce": hashlib.sha256("/".join(words).encode()).hexdigest()}
 
 
@@ -185,7 +185,7 @@ def chain_of(about: Mapping[str, Any], ally: str) -> str | None:
     return chain_start(about, transcript_name(ally)) if "nonce" in about else None
 
 
-def _claimed(folder: Path, about: dict[str, Any], field: Field) -> dict[str, Any]:
+def _claimed(folder: Path, about: dict[str, Any], suite: Suite) -> dict[str, Any]:
     """Say beside transcripts whose they are, and keep the prompt; refuse those of another.
 
     Returns:
@@ -193,7 +193,7 @@ def _claimed(folder: Path, about: dict[str, Any], field: Field) -> dict[str, Any
     """
     if any(path.stat().st_size for path in folder.glob("*.jsonl")):
         known = _about(folder)
-        _check_field(folder, known, field)
+        _check_suite(folder, known, suite)
         for key in (*_DECIDING, *_SAMPLING):
             if known.get(key, about[key]) != about[key]:
                 raise UserError(
@@ -203,19 +203,19 @@ def _claimed(folder: Path, about: dict[str, Any], field: Field) -> dict[str, Any
         return known
     if (folder / ABOUT).exists():  # another ally's matches began the run, and nothing was answered yet
         known = _about(folder)
-        if all(known.get(key) == about[key] for key in (*_DECIDING, *_SAMPLING, "field_hash")):
+        if all(known.get(key) == about[key] for key in (*_DECIDING, *_SAMPLING, "suite_hash")):
             return known
     write_whole(folder / PROMPT, prompt_file(about["prompt"]).read_bytes())
     write_json(folder / ABOUT, about)
     return about
 
 
-def _check_field(folder: Path, about: Mapping[str, Any], field: Field) -> None:
-    """Check that transcripts are of the field's matches, with what to write to compare them."""
-    if about.get("field_hash") != field.hash:
+def _check_suite(folder: Path, about: Mapping[str, Any], suite: Suite) -> None:
+    """Check that transcripts are of the suite's matches, with what to write to compare them."""
+    if about.get("suite_hash") != suite.hash:
         raise UserError(
-            f"transcripts {folder}: hold matches of another field, {about.get('field')!r} with "
-            f"{about.get('matches')} matches per ally; compare them with its --field and --matches"
+            f"transcripts {folder}: hold matches of another suite, {about.get('suite')!r} with "
+            f"{about.get('matches')} matches per ally; compare them with its --suite and --matches"
         )
 
 

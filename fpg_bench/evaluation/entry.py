@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import Counterpart, Field
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.planning import PLANNERS, as_planner
-from fpg_bench.players.naming import as_player, player_name, policy_hash
+from fpg_bench.players.registry import as_player, player_name, policy_hash
 from fpg_bench.players.scripted import SCRIPTED
 
 ALL_SCRIPTED = "all-scripted"
@@ -34,7 +34,7 @@ class Entry:
         name: what lines and tables call the entry; agents of several training seeds share it.
         training_seed: None for a script or a planner.
         fingerprint: what tells two players of one name apart: the hash of a policy or source file, or a word.
-        make: gives the player (or planner) that meets a counterpart.
+        make: gives the player (or planner) that meets a rival.
         tier: what a planner knows; None for players.
         made: a hash of all that made an agent but its training seed; None for all else.
     """
@@ -42,7 +42,7 @@ class Entry:
     name: str
     training_seed: int | None
     fingerprint: str
-    make: Callable[[Counterpart], Any]
+    make: Callable[[Rival], Any]
     tier: str | None = None
     made: str | None = None
 
@@ -54,7 +54,7 @@ def player_entry(spec: Any, name: str | None = None, training_seed: int | None =
 
 
 def entries_of(
-    specs: Sequence[Any] | Mapping[str, Any], field: Field, name: str | None = None
+    specs: Sequence[Any] | Mapping[str, Any], suite: Suite, name: str | None = None
 ) -> list[Entry]:
     """The entries that players' names stand for, one per training seed.
 
@@ -63,9 +63,9 @@ def entries_of(
     differ in these are called by their folders.
 
     Args:
-        specs: players of the field's side, or ``all-scripted``; of a mapping, each key is the name of one
+        specs: players of the suite's side, or ``all-scripted``; of a mapping, each key is the name of one
             entry, a player or a list of agents.
-        field: what they will meet.
+        suite: what they will meet.
         name: what to call the agents among them; None: their algorithm.
 
     Raises:
@@ -73,11 +73,11 @@ def entries_of(
             training seed, or a name for several entries.
     """
     if isinstance(specs, Mapping):
-        found = [entry for called, of in specs.items() for entry in _called(str(called), of, field)]
+        found = [entry for called, of in specs.items() for entry in _called(str(called), of, suite)]
         check_seeds(found)
         return found
-    every = [s for spec in specs for s in (SCRIPTED[field.side] if spec == ALL_SCRIPTED else [spec])]
-    players = {spec: _player(spec, field) for spec in dict.fromkeys(every)}
+    every = [s for spec in specs for s in (SCRIPTED[suite.side] if spec == ALL_SCRIPTED else [spec])]
+    players = {spec: _player(spec, suite) for spec in dict.fromkeys(every)}
     groups: dict[str, list[Any]] = {}
     for spec, player in players.items():
         groups.setdefault(_made_by(spec, player), []).append(spec)
@@ -85,7 +85,7 @@ def entries_of(
     if name is not None and len(agents) > 1:
         called = " and ".join(_label(members[0]) for members in agents)
         raise UserError(f"name {name!r}: {called} were made differently, so they are several entries")
-    if name in SCRIPTED[field.side]:
+    if name in SCRIPTED[suite.side]:
         raise UserError(f"name {name!r}: is a script's; call the agents otherwise")
     names = _names(groups, players, name)
     found = [_entry(spec, players[spec], names[spec]) for spec in players]
@@ -93,9 +93,9 @@ def entries_of(
     return list({(entry.name, entry.training_seed): entry for entry in found}.values())
 
 
-def _called(name: str, specs: Any, field: Field) -> list[Entry]:
+def _called(name: str, specs: Any, suite: Suite) -> list[Entry]:
     """The entry of this name, one per training seed."""
-    found = entries_of(list(specs) if isinstance(specs, list | tuple) else [specs], field)
+    found = entries_of(list(specs) if isinstance(specs, list | tuple) else [specs], suite)
     if len({entry.name for entry in found}) > 1:
         raise UserError(f"{name}: {' and '.join(entry.name for entry in found)} are several entries")
     return [dataclasses.replace(entry, name=name) for entry in found]
@@ -121,13 +121,13 @@ def check_seeds(entries: Sequence[Entry]) -> None:
             raise UserError(f"{entry.name}: two different players{seed}; name them one at a time")
 
 
-def planner_entry(spec: Any, field: Field) -> Entry:
+def planner_entry(spec: Any, suite: Suite) -> Entry:
     """An entry from a planner, or from its name by the one grammar of planners.
 
     Raises:
         UserError: no such planner, one that does not say what it knows, or one by the name of another.
     """
-    planner = as_planner(spec, field.scenario)
+    planner = as_planner(spec, suite.scenario)
     name = spec if isinstance(spec, str) else str(getattr(spec, "name", type(spec).__name__))
     code = spec if isinstance(spec, str) else f"{type(spec).__module__}:{name}"
     if not isinstance(spec, str) and name in PLANNERS:
@@ -142,10 +142,10 @@ def code_fingerprint(name: str) -> str:
     return name if file is None else hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
-def _player(spec: Any, field: Field) -> Any:
-    player = as_player(spec, field.side, field.scenario)
+def _player(spec: Any, suite: Suite) -> Any:
+    player = as_player(spec, suite.side, suite.scenario)
     if getattr(player, "sees", "") == "state":
-        raise UserError(f"{field.side} {spec!r}: sees the full state, which no field allows")
+        raise UserError(f"{suite.side} {spec!r}: sees the full state, which no suite allows")
     return player
 
 
@@ -199,6 +199,6 @@ class Same:
 
     plays: Any
 
-    def __call__(self, counterpart: Counterpart) -> Any:
-        """The player, whoever the counterpart is."""
+    def __call__(self, rival: Rival) -> Any:
+        """The player, whoever the rival is."""
         return self.plays

@@ -1,4 +1,4 @@
-"""Playing: an entry against a counterpart of a field, all matches as one batch, into one line.
+"""Playing: an entry against a rival of a suite, all matches as one batch, into one line.
 
 There are two ways to meet: a side of the game against the other side's players, and a planner of the
 opponent's path against allies. All that comes after is the same.
@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.envs.duel import Duel
+from fpg_bench.common.rows import Row
+from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.entry import Entry
-from fpg_bench.evaluation.field import PLANNER, Counterpart, Field
-from fpg_bench.evaluation.line import TALLIES, Line, Plans
+from fpg_bench.evaluation.record import TALLIES, Plans, Record
+from fpg_bench.evaluation.rounds import MatchBatch, make_match, play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.measures import pool as pooled_tally
-from fpg_bench.matches.rounds import Table, play_round, seated
 from fpg_bench.planning import as_planner
-from fpg_bench.rows import Row
 
 Seeds = Callable[[int], list[int]]  # gives so many
 LOST_SCORE = -100.0  # what a round scores that was lost by an answer that is no action, at the most
@@ -30,55 +30,57 @@ _DIGITS = 3  # of a round's return
 
 def play(
     entry: Entry,
-    field: Field,
-    counterpart: Counterpart,
+    suite: Suite,
+    rival: Rival,
     seeds: Seeds | None = None,
     on_round: Callable[[int], None] = lambda played: None,
-) -> Line:
-    """Play all matches of an entry against a counterpart.
+) -> Record:
+    """Play all matches of an entry against a rival.
 
     Args:
         entry: who is measured.
-        field: what the counterpart belongs to.
-        counterpart: whom it meets.
-        seeds: gives the matches' seeds; None: the evaluation seeds of the field's season.
+        suite: what the rival belongs to.
+        rival: whom it meets.
+        seeds: gives the matches' seeds; None: the evaluation seeds of the suite's season.
         on_round: called with the number of rounds of each match that were played.
 
     Raises:
         UserError: a player or planner that can't be had, or that fails.
     """
-    who = entry.make(counterpart)
-    table = table_of(who, field, counterpart)
-    found = _Sums(field)
-    for duel in rounds(table, field, seeds):
+    who = entry.make(rival)
+    table = match_of(who, suite, rival)
+    found = _Sums(suite)
+    for duel in rounds(table, suite, seeds):
         found.add(duel, lost_rounds(who, duel.count))
         on_round(len(found.returns))
-    return Line(
-        field=field.name,
-        field_hash=field.hash[:16],
+    return Record(
+        suite=suite.name,
+        suite_hash=suite.hash[:16],
         entry=entry.name,
         training_seed=entry.training_seed,
         fingerprint=entry.fingerprint[:16],
-        counterpart=counterpart.name,
+        rival=rival.name,
         **found.told(),
     )
 
 
-def table_of(who: Any, field: Field, counterpart: Counterpart, matches: int | None = None) -> Table:
-    """The games in which a player (or planner) meets a counterpart, with everybody seated."""
-    scenario, count = counterpart.scenario, matches or field.matches
-    if field.side == PLANNER:
-        return seated(Duel(scenario, count, as_planner(who, scenario)), counterpart.players, field.opponent)
-    planner = None if counterpart.planner is None else as_planner(counterpart.planner, scenario)
-    sides = {field.side: who, field.other_side: counterpart.players}
-    return seated(Duel(scenario, count, planner), **sides)
+def match_of(who: Any, suite: Suite, rival: Rival, matches: int | None = None) -> MatchBatch:
+    """The games in which a player (or planner) meets a rival, with everybody seated."""
+    scenario, count = rival.scenario, matches or suite.matches
+    if suite.side == PLANNER:
+        return make_match(
+            TwoPlayerBatch(scenario, count, as_planner(who, scenario)), rival.players, suite.opponent
+        )
+    planner = None if rival.planner is None else as_planner(rival.planner, scenario)
+    sides = {suite.side: who, suite.other_side: rival.players}
+    return make_match(TwoPlayerBatch(scenario, count, planner), **sides)
 
 
-def rounds(table: Table, field: Field, seeds: Seeds | None = None) -> Iterator[Duel]:
+def rounds(table: MatchBatch, suite: Suite, seeds: Seeds | None = None) -> Iterator[TwoPlayerBatch]:
     """Play all rounds of new matches; gives the games at the end of each."""
     count = table.duel.count
-    first: Any = np.array(evaluation_seeds(count, field.season) if seeds is None else seeds(count))
-    for number in range(field.rounds_per_match):
+    first: Any = np.array(evaluation_seeds(count, suite.season) if seeds is None else seeds(count))
+    for number in range(suite.rounds_per_match):
         play_round(table, seeds=None if number else first)
         yield table.duel
 
@@ -92,8 +94,8 @@ def lost_rounds(player: Any, count: int) -> np.ndarray:
 class _Sums:
     """What the rounds come to, as they end."""
 
-    def __init__(self, field: Field) -> None:
-        self._field = field
+    def __init__(self, suite: Suite) -> None:
+        self._suite = suite
         self._tallies: list[np.ndarray] = []
         self._histogram: Any = 0
         self._lost: list[np.ndarray] = []
@@ -101,22 +103,22 @@ class _Sums:
         self._seen = hashlib.sha256()
         self.returns: list[np.ndarray] = []
 
-    def add(self, duel: Duel, lost: np.ndarray) -> None:
-        arena = duel.arena
-        self._tallies.append(arena.tallies.copy())
-        self._histogram = self._histogram + arena.histograms.sum(axis=0)
+    def add(self, duel: TwoPlayerBatch, lost: np.ndarray) -> None:
+        batch = duel.batch
+        self._tallies.append(batch.tallies.copy())
+        self._histogram = self._histogram + batch.histograms.sum(axis=0)
         self._lost.append(lost)
-        self.returns.append(arena.tallies[self._field.returned].copy())
-        for part in (arena.games["seed"], *(arena.tallies[name] for name in TALLIES), arena.histograms):
+        self.returns.append(batch.tallies[self._suite.returned].copy())
+        for part in (batch.games["seed"], *(batch.tallies[name] for name in TALLIES), batch.histograms):
             self._seen.update(np.ascontiguousarray(part).tobytes())
-        if self._field.side == PLANNER:
+        if self._suite.side == PLANNER:
             self._plans += duel.plans
 
     def told(self) -> Row:
-        """The fields of a line that tell of the rounds."""
+        """The suites of a line that tell of the rounds."""
         returns, lost = np.array(self.returns).T, np.array(self._lost).T
         if lost.any():
-            worst = self._field.scale.reward(LOST_SCORE) * self._field.scenario.steps_per_round
+            worst = self._suite.scale.reward(LOST_SCORE) * self._suite.scenario.steps_per_round
             returns[lost] = min([worst, *returns[~lost]])
         tally = pooled_tally(np.concatenate(self._tallies))
         ally_points, jam_points = (tuple(side) for side in self._histogram.tolist())

@@ -11,9 +11,9 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from fpg_bench.errors import UserError
-from fpg_bench.files import read_yaml
-from fpg_bench.players.agent import fields_folder
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_yaml
+from fpg_bench.players.agent import suites_folder
 
 PROTOCOL = "1"
 SEASON = "0"
@@ -78,8 +78,8 @@ class SeasonKey:
         """Whether an entry of policies was closed over as it is; any other may have trained on the season."""
         return list(self.entries.get(name, ())) == list(policies)
 
-    def field_name(self, public: str) -> str:
-        """The season's field of a track: ``ally-v1`` becomes ``ally-season-1``."""
+    def suite_name(self, public: str) -> str:
+        """The season's suite of a track: ``ally-v1`` becomes ``ally-season-1``."""
         return f"{public.removesuffix('-v1')}-season-{self.number}"
 
 
@@ -98,7 +98,7 @@ def current_season() -> SeasonKey | None:
     Raises:
         UserError: its file cannot be read, or its seed does not follow from its entries.
     """
-    found = [_key(file.parent.name) for file in fields_folder().glob("season-*/season.yml")]
+    found = [_key(file.parent.name) for file in suites_folder().glob("season-*/season.yml")]
     return max(found, key=lambda key: key.number, default=None)
 
 
@@ -112,7 +112,7 @@ def season_key(number: int) -> SeasonKey:
 
 
 def _key(name: str) -> SeasonKey:
-    content = read_yaml(fields_folder() / name / "season.yml", "season")
+    content = read_yaml(suites_folder() / name / "season.yml", "season")
     sound = type(content.get("number")) is int and isinstance(content.get("entries"), dict)
     if not sound or not isinstance(content.get("seed"), str):
         raise UserError(f"season {name}: season.yml lacks its number, seed or entries")

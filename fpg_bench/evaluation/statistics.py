@@ -1,7 +1,7 @@
 """Means with 95 % intervals by Student's t, over the units that were really drawn; ranks over all pairs.
 
 Trained agents: over training seeds. One training seed, scripts and planners: over matches, the same ones
-for every counterpart. Counterparts of a field are never resampled: they are fixed, not drawn.
+for every rival. Rivals of a suite are never resampled: they are fixed, not drawn.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fpg_bench.extras import need
+from fpg_bench.common.extras import need
 
 need("evaluate", "scipy", "matplotlib")  # here, so that nothing is played before
 
@@ -91,7 +91,7 @@ def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarra
     """The share of runs that score more than each threshold.
 
     Args:
-        scores: ``(..., training seeds, counterparts)``.
+        scores: ``(..., training seeds, rivals)``.
         thresholds: ``(t,)``.
 
     Returns:
@@ -103,14 +103,14 @@ def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarra
 def probability_of_improvement(better: np.ndarray, other: np.ndarray) -> Interval:
     """How likely a new training of the one earns more than one of the other, whomever both meet.
 
-    The mean over counterparts of the Mann-Whitney statistic, ties half. Its variance is that of a U statistic
+    The mean over rivals of the Mann-Whitney statistic, ties half. Its variance is that of a U statistic
     (the spread of each seed's own share of wins, DeLong et al. 1988), with Student's t of the smaller
     number of seeds; a script, which has one row, does not vary. In simulations with five seeds it covered
     93 to 98 % up to a probability of 0.7; where nearly all seeds agree it is too narrow.
 
     Args:
-        better: ``(m, counterparts)`` returns a step of the one's training seeds.
-        other: ``(n, counterparts)`` returns a step of the other's.
+        better: ``(m, rivals)`` returns a step of the one's training seeds.
+        other: ``(n, rivals)`` returns a step of the other's.
     """
     above = better[:, None] > other[None]
     wins = (above + 0.5 * (better[:, None] == other[None])).mean(axis=2)

@@ -8,29 +8,29 @@ from functools import cached_property
 
 import numpy as np
 
-from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import Field
-from fpg_bench.evaluation.line import Line, Pooled, pool
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.record import Pooled, Record, pool
 from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
+from fpg_bench.evaluation.suite import Suite
 
 
 @dataclass(frozen=True)
 class Summary:
-    """One entry over a field.
+    """One entry over a suite.
 
     Attributes:
         entry: its name.
-        field: what it met.
-        rewards: ``(training seeds, counterparts, matches)`` returns a step; one training seed for a script.
+        suite: what it met.
+        rewards: ``(training seeds, rivals, matches)`` returns a step; one training seed for a script.
         trained: whether the first axis is training seeds.
-        lines: what it is made of, in the order of training seed and counterpart.
+        lines: what it is made of, in the order of training seed and rival.
     """
 
     entry: str
-    field: Field
+    suite: Suite
     rewards: np.ndarray
     trained: bool
-    lines: tuple[Line, ...]
+    records: tuple[Record, ...]
 
     @property
     def training_seeds(self) -> int:
@@ -51,42 +51,42 @@ class Summary:
     @cached_property
     def samples(self) -> np.ndarray:
         """The score of each unit; their mean is the score."""
-        found: np.ndarray = self.field.scale.score(self.units(self.rewards))
+        found: np.ndarray = self.suite.scale.score(self.units(self.rewards))
         return found
 
     @cached_property
     def score(self) -> Interval:
-        """The score: the mean over counterparts on the track's scale, with its interval."""
+        """The score: the mean over rivals on the track's scale, with its interval."""
         return mean_interval(self.samples, self.over)
 
     @cached_property
     def reward(self) -> Interval:
-        """The return a step, mean over counterparts, with its interval."""
+        """The return a step, mean over rivals, with its interval."""
         return mean_interval(self.units(self.rewards), self.over)
 
     @cached_property
-    def by_counterpart(self) -> dict[str, Interval]:
-        """The return a step against each counterpart, with its interval."""
+    def by_rival(self) -> dict[str, Interval]:
+        """The return a step against each rival, with its interval."""
         return {
-            counterpart.name: mean_interval(self.units(self.rewards[:, k : k + 1]), self.over)
-            for k, counterpart in enumerate(self.field.counterparts)
+            rival.name: mean_interval(self.units(self.rewards[:, k : k + 1]), self.over)
+            for k, rival in enumerate(self.suite.rivals)
         }
 
     @property
     def worst(self) -> str:
-        """The name of the counterpart that it earns least against."""
-        return min(self.by_counterpart, key=lambda name: self.by_counterpart[name].value)
+        """The name of the rival that it earns least against."""
+        return min(self.by_rival, key=lambda name: self.by_rival[name].value)
 
     def seed_scores(self) -> dict[int | None, float]:
         """The score of each training seed."""
-        seeds = list(dict.fromkeys(line.training_seed for line in self.lines))
-        scores = self.field.scale.score(self.rewards.mean(axis=(1, 2)))
+        seeds = list(dict.fromkeys(record.training_seed for record in self.records))
+        scores = self.suite.scale.score(self.rewards.mean(axis=(1, 2)))
         return dict(zip(seeds, scores.tolist(), strict=True))
 
     @cached_property
     def pooled(self) -> Pooled:
         """The sums of all lines."""
-        return pool(self.lines)
+        return pool(self.records)
 
     @property
     def measures(self) -> dict[str, float | None]:
@@ -94,58 +94,58 @@ class Summary:
         return self.pooled.measures
 
 
-def summarise(lines: Iterable[Line], field: Field) -> list[Summary]:
-    """One summary per entry whose lines are complete, best first; lines of another field are passed over."""
-    found = [summary for mine in by_entry(lines, field).values() if (summary := _summary(mine, field))]
+def summarise(records: Iterable[Record], suite: Suite) -> list[Summary]:
+    """One summary per entry whose lines are complete, best first; lines of another suite are passed over."""
+    found = [summary for mine in by_entry(records, suite).values() if (summary := _summary(mine, suite))]
     return sorted(found, key=lambda summary: (-summary.score.value, summary.entry))
 
 
-def by_entry(lines: Iterable[Line], field: Field) -> dict[str, list[Line]]:
-    """The lines of a field by entry."""
-    groups: dict[str, list[Line]] = {}
-    for line in lines:
-        if line.field_hash == field.hash[:16]:
-            groups.setdefault(line.entry, []).append(line)
+def by_entry(records: Iterable[Record], suite: Suite) -> dict[str, list[Record]]:
+    """The lines of a suite by entry."""
+    groups: dict[str, list[Record]] = {}
+    for record in records:
+        if record.suite_hash == suite.hash[:16]:
+            groups.setdefault(record.entry, []).append(record)
     return groups
 
 
-def summary_of(lines: Sequence[Line], field: Field) -> Summary:
+def summary_of(records: Sequence[Record], suite: Suite) -> Summary:
     """The summary of one entry's lines.
 
     Raises:
         UserError: lines are missing.
     """
-    (mine,) = by_entry(lines, field).values() or [[]]
-    found = _summary(mine, field)
+    (mine,) = by_entry(records, suite).values() or [[]]
+    found = _summary(mine, suite)
     if found is None:
         raise UserError(
-            f"field {field.name}: the lines of {mine[0].entry if mine else 'anybody'} are not whole"
+            f"suite {suite.name}: the lines of {mine[0].entry if mine else 'anybody'} are not whole"
         )
     return found
 
 
-def _summary(lines: Sequence[Line], field: Field) -> Summary | None:
-    seeds: dict[int | None, dict[str, Line]] = {}
-    for line in lines:
-        _check(line, field)
-        seeds.setdefault(line.training_seed, {})[line.counterpart] = line
+def _summary(records: Sequence[Record], suite: Suite) -> Summary | None:
+    seeds: dict[int | None, dict[str, Record]] = {}
+    for record in records:
+        _check(record, suite)
+        seeds.setdefault(record.training_seed, {})[record.rival] = record
     if None in seeds and len(seeds) > 1:
-        raise UserError(f"field {field.name}: {lines[0].entry} has lines with and without a training seed")
-    names = [counterpart.name for counterpart in field.counterparts]
+        raise UserError(f"suite {suite.name}: {records[0].entry} has lines with and without a training seed")
+    names = [rival.name for rival in suite.rivals]
     order = sorted(seeds, key=lambda seed: seed or 0)
     whole = {seed: seeds[seed] for seed in order if set(names) <= seeds[seed].keys()}
     if not whole:
         return None
-    rewards = [[field.rewards(of[name].returns) for name in names] for of in whole.values()]
+    rewards = [[suite.rewards(of[name].returns) for name in names] for of in whole.values()]
     ordered = tuple(of[name] for of in whole.values() for name in names)
-    return Summary(lines[0].entry, field, np.array(rewards), None not in whole, ordered)
+    return Summary(records[0].entry, suite, np.array(rewards), None not in whole, ordered)
 
 
-def _check(line: Line, field: Field) -> None:
-    """Raise UserError where a line cannot be of the field that it names."""
-    expected = (field.rounds, field.scenario.frequency_points)
-    if (len(line.returns), len(line.ally_points)) != expected:
+def _check(record: Record, suite: Suite) -> None:
+    """Raise UserError where a line cannot be of the suite that it names."""
+    expected = (suite.rounds, suite.scenario.frequency_points)
+    if (len(record.returns), len(record.ally_points)) != expected:
         raise UserError(
-            f"field {field.name}: the line of {line.entry} against {line.counterpart} has "
-            f"{len(line.returns)} rounds, expected {field.rounds}; evaluate again into another folder"
+            f"suite {suite.name}: the line of {record.entry} against {record.rival} has "
+            f"{len(record.returns)} rounds, expected {suite.rounds}; evaluate again into another folder"
         )

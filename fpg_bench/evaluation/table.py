@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import PLANNER, Field
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, mean_interval
+from fpg_bench.evaluation.suite import PLANNER, Suite
 from fpg_bench.evaluation.summary import Summary
-from fpg_bench.files import write_whole
-from fpg_bench.pictures.canvas import blank_figure
+from fpg_bench.rendering.canvas import blank_figure
 
 _TRAINED, _SCRIPT = "#0072b2", "#7f7f7f"
 # Okabe and Ito's colours, told apart by the colour-blind too; each round of them has its marker.
@@ -24,15 +24,15 @@ _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#
 _MARKERS = "os^"
 
 
-def lines_of_table(summaries: Sequence[Summary], field: Field, width: int | None = None) -> list[list[str]]:
+def lines_of_table(summaries: Sequence[Summary], suite: Suite, width: int | None = None) -> list[list[str]]:
     """The headings, and a line per summary.
 
     Args:
         summaries: in the order of the lines.
-        field: what they met.
+        suite: what they met.
         width: characters that a line may have, as far as columns can be spared; None: all columns.
     """
-    known = columns(field)
+    known = columns(suite)
     cells = [[column.heading, *map(column.cell, summaries)] for column in known]
     kept = list(range(len(known)))
     if width is not None:  # a column that says nothing of anybody is no loss
@@ -50,24 +50,24 @@ def _width(columns: Iterable[list[str]]) -> int:
     return 1 + sum(2 + max(map(len, cells)) for cells in columns)
 
 
-def caption(field: Field) -> str:
+def caption(suite: Suite) -> str:
     """What the table's numbers are."""
-    met = f"{len(field.counterparts)} counterparts, {field.matches} matches each"
-    if field.rounds_per_match > 1:
-        met += f" of {field.rounds_per_match} rounds"
-    whose = "ally's" if field.side == "ally" else "opponent's"
+    met = f"{len(suite.rivals)} rivals, {suite.matches} matches each"
+    if suite.rounds_per_match > 1:
+        met += f" of {suite.rounds_per_match} rounds"
+    whose = "ally's" if suite.side == "ally" else "opponent's"
     return (
-        f"Field {field.name} ({field.hash[:12]}): {met}. Return: the {whose}, a step, mean over "
-        f"counterparts; {field.scale.told}; worst: the lowest return a step, against one of them. Intervals: "
+        f"Suite {suite.name} ({suite.hash[:12]}): {met}. Return: the {whose}, a step, mean over "
+        f"rivals; {suite.scale.told}; worst: the lowest return a step, against one of them. Intervals: "
         "95 %, over training seeds; for scripts, planners and single training seeds over matches. † fewer "
         "than three training seeds."
     )
 
 
-def markdown(summaries: Sequence[Summary], field: Field) -> str:
+def markdown(summaries: Sequence[Summary], suite: Suite) -> str:
     """The table as Markdown, with all columns."""
-    head, *lines = lines_of_table(summaries, field)
-    return as_markdown(head, [[cell.replace("|", "\\|") for cell in line] for line in lines], caption(field))
+    head, *lines = lines_of_table(summaries, suite)
+    return as_markdown(head, [[cell.replace("|", "\\|") for cell in line] for line in lines], caption(suite))
 
 
 def as_markdown(names: list[str], lines: Sequence[list[str]], below: str) -> str:
@@ -77,7 +77,7 @@ def as_markdown(names: list[str], lines: Sequence[list[str]], below: str) -> str
 
 
 def as_csv(summaries: Sequence[Summary]) -> str:
-    """Unrounded: the score with its interval, the return a step against every counterpart, every measure."""
+    """Unrounded: the score with its interval, the return a step against every rival, every measure."""
     text = io.StringIO()
     lines = [flat(summary) for summary in summaries]
     writer = csv.DictWriter(text, list(lines[0]) if lines else [], lineterminator="\n")
@@ -91,8 +91,8 @@ def flat(s: Summary) -> dict[str, Any]:
     line: dict[str, Any] = {"entry": s.entry, "training_seeds": s.training_seeds, "rounds": s.pooled.rounds}
     line |= _ends("score", s.score) | {"interval_over": s.over} | _ends("return_a_step", s.reward)
     line |= {"worst_against": s.worst, "lost": s.pooled.lost}
-    line |= {f"return_a_step {name}": found.value for name, found in s.by_counterpart.items()}
-    if s.field.side == PLANNER:
+    line |= {f"return_a_step {name}": found.value for name, found in s.by_rival.items()}
+    if s.suite.side == PLANNER:
         for k, score in enumerate(learning_curve(s), 1):
             line |= _ends(f"round_{k}", score)
         plans = s.pooled.plans
@@ -105,24 +105,24 @@ def _ends(name: str, interval: Interval) -> dict[str, float]:
     return {name: interval.value, f"{name}_low": interval.low, f"{name}_high": interval.high}
 
 
-def picture(summaries: Sequence[Summary], field: Field, path: Path) -> None:
-    """Draw the scores with their intervals, best on top, and a small mark for each counterpart.
+def picture(summaries: Sequence[Summary], suite: Suite, path: Path) -> None:
+    """Draw the scores with their intervals, best on top, and a small mark for each rival.
 
     For planners the score round by round stands beside it.
     """
-    planned = field.side == PLANNER
+    planned = suite.side == PLANNER
     figure = blank_figure(11 if planned else 8, max(3.0, 1.2 + 0.45 * len(summaries)), dpi=120)
     if planned:
         by_round, axes = figure.subplots(1, 2, width_ratios=(3, 2))
-        _draw_curves(by_round, summaries, field)
+        _draw_curves(by_round, summaries, suite)
     else:
         axes = figure.subplots()
     for index, s in enumerate(summaries):
         _draw_score(axes, s, len(summaries) - 1 - index, _style(s, index))
     axes.set_yticks(range(len(summaries)), [s.entry for s in reversed(summaries)])
     axes.set_ylim(-0.6, len(summaries) - 0.4)
-    axes.set_xlabel(f"{'score' if planned else field.scale.told}; with 95 % interval, | per counterpart")
-    axes.set_title(f"{field.name}, {field.matches} matches per counterpart", fontsize=11)
+    axes.set_xlabel(f"{'score' if planned else suite.scale.told}; with 95 % interval, | per rival")
+    axes.set_title(f"{suite.name}, {suite.matches} matches per rival", fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
     image = io.BytesIO()
     figure.savefig(image, format="png")
@@ -130,44 +130,44 @@ def picture(summaries: Sequence[Summary], field: Field, path: Path) -> None:
 
 
 def _style(s: Summary, index: int) -> dict[str, Any]:
-    if s.field.side != PLANNER:
+    if s.suite.side != PLANNER:
         return {"color": _TRAINED if s.trained else _SCRIPT, "marker": "o", "ms": 4}
     again, colour = divmod(index, len(_COLOURS))
     return {"color": _COLOURS[colour], "marker": _MARKERS[again % len(_MARKERS)], "ms": 4}
 
 
 def _draw_score(axes: Any, s: Summary, line: int, style: dict[str, Any]) -> None:
-    each = [s.field.scale.score(found.value) for found in s.by_counterpart.values()]
+    each = [s.suite.scale.score(found.value) for found in s.by_rival.values()]
     axes.plot(each, [line] * len(each), "|", color=style["color"], alpha=0.4, ms=9)
     axes.errorbar(s.score.value, line, xerr=s.score.half, lw=2, capsize=5, capthick=2, **style)
 
 
-def _draw_curves(axes: Any, summaries: Sequence[Summary], field: Field) -> None:
-    rounds = range(1, field.rounds_per_match + 1)
+def _draw_curves(axes: Any, summaries: Sequence[Summary], suite: Suite) -> None:
+    rounds = range(1, suite.rounds_per_match + 1)
     for index, s in enumerate(summaries):
         curve, style = learning_curve(s), _style(s, index)
         axes.plot(rounds, [score.value for score in curve], lw=1.6, **style)
         low, high = ([getattr(score, end) for score in curve] for end in ("low", "high"))
         axes.fill_between(rounds, low, high, color=style["color"], alpha=0.15, lw=0)
     axes.set_xlabel("round of the match")
-    axes.set_ylabel(field.scale.told)
+    axes.set_ylabel(suite.scale.told)
     axes.set_xticks(rounds)
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def write_table(summaries: Sequence[Summary], field: Field, folder: Path) -> None:
+def write_table(summaries: Sequence[Summary], suite: Suite, folder: Path) -> None:
     """Write ``table.md``, ``table.csv`` and ``table.png`` into a folder."""
-    write_whole(folder / "table.md", markdown(summaries, field))
+    write_whole(folder / "table.md", markdown(summaries, suite))
     write_whole(folder / "table.csv", as_csv(summaries))
-    picture(summaries, field, folder / "table.png")
+    picture(summaries, suite, folder / "table.png")
 
 
 class Results(list[Summary]):
-    """The summaries of all entries that met a field, best first."""
+    """The summaries of all entries that met a suite, best first."""
 
     def table(self) -> str:
         """A table of Markdown with all columns, and what its numbers are."""
-        return markdown(self, self[0].field) if self else ""
+        return markdown(self, self[0].suite) if self else ""
 
     def dataframe(self) -> Any:
         """A ``pandas.DataFrame`` with one row per entry, unrounded, the columns of ``table.csv``.
@@ -206,13 +206,13 @@ class Column:
     spare: int = 0
 
 
-def columns(field: Field) -> list[Column]:
-    """All columns of a field's table."""
+def columns(suite: Suite) -> list[Column]:
+    """All columns of a suite's table."""
     measures = [
         Column(heading, _measure(name, factor), spare)
         for spare, (heading, name, factor) in enumerate(_MEASURES, _FIRST_MEASURE)
     ]
-    return [*(_of_planners(field) if field.side == PLANNER else _OF_PLAYERS), *measures]
+    return [*(_of_planners(suite) if suite.side == PLANNER else _OF_PLAYERS), *measures]
 
 
 def number(value: float | None, factor: float = 1, digits: int = 1) -> str:
@@ -230,15 +230,15 @@ def bounds(interval: Interval) -> str:
 
 def over_rounds(summary: Summary, window: slice) -> Interval:
     """A planner's score over some rounds of each match, with its interval over matches."""
-    returns = np.array([line.returns for line in summary.lines])
-    by_match = returns.reshape(len(summary.lines), -1, summary.field.rounds_per_match)
-    rewards = by_match[:, :, window].mean(axis=(0, 2)) / summary.field.scenario.steps_per_round
-    return mean_interval(summary.field.scale.score(rewards), summary.over)
+    returns = np.array([line.returns for line in summary.records])
+    by_match = returns.reshape(len(summary.records), -1, summary.suite.rounds_per_match)
+    rewards = by_match[:, :, window].mean(axis=(0, 2)) / summary.suite.scenario.steps_per_round
+    return mean_interval(summary.suite.scale.score(rewards), summary.over)
 
 
 def learning_curve(summary: Summary) -> list[Interval]:
     """A planner's score round by round of a match."""
-    return [over_rounds(summary, slice(k, k + 1)) for k in range(summary.field.rounds_per_match)]
+    return [over_rounds(summary, slice(k, k + 1)) for k in range(summary.suite.rounds_per_match)]
 
 
 def _measure(name: str, factor: float) -> Callable[[Summary], str]:
@@ -246,7 +246,7 @@ def _measure(name: str, factor: float) -> Callable[[Summary], str]:
 
 
 def _worst(s: Summary) -> str:
-    return number(s.by_counterpart[s.worst].value, digits=2)
+    return number(s.by_rival[s.worst].value, digits=2)
 
 
 _FIRST_MEASURE = 3  # what they can be spared for: all but jamming, before the columns of returns
@@ -261,11 +261,11 @@ _OF_PLAYERS = (
 )
 
 
-def _of_planners(field: Field) -> list[Column]:
-    last, everything = field.counted, slice(None)
+def _of_planners(suite: Suite) -> list[Column]:
+    last, everything = suite.counted, slice(None)
     return [
         Column("planner", lambda s: s.entry),
-        Column(f"score last {field.last_rounds or field.rounds_per_match}", lambda s: number(s.score.value)),
+        Column(f"score last {suite.last_rounds or suite.rounds_per_match}", lambda s: number(s.score.value)),
         Column("95 % interval", lambda s: bounds(over_rounds(s, last))),
         Column("score all", lambda s: number(over_rounds(s, everything).value)),
         Column("95 % interval", lambda s: bounds(over_rounds(s, everything)), spare=4),

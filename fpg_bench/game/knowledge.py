@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.checks import is_whole
-from fpg_bench.errors import UserError
-from fpg_bench.files import read_yaml
+from fpg_bench.common.checks import is_whole
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_yaml
 
 EXPERT_FILE = Path(__file__).with_name("knowledge.yml")
 _KEYS = ("spectrum", "guard_mhz", "strategy", "candidates", "spread", "advice")

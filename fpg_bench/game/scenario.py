@@ -11,9 +11,9 @@ from typing import Any
 
 import yaml
 
-from fpg_bench.checks import check_keys
-from fpg_bench.errors import nearest
-from fpg_bench.files import read_yaml, write_whole
+from fpg_bench.common.checks import check_keys
+from fpg_bench.common.errors import nearest
+from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.game.knowledge import KnowledgeBase, load_knowledge
 from fpg_bench.game.names import DETECTIONS, HOPPING, JAMMING_TYPES, SNR_MODELS
 from fpg_bench.game.released import RELEASED, RULES_VERSION

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fpg_bench.game import draws
+from fpg_bench.game import rng
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.jamming import covers
 from fpg_bench.game.names import DETECTIONS
@@ -33,7 +33,7 @@ def check(game, rules):
     else:
         game.last_check = -1
     low, high = rules.check_interval[0], rules.check_interval[1]
-    game.next_check += low + draws.integer(game.round_key, game.step, draws.CHECK_INTERVAL, high - low + 1)
+    game.next_check += low + rng.integer(game.round_key, game.step, rng.CHECK_INTERVAL, high - low + 1)
 
 
 @compiled
@@ -45,7 +45,7 @@ def hears(game, rules):
     """
     if rules.detection == EMISSION:
         level = rules.ally_emission - path_loss_db(game.distance_m, game.frequency_mhz, rules)
-        fading, _ = draws.gaussians(game.round_key, game.step, draws.DETECTION_FADING)
+        fading, _ = rng.gaussians(game.round_key, game.step, rng.DETECTION_FADING)
         return level - noise_dbm(game.spreading, rules) + rules.fading_sd * fading >= rules.threshold
     return rules.detection == LINK and not game.spreading and game.snr_db >= rules.threshold
 
@@ -55,7 +55,7 @@ def sense(game, centre_error, rules):
     """The ally's spectrum monitor on the step just played: centre with an error, type at times wrong."""
     game.sensed_mhz = game.jamming_mhz + rules.sensing_sd * centre_error
     game.sensed_type = game.jamming_type
-    chance = draws.uniform(game.round_key, game.step, draws.SENSED_TYPE)
+    chance = rng.uniform(game.round_key, game.step, rng.SENSED_TYPE)
     if chance < rules.sensing_error:
         other = min(int(chance / rules.sensing_error * (TYPES - 1)), TYPES - 2)
         game.sensed_type = other + (other >= game.jamming_type)

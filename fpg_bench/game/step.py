@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from fpg_bench.game import draws
-from fpg_bench.game.choosing import choose_point, point_mhz
+from fpg_bench.game import rng
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.flight import (
     RECTANGLE,
@@ -18,6 +17,7 @@ from fpg_bench.game.flight import (
     keep_inside,
     place_on_patrol,
 )
+from fpg_bench.game.hopping import choose_point, point_mhz
 from fpg_bench.game.jamming import choose_type, covers, tune_mhz
 from fpg_bench.game.radio import path_loss_db, snr_db
 from fpg_bench.game.rewards import reward
@@ -69,7 +69,7 @@ def play(
         _choose_jamming(game, opponent_action, rules)
         _choose_frequency(game, ally_action, ally_observations[i], rules)
         _move(game, ally_action, opponent_action, waypoints[i], rules)
-        fading, centre_error = draws.gaussians(game.round_key, game.step, draws.FADING_AND_SENSED_CENTRE)
+        fading, centre_error = rng.gaussians(game.round_key, game.step, rng.FADING_AND_SENSED_CENTRE)
         _transmit(game, fading, rules)
         reward(game, rules)
         check(game, rules)
@@ -154,7 +154,7 @@ def begin(games, mask, ally_observations, opponent_observations, segments, rules
         if not mask[i]:
             continue
         game = games[i]
-        _begin_match(game, draws.match_key(game.seed, game.match), rules)
+        _begin_match(game, rng.match_key(game.seed, game.match), rules)
         _begin_round(game, rules)
         segments[i] = 0.0
         ally_observation(ally_observations[i], game, rules)
@@ -164,17 +164,17 @@ def begin(games, mask, ally_observations, opponent_observations, segments, rules
 @compiled
 def _begin_match(game, key, rules):
     """What all rounds of a match share: the ally's path and the opponent's start."""
-    game.round_key = draws.round_key(key, game.round)
+    game.round_key = rng.round_key(key, game.round)
     for corner in range(4):
         for axis in range(3):
-            share = draws.uniform(key, 0, draws.CONTROL_POINTS + 3 * corner + axis)
+            share = rng.uniform(key, 0, rng.CONTROL_POINTS + 3 * corner + axis)
             low, high = 0.0, rules.box[axis]
             if axis == 2:
                 low, high = rules.curve_altitude[0], rules.curve_altitude[1]
             drawn = low + share * (high - low)
             game.control_points[corner, axis] = drawn if rules.random_curve else rules.curve[corner, axis]
     for axis in range(3):
-        game.opponent_start[axis] = draws.uniform(key, 0, draws.OPPONENT_START + axis) * rules.box[axis]
+        game.opponent_start[axis] = rng.uniform(key, 0, rng.OPPONENT_START + axis) * rules.box[axis]
 
 
 @compiled
@@ -185,15 +185,15 @@ def _begin_round(game, rules):
     begin_curve(game, rules.chords)
     for axis in range(3):
         game.opponent_position[axis] = game.opponent_start[axis]
-    game.path = rules.path[draws.integer(key, 0, draws.PATH_CHOICE, rules.paths)]
+    game.path = rules.path[rng.integer(key, 0, rng.PATH_CHOICE, rules.paths)]
     if game.path <= RECTANGLE:
         place_on_patrol(game.opponent_position, game.path, 0.0, rules)
-    game.point = draws.integer(key, 0, draws.START_POINT, rules.points)
+    game.point = rng.integer(key, 0, rng.START_POINT, rules.points)
     game.frequency_mhz = point_mhz(game.point, rules)
     game.spreading, game.spreading_s, game.hopped = False, 0, False
     game.known_mhz, game.age_s = game.frequency_mhz, 0
     low, high = rules.first_check[0], rules.first_check[1]
-    game.next_check = low + draws.integer(key, 0, draws.FIRST_CHECK, high - low + 1)
+    game.next_check = low + rng.integer(key, 0, rng.FIRST_CHECK, high - low + 1)
     game.last_check, game.checked = 0, False
     game.jamming_type, game.jamming_mhz = -1, rules.band_middle
     game.sensed_type, game.sensed_mhz = -1, rules.band_middle

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.game.names import JAMMING_TYPES, MOST_PATHS, PATHS
 
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
-from fpg_bench.errors import UserError
-from fpg_bench.extras import need
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.extras import need
 from fpg_bench.jobs.job import Outcome
 
 _ANSWER_S = 5.0

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.files import write_whole
+from fpg_bench.common.files import write_whole
 from fpg_bench.jobs.job import Job
 
 _MARK = ".shared"

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from fpg_bench.errors import UserError
-from fpg_bench.imports import reason
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.imports import reason
 
 
 def _never() -> bool:

@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fpg_bench.checks import whole
-from fpg_bench.errors import UserError, nearest
-from fpg_bench.extras import need
+from fpg_bench.common.checks import whole
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.extras import need
 from fpg_bench.jobs.job import Job, Outcome, Pool, attempt
 
 BACKENDS = ("loky", "ray")

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from fpg_bench.errors import nearest
-from fpg_bench.evaluation.field import Scale
+from fpg_bench.common.errors import nearest
 from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey, current_season
 from fpg_bench.evaluation.statistics import (
     FEW_SEEDS,
@@ -23,18 +22,19 @@ from fpg_bench.evaluation.statistics import (
     rank_ranges,
     student_half,
 )
+from fpg_bench.evaluation.suite import Scale
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import learning_curve, over_rounds
 from fpg_bench.jobs.job import outcome_of
 from fpg_bench.leaderboard.cases import Case, case_of, entered, result_file, submission_folders
 from fpg_bench.leaderboard.crossplay import WITHIN
-from fpg_bench.leaderboard.fields import TRACKS as FOLDERS
 from fpg_bench.leaderboard.folder import brief
 from fpg_bench.leaderboard.pairs import Pair, Pairs, fully_played, pair_key, players_of, read_pairs
 from fpg_bench.leaderboard.ranking import improvements, nash, profiles
 from fpg_bench.leaderboard.result import Result, rounded
 from fpg_bench.leaderboard.submission import Submission, Training
-from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, SHIFTED, TRACKS, UNSEEN, Track, ranked_by
+from fpg_bench.leaderboard.submission_file import TRACKS as FOLDERS
+from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, TRACKS, UNSEEN, Track, ranked_by
 from fpg_bench.players.player import SIDES
 from fpg_bench.version import __version__
 
@@ -65,7 +65,7 @@ class BoardSuite:
     """A suite that the entries of a track play.
 
     Attributes:
-        role: see :meth:`fpg_bench.leaderboard.tracks.Track.fields`.
+        role: see :meth:`fpg_bench.leaderboard.tracks.Track.suites`.
         rounds: against each rival, per training seed.
         rivals: their names.
     """
@@ -175,7 +175,7 @@ class Figures:
     @property
     def gap(self) -> float | None:
         """Score over the public suite minus score over the unseen suite."""
-        public, unseen = self.scores.get(KNOWN), self.scores.get(UNSEEN)
+        public, unseen = self.scores.get(PUBLIC), self.scores.get(UNSEEN)
         return None if public is None or unseen is None else public.value - unseen.value
 
 
@@ -410,13 +410,13 @@ def _with_case(board: Path, submission: Submission) -> _Shown:
 def _make_track(
     shown: Iterable[_Shown], track: Track, pairs: Sequence[Pair], season: SeasonKey | None
 ) -> BoardTrack:
-    suites = track.fields()
+    suites = track.suites()
     role = ranked_by(suites)
     items = [
         item for item in shown if (item.submission.track, item.submission.path) == (track.side, track.path)
     ]
     verified = [
-        _Verified(item.submission, item.case.known, item.case.known.summaries(item.case.fields))
+        _Verified(item.submission, item.case.known, item.case.known.summaries(item.case.suites))
         for item in items
         if item.case is not None and item.case.known is not None
     ]
@@ -433,7 +433,7 @@ def _make_track(
             item.submission,
             figures=_make_figures(
                 item,
-                item.summaries.get(role, item.summaries[KNOWN]),
+                item.summaries.get(role, item.summaries[PUBLIC]),
                 worst_case(item.slug, track.side, item.summaries, pairs),
                 rank=ranks.get(item.slug),
                 seeds_gap=gaps.get(item.slug),
@@ -449,10 +449,10 @@ def _make_track(
         side=track.side,
         ranked_by=role,
         suites=tuple(
-            BoardSuite(role, suite.name, suite.hash, suite.rounds, tuple(c.name for c in suite.counterparts))
+            BoardSuite(role, suite.name, suite.hash, suite.rounds, tuple(c.name for c in suite.rivals))
             for role, suite in suites.items()
         ),
-        scale=track.field.scale,
+        scale=track.suite.scale,
         entries=tuple(sorted(entries, key=_place)),
         improvement=_make_improvement(ranking),
         profiles=_make_profiles(ranking),
@@ -477,9 +477,9 @@ def _is_late(submission: Submission, season: SeasonKey | None) -> bool:
 def _seeds_gaps(verified: Iterable[_Verified]) -> dict[str, SeedsGap]:
     """Return who gains more on public seeds than others do; flagged beyond some points and beyond chance."""
     gaps = {
-        item.slug: _seeds_gap(item.summaries[PUBLIC], item.summaries[KNOWN])
+        item.slug: _seeds_gap(item.summaries[PUBLIC_SEEDS], item.summaries[PUBLIC])
         for item in verified
-        if PUBLIC in item.summaries
+        if PUBLIC_SEEDS in item.summaries
     }
     median = float(np.median([value for value, _ in gaps.values()])) if gaps else 0.0
     return {
@@ -493,7 +493,7 @@ def _seeds_gap(on_public_seeds: Summary, on_season_seeds: Summary) -> tuple[floa
     from scipy.stats import ttest_ind
 
     one, other = (
-        summary.field.scale.score(summary.rewards.mean(axis=(0, 1)))
+        summary.suite.scale.score(summary.rewards.mean(axis=(0, 1)))
         for summary in (on_public_seeds, on_season_seeds)
     )
     with np.errstate(divide="ignore", invalid="ignore"):  # a single match has no spread
@@ -532,21 +532,18 @@ def _make_figures(
     is_late: bool,
 ) -> Figures:
     summaries = item.summaries
-    public = summaries[KNOWN]
-    played = [line for summary in summaries.values() for line in summary.lines]
+    public = summaries[PUBLIC]
+    played = [record for summary in summaries.values() for record in summary.records]
     return Figures(
         rank=rank,
         score=_score(ranking.score),
         scores={role: _score(summary.score) for role, summary in summaries.items()},
         worst=worst,
         by_rival={
-            role: {
-                name: _score(interval, summary.field.scale)
-                for name, interval in summary.by_counterpart.items()
-            }
+            role: {name: _score(interval, summary.suite.scale) for name, interval in summary.by_rival.items()}
             for role, summary in summaries.items()
         },
-        units={role: _make_units(summary) for role, summary in summaries.items() if role != PUBLIC},
+        units={role: _make_units(summary) for role, summary in summaries.items() if role != PUBLIC_SEEDS},
         seeds={seed: _short(score) for seed, score in ranking.seed_scores().items() if seed is not None},
         training_seeds=public.training_seeds,
         has_few_seeds=0 < public.training_seeds < FEW_SEEDS,
@@ -557,8 +554,8 @@ def _make_figures(
             side: tuple(_short(share) for share in counts / max(counts.sum(), 1))
             for side, counts in zip(("ally", "jam"), public.pooled.histogram, strict=True)
         },
-        lost=sum(line.lost for line in played),
-        rounds=sum(len(line.returns) for line in played),
+        lost=sum(record.lost for record in played),
+        rounds=sum(len(record.returns) for record in played),
         planner=_make_planner_figures(public, item.result),
         fingerprint=item.result.fingerprint,
     )
@@ -566,7 +563,7 @@ def _make_figures(
 
 def _make_units(summary: Summary) -> Units:
     by_rival = [summary.units(summary.rewards[:, k : k + 1]) for k in range(summary.rewards.shape[1])]
-    scores = [np.round(summary.field.scale.score(rewards), 1).tolist() for rewards in by_rival]
+    scores = [np.round(summary.suite.scale.score(rewards), 1).tolist() for rewards in by_rival]
     return Units(summary.over, tuple(map(tuple, scores)))
 
 
@@ -604,16 +601,16 @@ def worst_case(
     """
     other = "opponent" if side == "ally" else "ally"
     cases: list[tuple[Interval, str, str]] = [
-        (summary.by_counterpart[summary.worst], summary.worst, role)
+        (summary.by_rival[summary.worst], summary.worst, role)
         for role, summary in summaries.items()
-        if role not in (SHIFTED, PUBLIC)
+        if role not in (SHIFTED, PUBLIC_SEEDS)
     ]
     for pair in pairs:
         if side in SIDES and getattr(pair, side) == slug:
             reward = mean_interval(np.array(pair.rewards(side)), TRAINING_SEEDS)
             cases.append((reward, getattr(pair, other), CROSSPLAY))
     reward, rival, where = min(cases, key=lambda case: case[0].value)
-    return WorstCase(rival, where, _score(reward, summaries[KNOWN].field.scale), _score(reward))
+    return WorstCase(rival, where, _score(reward, summaries[PUBLIC].suite.scale), _score(reward))
 
 
 def _score(interval: Interval, scale: Scale | None = None) -> Score:

@@ -14,14 +14,14 @@ from pathlib import Path
 
 import platformdirs
 
-from fpg_bench.errors import UserError, nearest
-from fpg_bench.evaluation.field import Field
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.evaluation.suite import Suite
 from fpg_bench.leaderboard.check import load_submission, taken
 from fpg_bench.leaderboard.folder import brief
-from fpg_bench.leaderboard.playing import Key, Meeting, Part, key_of, meetings_of, parts_of
+from fpg_bench.leaderboard.playing import Key, Matchup, Part, key_of, matchups_of, parts_of
 from fpg_bench.leaderboard.result import Result, differing, fingerprint, read_result
 from fpg_bench.leaderboard.submission import TRACKS, Submission
-from fpg_bench.rows import Row, RowFile
 
 _SUBMITTED = {"submission", "policies", "planner"}  # what of a fingerprint comes from the submission's folder
 
@@ -32,7 +32,7 @@ class Case:
 
     Attributes:
         submission: whose.
-        fields: what it plays, by what that says.
+        suites: what it plays, by what that says.
         path: where its result lies, or shall lie.
         known: its result, None where there is none that counts.
         work: the folder of what is under way.
@@ -41,11 +41,11 @@ class Case:
     """
 
     submission: Submission
-    fields: dict[str, Field]
+    suites: dict[str, Suite]
     path: Path
     known: Result | None
     work: Path
-    wanted: tuple[tuple[Part, tuple[Meeting, ...]], ...]
+    wanted: tuple[tuple[Part, tuple[Matchup, ...]], ...]
     claimed: Path | None = None
 
     @property
@@ -56,12 +56,12 @@ class Case:
     @property
     def printed(self) -> Row:
         """The fingerprint of what is played."""
-        return fingerprint(self.submission, self.fields)
+        return fingerprint(self.submission, self.suites)
 
     @property
     def whole(self) -> bool:
         """Whether all of it is wanted."""
-        return sum(len(meetings) for _, meetings in self.wanted) == len(_pairs(self))
+        return sum(len(matchups) for _, matchups in self.wanted) == len(_pairs(self))
 
 
 def submission_folders(board: Path, names: Sequence[str] = ()) -> list[Path]:
@@ -121,9 +121,9 @@ def entered(board: Path, folder: Path, contract: bool = True, new: Collection[st
     def place(name: str) -> tuple[bool, bool, str]:
         return f"{track}/{name}" in new, not result_file(board, track, name).exists(), name
 
-    for name, line in taken(submission):
+    for name, record in taken(submission):
         if place(name) < place(submission.slug):
-            raise UserError(f"submission {folder}: {line}")
+            raise UserError(f"submission {folder}: {record}")
     return submission
 
 
@@ -156,29 +156,29 @@ def case_of(board: Path, submission: Submission, update: bool = False) -> Case:
     Raises:
         UserError: a result that is edited, or of something else.
     """
-    fields = submission.fields
+    suites = submission.suites
     path = result_file(board, submission.track, submission.slug)
     try:
-        known = result_at(path, submission, fields)
+        known = result_at(path, submission, suites)
     except UserError:
         if not update:
             raise
         known = None
-    everything = tuple(meetings_of(fields.values()))
+    everything = tuple(matchups_of(suites.values()))
     wanted = tuple((part, everything) for part in parts_of(submission))
-    return Case(submission, fields, path, known, _work(board, submission, fields), wanted)
+    return Case(submission, suites, path, known, _work(board, submission, suites), wanted)
 
 
-def result_at(path: Path, submission: Submission, fields: dict[str, Field]) -> Result | None:
-    """The result of just this submission on just these fields, None where there is no file.
+def result_at(path: Path, submission: Submission, suites: dict[str, Suite]) -> Result | None:
+    """The result of just this submission on just these suites, None where there is no file.
 
     Raises:
         UserError: a result that is edited, or of something else.
     """
     if not path.exists() and not path.is_symlink():
         return None
-    found = read_result(path, fields)
-    others = differing(found.fingerprint, fingerprint(submission, fields))
+    found = read_result(path, suites)
+    others = differing(found.fingerprint, fingerprint(submission, suites))
     if not others:
         return found
     if set(others) <= _SUBMITTED:
@@ -215,8 +215,8 @@ def at_work(board: Path) -> Iterator[None]:
         yield
 
 
-def _work(board: Path, submission: Submission, fields: dict[str, Field]) -> Path:
-    printed = fingerprint(submission, fields)
+def _work(board: Path, submission: Submission, suites: dict[str, Suite]) -> Path:
+    printed = fingerprint(submission, suites)
     played = hashlib.sha256(repr(sorted(printed.items(), key=str)).encode()).hexdigest()[:16]
     return work_folder(board) / submission.track / f"{submission.slug}-{played}"
 
@@ -236,29 +236,31 @@ def sampled(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
         seed: of the draw.
     """
     cases, rng = list(cases), random.Random(seed)
-    lines = [
+    records = [
         (number, *pair)
         for number, case in enumerate(cases)
         if case.known is not None and case.known.verified
         for pair in _pairs(case)
     ]
-    drawn = set(rng.sample(lines, math.ceil(share * len(lines))))
-    for number in sorted({line[0] for line in lines} - {line[0] for line in drawn}):
-        drawn.add(rng.choice([line for line in lines if line[0] == number]))
-    return [_thinned(case, {line[1:] for line in drawn if line[0] == k}) for k, case in enumerate(cases)]
+    drawn = set(rng.sample(records, math.ceil(share * len(records))))
+    for number in sorted({record[0] for record in records} - {record[0] for record in drawn}):
+        drawn.add(rng.choice([record for record in records if record[0] == number]))
+    return [
+        _thinned(case, {record[1:] for record in drawn if record[0] == k}) for k, case in enumerate(cases)
+    ]
 
 
 def _pairs(case: Case) -> list[tuple[str, Key]]:
     """All that could be played of a case, by the names of part and meeting."""
-    meetings = meetings_of(case.fields.values())
-    return [(part.name, key_of(*meeting)) for part in parts_of(case.submission) for meeting in meetings]
+    matchups = matchups_of(case.suites.values())
+    return [(part.name, key_of(*matchup)) for part in parts_of(case.submission) for matchup in matchups]
 
 
 def _thinned(case: Case, drawn: set[tuple[str, Key]]) -> Case:
     if case.known is None:
         return case
     left = (
-        (part, tuple(m for m in meetings if (part.name, key_of(*m)) in drawn))
-        for part, meetings in case.wanted
+        (part, tuple(m for m in matchups if (part.name, key_of(*m)) in drawn))
+        for part, matchups in case.wanted
     )
-    return dataclasses.replace(case, wanted=tuple((part, meetings) for part, meetings in left if meetings))
+    return dataclasses.replace(case, wanted=tuple((part, matchups) for part, matchups in left if matchups))

@@ -9,13 +9,13 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.errors import UserError, meant, nearest
+from fpg_bench.common.errors import UserError, meant, nearest
+from fpg_bench.common.files import read_yaml
 from fpg_bench.evaluation.statistics import FEW_SEEDS
-from fpg_bench.files import read_yaml
-from fpg_bench.leaderboard.fields import TRACKS, Training, plain, read_fields
 from fpg_bench.leaderboard.folder import brief, file_problem, folder_problem, names, shown, strays
 from fpg_bench.leaderboard.policies import MOST_TEXT_BYTES, Policy, read_policies, seed_folders
 from fpg_bench.leaderboard.submission import Submission
+from fpg_bench.leaderboard.submission_file import TRACKS, Training, plain, read_fields
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.scripted import SCRIPTED
@@ -86,16 +86,16 @@ def examine(folder: Path, contract: bool = True) -> tuple[Submission | None, lis
         content = read_yaml(folder / ABOUT, ABOUT)
     except UserError as error:
         return None, [str(error).replace(f" {folder / ABOUT}: ", ": ", 1)]
-    fields, wrong = read_fields(content)
+    suites, wrong = read_fields(content)
     found = [*_slug(folder), *(f"{ABOUT}: {line}" for line in wrong)]
-    found += [f"{ABOUT}: {line}" for line in (*_place(folder, fields), *_named(folder, fields))]
-    policies, wrong = _policies(folder, fields, contract)
-    found += [*wrong, *_transcripts(folder, fields)]
+    found += [f"{ABOUT}: {line}" for line in (*_place(folder, suites), *_named(folder, suites))]
+    policies, wrong = _policies(folder, suites, contract)
+    found += [*wrong, *_transcripts(folder, suites)]
     if found:
         return None, found
-    told = {key: value for key, value in fields.items() if value is not None}
+    told = {key: value for key, value in suites.items() if value is not None}
     optional = {"reference": None, "path": None, "training": None}
-    recorded = names(folder / TRANSCRIPTS) if _records(fields) else []
+    recorded = names(folder / TRANSCRIPTS) if _records(suites) else []
     files = tuple(folder / TRANSCRIPTS / name for name in recorded)
     return Submission(folder=folder, policies=policies, transcripts=files, **(optional | told)), []
 
@@ -108,9 +108,9 @@ def _slug(folder: Path) -> Iterator[str]:
         )
 
 
-def _place(folder: Path, fields: dict[str, Any]) -> Iterator[str]:
+def _place(folder: Path, suites: dict[str, Any]) -> Iterator[str]:
     """Whether the track is that of the board's folder."""
-    around, track = folder.parent.name, fields.get("track")
+    around, track = folder.parent.name, suites.get("track")
     says = f"track: says {track}, but the folder lies in"
     if track is None or track == around:
         return
@@ -120,17 +120,17 @@ def _place(folder: Path, fields: dict[str, Any]) -> Iterator[str]:
         yield f"{says} {shown(around)}, which is no track; move it to submissions/{track}"
 
 
-def _named(folder: Path, fields: dict[str, Any]) -> Iterator[str]:
+def _named(folder: Path, suites: dict[str, Any]) -> Iterator[str]:
     """Scripts and agents of the package: they must be there, and their names are nobody else's."""
-    track, script = fields.get("track"), fields.get("script")
+    track, script = suites.get("track"), suites.get("script")
     if track is None:
         return
     if script is not None and script not in _scripts(track):
         yield f"script: unknown {shown(script)}{nearest(script, _scripts(track))}"
-    for what, name in (("name", fields.get("name", "")), ("the folder's name", folder.name)):
+    for what, name in (("name", suites.get("name", "")), ("the folder's name", folder.name)):
         if plain(name) in map(plain, _scripts(track)) and name.strip().casefold() != script:
             yield f"{what}: {shown(name)} is what a script of the package is called; choose another"
-    zoo = fields.get("zoo")
+    zoo = suites.get("zoo")
     if zoo is not None and zoo not in _zoo():
         yield f"zoo: the package ships no agents {shown(zoo)}{meant(zoo, _zoo())} (fpg-bench zoo lists them)"
 
@@ -149,13 +149,13 @@ def _zoo() -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
-def _policies(folder: Path, fields: dict[str, Any], contract: bool) -> tuple[tuple[Policy, ...], list[str]]:
+def _policies(folder: Path, suites: dict[str, Any], contract: bool) -> tuple[tuple[Policy, ...], list[str]]:
     """The policies of a submission, and what is wrong with them and with the names in its folder."""
-    track, zoo, training = (fields.get(key) for key in ("track", "zoo", "training"))
-    own = fields.get("script") is None and zoo is None and track != "planner"
+    track, zoo, training = (suites.get(key) for key in ("track", "zoo", "training"))
+    own = suites.get("script") is None and zoo is None and track != "planner"
     seeds = [path.name for path in seed_folders(folder).values()] if own else []
     wanted = (seeds or ["seed_0"]) if own else []
-    known = [ABOUT, *wanted, *([TRANSCRIPTS] if _records(fields) else [])]
+    known = [ABOUT, *wanted, *([TRANSCRIPTS] if _records(suites) else [])]
     found = strays(folder, known)
     if zoo is not None and zoo not in _zoo():
         return (), found
@@ -189,13 +189,13 @@ def _folders(seeds: Iterable[int]) -> str:
     return ", ".join(f"seed_{seed}" for seed in sorted(seeds))
 
 
-def _records(fields: dict[str, Any]) -> bool:
+def _records(suites: dict[str, Any]) -> bool:
     """Whether it is a language model's, which is entered by its transcripts."""
-    return fields.get("track") == "planner" and fields.get("script") is None
+    return suites.get("track") == "planner" and suites.get("script") is None
 
 
-def _transcripts(folder: Path, fields: dict[str, Any]) -> list[str]:
-    if not _records(fields):
+def _transcripts(folder: Path, suites: dict[str, Any]) -> list[str]:
+    if not _records(suites):
         return []
     from fpg_bench.leaderboard.transcripts import check_transcripts
 
@@ -235,7 +235,7 @@ def _read_name(folder: Path, changed: int, size: int) -> tuple[str | None, str] 
     if file_problem(folder / ABOUT, MOST_TEXT_BYTES):
         return None
     try:
-        fields, _ = read_fields(read_yaml(folder / ABOUT, ABOUT))
+        suites, _ = read_fields(read_yaml(folder / ABOUT, ABOUT))
     except UserError:
         return None
-    return (fields.get("path"), plain(fields["name"])) if "name" in fields else None
+    return (suites.get("path"), plain(suites["name"])) if "name" in suites else None

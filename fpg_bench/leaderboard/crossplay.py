@@ -14,10 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.envs.duel import Duel
+from fpg_bench.common.files import write_whole
+from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.play import LOST_SCORE
+from fpg_bench.evaluation.rounds import make_match as match_of
+from fpg_bench.evaluation.rounds import play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
-from fpg_bench.files import write_whole
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.run import Workers, run_quietly
@@ -33,15 +36,12 @@ from fpg_bench.leaderboard.pairs import (
     players_of_board,
     read_pairs,
 )
-from fpg_bench.leaderboard.playing import FAILED, Part, seated
+from fpg_bench.leaderboard.playing import FAILED, Part, make_match
 from fpg_bench.leaderboard.result import rounded
 from fpg_bench.leaderboard.sandbox import PolicyFailed
-from fpg_bench.matches.rounds import play_round
-from fpg_bench.matches.rounds import seated as table_of
 from fpg_bench.players.agent import OnnxPlayer
-from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import Player
-from fpg_bench.rows import Row, RowFile
+from fpg_bench.players.registry import as_player
 
 _ALONE = Workers()
 WITHIN = 0.005  # of a rate, and of the distance from 0 to 100, when it is played again
@@ -77,11 +77,11 @@ def play_missing(
         played, failed = _play(board, missing, rounds, Workers(**workers))
     known |= {pair.key: pair for pair in played}
     differing = _differing(played, pairs)
-    failed += [f"{line}; replaced, commit this one" for line in differing]
+    failed += [f"{record}; replaced, commit this one" for record in differing]
     if missing or not pairs.whole:
         rows = [known[key].row() for key, _, _ in pairs.every() if key in known]
-        lines = [json.dumps(row, separators=(",", ":")) + "\n" for row in rows]
-        write_whole(crossplay_file(board), "".join(lines))
+        records = [json.dumps(row, separators=(",", ":")) + "\n" for row in rows]
+        write_whole(crossplay_file(board), "".join(records))
     return failed
 
 
@@ -179,11 +179,11 @@ def play_pair(ally: BoardEntry, opponent: BoardEntry, rounds: int = ROUNDS) -> P
     games = np.arange(rounds)
     of_ally = games % len(ally.parts)
     of_opponent = games // len(ally.parts) % len(opponent.parts)
-    duel = Duel(opponent.scenario, rounds)
+    duel = TwoPlayerBatch(opponent.scenario, rounds)
     with _team(ally, of_ally, duel) as one, _team(opponent, of_opponent, duel) as other:
-        play_round(table_of(duel, one, other), seeds=np.array(evaluation_seeds(rounds, ally.season)))
+        play_round(match_of(duel, one, other), seeds=np.array(evaluation_seeds(rounds, ally.season)))
         lost = one.invalid.copy(), other.invalid.copy()
-    rates = duel.arena.tallies["jammed"] / duel.arena.tallies["steps"]
+    rates = duel.batch.tallies["jammed"] / duel.batch.tallies["steps"]
     rates[lost[0] & ~lost[1]], rates[lost[1] & ~lost[0]] = 1.0, 0.0
     return Pair(
         ally.slug,
@@ -197,11 +197,13 @@ def play_pair(ally: BoardEntry, opponent: BoardEntry, rounds: int = ROUNDS) -> P
     )
 
 
-def _rewards(duel: Duel, who: BoardEntry, lost: np.ndarray, seats: np.ndarray) -> tuple[float, ...]:
+def _rewards(
+    duel: TwoPlayerBatch, who: BoardEntry, lost: np.ndarray, runners: np.ndarray
+) -> tuple[float, ...]:
     """The return a step of each of a side's parts."""
-    found = duel.arena.tallies[f"{who.side}_return"] / duel.arena.tallies["steps"]
+    found = duel.batch.tallies[f"{who.side}_return"] / duel.batch.tallies["steps"]
     found[lost] = min([who.scale.reward(LOST_SCORE), *found[~lost]])
-    return tuple(_figure(found[seats == k].mean()) for k in range(len(who.parts)))
+    return tuple(_figure(found[runners == k].mean()) for k in range(len(who.parts)))
 
 
 def _figure(value: float) -> float:
@@ -211,17 +213,17 @@ def _figure(value: float) -> float:
 
 
 @contextlib.contextmanager
-def _team(who: BoardEntry, seats: np.ndarray, duel: Duel) -> Iterator[Team]:
+def _team(who: BoardEntry, runners: np.ndarray, duel: TwoPlayerBatch) -> Iterator[Team]:
     with contextlib.ExitStack() as stack:
         plays = [stack.enter_context(_player(part)) for part in who.parts]
-        yield Team([as_player(player, who.side, duel.scenario) for player in plays], seats)
+        yield Team([as_player(player, who.side, duel.scenario) for player in plays], runners)
 
 
 def _player(part: Part) -> contextlib.AbstractContextManager[Any]:
     """A part as a player; what the package ships needs no process of its own, which saves time."""
     if part.shipped and not isinstance(part.plays, str):
         return contextlib.nullcontext(OnnxPlayer(part.plays.model, part.plays.about))
-    return seated(part.plays)
+    return make_match(part.plays)
 
 
 class Team:
@@ -232,8 +234,8 @@ class Team:
         seats: ``(n,)`` which of them plays each game.
     """
 
-    def __init__(self, players: Sequence[Player], seats: np.ndarray) -> None:
-        self._members = [(player, np.flatnonzero(seats == k)) for k, player in enumerate(players)]
+    def __init__(self, players: Sequence[Player], runners: np.ndarray) -> None:
+        self._members = [(player, np.flatnonzero(runners == k)) for k, player in enumerate(players)]
         self._members = [(player, games) for player, games in self._members if len(games)]
 
     def reset(self, mask: np.ndarray, seeds: np.ndarray) -> None:

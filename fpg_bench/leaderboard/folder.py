@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
 
-from fpg_bench.errors import nearest
+from fpg_bench.common.errors import nearest
 
 _MOST_NAMES = 200
 

@@ -6,9 +6,9 @@ import hashlib
 import struct
 from collections.abc import Sequence
 
-from fpg_bench.errors import printable
+from fpg_bench.common.errors import printable
+from fpg_bench.common.strict_json import read_plain
 from fpg_bench.leaderboard.sandbox import Limits, PolicyFailed, Sandbox
-from fpg_bench.plain_json import read_plain
 
 MOST_BYTES = 5_000_000
 SIZE = struct.Struct("<I")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from onnx import ModelProto, NodeProto, TypeProto, shape_inference
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 
 LARGEST_RANK = 8
 Shape = tuple[int, ...]

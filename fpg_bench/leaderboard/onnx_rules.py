@@ -15,11 +15,11 @@ from typing import Any
 import onnx
 from onnx import AttributeProto, GraphProto, ModelProto, NodeProto, TensorProto
 
-from fpg_bench.errors import UserError
-from fpg_bench.leaderboard.inside import Inside
+from fpg_bench.common.errors import UserError
 from fpg_bench.leaderboard.onnx_contract import SIZE
 from fpg_bench.leaderboard.onnx_cost import LARGEST_RANK, multiply_adds
 from fpg_bench.leaderboard.sandbox import Reader
+from fpg_bench.leaderboard.sandbox_child import SandboxChild
 from fpg_bench.players.onnx_file import check_signature, plain_model
 
 MOST_MULTIPLY_ADDS = 2_000_000
@@ -49,7 +49,7 @@ _VALUES = [AttributeProto.FLOAT, AttributeProto.INT, AttributeProto.STRING, Attr
 _VALUES += [AttributeProto.FLOATS, AttributeProto.INTS, AttributeProto.STRINGS]
 
 
-def main(inside: Inside) -> None:
+def main(inside: SandboxChild) -> None:
     """Files in, what is wrong with each out, as JSON, until whoever started the process is gone."""
     inside.lock_down()
     connection, reader = inside.connection, Reader(inside.connection)

@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.checks import is_whole
-from fpg_bench.evaluation.field import Scale
+from fpg_bench.common.checks import is_whole
+from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.seeds import PROTOCOL
+from fpg_bench.evaluation.suite import Scale
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.jobs.job import outcome_of
 from fpg_bench.leaderboard.cases import Case, make_case, submission_folders
 from fpg_bench.leaderboard.playing import Part, parts_of
-from fpg_bench.leaderboard.tracks import KNOWN
+from fpg_bench.leaderboard.tracks import PUBLIC
 from fpg_bench.players.player import SIDES
-from fpg_bench.rows import Row, RowFile
 
 ROUNDS = 100
 
@@ -130,8 +130,8 @@ def players_of(cases: Iterable[Case]) -> tuple[list[BoardEntry], list[BoardEntry
 
 
 def _entry(case: Case) -> BoardEntry:
-    known, submission = case.fields[KNOWN], case.submission
-    scenario = known.counterparts[0].scenario  # an opponent's counterparts are all on one path
+    known, submission = case.suites[PUBLIC], case.submission
+    scenario = known.rivals[0].scenario  # an opponent's rivals are all on one path
     parts = tuple(parts_of(submission))
     return BoardEntry(submission.slug, submission.track, parts, scenario, known.scale, known.season)
 
@@ -174,7 +174,7 @@ def read_pairs(
     board: Path,
     players: tuple[list[BoardEntry], list[BoardEntry]],
     rounds: int = ROUNDS,
-    say: Callable[[str], None] = lambda line: None,
+    say: Callable[[str], None] = lambda record: None,
 ) -> Pairs:
     """The figures that are there of pairs of these players; what is none is left out.
 
@@ -201,7 +201,7 @@ def fully_played(pairs: Pairs) -> tuple[list[BoardEntry], list[BoardEntry]]:
     """The players left once whoever lacks the largest share of pairs is taken out, until none lacks any."""
     allies, opponents = list(pairs.allies), list(pairs.opponents)
     keys = [[pair_key(a, o, pairs.rounds) for o in opponents] for a in allies]
-    there = np.array([[key in pairs.known for key in line] for line in keys], bool)
+    there = np.array([[key in pairs.known for key in record] for record in keys], bool)
     while not there.all():
         of_ally, of_opponent = there.mean(axis=1), there.mean(axis=0)
         axis = 0 if of_ally.min() <= of_opponent.min() else 1

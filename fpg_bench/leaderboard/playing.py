@@ -1,4 +1,4 @@
-"""Playing a submission: every policy in a process of its own, a line per counterpart."""
+"""Playing a submission: every policy in a process of its own, a line per rival."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.compare import transcript_file
 from fpg_bench.evaluation.entry import Entry, Same
-from fpg_bench.evaluation.field import PLANNER, Counterpart, Field
-from fpg_bench.evaluation.line import Line, read_line
+from fpg_bench.evaluation.match import replaying
 from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.record import Record, read_record
+from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.leaderboard.sandbox import PolicyFailed, missing_here
 from fpg_bench.leaderboard.submission import Policy, Submission
 from fpg_bench.leaderboard.transcripts import FOLDER, local, told
-from fpg_bench.matches.match import replaying
-from fpg_bench.rows import RowFile
 
-LINES = "lines.jsonl"
+RECORDS = "records.jsonl"
 FAILED = "failed"  # the key of a row that says why a part could not be played on
 OPEN = "open"  # the key of a row that says what the policy could not be kept from
-Meeting = tuple[Field, Counterpart]
-Key = tuple[str, str, str]  # of a meeting: the field's name, its hash's first digits, the counterpart's name
+Matchup = tuple[Suite, Rival]
+Key = tuple[str, str, str]  # of a meeting: the suite's name, its hash's first digits, the rival's name
 
 
 @dataclass(frozen=True)
@@ -51,22 +51,22 @@ class Part:
         """The hash of its policy, or its script's name."""
         return self.plays if isinstance(self.plays, str) else self.plays.sha256
 
-    def entry(self, player: Any, field: Field) -> Entry:
-        """The part as an entry that meets counterparts of a field, played by a player."""
+    def entry(self, player: Any, suite: Suite) -> Entry:
+        """The part as an entry that meets rivals of a suite, played by a player."""
         if self.recorded is not None:
-            return Entry(self.slug, None, self.fingerprint, partial(_recorded, self.recorded, field))
+            return Entry(self.slug, None, self.fingerprint, partial(_recorded, self.recorded, suite))
         return Entry(self.slug, self.seed, self.fingerprint, Same(player))
 
 
-def _recorded(folder: Path, field: Field, ally: Counterpart) -> Any:
+def _recorded(folder: Path, suite: Suite, ally: Rival) -> Any:
     """The planner of a submission's transcripts against an ally; no language model is asked.
 
     Raises:
         UserError: a transcript is not that of these matches: its prompts are others, or something of it is
             missing or was changed.
     """
-    about, prompt = told(folder, field)
-    return replaying(field.scenario, prompt, about, transcript_file(folder / FOLDER, ally.name))
+    about, prompt = told(folder, suite)
+    return replaying(suite.scenario, prompt, about, transcript_file(folder / FOLDER, ally.name))
 
 
 def parts_of(submission: Submission) -> list[Part]:
@@ -80,78 +80,78 @@ def parts_of(submission: Submission) -> list[Part]:
     return [Part(slug, policy.seed, policy, submission.zoo is not None) for policy in policies]
 
 
-def key_of(field: Field, counterpart: Counterpart) -> Key:
+def key_of(suite: Suite, rival: Rival) -> Key:
     """What tells a meeting from all others."""
-    return field.name, field.hash[:16], counterpart.name
+    return suite.name, suite.hash[:16], rival.name
 
 
-def meetings_of(fields: Iterable[Field]) -> list[Meeting]:
-    """All meetings of several fields."""
-    return [(field, counterpart) for field in fields for counterpart in field.counterparts]
+def matchups_of(suites: Iterable[Suite]) -> list[Matchup]:
+    """All meetings of several suites."""
+    return [(suite, rival) for suite in suites for rival in suite.rivals]
 
 
-def part_lines(part: Part, meetings: Iterable[Meeting]) -> Iterator[Line]:
-    """Play a part against some counterparts, here and now.
+def part_records(part: Part, matchups: Iterable[Matchup]) -> Iterator[Record]:
+    """Play a part against some rivals, here and now.
 
     Raises:
         PolicyFailed: a policy died, or took longer than it may.
         UserError: a transcript is not that of these matches.
     """
-    with seated(part.plays) as player:
-        for field, counterpart in meetings:
+    with make_match(part.plays) as player:
+        for suite, rival in matchups:
             try:
-                line = play(part.entry(player, field), field, counterpart)
+                record = play(part.entry(player, suite), suite, rival)
             except UserError as error:
                 if part.recorded is None:
                     raise
-                raise UserError(f"against {counterpart.name}: {local(error, part.recorded)}") from error
+                raise UserError(f"against {rival.name}: {local(error, part.recorded)}") from error
             # How long planning took is left out, since that is never twice the same.
-            plans = line.plans and dataclasses.replace(line.plans, seconds=0.0)
-            yield dataclasses.replace(line, plans=plans)
+            plans = record.plans and dataclasses.replace(record.plans, seconds=0.0)
+            yield dataclasses.replace(record, plans=plans)
 
 
 @contextlib.contextmanager
-def seated(plays: str | Policy) -> Iterator[Any]:
+def make_match(plays: str | Policy) -> Iterator[Any]:
     """A player: a script's name as it is, a policy in a process of its own for as long as it plays."""
     if isinstance(plays, str):
         yield plays
         return
-    from fpg_bench.leaderboard.host import PolicyHost
+    from fpg_bench.leaderboard.policy_client import PolicyClient
 
-    with PolicyHost(plays) as host:
+    with PolicyClient(plays) as host:
         yield host
 
 
-def fill(part: Part, meetings: Sequence[Meeting], folder: Path) -> None:
+def fill(part: Part, matchups: Sequence[Matchup], folder: Path) -> None:
     """Play a part's meetings into a folder, a line each as it ends; what is there is not played again.
 
     A policy that cannot be played on leaves a row that says why.
     """
-    file, there = RowFile(folder / LINES), lines_in(folder)
-    missing = [meeting for meeting in meetings if key_of(*meeting) not in there]
+    file, there = RowFile(folder / RECORDS), records_in(folder)
+    missing = [matchup for matchup in matchups if key_of(*matchup) not in there]
     try:
-        for line in part_lines(part, missing):
-            file.append([line.row()])
+        for record in part_records(part, missing):
+            file.append([record.row()])
     except PolicyFailed as error:
         file.append([{FAILED: f"{part.name}: {error}"}])
     if isinstance(part.plays, Policy) and (lacking := missing_here()):
         file.append([{OPEN: lacking}])
 
 
-def lines_in(folder: Path) -> dict[Key, Line]:
+def records_in(folder: Path) -> dict[Key, Record]:
     """The lines of a part's folder, by their meetings."""
-    rows = [row for row in RowFile(folder / LINES).read() if not {FAILED, OPEN} & row.keys()]
-    lines = (read_line(row, f"lines {folder / LINES}") for row in rows)
-    return {(line.field, line.field_hash, line.counterpart): line for line in lines}
+    rows = [row for row in RowFile(folder / RECORDS).read() if not {FAILED, OPEN} & row.keys()]
+    records = (read_record(row, f"lines {folder / RECORDS}") for row in rows)
+    return {(record.suite, record.suite_hash, record.rival): record for record in records}
 
 
 def failure_in(folder: Path) -> str | None:
     """Why the part of a folder could not be played on; None where it could."""
-    rows = RowFile(folder / LINES).read()
+    rows = RowFile(folder / RECORDS).read()
     return next((str(row[FAILED]) for row in rows if FAILED in row), None)
 
 
 def open_in(folder: Path) -> list[str]:
     """What the policy of a part's folder could not be kept from."""
-    rows = RowFile(folder / LINES).read()
+    rows = RowFile(folder / RECORDS).read()
     return next((list(row[OPEN]) for row in rows if OPEN in row), [])

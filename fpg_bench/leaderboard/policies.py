@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.checks import is_whole
-from fpg_bench.errors import UserError
-from fpg_bench.files import read_json
-from fpg_bench.leaderboard.fields import MOST_STEPS
+from fpg_bench.common.checks import is_whole
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_json
 from fpg_bench.leaderboard.folder import file_problem, folder_problem, names, shown, strays
 from fpg_bench.leaderboard.onnx_contract import MOST_BYTES, check_policies
+from fpg_bench.leaderboard.submission_file import MOST_STEPS
 from fpg_bench.players.agent import check_about
 
 MOST_TEXT_BYTES = 64_000
@@ -63,7 +63,7 @@ def read_policies(
     found: list[str] = []
     for seed, path in seed_folders(folder).items():
         policy, wrong = _read(path, seed, side)
-        found += [f"{path.name}{line}" for line in wrong]
+        found += [f"{path.name}{record}" for record in wrong]
         same = [other.seed for other in policies if policy and other.sha256 == policy.sha256]
         if same:
             found.append(
@@ -72,7 +72,7 @@ def read_policies(
         policies += [policy] if policy else []
     whole = [policy for policy in policies if policy.described] if contract else []
     for policy, wrong in zip(whole, check_policies([policy.model for policy in whole]), strict=True):
-        found += [f"seed_{policy.seed}/policy.onnx: {line}" for line in wrong]
+        found += [f"seed_{policy.seed}/policy.onnx: {record}" for record in wrong]
     return tuple(policies), found
 
 
@@ -80,11 +80,11 @@ def _read(path: Path, seed: int, side: str | None) -> tuple[Policy | None, list[
     """One seed's policy, and what is wrong with its folder."""
     if problem := folder_problem(path):
         return None, [f": {problem}"]
-    found = [f"/{line}" for line in strays(path, _FILES)]
+    found = [f"/{record}" for record in strays(path, _FILES)]
     for name, most in zip(_FILES, (MOST_TEXT_BYTES, MOST_BYTES), strict=True):
         if problem := file_problem(path / name, most):
             found.append(f"/{name}: {problem}")
-    if any(line.startswith(tuple(f"/{name}:" for name in _FILES)) for line in found):
+    if any(record.startswith(tuple(f"/{name}:" for name in _FILES)) for record in found):
         return None, found
     about, wrong = _about(path / "agent.json", seed, side)
     model = (path / "policy.onnx").read_bytes()
@@ -93,7 +93,7 @@ def _read(path: Path, seed: int, side: str | None) -> tuple[Policy | None, list[
         wrong.append(
             "policy_sha256: is not that of policy.onnx beside it, which was cut off or changed since"
         )
-    found += [f"/agent.json: {line}" for line in wrong]
+    found += [f"/agent.json: {record}" for record in wrong]
     return policy, found
 
 

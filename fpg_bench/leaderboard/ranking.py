@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.statistics import Interval, performance_profile, probability_of_improvement
 from fpg_bench.evaluation.summary import Summary
 
@@ -16,7 +16,7 @@ _THRESHOLDS = 81  # points of a profile
 
 def runs(summary: Summary) -> np.ndarray:
     """Return the score of each run, ``(training seeds, rivals)``."""
-    scores: np.ndarray = summary.field.scale.score(summary.rewards.mean(axis=2))
+    scores: np.ndarray = summary.suite.scale.score(summary.rewards.mean(axis=2))
     return scores
 
 

@@ -10,18 +10,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import PLANNER, Field
-from fpg_bench.evaluation.line import Line, read_line
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
+from fpg_bench.common.rows import Row
+from fpg_bench.common.strict_json import read_object
+from fpg_bench.evaluation.record import Record, read_record
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.evaluation.suite import PLANNER, Suite
 from fpg_bench.evaluation.summary import Summary, summary_of
-from fpg_bench.files import write_whole
-from fpg_bench.leaderboard.tracks import KNOWN
+from fpg_bench.leaderboard.tracks import PUBLIC
 from fpg_bench.leaderboard.transcripts import told as told_of
-from fpg_bench.plain_json import read_object
 from fpg_bench.planning import as_planner
-from fpg_bench.rows import Row
 from fpg_bench.version import __version__
 
 if TYPE_CHECKING:
@@ -32,15 +32,15 @@ LARGEST = 4_000_000  # bytes; those of five training seeds in a season are 400,0
 _DIGITS = 6
 _HEAD = {"kind", "slug", "track", "status", "reason", "fingerprint", "summary", "lines_sha256"}
 _TOLD = ("model", "server", "control", "prompt_hash")  # of a language model
-Fields = Mapping[str, Field]  # what a submission plays, by what it says of it
+Suites = Mapping[str, Suite]  # what a submission plays, by what it says of it
 
 
 @dataclass(frozen=True)
 class Result:
-    """A result's file: its first row, and a line per training seed and counterpart, none if not verified."""
+    """A result's file: its first row, and a line per training seed and rival, none if not verified."""
 
     head: Row
-    lines: tuple[Line, ...]
+    records: tuple[Record, ...]
 
     @property
     def slug(self) -> str:
@@ -58,35 +58,35 @@ class Result:
         found: Row = self.head["fingerprint"]
         return found
 
-    def summaries(self, fields: Fields) -> dict[str, Summary]:
-        """The summary over each field, by what it says."""
-        return {role: summary_of(self.lines, field) for role, field in fields.items()}
+    def summaries(self, suites: Suites) -> dict[str, Summary]:
+        """The summary over each suite, by what it says."""
+        return {role: summary_of(self.records, suite) for role, suite in suites.items()}
 
 
-def fingerprint(submission: Submission, fields: Fields) -> Row:
-    """All that decides a result: the version, the protocol, the fields, and what was submitted."""
+def fingerprint(submission: Submission, suites: Suites) -> Row:
+    """All that decides a result: the version, the protocol, the suites, and what was submitted."""
     found = {
         "version": __version__,
         "protocol": PROTOCOL,
-        "fields": {role: [field.name, field.hash] for role, field in fields.items()},
+        "suites": {role: [suite.name, suite.hash] for role, suite in suites.items()},
         "policies": {str(policy.seed): policy.sha256 for policy in submission.policies},
         "submission": submission.fingerprint,
     }
     if submission.track == PLANNER:
-        found["planner"] = planner_facts(submission, fields[KNOWN])
+        found["planner"] = planner_facts(submission, suites[PUBLIC])
     return found
 
 
-def planner_facts(submission: Submission, field: Field) -> Row:
+def planner_facts(submission: Submission, suite: Suite) -> Row:
     """What a result's fingerprint tells of a planner: its tier, its matches, and the language model.
 
     Raises:
         UserError: there is no such planner, or its transcripts do not tell.
     """
-    matches = {"matches": field.matches}
+    matches = {"matches": suite.matches}
     if submission.script is not None:
-        return {"tier": as_planner(submission.script, field.scenario).tier, **matches}
-    about, _ = told_of(submission.folder, field)
+        return {"tier": as_planner(submission.script, suite.scenario).tier, **matches}
+    about, _ = told_of(submission.folder, suite)
     prompt = Path(about["prompt"]).stem
     runs = {"runs": submission.runs, "season": about["season"]}
     return {"tier": "history", **matches, **runs, "prompt": prompt, **{key: about[key] for key in _TOLD}}
@@ -98,16 +98,16 @@ def differing(one: Row, other: Row) -> list[str]:
     return sorted(key for key in keys if one.get(key) != other.get(key))
 
 
-def verified_result(slug: str, track: str, printed: Row, lines: Sequence[Line], fields: Fields) -> Result:
+def verified_result(slug: str, track: str, printed: Row, records: Sequence[Record], suites: Suites) -> Result:
     """The result of a submission all of whose rounds were played.
 
     Args:
         slug, track: whose.
         printed: the fingerprint.
-        lines: of all its training seeds against all counterparts.
-        fields: what was played.
+        lines: of all its training seeds against all rivals.
+        suites: what was played.
     """
-    return _result(slug, track, printed, tuple(lines), summary(lines, fields))
+    return _result(slug, track, printed, tuple(records), summary(records, suites))
 
 
 def failed_result(slug: str, track: str, printed: Row, reason: str) -> Result:
@@ -119,7 +119,7 @@ def _result(
     slug: str,
     track: str,
     printed: Row,
-    lines: tuple[Line, ...] = (),
+    records: tuple[Record, ...] = (),
     told: Row | None = None,
     reason: str | None = None,
 ) -> Result:
@@ -131,27 +131,27 @@ def _result(
         "reason": reason,
         "fingerprint": printed,
         "summary": told,
-        "lines_sha256": _sha256(lines),
+        "lines_sha256": _sha256(records),
     }
-    return Result(head, lines)
+    return Result(head, records)
 
 
-def summary(lines: Sequence[Line], fields: Fields) -> Row:
-    """What the lines come to: per field the score and the worst, and the measures over the known field.
+def summary(records: Sequence[Record], suites: Suites) -> Row:
+    """What the lines come to: per suite the score and the worst, and the measures over the known suite.
 
     Args:
         lines: of one submission.
-        fields: what was played.
+        suites: what was played.
     """
-    found = {role: summary_of(lines, field) for role, field in fields.items()}
-    known = found[KNOWN]
+    found = {role: summary_of(records, suite) for role, suite in suites.items()}
+    known = found[PUBLIC]
     return {
         "training_seeds": known.training_seeds,
         "rounds": sum(of.pooled.rounds for of in found.values()),
         "lost": sum(of.pooled.lost for of in found.values()),
         "scores": {role: interval_row(of.score) | {"over": of.over} for role, of in found.items()},
         "worst": {
-            role: {"against": of.worst, "return": rounded(of.by_counterpart[of.worst].value)}
+            role: {"against": of.worst, "return": rounded(of.by_rival[of.worst].value)}
             for role, of in found.items()
         },
         "measures": {name: rounded(value) for name, value in known.measures.items()},
@@ -170,15 +170,15 @@ def rounded(value: float | None) -> float | None:
 
 def write_result(path: Path, result: Result) -> None:
     """Write a result's file, whole."""
-    write_whole(path, _text([result.head]) + _text([line.row() for line in result.lines]))
+    write_whole(path, _text([result.head]) + _text([record.row() for record in result.records]))
 
 
-def read_result(path: Path, fields: Fields) -> Result:
+def read_result(path: Path, suites: Suites) -> Result:
     """The result in a file, which must be just as it was written.
 
     Args:
         path: the file.
-        fields: what it should have been played on; a result on others is read, but not summed up anew.
+        suites: what it should have been played on; a result on others is read, but not summed up anew.
 
     Raises:
         UserError: it can't be read, is no result, is of an older protocol, or was edited: its lines are not
@@ -191,45 +191,45 @@ def read_result(path: Path, fields: Fields) -> Result:
         raise UserError(f"result {path}: fingerprint: expected a mapping")
     if (head["track"], head["slug"]) != (path.parent.name, path.stem):
         raise UserError(f"result {path}: is the result of {head['track']}/{head['slug']}")
-    if head["fingerprint"].get("protocol") != PROTOCOL or "fields" not in head["fingerprint"]:
+    if head["fingerprint"].get("protocol") != PROTOCOL or "suites" not in head["fingerprint"]:
         raise UserError(
             f"result {path}: of another protocol than this version's, {PROTOCOL!r}; play it again"
         )
-    lines = tuple(read_line(row, f"result {path}: line {number}") for number, row in enumerate(rows, 2))
-    found = Result(head, lines)
-    if head["lines_sha256"] != _sha256(lines):
+    records = tuple(read_record(row, f"result {path}: line {number}") for number, row in enumerate(rows, 2))
+    found = Result(head, records)
+    if head["lines_sha256"] != _sha256(records):
         raise UserError(f"result {path}: edited by hand: its lines are not those it was written with")
-    if head["fingerprint"].get("fields") == {role: [of.name, of.hash] for role, of in fields.items()}:
-        check_lines(found, fields, path)
+    if head["fingerprint"].get("suites") == {role: [of.name, of.hash] for role, of in suites.items()}:
+        check_records(found, suites, path)
     return found
 
 
-def check_lines(result: Result, fields: Fields, path: Path) -> None:
-    """Raise UserError where lines are not those of the fields, or the summary is not what they say."""
+def check_records(result: Result, suites: Suites, path: Path) -> None:
+    """Raise UserError where lines are not those of the suites, or the summary is not what they say."""
     if not result.verified:
-        if result.lines or result.head["summary"] is not None or not isinstance(result.head["reason"], str):
+        if result.records or result.head["summary"] is not None or not isinstance(result.head["reason"], str):
             raise UserError(
                 f"result {path}: edited by hand: not verified, but with lines or without a reason"
             )
         return
-    rounds = {field.hash[:16]: field.rounds for field in fields.values()}
-    if any(len(line.returns) != rounds.get(line.field_hash) for line in result.lines):
-        raise UserError(f"result {path}: holds a line of another field, or of another number of rounds")
+    rounds = {suite.hash[:16]: suite.rounds for suite in suites.values()}
+    if any(len(record.returns) != rounds.get(record.suite_hash) for record in result.records):
+        raise UserError(f"result {path}: holds a line of another suite, or of another number of rounds")
     policies = result.fingerprint.get("policies")
     seeds = sorted(policies) if isinstance(policies, dict) and policies else ["None"]
     expected = sorted(
-        (result.slug, seed, field.name, field.hash[:16], counterpart.name)
+        (result.slug, seed, suite.name, suite.hash[:16], rival.name)
         for seed in seeds
-        for field in fields.values()
-        for counterpart in field.counterparts
+        for suite in suites.values()
+        for rival in suite.rivals
     )
     there = sorted(
-        (line.entry, str(line.training_seed), line.field, line.field_hash, line.counterpart)
-        for line in result.lines
+        (record.entry, str(record.training_seed), record.suite, record.suite_hash, record.rival)
+        for record in result.records
     )
     if there != expected:
-        raise UserError(f"result {path}: its lines are not one per training seed and counterpart")
-    if not _alike(summary(result.lines, fields), result.head["summary"]):
+        raise UserError(f"result {path}: its lines are not one per training seed and rival")
+    if not _alike(summary(result.records, suites), result.head["summary"]):
         raise UserError(f"result {path}: edited by hand: its summary does not follow from its lines")
 
 
@@ -253,8 +253,8 @@ def _rows(path: Path) -> list[Row]:
             raise UserError(f"result {path}: not a file; run fpg-bench submit verify")
         if path.stat().st_size > LARGEST:
             raise UserError(f"result {path}: larger than {LARGEST} bytes")
-        lines = path.read_bytes().removesuffix(b"\n").split(b"\n")
-        rows = [read_object(line) for line in lines]
+        records = path.read_bytes().removesuffix(b"\n").split(b"\n")
+        rows = [read_object(record) for record in records]
     except OSError as error:
         raise UserError(f"result {path}: cannot be read: {error.strerror}") from error
     except ValueError as error:
@@ -268,5 +268,5 @@ def _text(rows: Sequence[Row]) -> str:
     return "".join(json.dumps(row, separators=(",", ":"), allow_nan=False) + "\n" for row in rows)
 
 
-def _sha256(lines: Sequence[Line]) -> str:
-    return hashlib.sha256(_text([line.row() for line in lines]).encode()).hexdigest()
+def _sha256(records: Sequence[Record]) -> str:
+    return hashlib.sha256(_text([record.row() for record in records]).encode()).hexdigest()

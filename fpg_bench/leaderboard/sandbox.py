@@ -19,8 +19,8 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from fpg_bench.errors import UserError
-from fpg_bench.leaderboard.walls import Wall, missing
+from fpg_bench.common.errors import UserError
+from fpg_bench.leaderboard.isolation import Wall, missing
 
 # What the process may know of the environment: nothing that could be a secret.
 _KEPT = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "LANG")
@@ -64,7 +64,7 @@ class Sandbox:
     """A running process of a module of ours, and the socket to it.
 
     Args:
-        module: its ``main`` is told an :class:`fpg_bench.leaderboard.inside.Inside`, and locks it down.
+        module: its ``main`` is told an :class:`fpg_bench.leaderboard.sandbox_child.Inside`, and locks it down.
         limits: what it may use.
     """
 
@@ -77,7 +77,7 @@ class Sandbox:
         self._hello: tuple[int, Wall] | None = None
         cpu_s = int(limits.start_s + limits.total_s) + 1
         numbers = map(str, (theirs.fileno(), limits.memory_bytes, cpu_s))
-        words = [sys.executable, "-P", "-m", "fpg_bench.leaderboard.inside", module, *numbers]
+        words = [sys.executable, "-P", "-m", "fpg_bench.leaderboard.sandbox_child", module, *numbers]
         with theirs:
             self._process = subprocess.Popen(
                 words,

@@ -8,10 +8,10 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from fpg_bench.evaluation.field import Field
-from fpg_bench.extras import need
-from fpg_bench.leaderboard.fields import TRACKS, Training
+from fpg_bench.common.extras import need
+from fpg_bench.evaluation.suite import Suite
 from fpg_bench.leaderboard.policies import Policy
+from fpg_bench.leaderboard.submission_file import TRACKS, Training
 from fpg_bench.leaderboard.tracks import track_of
 
 need("evaluate", "onnx", "scipy", "matplotlib", "joblib")
@@ -63,17 +63,17 @@ class Submission:
         return self.folder.name
 
     @property
-    def fields(self) -> dict[str, Field]:
-        """What it plays, by what that says; see :meth:`fpg_bench.leaderboard.tracks.Track.fields`."""
-        return track_of(self.track, self.path).fields(transcripts=bool(self.transcripts))
+    def suites(self) -> dict[str, Suite]:
+        """What it plays, by what that says; see :meth:`fpg_bench.leaderboard.tracks.Track.suites`."""
+        return track_of(self.track, self.path).suites(transcripts=bool(self.transcripts))
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of what was submitted: the fields of ``submission.yaml``, policies and transcripts."""
+        """SHA-256 of what was submitted: the suites of ``submission.yaml``, policies and transcripts."""
         told = {
-            field.name: getattr(self, field.name)
-            for field in dataclasses.fields(self)
-            if field.name not in ("folder", "policies", "transcripts")
+            suite.name: getattr(self, suite.name)
+            for suite in dataclasses.fields(self)
+            if suite.name not in ("folder", "policies", "transcripts")
         }
         if self.runs is None:  # an entry that has none keeps its fingerprint
             del told["runs"]

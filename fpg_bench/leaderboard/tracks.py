@@ -7,13 +7,13 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from fpg_bench.evaluation.field import Field, load_field
 from fpg_bench.evaluation.seeds import SEASON, SeasonKey, current_season
-from fpg_bench.players.agent import fields_folder
+from fpg_bench.evaluation.suite import Suite, load_suite
+from fpg_bench.players.agent import suites_folder
 
-KNOWN, PUBLIC, UNSEEN, SHIFTED, RESPONSES = "known", "public", "unseen", "shifted", "responses"
-PUBLIC_MATCHES = 25  # on seeds that everybody knew: only to see whether they were learned by heart
-TRANSCRIPT_MATCHES = 20  # of each ally: a fifth of the tokens of the field's 100, for wider intervals
+PUBLIC, PUBLIC_SEEDS, UNSEEN, SHIFTED, RESPONSES = "public", "public-seeds", "unseen", "shifted", "responses"
+PUBLIC_SEEDS_MATCHES = 25  # on seeds that everybody knew: only to see whether they were learned by heart
+TRANSCRIPT_MATCHES = 20  # of each ally: a fifth of the tokens of the suite's 100, for wider intervals
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Track:
         side: who is entered, and the folder of submissions: ``ally``, ``opponent`` or ``planner``.
         path: of opponents, how they fly; else None.
         title: what the page calls it.
-        public: the name of the field that everybody knows.
+        public: the name of the suite that everybody knows.
     """
 
     key: str
@@ -35,14 +35,14 @@ class Track:
     public: str
 
     @property
-    def field(self) -> Field:
-        """The field that everybody knows."""
-        return load_field(self.public, shipped=True)
+    def suite(self) -> Suite:
+        """The suite that everybody knows."""
+        return load_suite(self.public, shipped=True)
 
-    def fields(self, transcripts: bool = False, season: SeasonKey | None = None) -> dict[str, Field]:
+    def suites(self, transcripts: bool = False, season: SeasonKey | None = None) -> dict[str, Suite]:
         """What an entry plays, by what it says of it.
 
-        ``known`` is the public field, ``unseen`` that of the season, ``shifted`` the public one under changed
+        ``known`` is the public suite, ``unseen`` that of the season, ``shifted`` the public one under changed
         rules: all on seeds that follow from the season's, which nobody knew before entries were closed.
         ``public`` is the first again on seeds that everybody knew. ``responses`` are best responses to
         single entries. Before a season is closed all is played on the seeds that everybody knows.
@@ -52,26 +52,28 @@ class Track:
             season: the season that is on; None: the newest one that is closed.
         """
         season = season or current_season()
-        public = self.field
+        public = self.suite
         if transcripts:
-            return {KNOWN: dataclasses.replace(public, matches=min(public.matches, TRANSCRIPT_MATCHES))}
+            return {PUBLIC: dataclasses.replace(public, matches=min(public.matches, TRANSCRIPT_MATCHES))}
         seeds = SEASON if season is None else season.seed
-        found = {KNOWN: dataclasses.replace(public, season=seeds)}
+        found = {PUBLIC: dataclasses.replace(public, season=seeds)}
         others = {}
         if season is not None:
-            found[PUBLIC] = dataclasses.replace(public, matches=min(public.matches, PUBLIC_MATCHES))
-            others[UNSEEN] = season.field_name(self.public)
+            found[PUBLIC_SEEDS] = dataclasses.replace(
+                public, matches=min(public.matches, PUBLIC_SEEDS_MATCHES)
+            )
+            others[UNSEEN] = season.suite_name(self.public)
         stem = self.public.removesuffix("-v1")
         others |= {SHIFTED: f"{stem}-shifted-v1", RESPONSES: f"{stem}-responses-v1"}
         for role, name in others.items():
-            if (fields_folder() / f"{name}.yml").is_file():
-                found[role] = dataclasses.replace(load_field(name, shipped=True), season=seeds)
+            if (suites_folder() / f"{name}.yml").is_file():
+                found[role] = dataclasses.replace(load_suite(name, shipped=True), season=seeds)
         return found
 
 
-def ranked_by(fields: Collection[str]) -> str:
-    """What ranks entries that play these fields: the unseen one where there is one, else the known one."""
-    return UNSEEN if UNSEEN in fields else KNOWN
+def ranked_by(suites: Collection[str]) -> str:
+    """What ranks entries that play these suites: the unseen one where there is one, else the known one."""
+    return UNSEEN if UNSEEN in suites else PUBLIC
 
 
 TRACKS = MappingProxyType(

@@ -9,18 +9,18 @@ from string import Template
 
 import yaml
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import PACKED, read_json
+from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.compare import ABOUT, PROMPT, nonce_of, transcript_file, transcript_name
-from fpg_bench.evaluation.field import Field
 from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_key
-from fpg_bench.files import PACKED, read_json
+from fpg_bench.evaluation.suite import Suite
 from fpg_bench.leaderboard.folder import names
-from fpg_bench.leaderboard.tracks import KNOWN, TRACKS
+from fpg_bench.leaderboard.tracks import PUBLIC, TRACKS
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Where
 from fpg_bench.planning.llm.chain import chain_start, follows
 from fpg_bench.planning.llm.packed import packed_rows
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt
-from fpg_bench.rows import Row
 
 FOLDER = "transcripts"
 LARGEST_FOLDER = 10_000_000  # bytes, as it lies in the repository; a terse model's is 1 MB
@@ -30,26 +30,26 @@ _LONGEST_NAME, _LONGEST_PATH = 100, 1000  # of a prompt, its file may be told
 _MOST = {"seconds": 1e7, "calls": 1e4, "tokens_in": 1e9, "tokens_out": 1e9}
 _RAW_CUT = 10_000  # characters that are kept of a long raw reply
 
-_ABOUT_KEYS = ("model", "server", "control", "prompt", "prompt_hash", "field_hash", "begun")
+_ABOUT_KEYS = ("model", "server", "control", "prompt", "prompt_hash", "suite_hash", "begun")
 
 
-def check_transcripts(folder: Path, field: Field | None = None) -> list[str]:
+def check_transcripts(folder: Path, suite: Suite | None = None) -> list[str]:
     """What is wrong with a submission's transcripts as far as they show it, one line each.
 
     That their prompts are those of the game shows only when it is played again.
 
     Args:
         folder: the submission's.
-        field: what was to be played; None: the track's.
+        suite: what was to be played; None: the track's.
     """
-    plays, where = field or TRACKS["planner"].fields(transcripts=True)[KNOWN], folder / FOLDER
+    plays, where = suite or TRACKS["planner"].suites(transcripts=True)[PUBLIC], folder / FOLDER
     if found := list(_wrong_files(where, plays)):
         return found
     try:
         about, _ = told(folder, plays)
     except UserError as error:
         return [local(error, folder)]
-    for ally in plays.counterparts:
+    for ally in plays.rivals:
         try:
             _check_transcript(transcript_file(where, ally.name), about, plays)
         except UserError as error:
@@ -63,18 +63,18 @@ def local(error: Exception, folder: Path) -> str:
     return text if len(text) <= 300 else f"{text[:299]}…"
 
 
-def told(folder: Path, field: Field) -> tuple[Row, Prompt]:
+def told(folder: Path, suite: Suite) -> tuple[Row, Prompt]:
     """What is told of all of a submission's transcripts, and the prompt that they were made with.
 
     Args:
         folder: the submission's.
-        field: what was played.
+        suite: what was played.
 
     Raises:
         UserError: it cannot be read, or is not of this field's matches or this prompt.
     """
     file = folder / FOLDER / PROMPT
-    about = _about(folder / FOLDER / ABOUT, field)
+    about = _about(folder / FOLDER / ABOUT, suite)
     _check_plain(file)
     prompt = load_prompt(str(file))
     if prompt.hash != about["prompt_hash"]:
@@ -86,11 +86,11 @@ def told(folder: Path, field: Field) -> tuple[Row, Prompt]:
 # Files
 
 
-def _wrong_files(where: Path, field: Field) -> Iterator[str]:
+def _wrong_files(where: Path, suite: Suite) -> Iterator[str]:
     if where.is_symlink() or not where.is_dir():
         yield f"{FOLDER}: no such folder; put there what plan compare has recorded"
         return
-    needed = [transcript_name(ally.name) for ally in field.counterparts]
+    needed = [transcript_name(ally.name) for ally in suite.rivals]
     known = {*_LARGEST, *needed, *(name + PACKED for name in needed)}
     size = 0
     for path in (where / name for name in names(where)):
@@ -112,7 +112,7 @@ def _wrong_files(where: Path, field: Field) -> Iterator[str]:
             yield f"{FOLDER}/{name}: {'is missing' if not there else 'lies there packed and unpacked'}"
 
 
-def _about(file: Path, field: Field) -> Row:
+def _about(file: Path, suite: Suite) -> Row:
     about = read_json(file, FOLDER)
     for key in _ABOUT_KEYS:
         value, most = about.get(key), _LONGEST_PATH if key == "prompt" else _LONGEST_NAME
@@ -120,8 +120,8 @@ def _about(file: Path, field: Field) -> Row:
             raise UserError(f"{file}: {key}: expected a line of at most {most} characters")
     if about["control"] not in CONTROLS:
         raise UserError(f"{file}: control: expected one of {', '.join(CONTROLS)}")
-    if about["field_hash"] != field.hash:
-        asked = f"--field {field.name} --matches {field.matches}"
+    if about["suite_hash"] != suite.hash:
+        asked = f"--suite {suite.name} --matches {suite.matches}"
         raise UserError(f"{file}: tells of other matches; record those of plan compare {asked}")
     return about
 
@@ -158,7 +158,7 @@ def _check_plain(file: Path) -> None:
 # Attempts
 
 
-def _check_transcript(file: Path, about: Row, field: Field) -> None:
+def _check_transcript(file: Path, about: Row, suite: Suite) -> None:
     """Check that a transcript holds all attempts at the plans of its matches, and no others."""
     found: dict[Where, Attempt] = {}
     rows = packed_rows(file)
@@ -170,8 +170,8 @@ def _check_transcript(file: Path, about: Row, field: Field) -> None:
             raise UserError(f"{where} is another attempt at what was asked before{_at(attempt.where)}")
     plans = [
         (seed, 0, k)
-        for seed in evaluation_seeds(field.matches, field.season)
-        for k in range(field.rounds_per_match)
+        for seed in evaluation_seeds(suite.matches, suite.season)
+        for k in range(suite.rounds_per_match)
     ]
     expected: set[Where] = {(*plan, FIRST) for plan in plans}
     if lacking := sorted(expected - found.keys()):

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.errors import UserError, meant, printable
+from fpg_bench.common.errors import UserError, meant, printable
 from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.job import Job, outcome_of
 from fpg_bench.jobs.run import Workers, run_quietly
@@ -24,9 +24,9 @@ from fpg_bench.leaderboard.cases import (
     set_aside,
     submission_folders,
 )
+from fpg_bench.leaderboard.changed_entries import changed_entries
 from fpg_bench.leaderboard.folder import brief
-from fpg_bench.leaderboard.playing import Meeting, Part, failure_in, fill, key_of, lines_in
-from fpg_bench.leaderboard.since import changes_since
+from fpg_bench.leaderboard.playing import Matchup, Part, failure_in, fill, key_of, records_in
 from fpg_bench.leaderboard.submission import TRACKS
 from fpg_bench.leaderboard.verdicts import Verdict, judge, open_walls
 
@@ -87,7 +87,7 @@ def verify(
 
 def _new(board: Path, since: str, known: bool) -> frozenset[str]:
     """The entries that changed since a revision, if nothing else did that nobody knows of."""
-    found = changes_since(board, since)
+    found = changed_entries(board, since)
     if found.others and not known:
         few = ", ".join(found.others[:5]) + (", ..." if len(found.others) > 5 else "")
         raise UserError(
@@ -145,12 +145,12 @@ class _Verification:
     def jobs(self, case: Case) -> list[Job]:
         """A job per part of a case."""
         found = []
-        for part, meetings in case.wanted:
+        for part, matchups in case.wanted:
             job = folder_job(
                 _job_name(case, part),
                 case.work / part.name,
-                partial(fill, part, meetings),
-                partial(_is_done, case.work / part.name, meetings),
+                partial(fill, part, matchups),
+                partial(_is_done, case.work / part.name, matchups),
             )
             found.append(replace(job, keep=partial(self._keep, job, case)))
         return found
@@ -167,26 +167,26 @@ class _Verification:
         shutil.rmtree(case.work, ignore_errors=True)
         if case.claimed is not None:
             forget(case.claimed)
-        good, line = judged.result if judged.error is None else (False, judged.error)
-        self._give(case.name, good, line + (walls.result or ""))
+        good, record = judged.result if judged.error is None else (False, judged.error)
+        self._give(case.name, good, record + (walls.result or ""))
 
     def _keep(self, job: Job, case: Case, result: Any) -> None:
         job.keep(result)
-        if all(_is_done(case.work / part.name, meetings) for part, meetings in case.wanted):
+        if all(_is_done(case.work / part.name, matchups) for part, matchups in case.wanted):
             self.settle(case)
 
-    def _give(self, name: str, good: bool, line: str) -> None:
-        self.verdicts[name] = Verdict(name, good, printable(line))
-        self._say(printable(f"{name}: {line}"))
+    def _give(self, name: str, good: bool, record: str) -> None:
+        self.verdicts[name] = Verdict(name, good, printable(record))
+        self._say(printable(f"{name}: {record}"))
 
 
 def _job_name(case: Case, part: Part) -> str:
     return f"{case.name} {part.name}"
 
 
-def _is_done(folder: Path, meetings: Sequence[Meeting]) -> bool:
-    there = lines_in(folder)
-    return failure_in(folder) is not None or all(key_of(*meeting) in there for meeting in meetings)
+def _is_done(folder: Path, matchups: Sequence[Matchup]) -> bool:
+    there = records_in(folder)
+    return failure_in(folder) is not None or all(key_of(*matchup) in there for matchup in matchups)
 
 
 def run_one(folder: str | Path, update: bool = False, **how: Any) -> Verdict:

@@ -11,9 +11,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.imports import reason
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.imports import reason
 
 TIERS = ("none", "history", "ally")
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.flight import distance_m, fly_waypoints
 from fpg_bench.game.scenario import Scenario

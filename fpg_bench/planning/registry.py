@@ -7,9 +7,9 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any
 
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.imports import has_any, import_object, ready
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.imports import has_any, import_object, ready
 from fpg_bench.planning.interceptor import Interceptor
 from fpg_bench.planning.patterns import PATTERNS
 from fpg_bench.planning.planner import Planner, check_described, planner_name

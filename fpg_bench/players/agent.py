@@ -10,20 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.errors import UserError
-from fpg_bench.extras import has
-from fpg_bench.files import read_json
-from fpg_bench.ids import DUEL, VIEWS, sides_of
-from fpg_bench.players.keyed import Keyed
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.extras import has
+from fpg_bench.common.files import read_json
+from fpg_bench.common.ids import DUEL, ENVS, sides_of
 from fpg_bench.players.onnx_file import check_signature, plain_model
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.row_wise import row_wise
+from fpg_bench.players.seeded import SeededPolicy
 
 AGENT_FORMAT = 1
 _FIELDS = ("format", "algorithm", "id", "scenario", "training_seed", "training_steps", "policy_sha256")
 
 
-class OnnxPlayer(Keyed):
+class OnnxPlayer(SeededPolicy):
     """Plays a policy through onnxruntime, one thread, the same bits whatever the batch size.
 
     One whose operators do not show that each game is answered for itself is asked one game at a time; so is
@@ -147,7 +147,7 @@ def check_about(about: dict[str, Any], where: str, side: str | None = None) -> N
         raise UserError(
             f"{where}: training_seed: expected a whole number or null, got {about['training_seed']!r:.40}"
         )
-    if about["id"] not in (DUEL, *VIEWS):
+    if about["id"] not in (DUEL, *ENVS):
         raise UserError(f"{where}: made for the id {about['id']!r}, which this version does not have")
     plays = about.get("side") if about["id"] == DUEL else sides_of(about["id"])[0]
     if side is not None and plays != side:
@@ -164,7 +164,7 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
         raise UserError(
             f"agent {os.fspath(name)!r}: SB3's zip holds pickled code; name the run's agent folder"
         )
-    for folder in (Path(name), baselines_folder() / "agents" / name, fields_folder() / name):
+    for folder in (Path(name), baselines_folder() / "agents" / name, suites_folder() / name):
         for inside in (folder / "agent", folder):
             if all((inside / side).is_dir() for side in SIDES):
                 both = " and ".join(str(inside / side) for side in SIDES)
@@ -183,9 +183,9 @@ def baselines_folder() -> Path:
     return installed if installed.is_dir() else package.parent / "baselines"
 
 
-def fields_folder() -> Path:
-    """Where fields lie, and the trained counterparts of those that have some."""
-    return baselines_folder() / "fields"
+def suites_folder() -> Path:
+    """Where fields lie, and the trained rivals of those that have some."""
+    return baselines_folder() / "suites"
 
 
 def _read(model: bytes) -> tuple[bytes, bool]:

@@ -10,7 +10,7 @@ from fpg_bench.game.full_state import ALLY, OPPONENT
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import KNOWN_FREQUENCY, NEXT_CHECK, OWN_FREQUENCY, RELATIVE_POSITION
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.players.keyed import Batched
+from fpg_bench.players.seeded import Batched
 
 ORACLES = ("oracle",)
 

@@ -20,7 +20,7 @@ class Player(Protocol):
     * ``reset(mask, seeds)`` is called at a round's start by whoever hosts a player that draws at random:
       ``mask`` (n,) bool, ``seeds`` (n,) uint64 from the game's own stream.
     * ``predict_rows(rows, ...)`` answers in some games only, where several players are drawn from; see
-      :class:`fpg_bench.players.keyed.Keyed`.
+      :class:`fpg_bench.players.seeded.Keyed`.
     """
 
     def predict(

@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.game import draws
+from fpg_bench.game import rng
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.players.keyed import Keyed
 from fpg_bench.players.scripts import ALLIES, OPPONENTS, play_ally, play_opponent
+from fpg_bench.players.seeded import SeededPolicy
 
 SCRIPTED = {"ally": ALLIES, "opponent": OPPONENTS}
 
 
-class Scripted(Keyed):
+class Scripted(SeededPolicy):
     """A scripted ally or opponent, compiled over a batch; its memory is the round's step count.
 
     Args:
@@ -56,6 +56,6 @@ class Scripted(Keyed):
 def player_seeds(round_keys: np.ndarray, side: str) -> np.ndarray:
     """``(N,)`` uint64 seeds of one side's player for the rounds of these keys."""
     seeds = np.empty(len(round_keys), np.uint64)
-    purpose = draws.PLAYER_SEED if side == "ally" else draws.OPPONENT_PLAYER_SEED
-    draws.derived_keys(seeds, np.ascontiguousarray(round_keys), purpose)
+    purpose = rng.PLAYER_SEED if side == "ally" else rng.OPPONENT_PLAYER_SEED
+    rng.derived_keys(seeds, np.ascontiguousarray(round_keys), purpose)
     return seeds

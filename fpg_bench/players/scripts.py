@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fpg_bench.game import draws
+from fpg_bench.game import rng
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.sensing import (
     JAM_CENTRE,
@@ -38,7 +38,7 @@ _SNR_SCALE, _THRESHOLD, _SPREADING_SCALE, _POINTS, _BOX = 0, 1, 2, 3, 4
 @compiled
 def _draw(keys, i, step, purpose):
     """A uniform number in [-1, 1] from the player's own key."""
-    return 2.0 * draws.uniform(keys[i], step, draws.PLAYER_DRAW + purpose) - 1.0
+    return 2.0 * rng.uniform(keys[i], step, rng.PLAYER_DRAW + purpose) - 1.0
 
 
 @compiled

@@ -7,9 +7,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.errors import UserError
-from fpg_bench.extras import need
-from fpg_bench.files import write_json, write_whole
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.extras import need
+from fpg_bench.common.files import write_json, write_whole
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer, check_about
 

@@ -12,9 +12,9 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from torch import nn
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.game.state import OBSERVATION_SIZE
-from fpg_bench.players.keyed import Batched
+from fpg_bench.players.seeded import Batched
 
 Networks = tuple[nn.Module, nn.LSTM | None, nn.Module]
 

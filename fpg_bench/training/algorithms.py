@@ -6,8 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from fpg_bench.errors import UserError, nearest
-from fpg_bench.imports import imported
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.imports import imported
 
 # Of one side, with shipped hyper-parameters.
 ALGORITHMS = ("ppo", "ppo-fast", "ppo-stack8", "recurrent-ppo", "sac", "td3")

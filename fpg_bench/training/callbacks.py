@@ -16,9 +16,9 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
-from fpg_bench.evaluation.yardstick import Yardstick
+from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.jobs.run import LINE_EVERY_S
-from fpg_bench.rows import RowFile
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.checkpoint import save_checkpoint
 from fpg_bench.training.models import by_side
@@ -70,7 +70,7 @@ class ProgressCallback(BaseCallback):
             TextColumn("training"),
             BarColumn(),
             MofNCompleteColumn(),
-            TextColumn("{task.fields[status]}"),
+            TextColumn("{task.suites[status]}"),
             TimeRemainingColumn(),
             disable=not sys.stdout.isatty(),
         )
@@ -159,7 +159,7 @@ class EvalCheckpointCallback(BaseCallback):
         self,
         folder: Path,
         clock: Clock,
-        evaluators: Mapping[str, Yardstick],
+        evaluators: Mapping[str, PolicyEvaluator],
         file: RowFile,
         budget: int,
         n_evals: int,
@@ -206,7 +206,7 @@ class EvalCheckpointCallback(BaseCallback):
         self._file.append([head | {"side": side} | result for side, result in results.items()])
         self._last_eval = self.num_timesteps
         for side, result in results.items():
-            name = "field/score" if len(results) == 1 else f"field/{side}_score"
+            name = "suite/score" if len(results) == 1 else f"suite/{side}_score"
             self.logger.record(name, result["score"])
 
     def _save(self) -> None:

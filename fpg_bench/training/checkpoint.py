@@ -12,8 +12,8 @@ from stable_baselines3.common.save_util import load_from_zip_file, recursive_set
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from fpg_bench.errors import UserError
-from fpg_bench.files import read_json, write_json
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_json, write_json
 from fpg_bench.training.algorithms import Algorithm
 from fpg_bench.training.hyperparameters import Hyperparameters
 from fpg_bench.training.models import wrapped

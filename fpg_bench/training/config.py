@@ -10,11 +10,11 @@ from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from fpg_bench.checks import check_keys
-from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import field_of
+from fpg_bench.common.checks import check_keys
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import DUEL, ENVS, find_env, sides_of
+from fpg_bench.evaluation.suite import suite_of
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.ids import DUEL, VIEWS, find_view, sides_of
 from fpg_bench.players.player import Player
 
 Players = str | Player | Sequence[str | Player]  # one, or several to draw from per round
@@ -26,7 +26,7 @@ class GameOptions:
 
     Attributes:
         scenario: a scenario, the name of a preset, or a YAML file.
-        opponent, ally: the other side's player, or several; ``field:NAME`` stands for all members of a suite.
+        opponent, ally: the other side's player, or several; ``suite:NAME`` stands for all members of a suite.
         path: flight path of the opponent, or several to draw from per round.
         planner: planner of the opponent's path, by name or as an object.
         knowledge: the ally's knowledge base: ``expert``, ``none``, or a YAML file.
@@ -66,12 +66,12 @@ class RunConfig:
     Attributes:
         algorithm: ``ppo``, ``ppo-fast``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` and the like,
             ``maddpg``, ``package.module:Class``, or a class of Stable-Baselines3's kind.
-        view_id: environment id, for instance ``FPG/AllyVsScripted-v0``; ``FPG/duel_v0`` trains both sides.
+        env_id: environment id, for instance ``FPG/AllyVsScripted-v0``; ``FPG/duel_v0`` trains both sides.
         seed: training seed k; its games start at game seed k * 10^6.
         steps: budget over all games, rounded up to whole rollouts; None takes that of the hyper-parameters.
         hyperparams: a YAML file, or its content for the id; None takes the shipped file.
         game: options of the games.
-        field: suite that scores the policy during training, on tuning seeds; None takes that of the id.
+        suite: suite that scores the policy during training, on tuning seeds; None takes that of the id.
         against: the other side's player or players, whichever side that is.
         start: folder of a finished run of the same side, algorithm and networks; the new run starts from its
             weights, optimizer and normalization, and skips imitation.
@@ -81,12 +81,12 @@ class RunConfig:
     """
 
     algorithm: str | type[BaseAlgorithm]
-    view_id: str
+    env_id: str
     seed: int = 0
     steps: int | None = None
     hyperparams: str | Path | Mapping[str, Any] | None = None
     game: GameOptions = dataclasses.field(default_factory=GameOptions)
-    field: str | None = None
+    suite: str | None = None
     against: Players | None = None
     start: str | Path | None = None
     transcript: str | Path | None = None
@@ -95,17 +95,17 @@ class RunConfig:
     @property
     def id(self) -> str:
         """The id as it is registered."""
-        return self.view_id.removeprefix("fpg_bench:")
+        return self.env_id.removeprefix("fpg_bench:")
 
     @property
     def sides(self) -> tuple[str, ...]:
         """The sides that learn; raises UserError for an unknown id."""
-        return sides_of(self.view_id)
+        return sides_of(self.env_id)
 
     @property
     def planner(self) -> Any:
         """The planner of the opponent's path: the one that is set, else the default of the id."""
-        return self.game.planner or (VIEWS[self.id].planner if self.id in VIEWS else None)
+        return self.game.planner or (ENVS[self.id].planner if self.id in ENVS else None)
 
     def game_options(self) -> dict[str, Any]:
         """Return the options that are set, with the players of ``against`` under the name of their side.
@@ -118,20 +118,20 @@ class RunConfig:
             return options
         if self.id == DUEL:
             raise UserError(f"against: in {DUEL} both sides learn; name nobody")
-        other = find_view(self.id).other_side
+        other = find_env(self.id).other_side
         if other in options:
             raise UserError(f"against: names the {other}, and so does {other}; say one of them")
         return {**options, other: self.against}
 
-    def fields(self) -> list[str]:
+    def suites(self) -> list[str]:
         """Return the suite that scores each side; raises UserError where one suite is set for both sides."""
-        if self.field and len(self.sides) == 2:
-            raise UserError(f"field: each side of {DUEL} is scored by its own; name none")
+        if self.suite and len(self.sides) == 2:
+            raise UserError(f"suite: each side of {DUEL} is scored by its own; name none")
         options = self.game_options()
-        return [self.field] if self.field else [field_of(self.id, options, side) for side in self.sides]
+        return [self.suite] if self.suite else [suite_of(self.id, options, side) for side in self.sides]
 
     def options(self) -> dict[str, Any]:
-        """Return the options of the command line beside algorithm, id, seed, steps, hyperparams and field."""
+        """Return the options of the command line beside algorithm, id, seed, steps, hyperparams and suite."""
         llm = {name.removesuffix("_s"): value for name, value in (self.llm or {}).items()}
         options = {**self.game_options(), "transcript": self.transcript, "start": self.start, **llm}
         return {name: value for name, value in options.items() if value is not None}

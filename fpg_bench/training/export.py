@@ -26,12 +26,12 @@ from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 from torch.distributions import Distribution
 
-from fpg_bench.envs.sb3 import SB3View
-from fpg_bench.errors import UserError
-from fpg_bench.files import write_json, write_whole
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_json, write_whole
+from fpg_bench.common.imports import reason
+from fpg_bench.envs.sb3_vec_env import FPGVecEnv
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.imports import reason
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer
 from fpg_bench.players.writing import stripped
 from fpg_bench.training.actor import Actor
@@ -130,7 +130,7 @@ def export_agent(
     """
     env = model.get_env()
     games = None if env is None else env.unwrapped
-    core = games.core if isinstance(games, SB3View) else None
+    core = games.core if isinstance(games, FPGVecEnv) else None
     if id is None and core is None:
         raise UserError("export: the model has no games of fpg_bench.make_sb3; say which id it is for")
     description = {

@@ -9,11 +9,11 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from fpg_bench.errors import UserError, nearest
-from fpg_bench.files import read_yaml
-from fpg_bench.ids import VIEWS
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.files import read_yaml
+from fpg_bench.common.ids import ENVS
+from fpg_bench.common.schema import Expected, PositiveInt, Strict, parse
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.schema import Expected, PositiveInt, Strict, parse
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 
 CUSTOM_N_ENVS = 64  # of a user's own class without hyper-parameters
@@ -83,7 +83,7 @@ class Hyperparameters:
 
 def load_hyperparameters(
     algorithm: str | Algorithm,
-    view_id: str,
+    env_id: str,
     file: str | Path | Mapping[str, Any] | None = None,
     *,
     path: Any = None,
@@ -92,7 +92,7 @@ def load_hyperparameters(
 
     Args:
         algorithm: its name; see :func:`fpg_bench.training.algorithms.find_algorithm`.
-        view_id: ``FPG/AllyVsScripted-v0`` and the like.
+        env_id: ``FPG/AllyVsScripted-v0`` and the like.
         file: a YAML file, or its content for the id; None takes the shipped file, and for a user's own class
             that class's defaults with 64 games.
         path: flight path of the opponent; opponents that fly themselves have shipped values of their own.
@@ -103,23 +103,23 @@ def load_hyperparameters(
     if not isinstance(algorithm, Algorithm):
         algorithm = find_algorithm(algorithm)
     if isinstance(file, Mapping):
-        return _parse(algorithm, dict(file), f"hyper-parameters: {view_id}")
+        return _parse(algorithm, dict(file), f"hyper-parameters: {env_id}")
     if file is None and algorithm.custom:
         return Hyperparameters(CUSTOM_N_ENVS, 0, None, {"policy": "MlpPolicy"})
-    file = _shipped_file(algorithm, view_id, path) if file is None else Path(file)
+    file = _shipped_file(algorithm, env_id, path) if file is None else Path(file)
     content = read_yaml(file, "hyper-parameters")
-    if not isinstance(content.get(view_id), dict):
+    if not isinstance(content.get(env_id), dict):
         raise UserError(
-            f"hyper-parameters {file}: no entry for {view_id!r}{nearest(view_id, map(str, content))}"
+            f"hyper-parameters {file}: no entry for {env_id!r}{nearest(env_id, map(str, content))}"
         )
-    return _parse(algorithm, content[view_id], f"hyper-parameters {file}: {view_id}")
+    return _parse(algorithm, content[env_id], f"hyper-parameters {file}: {env_id}")
 
 
-def _shipped_file(algorithm: Algorithm, view_id: str, path: Any) -> Path:
+def _shipped_file(algorithm: Algorithm, env_id: str, path: Any) -> Path:
     """Return the shipped file of an algorithm; stacked frames fall back to the plain algorithm's file."""
     folder = baselines_folder() / "hyperparams"
     names = [algorithm.name, algorithm.base]
-    if path == "learned" and view_id in VIEWS and VIEWS[view_id].side == "opponent":
+    if path == "learned" and env_id in ENVS and ENVS[env_id].side == "opponent":
         names.insert(0, f"{algorithm.base}-learned")
     files = [folder / f"{name}.yml" for name in names]
     return next((file for file in files if file.is_file()), files[-1])

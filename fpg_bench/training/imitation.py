@@ -12,12 +12,12 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
 from torch.nn.functional import mse_loss
 
-from fpg_bench.envs.sb3 import SB3View
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.sb3_vec_env import FPGVecEnv
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import Player
-from fpg_bench.players.seat import Seat
+from fpg_bench.players.policy_runner import PolicyRunner
+from fpg_bench.players.registry import as_player
 from fpg_bench.training.hyperparameters import ImitationConfig
 
 
@@ -36,7 +36,7 @@ def teacher_of(config: ImitationConfig, model: BaseAlgorithm, side: str, scenari
 
 def imitate(
     model: BaseAlgorithm,
-    games: SB3View,
+    games: FPGVecEnv,
     config: ImitationConfig,
     stop: threading.Event | None = None,
     verbose: int = 0,
@@ -64,7 +64,7 @@ def imitate(
     core = games.core
     teacher = teacher_of(config, model, core.side, core.scenario)
     env: Any = model.get_env()
-    imitation = _Imitation(model, env, games, Seat(core.side, [teacher], core.duel.arena), config)
+    imitation = _Imitation(model, env, games, PolicyRunner(core.side, [teacher], core.duel.batch), config)
     steps, error = 0, float("nan")
     while steps < config.steps:
         if stop is not None and stop.is_set():
@@ -80,7 +80,12 @@ class _Imitation:
     """Rounds of data collection, each followed by supervised updates."""
 
     def __init__(
-        self, model: BaseAlgorithm, env: VecEnv, games: SB3View, teacher: Seat, config: ImitationConfig
+        self,
+        model: BaseAlgorithm,
+        env: VecEnv,
+        games: FPGVecEnv,
+        teacher: PolicyRunner,
+        config: ImitationConfig,
     ) -> None:
         self._model, self._env, self._teacher, self._config = model, env, teacher, config
         self._policy: Any = model.policy

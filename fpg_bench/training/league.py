@@ -19,24 +19,24 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field as Constraint
 
-from fpg_bench.checks import mapping, whole
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.common.checks import mapping, whole
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.files import read_json, read_yaml, write_json, write_whole
+from fpg_bench.common.ids import find_env, policy_env, sides_of
+from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.entry import code_fingerprint, player_entry
-from fpg_bench.evaluation.field import Counterpart, Field, Scale, side_field
 from fpg_bench.evaluation.play import Seeds, play
 from fpg_bench.evaluation.seeds import PROTOCOL, tuning_seeds
+from fpg_bench.evaluation.suite import Rival, Scale, side_suite
 from fpg_bench.evaluation.summary import Summary, summarise
-from fpg_bench.files import read_json, read_yaml, write_json, write_whole
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD, Scenario, as_scenario
-from fpg_bench.ids import find_view, policy_view, sides_of
 from fpg_bench.players.agent import load_agent
-from fpg_bench.players.naming import as_player, policy_hash
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.population import with_members
+from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.rows import Row, RowFile
-from fpg_bench.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.training.config import GameOptions, RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder, command_line
@@ -69,7 +69,7 @@ def evaluate_against(
     from the path.
 
     Args:
-        player: the player, as :func:`fpg_bench.players.naming.as_player` takes it.
+        player: the player, as :func:`fpg_bench.players.registry.as_player` takes it.
         others: players of the other side, by the names that the summary calls them.
         side: side of the player.
         scenario: the scenario that is played.
@@ -79,13 +79,13 @@ def evaluate_against(
     Raises:
         UserError: no such player, or one of the wrong side.
     """
-    public = side_field(side, scenario)
+    public = side_suite(side, scenario)
     same_path = dataclasses.replace(scenario, opponent_path=public.scenario.opponent_path)
     scale = public.scale if same_path.hash == public.scenario.hash else Scale()
-    counterparts = tuple(Counterpart(name, (other,), scenario) for name, other in others.items())
-    field = Field("league", side, scenario, matches, counterparts, scale)
+    rivals = tuple(Rival(name, (other,), scenario) for name, other in others.items())
+    suite = Field("league", side, scenario, matches, rivals, scale)
     entry = player_entry(player)
-    (summary,) = summarise([play(entry, field, counterpart, seeds) for counterpart in counterparts], field)
+    (summary,) = summarise([play(entry, suite, rival, seeds) for rival in rivals], suite)
     return summary
 
 
@@ -94,7 +94,7 @@ def _result_row(summary: Summary) -> Row:
     return {
         "score": round(summary.score.value, 2),
         "return": round(summary.reward.value, 4),
-        "returns": {name: round(result.value, 4) for name, result in summary.by_counterpart.items()},
+        "returns": {name: round(result.value, 4) for name, result in summary.by_rival.items()},
         "measures": {name: None if x is None else round(x, 5) for name, x in summary.measures.items()},
     }
 
@@ -114,7 +114,7 @@ def _check_same(file: Path, kind: str, about: Row) -> Row:
 # Best responses
 
 
-def exploit(
+def best_responses(
     agent: str,
     out: str | Path,
     *,
@@ -123,7 +123,7 @@ def exploit(
     seeds: int = 3,
     start: Start | Sequence[Start] = "nothing",
     hyperparams: Hyperparams = None,
-    reward: str = "against",
+    reward: str = "zero_sum",
     side: str | None = None,
     scenario: str | Path | None = None,
     path: str | Sequence[str] | None = None,
@@ -146,7 +146,7 @@ def exploit(
             far, a script or a response that started from nothing; or both, one after the other.
         hyperparams: hyper-parameters of a single algorithm.
         reward: reward of the responses: ``against``, to lower the player's return, or any other of
-            :class:`fpg_bench.envs.core.OneSided`.
+            :class:`fpg_bench.envs.core.SingleAgentGame`.
         side: side of the player; None takes that of the agent or the script.
         scenario: the scenario; None takes that of the agent's training.
         path: flight path of the opponent; None chooses it as described above.
@@ -172,7 +172,7 @@ def exploit(
     if hyperparams is not None and len(algorithms) > 1:
         raise UserError("hyperparams: are those of one algorithm; name one")
     target = _find_target(agent, side, scenario, path)
-    view_id, file = policy_view(_other_side(target.side)).id, Path(out) / RESULT
+    env_id, file = policy_env(_other_side(target.side)).id, Path(out) / RESULT
     about = {
         "side": target.side,
         "policy": target.fingerprint,
@@ -188,7 +188,7 @@ def exploit(
         result = {"agent": agent, **about, "scripts": scripts, "responses": []}
         write_json(file, result | {"lowest": _lowest(result)})  # the folder is taken before any training
     for begin, name, budget, seed in product(starts, algorithms, budgets, range(seeds)):
-        values = load_hyperparameters(name, view_id, hyperparams, path=target.game.path).entry()
+        values = load_hyperparameters(name, env_id, hyperparams, path=target.game.path).entry()
         if begin == "strongest":
             values |= {"imitate": {"teacher": _strongest(result, Path(out))}}
         recipe: Row = {
@@ -201,7 +201,7 @@ def exploit(
         }
         if not any(recipe.items() <= response.items() for response in result["responses"]):
             game = dataclasses.replace(target.game, reward=reward)
-            run = RunConfig(name, view_id, seed, budget, values, game, against=agent)
+            run = RunConfig(name, env_id, seed, budget, values, game, against=agent)
             folder = Path(out) / response_folder(recipe)
             response = train(run, folder, evaluations=0, progress=progress, resume=True)
             result["responses"].append(recipe | target.meet(str(response)))
@@ -240,7 +240,7 @@ def _lowest(result: Row) -> Row:
     returns = {name: row["return"] for name, row in result["scripts"].items()}
     returns |= {response_label(response): response["return"] for response in result["responses"]}
     name = min(returns, key=lambda name: returns[name])
-    return {"return": returns[name], "against": name}
+    return {"return": returns[name], "zero_sum": name}
 
 
 @dataclass(frozen=True)
@@ -279,12 +279,12 @@ def _find_target(
         options["jamming_types"] = options["jamming_types"].split(",")
     if scenario is not None:
         options["scenario"] = str(scenario)
-    fields = about.get("scenario_fields") or {}
-    flown = fields.get("opponent_path", STANDARD.opponent_path)
+    suites = about.get("scenario_fields") or {}
+    flown = suites.get("opponent_path", STANDARD.opponent_path)
     game = GameOptions(path=path or ("learned" if "learned" in flown else STANDARD.opponent_path), **options)
     played = game_scenario(game)
     if about:
-        same = {key: fields.get(key, getattr(STANDARD, key)) for key in ("opponent_path", "rounds_per_match")}
+        same = {key: suites.get(key, getattr(STANDARD, key)) for key in ("opponent_path", "rounds_per_match")}
         if dataclasses.replace(played, **same).hash != about["scenario"]:
             raise UserError(
                 f"agent {agent}: was trained in a scenario that is not here any more; name the scenario"
@@ -398,7 +398,7 @@ class _SelfPlay:
         """Return what distinguishes it from another self-play, as it is read from JSON."""
         parameters = {
             side: load_hyperparameters(
-                self.algorithm, policy_view(side).id, self.hyperparams, path=self.game.path
+                self.algorithm, policy_env(side).id, self.hyperparams, path=self.game.path
             )
             for side in SIDES
         }
@@ -429,7 +429,7 @@ class _SelfPlay:
         """Return the run of a generation."""
         return RunConfig(
             self.algorithm,
-            policy_view(side).id,
+            policy_env(side).id,
             SEED_STRIDE * self.seed + generation,
             self.steps,
             self.hyperparams,
@@ -446,8 +446,8 @@ class _SelfPlay:
             "generation": generation,
             "side": side,
             "steps": about["steps_done"],
-            "against": list(others),
-            "field": about["field"],
+            "zero_sum": list(others),
+            "suite": about["suite"],
             "field_score": scores.get(side),
         }
         scenario = game_scenario(self.game)
@@ -480,9 +480,9 @@ def draw_past(side: str, generation: int, pool: int, seed: int) -> list[int]:
 def _row_text(row: Row) -> str:
     measures = row["measures"]
     shares = ", ".join(f"{kind} {100 * measures[f'share_{kind}']:.0f} %" for kind in JAMMING_TYPES)
-    on_field = "" if row["field_score"] is None else f", {row['field_score']:.1f} on {row['field']}"
+    on_suite = "" if row["field_score"] is None else f", {row['field_score']:.1f} on {row['suite']}"
     return (
-        f"{row['side']}_{row['generation']}: {row['score']:.1f} against {', '.join(row['against'])}{on_field}"
+        f"{row['side']}_{row['generation']}: {row['score']:.1f} against {', '.join(row['against'])}{on_suite}"
         f"; hops {100 * measures['hop_rate']:.0f} %, spreading {100 * measures['spread_ratio']:.0f} %, "
         f"{shares}"
     )
@@ -541,12 +541,12 @@ class Recipe(Strict):
     @property
     def side(self) -> str:
         """Side of the champion."""
-        return find_view(self.id).side
+        return find_env(self.id).side
 
     @property
     def other_side(self) -> str:
         """Side of the population."""
-        return find_view(self.id).other_side
+        return find_env(self.id).other_side
 
 
 def load_recipes(file: Path) -> dict[str, Recipe]:
@@ -559,8 +559,8 @@ def load_recipes(file: Path) -> dict[str, Recipe]:
     for name, content in read_yaml(file, "champions").items():
         where = f"champions {file}: {name}"
         recipe = parse(Recipe, {"name": name, **mapping(content, where)}, where)
-        if recipe.id != policy_view(recipe.side).id:
-            raise UserError(f"{where}: id: expected {policy_view(recipe.side).id}, got {recipe.id}")
+        if recipe.id != policy_env(recipe.side).id:
+            raise UserError(f"{where}: id: expected {policy_env(recipe.side).id}, got {recipe.id}")
         for options in (recipe.options, *(responder.options or {} for responder in recipe.responders)):
             GameOptions.parse(options, f"{where}: options")
         recipes[recipe.name] = recipe
@@ -628,7 +628,7 @@ def train_responders(
     for index, responder in enumerate(recipe.responders):
         run = RunConfig(
             responder.algorithm,
-            policy_view(recipe.other_side).id,
+            policy_env(recipe.other_side).id,
             seed + index,
             responder.steps,
             responder.hyperparams,
@@ -673,7 +673,7 @@ def population_returns(
     scenario = game_scenario(GameOptions(**recipe.options))
     others = {name: name for name in population}
     summary = evaluate_against(str(agent), others, recipe.side, scenario, rounds, tuning_seeds)
-    return {name: summary.by_counterpart[name].value for name in population}
+    return {name: summary.by_rival[name].value for name in population}
 
 
 def ship_champion(agent: Path, folder: Path, recipe: Recipe, seed: int, command: str) -> None:

@@ -16,13 +16,13 @@ from stable_baselines3.common.utils import LinearSchedule, set_random_seed
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
 from torch import nn
 
-from fpg_bench.checks import check_keys, flag, mapping
-from fpg_bench.envs.sb3 import SB3View, make_sb3, make_sb3_duel
-from fpg_bench.errors import UserError, nearest
-from fpg_bench.game.arena import ActionError
+from fpg_bench.common.checks import check_keys, flag, mapping
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.ids import sides_of
+from fpg_bench.common.imports import reason
+from fpg_bench.envs.sb3_vec_env import FPGVecEnv, make_sb3, make_sb3_duel
+from fpg_bench.game.batch import ActionError
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.ids import sides_of
-from fpg_bench.imports import reason
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import Hyperparameters
 
@@ -37,11 +37,11 @@ _NAMES = (
 ACTIVATIONS: dict[str, type[nn.Module]] = {name: getattr(nn, name) for name in _NAMES.split()}
 
 
-def make_games(view_id: str, parameters: Hyperparameters, first_seed: int, **options: Any) -> SB3View:
+def make_games(env_id: str, parameters: Hyperparameters, first_seed: int, **options: Any) -> FPGVecEnv:
     """Make the games of a training run as one ``VecEnv``; they start at different steps of their rounds.
 
     Args:
-        view_id: the environment id; ``FPG/duel_v0`` for both sides.
+        env_id: the environment id; ``FPG/duel_v0`` for both sides.
         parameters: ``n_envs`` says how many games.
         first_seed: match seed of the first game; the others follow.
         **options: the options of :class:`fpg_bench.training.config.GameOptions`, by name.
@@ -49,10 +49,10 @@ def make_games(view_id: str, parameters: Hyperparameters, first_seed: int, **opt
     Raises:
         UserError: something unknown, out of range, or impossible together.
     """
-    if len(sides_of(view_id)) == 2:
+    if len(sides_of(env_id)) == 2:
         options = {name: value for name, value in options.items() if value is not None}
         return make_sb3_duel(parameters.n_envs, first_seed, stagger=True, **options)
-    return make_sb3(view_id, parameters.n_envs, first_seed, stagger=True, **options)
+    return make_sb3(env_id, parameters.n_envs, first_seed, stagger=True, **options)
 
 
 def by_side(model: Any, sides: Sequence[str]) -> dict[str, Any]:

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.errors import UserError
-from fpg_bench.files import read_json, write_json
-from fpg_bench.rows import RowFile
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_json, write_json
+from fpg_bench.common.rows import RowFile
 from fpg_bench.training.checkpoint import MODEL, NORMALIZE, newest_checkpoint
 from fpg_bench.training.language_model import TRANSCRIPT
 

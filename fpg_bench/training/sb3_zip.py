@@ -13,10 +13,10 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack
 
-from fpg_bench.envs.sb3 import make_sb3
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.strict_json import read_object
+from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.game.state import OBSERVATION_SIZE
-from fpg_bench.plain_json import read_object
 from fpg_bench.training.models import ACTIVATIONS
 
 KINDS: dict[str, type[PPO | A2C | SAC | TD3]] = {"ppo": PPO, "a2c": A2C, "sac": SAC, "td3": TD3}

@@ -19,20 +19,20 @@ import torch
 from stable_baselines3.common.logger import configure
 from torch.distributions import Distribution
 
-from fpg_bench.checks import whole
-from fpg_bench.envs.core import OneSided
-from fpg_bench.errors import UserError
+from fpg_bench.common.checks import whole
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_json, write_whole
+from fpg_bench.common.ids import DUEL
+from fpg_bench.common.rows import Row
+from fpg_bench.envs.core import SingleAgentGame
+from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
-from fpg_bench.evaluation.yardstick import Yardstick
-from fpg_bench.files import read_json, write_whole
 from fpg_bench.game.scenario import STANDARD, Scenario
-from fpg_bench.ids import DUEL
 from fpg_bench.jobs.folders import folder_job
 from fpg_bench.jobs.job import check_all_done
 from fpg_bench.jobs.run import run_jobs
-from fpg_bench.pictures.canvas import SIDE_COLOURS, blank_figure
 from fpg_bench.planning import LLM_CONTROLS
-from fpg_bench.rows import Row
+from fpg_bench.rendering.canvas import SIDE_COLOURS, blank_figure
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import (
     Clock,
@@ -108,8 +108,8 @@ def train(
         state = run.folder.state(run.about, allow_unfinished=restart or resume)
         if state is None or not state.get("finished"):
             evaluators = {
-                side: Yardstick(field, scenario=run.games.core.scenario, side=side)
-                for side, field in zip(run.sides, run.fields, strict=True)
+                side: PolicyEvaluator(suite, scenario=run.games.core.scenario, side=side)
+                for side, suite in zip(run.sides, run.suites, strict=True)
                 if evaluations
             }
             if state is not None and resume:
@@ -191,7 +191,7 @@ class _Run:
 
     Attributes:
         sides: the sides that learn.
-        fields: the suite that scores each of them.
+        suites: the suite that scores each of them.
         about: description of the run, with everything that is needed to repeat it.
 
     Raises:
@@ -203,7 +203,7 @@ class _Run:
         self.sides = config.sides
         if self.algorithm.joint != (len(self.sides) == 2):
             scope = "both sides, in" if self.algorithm.joint else "one side, not both, as in"
-            raise UserError(f"{self.algorithm.name}: trains {scope} {DUEL}; got {config.view_id}")
+            raise UserError(f"{self.algorithm.name}: trains {scope} {DUEL}; got {config.env_id}")
         options = config.game_options()
         self.parameters = load_hyperparameters(
             self.algorithm, config.id, config.hyperparams, path=options.get("path")
@@ -216,7 +216,7 @@ class _Run:
         planner = training_planner(config.planner, folder.path, config.transcript, config.llm)
         options |= {"planner": planner}
         self.games = make_games(config.id, self.parameters, training_seed(config.seed), **options)
-        self.fields = config.fields()
+        self.suites = config.suites()
         self.about = self._describe(config, budget)
         self._start = None if config.start is None else Path(config.start)
         self._seconds_before = 0.0
@@ -237,14 +237,14 @@ class _Run:
             "algorithm": name,
             "id": config.id,
             "side": " and ".join(self.sides),
-            "field": ", ".join(self.fields),
+            "suite": ", ".join(self.suites),
             "scenario": core.scenario.hash,
             "scenario_fields": _changed_fields(core.scenario),
             "options": options,
             "training_seed": config.seed,
             "training_steps": budget,
             "hyperparameters": entry,
-            **({"policies": core.policies} if isinstance(core, OneSided) and core.policies else {}),
+            **({"policies": core.policies} if isinstance(core, SingleAgentGame) and core.policies else {}),
             "versions": {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()},
             "revision": revision(),
         }
@@ -299,7 +299,7 @@ class _Run:
         self.about["imitation_error"] = round(error, 6)
         self._seed_games()
 
-    def learn(self, evaluators: Mapping[str, Yardstick], n_evals: int, progress: bool) -> None:
+    def learn(self, evaluators: Mapping[str, PolicyEvaluator], n_evals: int, progress: bool) -> None:
         """Train to the budget.
 
         Raises:
@@ -367,8 +367,8 @@ def _check_start(run: Path, about: dict[str, Any]) -> None:
 
 
 def _changed_fields(scenario: Scenario) -> dict[str, Any]:
-    """Return the fields that differ from the standard scenario."""
-    values = {field.name: getattr(scenario, field.name) for field in dataclasses.fields(scenario)}
+    """Return the suites that differ from the standard scenario."""
+    values = {suite.name: getattr(scenario, suite.name) for suite in dataclasses.fields(scenario)}
     return {name: value for name, value in values.items() if value != getattr(STANDARD, name)}
 
 

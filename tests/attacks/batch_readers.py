@@ -6,7 +6,7 @@ import numpy as np
 from onnx import TensorProto, numpy_helper
 
 from tests.leaderboard.making import model, node, value, whole
-from tests.zoo.making import policy
+from tests.training.making import policy
 
 BASE = np.random.default_rng(5).normal(size=(15, 9)).astype(np.float32) * 0.3
 FIRST = [node("MatMul", ["observation", "w"], ["x"])]

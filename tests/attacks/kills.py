@@ -14,8 +14,8 @@ from typing import Any
 from fpg_bench import cli
 
 VERBS = {
-    "evaluate": "evaluate expert idle --field ally-v1 --matches 2 --out",
-    "compare": "plan compare hold hill-climb --field planner-v1 --matches 2 --out",
+    "evaluate": "evaluate expert idle --suite ally-v1 --matches 2 --out",
+    "compare": "plan compare hold hill-climb --suite planner-v1 --matches 2 --out",
     "match": "plan run --planner hill-climb --ally expert --seed 1 --out",
 }
 _MOST_KILLS = 3
@@ -74,7 +74,7 @@ def told(folder: Path) -> dict[str, Any]:
 
 def _content(path: Path) -> Any:
     if path.suffix == ".jsonl":
-        return [_untimed(json.loads(line)) for line in path.read_text().splitlines()]
+        return [_untimed(json.loads(record)) for record in path.read_text().splitlines()]
     return _untimed(json.loads(path.read_text())) if path.suffix == ".json" else None
 
 

@@ -14,7 +14,7 @@ from fpg_bench.leaderboard.onnx_rules import OPERATORS
 from tests.attacks.batch_readers import batch_readers
 from tests.attacks.costly import costly
 from tests.leaderboard.making import model, node, value, weights
-from tests.zoo.making import policy
+from tests.training.making import policy
 
 ALL_OPERATORS = sorted({schema.name for schema in defs.get_all_schemas() if not schema.domain})
 _FORBIDDEN = sorted(set(ALL_OPERATORS) - OPERATORS)

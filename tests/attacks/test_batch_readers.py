@@ -5,9 +5,9 @@ import pytest
 
 from fpg_bench.evaluation.play import play
 from fpg_bench.leaderboard.onnx_contract import check_policies
-from fpg_bench.leaderboard.playing import Part, part_lines
+from fpg_bench.leaderboard.playing import Part, part_records
+from fpg_bench.leaderboard.smoke_test import trial
 from fpg_bench.leaderboard.tracks import TRACKS
-from fpg_bench.leaderboard.trial import trial
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.row_wise import row_wise
@@ -26,8 +26,8 @@ GAMES, STEPS = 8, 12
 
 
 @pytest.fixture
-def field(small_fields):
-    return TRACKS["ally"].field
+def suite(small_suites):
+    return TRACKS["ally"].suite
 
 
 def games(player, some):
@@ -44,7 +44,7 @@ def games(player, some):
 
 def test_their_files_are_sound():
     found = check_policies(list(READERS.values()))
-    assert [name for name, lines in zip(READERS, found, strict=True) if lines] == []
+    assert [name for name, records in zip(READERS, found, strict=True) if records] == []
 
 
 @pytest.mark.parametrize("name", READERS)
@@ -67,13 +67,13 @@ def test_and_answers_to_the_bit_the_same_alone_and_in_any_company(name):
 
 
 @pytest.mark.slow
-def test_so_it_is_when_it_is_played(field):
+def test_so_it_is_when_it_is_played(suite):
     """Behind the door as without it, and each round as it is in fewer rounds."""
     part = Part("reader", 0, as_policy(READERS["hidden"]))
-    (line,) = part_lines(part, [(field, field.counterparts[0])])
+    (record,) = part_records(part, [(suite, suite.rivals[0])])
     player = OnnxPlayer(READERS["hidden"], {})
-    assert line == play(part.entry(player, field), field, field.counterparts[0])
-    assert trial(as_policy(READERS["hidden"]), field) == []
+    assert record == play(part.entry(player, suite), suite, suite.rivals[0])
+    assert trial(as_policy(READERS["hidden"]), suite) == []
 
 
 @pytest.mark.parametrize("data", [*honest().values(), model_bytes(state=3, noise=2)])

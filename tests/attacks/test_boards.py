@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 COUNT = 40
 
 
-def quiet(line):
+def quiet(record):
     pass
 
 
@@ -45,8 +45,8 @@ def stormed(entered):
         about = (folder / "submission.yaml").read_text()
         (folder / "submission.yaml").write_text(about.replace("Linear", slug))
         result = result_file(entered, "ally", slug)
-        head, *lines = result_file(entered, "ally", "linear").read_text().splitlines(keepends=True)
-        result.write_text("".join([json.dumps(json.loads(head) | {"slug": slug}) + "\n", *lines]))
+        head, *records = result_file(entered, "ally", "linear").read_text().splitlines(keepends=True)
+        result.write_text("".join([json.dumps(json.loads(head) | {"slug": slug}) + "\n", *records]))
         spoil(folder, result, seed)
     return entered
 
@@ -57,15 +57,15 @@ def test_verify_gives_each_its_own_verdict_and_the_honest_ones_hold(stormed):
     assert len(verdicts) == COUNT + 3
     good = {name for name, verdict in verdicts.items() if verdict.good}
     assert good == {"ally/wise", "ally/linear", "opponent/near"}
-    assert not [line for line in said if "a bug" in line]
-    assert all(line.isprintable() for line in said)
+    assert not [record for record in said if "a bug" in record]
+    assert all(record.isprintable() for record in said)
 
 
 def test_build_and_crossplay_go_on_without_them(stormed, tmp_path):
     said = []
     assert play_missing(stormed, rounds=2, say=said.append) == []
     board = make_board(stormed, said.append)
-    assert not [line for line in said if "a bug" in line]
+    assert not [record for record in said if "a bug" in record]
     ranked = [entry.slug for entry, figures in board.tracks[0].verified() if figures.rank]
     assert sorted(ranked) == ["linear", "wise"]
     build_site(board, tmp_path / "site", {})
@@ -74,9 +74,9 @@ def test_build_and_crossplay_go_on_without_them(stormed, tmp_path):
 def test_check_says_what_is_wrong_with_each(stormed):
     for seed in range(COUNT):
         folder = stormed / f"submissions/ally/hostile-{seed}"
-        for line in problems(folder):
-            assert "a bug" not in line
-            line.encode()
+        for record in problems(folder):
+            assert "a bug" not in record
+            record.encode()
 
 
 @pytest.mark.parametrize("seed", [3, 12])
@@ -88,14 +88,14 @@ def test_the_command_line_says_it_in_lines(stormed, seed):
 def test_a_hostile_line_of_cross_play_is_left_out_alone(entered, tmp_path):
     play_missing(entered, rounds=100, say=quiet)
     file = crossplay_file(entered)
-    (sound,) = (json.loads(line) for line in file.read_text().splitlines() if '"wise"' in line)
+    (sound,) = (json.loads(record) for record in file.read_text().splitlines() if '"wise"' in record)
     forged = [sound | {"ally_rewards": [99.0, 99.0]}, sound | {"lost": "x"}, sound | {"ally": "linear"}]
     texts = [text.replace(b"\n", b" ") for _, text in hostile_texts(40, base=sound)]
     texts += [json.dumps(row).encode() for row in forged]
     file.write_bytes(file.read_bytes() + b"\n".join(texts) + b"\n")
     said = []
     board = make_board(entered, said.append)
-    assert any("crossplay.jsonl" in line and "left out" in line for line in said)
+    assert any("crossplay.jsonl" in record and "left out" in record for record in said)
     assert repr(board.crossplay).count("99.0") == 0
     build_site(board, tmp_path / "site", {})
     assert play_missing(entered, rounds=100, say=quiet) == []
@@ -119,4 +119,4 @@ def test_even_a_bug_of_ours_stops_nobody_else(entered, monkeypatch):
         "ally/linear": True,
         "opponent/near": True,
     }
-    assert verdicts["ally/wise"].line == "a bug: KeyError: 'nobody thought of this'"
+    assert verdicts["ally/wise"].record == "a bug: KeyError: 'nobody thought of this'"

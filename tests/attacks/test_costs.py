@@ -15,5 +15,5 @@ def found():
 
 @pytest.mark.parametrize("name", POLICIES)
 def test_a_policy_that_costs_too_much_is_told(name, found):
-    (line,) = found[name]
-    assert "multiply-adds a row, at most 2,000,000 are allowed" in line
+    (record,) = found[name]
+    assert "multiply-adds a row, at most 2,000,000 are allowed" in record

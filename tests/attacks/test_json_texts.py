@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 import fpg_bench
-from fpg_bench.errors import UserError
-from fpg_bench.files import read_json
-from fpg_bench.plain_json import DEEPEST, read_object, read_plain
-from fpg_bench.rows import RowFile
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_json
+from fpg_bench.common.rows import RowFile
+from fpg_bench.common.strict_json import DEEPEST, read_object, read_plain
 from tests.attacks.json_texts import KINDS, hostile_texts
 
 TEXTS = list(hostile_texts(200))

@@ -10,8 +10,8 @@ import optuna
 import pytest
 from optuna.trial import TrialState
 
-from fpg_bench.errors import UserError
-from fpg_bench.files import write_whole
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
 from fpg_bench.leaderboard.cases import at_work
 from fpg_bench.leaderboard.verify import verify
 from fpg_bench.training.checkpoint import load_checkpoint
@@ -31,7 +31,7 @@ cli.main()
 WRITES = """
 import os, signal, sys
 from pathlib import Path
-from fpg_bench import files
+from fpg_bench.common import files
 files.os.replace = lambda *names: os.kill(os.getpid(), signal.SIGKILL)
 files.write_whole(Path(sys.argv[1]), "half")
 """

@@ -3,7 +3,7 @@
 import pytest
 
 from fpg_bench.leaderboard.check import load_submission, problems, taken
-from fpg_bench.leaderboard.fields import plain, read_fields
+from fpg_bench.leaderboard.submission_file import plain, read_fields
 from fpg_bench.planning import PLANNERS
 from fpg_bench.players.scripted import SCRIPTED
 from tests.attacks.names import BLANK, UNSEEN, lookalikes

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from fpg_bench.errors import printable
+from fpg_bench.common.errors import printable
 from fpg_bench.planning.llm.probe import probe
 from fpg_bench.planning.llm.replies import ERRORS, MOST_TOKENS, Received, read_body, read_reply
 from fpg_bench.planning.llm.servers import Endpoint, load_server

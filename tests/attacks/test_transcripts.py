@@ -16,7 +16,7 @@ def recorded(tmp_path_factory):
 
 def test_the_honest_one_is_played(recorded, tmp_path):
     folder = shutil.copytree(recorded.entry, tmp_path / "entry")
-    assert check_transcripts(folder, recorded.field) == []
+    assert check_transcripts(folder, recorded.suite) == []
     assert recorded.flown(folder) == recorded.honest
 
 

@@ -7,14 +7,14 @@ import onnxruntime
 import pytest
 from onnx import ModelProto, helper
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.leaderboard.onnx_contract import check_policy
 from fpg_bench.players.agent import OnnxPlayer, _read
 from tests.leaderboard.making import model, node, value, weights
-from tests.zoo.making import policy
+from tests.training.making import policy
 
 SEEN = np.random.default_rng(0).uniform(-1, 1, (4, 15)).astype(np.float32)
-UNKNOWN = b"\x7a\x0a" + b"\0\0ORTM\0\0\0\0"  # a field that ONNX does not have; ORTM comes at byte 4
+UNKNOWN = b"\x7a\x0a" + b"\0\0ORTM\0\0\0\0"  # a suite that ONNX does not have; ORTM comes at byte 4
 
 
 def in_own_format(data, folder):
@@ -89,4 +89,4 @@ def twice_held():
     ],
 )
 def test_what_two_readers_may_read_two_ways_is_refused(data, why):
-    assert any(why in line for line in check_policy(data))
+    assert any(why in record for record in check_policy(data))

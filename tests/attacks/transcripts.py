@@ -55,7 +55,7 @@ def _json(folder: Path, rng: random.Random) -> None:
 
 
 def _value(folder: Path, rng: random.Random) -> None:
-    """A field that holds something else, with a key that fits."""
+    """A suite that holds something else, with a key that fits."""
 
     def change(rows: Rows) -> None:
         row = rng.choice(rows)

@@ -11,8 +11,8 @@ import numpy as np
 import pettingzoo
 from stable_baselines3.common.vec_env import VecEnv
 
-from fpg_bench.envs.duel import Duel
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.player import SIDES
 
@@ -222,7 +222,7 @@ class ParallelAdapter(Adapter):
 
 
 _ADAPTERS = {
-    Duel: DuelAdapter,
+    TwoPlayerBatch: DuelAdapter,
     gymnasium.Env: SingleAdapter,
     gymnasium.vector.VectorEnv: VectorAdapter,
     VecEnv: SB3Adapter,

@@ -1,4 +1,4 @@
-"""Small hands for the tests of the views: fixed actions, and what each view shows under them."""
+"""Small hands for the tests of the groups: fixed actions, and what each view shows under them."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import dataclasses
 import gymnasium
 import numpy as np
 
+from fpg_bench.common.ids import ENVS
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.ids import VIEWS
 
-IDS = tuple(name for name, view in VIEWS.items() if view.planner != "llm")  # that needs an endpoint
+IDS = tuple(name for name, view in ENVS.items() if view.planner != "llm")  # that needs an endpoint
 ALLY, PLANNED, OPPONENT, ALLY_POLICY, OPPONENT_POLICY = IDS
 STEPS = 32
 # Short rounds, two to a match: three of them show a round, a match and the seed's next match.
@@ -37,9 +37,9 @@ class Tape:
         return self.actions[steps, np.arange(len(steps))], steps + 1
 
 
-def single_game(view_id: str, seed: int, actions: np.ndarray, **options) -> list[tuple]:
+def single_game(env_id: str, seed: int, actions: np.ndarray, **options) -> list[tuple]:
     """(observation, reward) of every step over the rounds, a round's start with reward None."""
-    env = gymnasium.make(view_id, scenario=SHORT, disable_env_checker=True, **options).unwrapped
+    env = gymnasium.make(env_id, scenario=SHORT, disable_env_checker=True, **options).unwrapped
     shown = [(env.reset(seed=seed)[0], None)]
     for action in actions:
         observation, reward, terminated, truncated, _ = env.step(action)

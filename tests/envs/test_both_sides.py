@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fpg_bench import UserError, make_duel
-from fpg_bench.envs.sb3 import make_sb3_duel
+from fpg_bench.envs.sb3_vec_env import make_sb3_duel
 
 
 def test_it_is_the_same_game_as_a_duel():

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from fpg_bench import make_duel, make_sb3
-from fpg_bench.envs.multi_agent import parallel_env
-from fpg_bench.envs.sb3 import make_sb3_duel
+from fpg_bench.envs.pettingzoo_env import parallel_env
+from fpg_bench.envs.sb3_vec_env import make_sb3_duel
 
 from .contract import CHECKS
 from .playing import ALLY, IDS, SHORT
 
 GAMES = 3
-VIEWS = {
+ENVS = {
     **{f"single {name}": partial(gymnasium.make, name, scenario=SHORT) for name in IDS},
     **{f"batch {name}": partial(gymnasium.make_vec, name, GAMES, scenario=SHORT) for name in IDS},
     **{f"sb3 {name}": partial(make_sb3, name, GAMES, scenario=SHORT) for name in IDS},
@@ -28,9 +28,9 @@ VIEWS = {
 
 
 @pytest.mark.parametrize("check", CHECKS)
-@pytest.mark.parametrize("kind", VIEWS)
+@pytest.mark.parametrize("kind", ENVS)
 def test_the_contract_holds(kind, check):
-    CHECKS[check](VIEWS[kind])
+    CHECKS[check](ENVS[kind])
 
 
 # A view of one game that is spoilt in one place; ``sound`` is what it did before

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fpg_bench import make_duel
-from fpg_bench.envs.core import OneSided
-from fpg_bench.envs.multi_agent import parallel_env
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.core import SingleAgentGame
+from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.planning import Plan
 
 from .playing import (
@@ -112,7 +112,7 @@ def test_a_round_that_is_over_waits_while_others_go_on():
     assert not np.array_equal(later.ally_observations[1], step.ally_observations[1])
     mask = duel.reset(step.truncated)
     assert mask.tolist() == [True, False]
-    assert duel.arena.games["step"].tolist() == [0, 5]
+    assert duel.batch.games["step"].tolist() == [0, 5]
 
 
 def test_the_state_is_in_range_and_tells_two_games_apart():
@@ -151,7 +151,7 @@ def rounds(duel, count, seed=3):
         track = []
         for action in actions:
             duel.step(action, action)
-            track.append(duel.arena.games["opponent_position"].copy())
+            track.append(duel.batch.games["opponent_position"].copy())
         flown.append(track)
         duel.reset()
     return np.array(plans), np.array(flown)
@@ -206,7 +206,7 @@ def test_the_opponent_flies_the_plan_on_time():
     track = []
     for _ in range(300):
         duel.step(rest, rest)
-        track.append(duel.arena.games["opponent_position"][0].copy())
+        track.append(duel.batch.games["opponent_position"][0].copy())
     plan = duel.plans[0].waypoints
     due = np.ceil(np.arange(1, 17) * 300 / 16).astype(int) - 1
     missed = np.linalg.norm(np.array(track)[due] - plan, axis=1)
@@ -220,10 +220,10 @@ def test_an_opponent_told_to_hold_stays():
 
 
 def test_the_planner_view_plays_ten_rounds_a_match_and_hands_the_plan_over():
-    core = OneSided(PLANNED)
+    core = SingleAgentGame(PLANNED)
     core.reset(seeds=0)
     assert core.scenario.rounds_per_match == 10
-    assert np.array_equal(core.duel.plans[0].waypoints, core.duel.arena.waypoints[0])
+    assert np.array_equal(core.duel.plans[0].waypoints, core.duel.batch.waypoints[0])
 
 
 def test_a_bad_plan_is_refused():

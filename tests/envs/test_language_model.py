@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import fpg_bench
-from fpg_bench.envs.sb3 import make_sb3
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.planning import LLM_CONTROLS, Plan, as_planner
 from fpg_bench.planning.llm.background import BackgroundPlanner
 from tests.planning.llm.fault_server import FaultServer, ok, status

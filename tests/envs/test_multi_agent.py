@@ -12,8 +12,8 @@ with warnings.catch_warnings():  # importing PettingZoo's tests warns of Petting
     warnings.simplefilter("ignore")
     from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
 
-from fpg_bench.envs.multi_agent import aec_env, parallel_env
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.pettingzoo_env import aec_env, parallel_env
 
 from .playing import REST, SHORT, STEPS, tape
 
@@ -100,7 +100,7 @@ def test_a_new_match_can_be_asked_for():
     curves = []
     for options in (None, None, {"new_match": True}):
         env.reset(seed=1 if not curves else None, options=options)
-        curves.append(env.duel.arena.games["control_points"][0].copy())
+        curves.append(env.duel.batch.games["control_points"][0].copy())
     assert np.array_equal(curves[0], curves[1])
     assert not np.array_equal(curves[1], curves[2])
 

@@ -24,7 +24,7 @@ from stable_baselines3.common.vec_env import (
 )
 
 from fpg_bench import make_sb3
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 
 from .playing import (
     ALLY,
@@ -55,26 +55,26 @@ def _one_thread():
     torch.set_num_threads(before)
 
 
-def make(view_id=ALLY, games=GAMES, **options):
-    return make_sb3(view_id, games, **{"scenario": SHORT, **options})
+def make(env_id=ALLY, games=GAMES, **options):
+    return make_sb3(env_id, games, **{"scenario": SHORT, **options})
 
 
 def rest(games=GAMES):
     return np.zeros((games, 9), np.float32)
 
 
-@pytest.mark.parametrize("view_id", IDS)
-def test_sb3_finds_nothing_to_warn_of_in_the_single_view(view_id):
+@pytest.mark.parametrize("env_id", IDS)
+def test_sb3_finds_nothing_to_warn_of_in_the_single_view(env_id):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(gymnasium.make(view_id).unwrapped)
+        check_env(gymnasium.make(env_id).unwrapped)
 
 
-@pytest.mark.parametrize("view_id", IDS)
+@pytest.mark.parametrize("env_id", IDS)
 @pytest.mark.parametrize("games", [1, GAMES])
-def test_game_i_seeded_s_is_the_single_game_seeded_s_plus_i(view_id, games):
+def test_game_i_seeded_s_is_the_single_game_seeded_s_plus_i(env_id, games):
     actions = tape(games)
-    env = make(view_id, games, seed=20)
+    env = make(env_id, games, seed=20)
     shown = [[(observation, None)] for observation in env.reset()]
     for action in actions:
         observations, rewards, dones, infos = env.step(action)
@@ -84,7 +84,7 @@ def test_game_i_seeded_s_is_the_single_game_seeded_s_plus_i(view_id, games):
             if dones[game]:
                 shown[game].append((observations[game], None))
     for game in range(games):
-        assert same(shown[game], single_game(view_id, 20 + game, actions[:, game]))
+        assert same(shown[game], single_game(env_id, 20 + game, actions[:, game]))
 
 
 def test_a_rounds_end_is_a_truncation_with_its_last_observation_and_a_monitors_info():
@@ -130,7 +130,7 @@ def test_seeds_are_for_the_next_reset():
 
 def test_a_new_match_can_be_asked_for():
     env = make(seed=5)
-    curves = env.core.duel.arena.games["control_points"]
+    curves = env.core.duel.batch.games["control_points"]
     env.reset()
     first = curves.copy()
     env.reset()
@@ -228,9 +228,9 @@ def test_single_views_in_processes_play_the_same_game():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("view_id", IDS)
-def test_ppo_learns_a_few_steps_of_every_id(view_id):
-    model = PPO("MlpPolicy", make(view_id), n_steps=STEPS, batch_size=32, n_epochs=2, **small())
+@pytest.mark.parametrize("env_id", IDS)
+def test_ppo_learns_a_few_steps_of_every_id(env_id):
+    model = PPO("MlpPolicy", make(env_id), n_steps=STEPS, batch_size=32, n_epochs=2, **small())
     before = [p.clone() for p in model.policy.parameters()]
     model.learn(3 * STEPS * GAMES)
     assert any(not torch.equal(x, y) for x, y in zip(before, model.policy.parameters(), strict=True))
@@ -278,15 +278,15 @@ def test_rewards_changed_in_place_by_ppo_do_not_reach_the_game():
     assert all(abs(r) < 100 * STEPS for r in seen)
 
 
-@pytest.mark.parametrize("view_id", [ALLY_POLICY, OPPONENT_POLICY])
-def test_a_model_of_sb3_plays_the_other_side(view_id):
-    other = "opponent" if view_id == ALLY_POLICY else "ally"
-    trained_on = OPPONENT_POLICY if view_id == ALLY_POLICY else ALLY_POLICY
+@pytest.mark.parametrize("env_id", [ALLY_POLICY, OPPONENT_POLICY])
+def test_a_model_of_sb3_plays_the_other_side(env_id):
+    other = "opponent" if env_id == ALLY_POLICY else "ally"
+    trained_on = OPPONENT_POLICY if env_id == ALLY_POLICY else ALLY_POLICY
     model = PPO("MlpPolicy", make(trained_on), **small())
-    env = make(view_id, seed=0, **{other: [model, "random"]})
+    env = make(env_id, seed=0, **{other: [model, "random"]})
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert gymnasium.make(view_id, **{other: model}).spec.kwargs[other] is not None
+        assert gymnasium.make(env_id, **{other: model}).spec.kwargs[other] is not None
     env.reset()
     for action in tape(GAMES, STEPS):
         *_, dones, _ = env.step(action)

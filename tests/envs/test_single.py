@@ -14,9 +14,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import TimeAwareObservation
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import find_env
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.ids import find_view
 
 from .playing import (
     ALLY,
@@ -35,24 +35,24 @@ from .playing import (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("view_id", IDS)
-def test_gymnasium_finds_nothing_to_warn_of(view_id):
+@pytest.mark.parametrize("env_id", IDS)
+def test_gymnasium_finds_nothing_to_warn_of(env_id):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(gymnasium.make(view_id).unwrapped)
+        check_env(gymnasium.make(env_id).unwrapped)
 
 
-@pytest.mark.parametrize("view_id", IDS)
-def test_an_id_is_found_through_the_module_without_importing_it_first(view_id):
-    env = gymnasium.make(f"fpg_bench:{view_id}")
-    assert env.spec.id == view_id
+@pytest.mark.parametrize("env_id", IDS)
+def test_an_id_is_found_through_the_module_without_importing_it_first(env_id):
+    env = gymnasium.make(f"fpg_bench:{env_id}")
+    assert env.spec.id == env_id
     assert env.action_space.shape == (9,)
-    assert env.unwrapped.core.side == find_view(view_id).side
+    assert env.unwrapped.core.side == find_env(env_id).side
 
 
-@pytest.mark.parametrize("view_id", IDS)
-def test_a_pickled_copy_plays_on_alone(view_id):
-    env = gymnasium.make(view_id, scenario=SHORT).unwrapped
+@pytest.mark.parametrize("env_id", IDS)
+def test_a_pickled_copy_plays_on_alone(env_id):
+    env = gymnasium.make(env_id, scenario=SHORT).unwrapped
     env.reset(seed=1)
     env.step(REST)
     twin = pickle.loads(pickle.dumps(env))
@@ -93,7 +93,7 @@ def test_the_ally_is_shown_what_the_knowledge_base_advises_and_the_opponent_is_n
 
 
 def curve(env):
-    return env.unwrapped.core.duel.arena.games["control_points"][0].copy()
+    return env.unwrapped.core.duel.batch.games["control_points"][0].copy()
 
 
 def test_rounds_of_a_match_share_the_path_and_matches_do_not():
@@ -145,9 +145,9 @@ CHANGES = [
 ]
 
 
-def rewards(view_id, **options):
+def rewards(env_id, **options):
     """Of three rounds of 60 steps, the gates of both sides' actions in use."""
-    env = gymnasium.make(view_id, disable_env_checker=True, **options).unwrapped
+    env = gymnasium.make(env_id, disable_env_checker=True, **options).unwrapped
     env.reset(seed=2)
     found = []
     for k, action in enumerate(tape(1, 180)[:, 0]):
@@ -157,16 +157,16 @@ def rewards(view_id, **options):
     return found
 
 
-@pytest.mark.parametrize(("view_id", "options"), CHANGES)
-def test_every_keyword_changes_the_outcome(view_id, options):
-    assert rewards(view_id) == rewards(view_id)
-    assert rewards(view_id) != rewards(view_id, **options)
+@pytest.mark.parametrize(("env_id", "options"), CHANGES)
+def test_every_keyword_changes_the_outcome(env_id, options):
+    assert rewards(env_id) == rewards(env_id)
+    assert rewards(env_id) != rewards(env_id, **options)
 
 
-@pytest.mark.parametrize("view_id", ["FPG/AllyVsScripted-v0", "FPG/OpponentVsScripted-v0"])
-def test_an_adversary_is_paid_what_the_other_side_loses(view_id):
-    env, same = (gymnasium.make(view_id, reward=reward) for reward in ("against", "own"))
-    games = [e.unwrapped.core.duel.arena.games for e in (env, same)]
+@pytest.mark.parametrize("env_id", ["FPG/AllyVsScripted-v0", "FPG/OpponentVsScripted-v0"])
+def test_an_adversary_is_paid_what_the_other_side_loses(env_id):
+    env, same = (gymnasium.make(env_id, reward=reward) for reward in ("zero_sum", "own"))
+    games = [e.unwrapped.core.duel.batch.games for e in (env, same)]
     other = env.unwrapped.core.view.other_side
     for e in (env, same):
         e.reset(seed=3)
@@ -175,12 +175,12 @@ def test_an_adversary_is_paid_what_the_other_side_loses(view_id):
         _, own, *_ = same.step(action)
         assert reward == -games[1][f"{other}_reward"][0]
         assert own == games[0][f"{env.unwrapped.core.side}_reward"][0]
-    with pytest.raises(UserError, match="reward: expected one of own, against"):
-        gymnasium.make(view_id, reward="mine")
+    with pytest.raises(UserError, match="reward: expected one of own, zero_sum"):
+        gymnasium.make(env_id, reward="mine")
 
 
-def test_threads_reach_the_arena_and_change_nothing():
-    assert gymnasium.make(ALLY, threads=1).unwrapped.core.duel.arena.threads == 1
+def test_threads_reach_the_batch_and_change_nothing():
+    assert gymnasium.make(ALLY, threads=1).unwrapped.core.duel.batch.threads == 1
     assert rewards(ALLY, threads=1) == rewards(ALLY, threads=2)
 
 
@@ -246,10 +246,10 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("view_id", "options", "message"), MISTAKES)
-def test_a_mistaken_keyword_is_refused_in_one_line(view_id, options, message):
+@pytest.mark.parametrize(("env_id", "options", "message"), MISTAKES)
+def test_a_mistaken_keyword_is_refused_in_one_line(env_id, options, message):
     with pytest.raises(UserError, match=message) as caught:
-        gymnasium.make(view_id, **options)
+        gymnasium.make(env_id, **options)
     assert "\n" not in str(caught.value)
 
 
@@ -297,7 +297,7 @@ def test_an_unknown_id_suggests_the_nearest():
     with pytest.raises(gymnasium.error.NameNotFound, match="AllyVsScripted"):
         gymnasium.make("FPG/AllyVsScriptd-v0")
     with pytest.raises(UserError, match="did you mean 'FPG/AllyVsScripted-v0'"):
-        find_view("fpg_bench:FPG/AllyVsScriptd-v0")
+        find_env("fpg_bench:FPG/AllyVsScriptd-v0")
 
 
 @pytest.mark.filterwarnings("ignore:.*render_mode")

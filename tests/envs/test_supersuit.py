@@ -9,8 +9,8 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from fpg_bench import make_duel, supersuit_vec_env
-from fpg_bench.envs.multi_agent import parallel_env
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.players.player import SIDES
 
 from .playing import REST, SHORT, STEPS, tape
@@ -78,7 +78,7 @@ def test_supersuits_frame_skip_draws_by_the_seed():
         lengths.append([])
         while env.agents:
             env.step(dict.fromkeys(SIDES, np.zeros(9, np.float32)))
-            lengths[-1].append(int(env.unwrapped.duel.arena.games["step"][0]))
+            lengths[-1].append(int(env.unwrapped.duel.batch.games["step"][0]))
     assert lengths[0] == lengths[1] != lengths[2]
 
 

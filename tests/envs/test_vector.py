@@ -8,21 +8,21 @@ import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode
 from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 
 from .playing import ALLY, ALLY_POLICY, IDS, REST, SHORT, STEPS, same, single_game, tape
 
 GAMES = 3
 
 
-def make(view_id=ALLY, games=GAMES, **options):
-    return gymnasium.make_vec(view_id, num_envs=games, **{"scenario": SHORT, **options})
+def make(env_id=ALLY, games=GAMES, **options):
+    return gymnasium.make_vec(env_id, num_envs=games, **{"scenario": SHORT, **options})
 
 
-def batched_games(view_id, seed, actions, **options):
+def batched_games(env_id, seed, actions, **options):
     """What each game of a batch shows, as ``single_game`` gives it."""
     games = actions.shape[1]
-    env = make(view_id, games, **options)
+    env = make(env_id, games, **options)
     observations, _ = env.reset(seed=seed)
     shown = [[(observation, None)] for observation in observations]
     for k, action in enumerate(actions):
@@ -36,13 +36,13 @@ def batched_games(view_id, seed, actions, **options):
     return shown
 
 
-@pytest.mark.parametrize("view_id", IDS)
+@pytest.mark.parametrize("env_id", IDS)
 @pytest.mark.parametrize("games", [1, GAMES])
-def test_game_i_of_a_batch_seeded_s_is_the_single_game_seeded_s_plus_i(view_id, games):
+def test_game_i_of_a_batch_seeded_s_is_the_single_game_seeded_s_plus_i(env_id, games):
     actions = tape(games)
-    batch = batched_games(view_id, 20, actions)
+    batch = batched_games(env_id, 20, actions)
     for game in range(games):
-        assert same(batch[game], single_game(view_id, 20 + game, actions[:, game]))
+        assert same(batch[game], single_game(env_id, 20 + game, actions[:, game]))
 
 
 def test_gymnasiums_own_batch_of_single_games_is_the_same():
@@ -145,8 +145,8 @@ def drawn(games, seed=0, rounds=1, **options):
     players, paths = [], []
     for _ in range(rounds):
         core = env.unwrapped.core
-        players.append(core._seat.choice.copy())
-        paths.append(core.duel.arena.games["path"].copy())
+        players.append(core._runner.choice.copy())
+        paths.append(core.duel.batch.games["path"].copy())
         env.reset()
     return np.array(players), np.array(paths)
 
@@ -171,7 +171,7 @@ def test_the_player_that_was_drawn_is_the_one_that_plays():
     env.reset(seed=0)
     env.step(np.zeros((16, 9), np.float32))
     core = env.unwrapped.core
-    assert np.array_equal(core.duel.arena.games["jamming_type"], np.where(core._seat.choice == 0, 0, 3))
+    assert np.array_equal(core.duel.batch.games["jamming_type"], np.where(core._runner.choice == 0, 0, 3))
 
 
 def test_gymnasiums_vector_wrappers_take_it():

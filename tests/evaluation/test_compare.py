@@ -1,4 +1,4 @@
-"""Planners side by side, from a field's file to the table; language models on loopback, then replayed."""
+"""Planners side by side, from a suite's file to the table; language models on loopback, then replayed."""
 
 import csv
 import json
@@ -8,12 +8,12 @@ from collections import Counter
 import pytest
 from planning.llm.fault_server import FaultServer, answer, html, ok, status
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_json
+from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.evaluate import read_results
 from fpg_bench.evaluation.table import write_table
-from fpg_bench.files import read_json
-from fpg_bench.rows import RowFile
 from tests.programs import fpg
 
 KEY = "sk-never-to-be-seen-3141592653"
@@ -29,7 +29,7 @@ class Chaser:
         due = [r.limits.due_s().astype(int) for r in requests]
         return [Plan(r.ally_path[at], "chaser") for r, at in zip(requests, due)]
 """
-FIELD = f"""\
+SUITE = f"""\
 side: planner
 scenario: short.yml
 rounds_per_match: {ROUNDS}
@@ -37,7 +37,7 @@ matches: {MATCHES}
 opponent: adaptive
 last_rounds: 2
 scale: {{zero: 5.0, top: 30.0}}
-counterparts: [{", ".join(f"{{ally: {ally}}}" for ally in ALLIES)}]
+rivals: [{", ".join(f"{{ally: {ally}}}" for ally in ALLIES)}]
 """
 PATH = json.dumps({"waypoints": [{"x": 700, "y": 40 * k, "z": 300} for k in range(16)]})
 
@@ -45,7 +45,7 @@ PATH = json.dumps({"waypoints": [{"x": 700, "y": 40 * k, "z": 300} for k in rang
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     (tmp_path / "chasing.py").write_text(CHASER)
-    (tmp_path / "mine.yml").write_text(FIELD)
+    (tmp_path / "mine.yml").write_text(SUITE)
     (tmp_path / "short.yml").write_text("steps_per_round: 64\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.chdir(tmp_path)
@@ -66,18 +66,20 @@ def asks(monkeypatch):
     return point
 
 
-def lines_of(folder, planner):
+def records_of(folder, planner):
     """Its lines, without its name and the seconds that planning took."""
-    lines = [row for row in RowFile(folder / "lines.jsonl").read() if row["entry"] == planner]
-    for line in lines:
-        del line["entry"]
-        del line["plans"]["seconds"]
-    return lines
+    records = [row for row in RowFile(folder / "records.jsonl").read() if row["entry"] == planner]
+    for record in records:
+        del record["entry"]
+        del record["plans"]["seconds"]
+    return records
 
 
 def statuses(folder, planner):
     """How its plans came about, of all allies together."""
-    return dict(sum((Counter(line["plans"]["statuses"]) for line in lines_of(folder, planner)), Counter()))
+    return dict(
+        sum((Counter(record["plans"]["statuses"]) for record in records_of(folder, planner)), Counter())
+    )
 
 
 # Planners that ask nobody
@@ -87,9 +89,9 @@ def test_planners_side_by_side_and_their_table(folder):
     found = compare(["hold", "circle", "chasing:Chaser"], "mine.yml", "out")
     assert {s.entry for s in found} == {"chasing:Chaser", "hold", "circle"}
     assert found[0].entry == "chasing:Chaser"
-    again, field = read_results("out")
-    assert [s.lines for s in again] == [s.lines for s in found]
-    write_table(found, field, folder / "out")
+    again, suite = read_results("out")
+    assert [s.records for s in again] == [s.records for s in found]
+    write_table(found, suite, folder / "out")
     text = (folder / "out" / "table.md").read_text()
     assert text.splitlines()[0].startswith("| planner | score last 2 | 95 % interval | score all |")
     assert text.splitlines()[2].startswith("| chasing:Chaser | ")
@@ -103,11 +105,11 @@ def test_planners_side_by_side_and_their_table(folder):
 
 def test_more_planners_join_a_folder_and_nothing_is_played_twice(folder):
     compare(["hold"], "mine.yml", "out")
-    before = (folder / "out" / "lines.jsonl").read_bytes()
+    before = (folder / "out" / "records.jsonl").read_bytes()
     played = []
     compare(["hold", "circle"], "mine.yml", "out", progress=lambda who, *_: played.append(who.name))
     assert set(played) == {"circle"}
-    assert (folder / "out" / "lines.jsonl").read_bytes().startswith(before)
+    assert (folder / "out" / "records.jsonl").read_bytes().startswith(before)
 
 
 def test_all_are_those_that_ask_no_language_model(folder, monkeypatch):
@@ -124,8 +126,8 @@ def test_all_are_those_that_ask_no_language_model(folder, monkeypatch):
         ("{ally: expert}", "{ally: expertt}", "did you mean 'expert'"),
     ],
 )
-def test_what_a_field_names_is_looked_for_before_anything_is_played(folder, old, new, message):
-    (folder / "mine.yml").write_text(FIELD.replace(old, new))
+def test_what_a_suite_names_is_looked_for_before_anything_is_played(folder, old, new, message):
+    (folder / "mine.yml").write_text(SUITE.replace(old, new))
     with pytest.raises(UserError, match=message):
         compare(["hold"], "mine.yml", "out")
     assert not (folder / "out").exists()
@@ -164,7 +166,7 @@ def test_a_language_model_is_recorded_and_replayed_without_a_server(folder, asks
     shutil.copytree(folder / "out" / "transcripts" / "llm", folder / "kept" / "toy-model")
     (replayed,) = compare([], "mine.yml", "again", transcripts="kept")
     assert (replayed.entry, replayed.score) == ("toy-model", found["llm"].score)
-    assert lines_of(folder / "again", "toy-model") == lines_of(folder / "out", "llm")
+    assert records_of(folder / "again", "toy-model") == records_of(folder / "out", "llm")
 
 
 def test_temperature_and_sampling_seed_are_asked_for_told_and_kept_to(folder, asks):
@@ -178,7 +180,7 @@ def test_temperature_and_sampling_seed_are_asked_for_told_and_kept_to(folder, as
         usual, cold, other = (bodies[k : k + PLANS] for k in range(0, 3 * PLANS, PLANS))
         with pytest.raises(UserError, match="hold lines of another 'llm'"):
             compare(["llm"], "mine.yml", "cold")
-        (folder / "cold" / "lines.jsonl").unlink()
+        (folder / "cold" / "records.jsonl").unlink()
         with pytest.raises(
             UserError, match=r"recorded with temperature 0\.0, not 0\.7; choose another folder"
         ):
@@ -196,8 +198,8 @@ def test_temperature_and_sampling_seed_are_asked_for_told_and_kept_to(folder, as
     assert replayed.pooled.plans.valid_but_useless == pytest.approx(
         1 - 1 / ROUNDS
     )  # all but the first of a match
-    (line, *_) = RowFile(folder / "again" / "lines.jsonl").read()
-    assert line["plans"]["useless"] == {"repeated": MATCHES * (ROUNDS - 1)}
+    (record, *_) = RowFile(folder / "again" / "records.jsonl").read()
+    assert record["plans"]["useless"] == {"repeated": MATCHES * (ROUNDS - 1)}
 
 
 class Stop(Exception):
@@ -257,7 +259,7 @@ def test_another_model_or_prompt_is_not_taken_for_the_one_recorded(folder, asks)
         asks(server, model="another")
         with pytest.raises(UserError, match="hold lines of another 'llm'"):
             compare(["llm"], "mine.yml", "out")
-        (folder / "out" / "lines.jsonl").unlink()
+        (folder / "out" / "records.jsonl").unlink()
         with pytest.raises(UserError, match="recorded with model toy, not another"):
             compare(["llm"], "mine.yml", "out")
 
@@ -267,7 +269,7 @@ def test_transcripts_of_other_matches_are_refused(folder, asks):
         asks(server)
         compare(["llm"], "mine.yml", "out")
     with pytest.raises(
-        UserError, match=r"another field, 'mine' with 2 matches per ally; .* --field and --matches"
+        UserError, match=r"another suite, 'mine' with 2 matches per ally; .* --suite and --matches"
     ):
         compare([], "mine.yml", "more", matches=3, transcripts="out/transcripts")
 
@@ -369,7 +371,7 @@ def test_the_key_is_nowhere(folder, asks):
 @pytest.mark.process
 def test_the_command_prints_and_writes_the_table(folder):
     found = fpg(
-        "plan", "compare", "circle", "--field", "mine.yml", "--matches", 1, "--out", "out", folder=folder
+        "plan", "compare", "circle", "--suite", "mine.yml", "--matches", 1, "--out", "out", folder=folder
     )
     assert found.returncode == 0, found.stderr
     assert "circle" in found.stdout
@@ -381,13 +383,13 @@ def test_the_command_prints_and_writes_the_table(folder):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("plan", "compare", "circel", "--field", "mine.yml"), "did you mean 'circle'"),
-        (("plan", "compare", "llm", "--field", "mine.yml"), "FPG_LLM_MODEL"),
+        (("plan", "compare", "circel", "--suite", "mine.yml"), "did you mean 'circle'"),
+        (("plan", "compare", "llm", "--suite", "mine.yml"), "FPG_LLM_MODEL"),
         (
-            ("plan", "compare", "circle", "--field", "mine.yml", "--calls", 3),
+            ("plan", "compare", "circle", "--suite", "mine.yml", "--calls", 3),
             "calls: is for the planners llm",
         ),
-        (("evaluate", "idle", "--field", "planner-v1"), "fpg-bench plan compare --field planner-v1"),
+        (("evaluate", "idle", "--suite", "planner-v1"), "fpg-bench plan compare --suite planner-v1"),
     ],
 )
 def test_what_cannot_be_compared_is_said_in_one_line(folder, words, message):

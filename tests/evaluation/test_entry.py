@@ -2,17 +2,17 @@
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.entry import entries_of
-from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.scripted import SCRIPTED, Scripted
-from tests.zoo.making import make_agent, make_zoo
+from tests.training.making import make_agent, make_zoo
 
 
 @pytest.fixture(scope="module")
-def field():
-    return load_field("ally-v1")
+def suite():
+    return load_suite("ally-v1")
 
 
 @pytest.fixture
@@ -29,19 +29,19 @@ def agent(tmp_path, monkeypatch):
     return write
 
 
-def names(specs, field, **words):
-    return [(entry.name, entry.training_seed) for entry in entries_of(specs, field, **words)]
+def names(specs, suite, **words):
+    return [(entry.name, entry.training_seed) for entry in entries_of(specs, suite, **words)]
 
 
-def test_scripts_are_entries_without_training_seed(field):
-    assert names(["all-scripted"], field) == [(name, None) for name in SCRIPTED["ally"]]
-    assert names(["expert", "idle", "expert"], field) == [("expert", None), ("idle", None)]
+def test_scripts_are_entries_without_training_seed(suite):
+    assert names(["all-scripted"], suite) == [(name, None) for name in SCRIPTED["ally"]]
+    assert names(["expert", "idle", "expert"], suite) == [("expert", None), ("idle", None)]
 
 
-def test_agents_that_differ_by_their_training_seed_alone_are_one_entry(field, agent):
+def test_agents_that_differ_by_their_training_seed_alone_are_one_entry(suite, agent):
     agents = [agent(f"runs/ppo_{k}/agent", k) for k in range(3)]
-    assert names(agents, field) == [("ppo", 0), ("ppo", 1), ("ppo", 2)]
-    assert names(agents, field, name="mine") == [("mine", 0), ("mine", 1), ("mine", 2)]
+    assert names(agents, suite) == [("ppo", 0), ("ppo", 1), ("ppo", 2)]
+    assert names(agents, suite, name="mine") == [("mine", 0), ("mine", 1), ("mine", 2)]
 
 
 @pytest.mark.parametrize(
@@ -54,10 +54,10 @@ def test_agents_that_differ_by_their_training_seed_alone_are_one_entry(field, ag
         {"id": "FPG/AllyVsPolicy-v0"},
     ],
 )
-def test_agents_that_were_made_otherwise_are_entries_of_their_own(field, agent, other):
+def test_agents_that_were_made_otherwise_are_entries_of_their_own(suite, agent, other):
     mine = [agent(f"runs/ppo_{k}/agent", k) for k in range(2)]
     theirs = [agent(f"zoo/ppo/seed_{k}", k, policy=10 + k, **other) for k in range(2)]
-    assert names([*mine, *theirs, "expert"], field) == [
+    assert names([*mine, *theirs, "expert"], suite) == [
         ("runs/ppo", 0),
         ("runs/ppo", 1),
         ("zoo/ppo", 0),
@@ -66,82 +66,82 @@ def test_agents_that_were_made_otherwise_are_entries_of_their_own(field, agent, 
     ]
 
 
-def test_tuned_default_and_zoo_stand_side_by_side(field, agent):
+def test_tuned_default_and_zoo_stand_side_by_side(suite, agent):
     found = names(
         [
             agent("runs/ppo_1/agent", 1, training_steps=200_000),
             agent("runs/tuned/agent", 1, policy=5, hyperparameters={"gamma": 0.9}),
             agent("ally-scripted/ppo/seed_0", 0),
         ],
-        field,
+        suite,
     )
     assert found == [("runs/ppo_1", 1), ("runs/tuned", 1), ("ally-scripted/ppo", 0)]
 
 
-def test_folders_that_begin_alike_have_names_that_tell_them_apart(field, agent):
+def test_folders_that_begin_alike_have_names_that_tell_them_apart(suite, agent):
     """What is left of these paths without the training seed is the same, so that the whole path is said."""
     one = agent("runs/a/seed_0/agent", 0)
     other = agent("runs/a/seed_1/agent", 1, training_steps=5000)
-    assert names([one, other], field) == [(one, 0), (other, 1)]
+    assert names([one, other], suite) == [(one, 0), (other, 1)]
 
 
-def test_algorithms_of_other_names_keep_them(field, agent):
-    found = names([agent("a/one", 0), agent("b/two", 0, policy=3, algorithm="sac")], field)
+def test_algorithms_of_other_names_keep_them(suite, agent):
+    found = names([agent("a/one", 0), agent("b/two", 0, policy=3, algorithm="sac")], suite)
     assert found == [("ppo", 0), ("sac", 0)]
 
 
-def test_the_same_training_seed_twice_is_found_before_anything_is_played(field, agent):
+def test_the_same_training_seed_twice_is_found_before_anything_is_played(suite, agent):
     agents = [agent("a/one", 0, policy=1), agent("b/two", 0, policy=2)]
     with pytest.raises(UserError, match="ppo: two different players of training seed 0; name them one at a"):
-        entries_of(agents, field)
+        entries_of(agents, suite)
 
 
-def test_the_same_policy_by_two_names_is_one(field, agent):
-    assert names([agent("a/one", 0, policy=1), agent("b/two", 0, policy=1)], field) == [("ppo", 0)]
+def test_the_same_policy_by_two_names_is_one(suite, agent):
+    assert names([agent("a/one", 0, policy=1), agent("b/two", 0, policy=1)], suite) == [("ppo", 0)]
 
 
-def test_one_name_for_several_entries_is_refused(field, agent):
+def test_one_name_for_several_entries_is_refused(suite, agent):
     agents = [agent("a/one", 0), agent("b/two", 0, training_steps=5000)]
     with pytest.raises(
         UserError, match=r"name 'mine': .* were made differently, so they are several entries"
     ):
-        entries_of(agents, field, name="mine")
+        entries_of(agents, suite, name="mine")
 
 
-def test_no_agent_goes_by_the_name_of_a_script(field, agent):
+def test_no_agent_goes_by_the_name_of_a_script(suite, agent):
     with pytest.raises(UserError, match="is a script's"):
-        entries_of([agent("a/one")], field, name="expert")
+        entries_of([agent("a/one")], suite, name="expert")
 
 
 @pytest.mark.parametrize(
     ("spec", "message"),
     [
-        ("oracle", "sees the full state, which no field allows"),
+        ("oracle", "sees the full state, which no suite allows"),
         ("adaptive", "unknown ally 'adaptive'"),
         ("expertt", "did you mean 'expert'"),
         (5, "expected a player's name or an object with predict"),
     ],
 )
-def test_oracles_wrong_sides_and_unknown_players_never_enter(field, spec, message):
+def test_oracles_wrong_sides_and_unknown_players_never_enter(suite, spec, message):
     with pytest.raises(UserError, match=message):
-        entries_of([spec], field)
+        entries_of([spec], suite)
 
 
 # Players as objects, and names for all
 
 
-def test_players_as_objects_are_entries_by_their_class(field, agent):
-    one = Scripted("ally", "expert", field.scenario)
-    assert names([one, "expert"], field) == [("Scripted", None), ("expert", None)]
+def test_players_as_objects_are_entries_by_their_class(suite, agent):
+    one = Scripted("ally", "expert", suite.scenario)
+    assert names([one, "expert"], suite) == [("Scripted", None), ("expert", None)]
     loaded = load_agent(agent("a/one", 4))
-    assert names([loaded], field) == [("ppo", 4)]
+    assert names([loaded], suite) == [("ppo", 4)]
     with pytest.raises(UserError, match="Scripted: two different players"):
-        entries_of([one, Scripted("ally", "idle", field.scenario)], field)
+        entries_of([one, Scripted("ally", "idle", suite.scenario)], suite)
 
 
-def test_a_mapping_names_its_entries(field, agent):
+def test_a_mapping_names_its_entries(suite, agent):
     agents = [agent(f"runs/ppo_{k}", k) for k in range(2)]
-    players = {"mine": agents, "calm": Scripted("ally", "idle", field.scenario), "best": "expert"}
-    assert names(players, field) == [("mine", 0), ("mine", 1), ("calm", None), ("best", None)]
+    players = {"mine": agents, "calm": Scripted("ally", "idle", suite.scenario), "best": "expert"}
+    assert names(players, suite) == [("mine", 0), ("mine", 1), ("calm", None), ("best", None)]
     with pytest.raises(UserError, match="both: expert and idle are several entries"):
-        entries_of({"both": ["expert", "idle"]}, field)
+        entries_of({"both": ["expert", "idle"]}, suite)

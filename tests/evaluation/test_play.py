@@ -3,14 +3,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.entry import planner_entry, player_entry
-from fpg_bench.evaluation.field import load_field
-from fpg_bench.evaluation.play import LOST_SCORE, play, rounds, table_of
+from fpg_bench.evaluation.play import LOST_SCORE, match_of, play, rounds
+from fpg_bench.evaluation.rounds import play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds, tuning_seeds
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.matches.rounds import play_round
 from fpg_bench.planning import Plan
 from fpg_bench.players.scripted import Scripted
 
@@ -18,98 +18,98 @@ MATCHES, ROUNDS = 3, 4
 
 
 @pytest.fixture(scope="module")
-def field():
-    whole = load_field("ally-v1")
-    return dataclasses.replace(whole, matches=6, counterparts=whole.counterparts[5:8])
+def suite():
+    whole = load_suite("ally-v1")
+    return dataclasses.replace(whole, matches=6, rivals=whole.rivals[5:8])
 
 
 @pytest.fixture(scope="module")
 def planners():
-    """A small field of planners, with short rounds."""
-    whole = load_field("planner-v1")
+    """A small suite of planners, with short rounds."""
+    whole = load_suite("planner-v1")
     short = {"steps_per_round": 32, "rounds_per_match": ROUNDS}
-    counterparts = tuple(
+    rivals = tuple(
         dataclasses.replace(c, scenario=as_scenario(c.scenario, **short))
-        for c in whole.counterparts
+        for c in whole.rivals
         if c.name in ("idle", "expert")
     )
     scenario = as_scenario(whole.scenario, **short)
-    return dataclasses.replace(whole, scenario=scenario, matches=MATCHES, counterparts=counterparts)
+    return dataclasses.replace(whole, scenario=scenario, matches=MATCHES, rivals=rivals)
 
 
-def untimed(line):
-    return dataclasses.replace(line, plans=dataclasses.replace(line.plans, seconds=0.0))
+def untimed(record):
+    return dataclasses.replace(record, plans=dataclasses.replace(record.plans, seconds=0.0))
 
 
 # A side against players
 
 
-def test_a_line_says_who_met_whom_and_what_came_of_it(field):
-    line = play(player_entry("expert"), field, field.counterparts[0])
-    told = (line.field, line.field_hash, line.entry, line.fingerprint, line.counterpart)
-    assert told == ("ally-v1", field.hash[:16], "expert", "expert", field.counterparts[0].name)
-    assert len(line.returns) == field.rounds == 6
-    assert line.tally["steps"] == 6 * 300 == sum(line.ally_points) == sum(line.jam_points)
-    assert sum(line.returns) == pytest.approx(line.tally["ally_return"], abs=0.01)
-    assert (line.training_seed, line.lost, line.plans) == (None, 0, None)
+def test_a_line_says_who_met_whom_and_what_came_of_it(suite):
+    record = play(player_entry("expert"), suite, suite.rivals[0])
+    told = (record.suite, record.suite_hash, record.entry, record.fingerprint, record.rival)
+    assert told == ("ally-v1", suite.hash[:16], "expert", "expert", suite.rivals[0].name)
+    assert len(record.returns) == suite.rounds == 6
+    assert record.tally["steps"] == 6 * 300 == sum(record.ally_points) == sum(record.jam_points)
+    assert sum(record.returns) == pytest.approx(record.tally["ally_return"], abs=0.01)
+    assert (record.training_seed, record.lost, record.plans) == (None, 0, None)
 
 
-def test_a_line_is_what_the_games_say(field):
-    counterpart = field.counterparts[0]
-    table = table_of("expert", field, counterpart)
-    (duel,) = rounds(table, field)
-    line = play(player_entry("expert"), field, counterpart)
-    assert line.returns == pytest.approx(duel.arena.tallies["ally_return"].tolist(), abs=1e-3)
-    assert line.tally["hops"] == duel.arena.tallies["hops"].sum()
-    assert line.tally["longest_outage"] == duel.arena.tallies["longest_outage"].max()
-    assert list(line.ally_points) == duel.arena.histograms.sum(axis=0)[0].tolist()
+def test_a_line_is_what_the_games_say(suite):
+    rival = suite.rivals[0]
+    table = match_of("expert", suite, rival)
+    (duel,) = rounds(table, suite)
+    record = play(player_entry("expert"), suite, rival)
+    assert record.returns == pytest.approx(duel.batch.tallies["ally_return"].tolist(), abs=1e-3)
+    assert record.tally["hops"] == duel.batch.tallies["hops"].sum()
+    assert record.tally["longest_outage"] == duel.batch.tallies["longest_outage"].max()
+    assert list(record.ally_points) == duel.batch.histograms.sum(axis=0)[0].tolist()
 
 
-def test_everybody_meets_the_same_chance(field):
+def test_everybody_meets_the_same_chance(suite):
     seen = []
-    for counterpart in field.counterparts:
-        (duel,) = rounds(table_of("expert", field, counterpart), field)
-        seen.append(duel.arena.games["seed"].tolist())
+    for rival in suite.rivals:
+        (duel,) = rounds(match_of("expert", suite, rival), suite)
+        seen.append(duel.batch.games["seed"].tolist())
     assert seen == [evaluation_seeds(6)] * 3
 
 
-def test_the_number_of_matches_does_not_matter(field):
-    counterpart, entry = field.counterparts[0], player_entry("random")
-    few = play(entry, dataclasses.replace(field, matches=3), counterpart)
-    assert few.returns == play(entry, field, counterpart).returns[:3]
+def test_the_number_of_matches_does_not_matter(suite):
+    rival, entry = suite.rivals[0], player_entry("random")
+    few = play(entry, dataclasses.replace(suite, matches=3), rival)
+    assert few.returns == play(entry, suite, rival).returns[:3]
 
 
-def test_the_same_twice_and_other_seeds_otherwise(field):
-    counterpart, entry = field.counterparts[0], player_entry("random")
-    line = play(entry, field, counterpart)
-    assert play(entry, field, counterpart) == line
-    others = play(entry, field, counterpart, tuning_seeds)
-    assert others.rounds_sha256 != line.rounds_sha256
-    assert others.returns != line.returns
+def test_the_same_twice_and_other_seeds_otherwise(suite):
+    rival, entry = suite.rivals[0], player_entry("random")
+    record = play(entry, suite, rival)
+    assert play(entry, suite, rival) == record
+    others = play(entry, suite, rival, tuning_seeds)
+    assert others.rounds_sha256 != record.rounds_sha256
+    assert others.returns != record.returns
 
 
-def test_the_hash_is_of_the_rounds_and_not_of_the_name(field):
-    counterpart = field.counterparts[0]
-    one, other = (play(player_entry("idle", name=name), field, counterpart) for name in ("a", "b"))
+def test_the_hash_is_of_the_rounds_and_not_of_the_name(suite):
+    rival = suite.rivals[0]
+    one, other = (play(player_entry("idle", name=name), suite, rival) for name in ("a", "b"))
     assert one.rounds_sha256 == other.rounds_sha256
-    assert play(player_entry("reactive"), field, counterpart).rounds_sha256 != one.rounds_sha256
+    assert play(player_entry("reactive"), suite, rival).rounds_sha256 != one.rounds_sha256
 
 
-def test_an_opponents_field_counts_the_opponents_returns():
-    field = dataclasses.replace(load_field("opponent-learned-v1"), matches=2)
-    best, last = (play(player_entry(name), field, field.counterparts[1]) for name in ("adaptive", "random"))
+def test_an_opponents_suite_counts_the_opponents_returns():
+    suite = dataclasses.replace(load_suite("opponent-learned-v1"), matches=2)
+    best, last = (play(player_entry(name), suite, suite.rivals[1]) for name in ("adaptive", "random"))
     assert sum(best.returns) == pytest.approx(best.tally["opponent_return"], abs=0.01)
     assert best.tally["near"] > last.tally["near"]
 
 
-def test_a_counterpart_with_a_planner_is_flown_as_the_planner_says():
-    field = dataclasses.replace(load_field("ally-planner-v1"), matches=1)
-    assert field.rounds_per_match == 10
+def test_a_rival_with_a_planner_is_flown_as_the_planner_says():
+    suite = dataclasses.replace(load_suite("ally-planner-v1"), matches=1)
+    assert suite.rounds_per_match == 10
     near = {}
-    for counterpart in field.counterparts:
-        line = play(player_entry("expert"), field, counterpart)
-        assert len(line.returns) == 10
-        near[counterpart.planner] = line.tally["near"]
+    for rival in suite.rivals:
+        record = play(player_entry("expert"), suite, rival)
+        assert len(record.returns) == 10
+        near[rival.planner] = record.tally["near"]
     assert near["lead-pursuit"] > near["pursuit"] > 10 * near["hold"]
 
 
@@ -119,23 +119,23 @@ class Losing(Scripted):
     invalid = np.array([False, True] * 3)
 
 
-def test_a_lost_round_scores_minus_100_at_the_most(field):
-    scenario = field.counterparts[0].scenario
+def test_a_lost_round_scores_minus_100_at_the_most(suite):
+    scenario = suite.rivals[0].scenario
     entry = player_entry(Losing("ally", "expert", scenario), name="losing")
-    line = play(entry, field, field.counterparts[0])
-    sound = play(player_entry("expert"), field, field.counterparts[0])
-    scores = field.scale.score(field.rewards(line.returns))
-    assert line.lost == 3
-    assert line.returns[::2] == sound.returns[::2]
+    record = play(entry, suite, suite.rivals[0])
+    sound = play(player_entry("expert"), suite, suite.rivals[0])
+    scores = suite.scale.score(suite.rewards(record.returns))
+    assert record.lost == 3
+    assert record.returns[::2] == sound.returns[::2]
     assert scores[1::2] == pytest.approx(LOST_SCORE)
-    assert line.tally == sound.tally  # what was played is told as it was
+    assert record.tally == sound.tally  # what was played is told as it was
 
 
-def test_a_lost_round_scores_no_more_than_the_worst_that_was_played(field):
-    scenario = field.counterparts[0].scenario
+def test_a_lost_round_scores_no_more_than_the_worst_that_was_played(suite):
+    scenario = suite.rivals[0].scenario
     entry = player_entry(Losing("ally", "always-hop", scenario), name="losing")
-    line = play(entry, field, field.counterparts[0])
-    scores = field.scale.score(field.rewards(line.returns))
+    record = play(entry, suite, suite.rivals[0])
+    scores = suite.scale.score(suite.rewards(record.returns))
     assert scores[1::2] == pytest.approx([min(LOST_SCORE, scores[::2].min())] * 3)
 
 
@@ -157,13 +157,13 @@ class Noting:
 
 
 def test_a_line_of_a_planner_says_how_the_paths_came_about(planners):
-    line = play(planner_entry(Noting(), planners), planners, planners.named("idle"))
+    record = play(planner_entry(Noting(), planners), planners, planners.named("idle"))
     count = MATCHES * ROUNDS
-    assert (line.entry, line.counterpart, len(line.returns)) == ("noting", "idle", count)
-    assert line.tally["steps"] == 32 * count
-    assert line.plans.statuses == {"repaired": count}
-    assert line.plans.tokens == MATCHES * sum(range(ROUNDS))
-    assert line.plans.seconds == pytest.approx(0.25 * count)
+    assert (record.entry, record.rival, len(record.returns)) == ("noting", "idle", count)
+    assert record.tally["steps"] == 32 * count
+    assert record.plans.statuses == {"repaired": count}
+    assert record.plans.tokens == MATCHES * sum(range(ROUNDS))
+    assert record.plans.seconds == pytest.approx(0.25 * count)
 
 
 def test_a_match_is_planned_round_by_round_from_its_own_history(planners):
@@ -188,16 +188,16 @@ def test_a_planners_match_does_not_depend_on_how_many_are_played(planners):
 def test_returns_come_match_by_match(planners):
     """A player that earns more each round, so that the order of rounds can be seen."""
     entry, ally = planner_entry("hill-climb", planners), planners.named("idle")
-    table = table_of("hill-climb", planners, ally)
-    seen = [duel.arena.tallies["opponent_return"].copy() for duel in rounds(table, planners)]
-    line = play(entry, planners, ally)
-    assert np.reshape(line.returns, (MATCHES, ROUNDS)) == pytest.approx(np.array(seen).T, abs=1e-3)
+    table = match_of("hill-climb", planners, ally)
+    seen = [duel.batch.tallies["opponent_return"].copy() for duel in rounds(table, planners)]
+    record = play(entry, planners, ally)
+    assert np.reshape(record.returns, (MATCHES, ROUNDS)) == pytest.approx(np.array(seen).T, abs=1e-3)
 
 
 def test_the_score_of_planners_is_of_the_last_rounds(planners):
-    lines = [play(planner_entry("circle", planners), planners, ally) for ally in planners.counterparts]
-    (found,) = summarise(lines, planners)
-    last = np.array([line.returns for line in lines]).reshape(2, MATCHES, ROUNDS)[:, :, -3:] / 32
+    records = [play(planner_entry("circle", planners), planners, ally) for ally in planners.rivals]
+    (found,) = summarise(records, planners)
+    last = np.array([record.returns for record in records]).reshape(2, MATCHES, ROUNDS)[:, :, -3:] / 32
     assert found.reward.value == pytest.approx(last.mean())
 
 
@@ -234,11 +234,11 @@ def test_a_planner_that_fails_is_told_with_what_it_said(planners):
 # The loop
 
 
-def test_tables_are_played_step_by_step_together(field):
-    tables = [table_of("expert", field, counterpart, matches=2) for counterpart in field.counterparts]
+def test_tables_are_played_step_by_step_together(suite):
+    tables = [match_of("expert", suite, rival, matches=2) for rival in suite.rivals]
     steps = []
-    play_round(*tables, seeds=7, on_step=lambda: steps.append(tables[0].duel.arena.games["step"].max()))
+    play_round(*tables, seeds=7, on_step=lambda: steps.append(tables[0].duel.batch.games["step"].max()))
     assert steps == list(range(1, 301))
-    alone = table_of("expert", field, field.counterparts[1], matches=2)
+    alone = match_of("expert", suite, suite.rivals[1], matches=2)
     play_round(alone, seeds=7)
-    assert (alone.duel.arena.tallies == tables[1].duel.arena.tallies).all()
+    assert (alone.duel.batch.tallies == tables[1].duel.batch.tallies).all()

@@ -1,6 +1,6 @@
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.seeds import (
     EVALUATION_START,
     TUNING_START,

@@ -3,33 +3,31 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import Scale, load_field
-from fpg_bench.evaluation.line import TALLIES, Line
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.record import TALLIES, Record
+from fpg_bench.evaluation.suite import Scale, load_suite
 from fpg_bench.evaluation.summary import summarise, summary_of
 
 STEPS = 300
 
 
 @pytest.fixture(scope="module")
-def field():
-    whole = load_field("ally-v1")
-    return dataclasses.replace(
-        whole, matches=4, counterparts=whole.counterparts[:3], scale=Scale(zero=-10.0, top=30.0)
-    )
+def suite():
+    whole = load_suite("ally-v1")
+    return dataclasses.replace(whole, matches=4, rivals=whole.rivals[:3], scale=Scale(zero=-10.0, top=30.0))
 
 
-def lines_of(field, entry, rewards, seed=None, **tally):
-    """One line per counterpart; ``rewards`` are returns a step, a number or one per counterpart and match."""
-    found = np.broadcast_to(rewards, (len(field.counterparts), field.rounds)) * STEPS
-    points = (0,) * field.scenario.frequency_points
-    sums = dict.fromkeys(TALLIES, 0.0) | {"steps": float(STEPS * field.rounds)} | tally
-    head = {"field": field.name, "field_hash": field.hash[:16], "entry": entry, "training_seed": seed}
+def records_of(suite, entry, rewards, seed=None, **tally):
+    """One line per rival; ``rewards`` are returns a step, a number or one per rival and match."""
+    found = np.broadcast_to(rewards, (len(suite.rivals), suite.rounds)) * STEPS
+    points = (0,) * suite.scenario.frequency_points
+    sums = dict.fromkeys(TALLIES, 0.0) | {"steps": float(STEPS * suite.rounds)} | tally
+    head = {"suite": suite.name, "suite_hash": suite.hash[:16], "entry": entry, "training_seed": seed}
     return [
-        Line(
+        Record(
             **head,
             fingerprint=entry,
-            counterpart=counterpart.name,
+            rival=rival.name,
             returns=tuple(returns.tolist()),
             tally=sums,
             ally_points=points,
@@ -37,39 +35,39 @@ def lines_of(field, entry, rewards, seed=None, **tally):
             lost=0,
             rounds_sha256="",
         )
-        for counterpart, returns in zip(field.counterparts, found, strict=True)
+        for rival, returns in zip(suite.rivals, found, strict=True)
     ]
 
 
-def test_the_score_is_the_mean_over_counterparts_on_the_fields_scale(field):
-    (found,) = summarise(lines_of(field, "it", [[0.0] * 4, [10.0] * 4, [20.0] * 4]), field)
+def test_the_score_is_the_mean_over_rivals_on_the_fields_scale(suite):
+    (found,) = summarise(records_of(suite, "it", [[0.0] * 4, [10.0] * 4, [20.0] * 4]), suite)
     assert found.reward.value == pytest.approx(10)
     assert found.score.value == pytest.approx(50)  # halfway from -10 to 30
-    assert [of.value for of in found.by_counterpart.values()] == pytest.approx([0, 10, 20])
-    assert found.worst == field.counterparts[0].name
+    assert [of.value for of in found.by_rival.values()] == pytest.approx([0, 10, 20])
+    assert found.worst == suite.rivals[0].name
 
 
-def test_the_worst_counterpart_counts_as_much_as_any_other(field):
+def test_the_worst_rival_counts_as_much_as_any_other(suite):
     high, low = [[10.0] * 4] * 2 + [[10.0] * 4], [[12.0] * 4] * 2 + [[0.0] * 4]
-    found = summarise([*lines_of(field, "even", high), *lines_of(field, "fragile", low)], field)
+    found = summarise([*records_of(suite, "even", high), *records_of(suite, "fragile", low)], suite)
     assert [summary.entry for summary in found] == ["even", "fragile"]
 
 
-def test_order_by_score_is_order_by_return_a_step(field):
+def test_order_by_score_is_order_by_return_a_step(suite):
     rng = np.random.default_rng(1)
-    lines = [x for k in range(12) for x in lines_of(field, f"e{k}", rng.normal(0, 9, (3, 4)))]
-    found = summarise(lines, field)
+    records = [x for k in range(12) for x in records_of(suite, f"e{k}", rng.normal(0, 9, (3, 4)))]
+    found = summarise(records, suite)
     assert [s.score.value for s in found] == sorted((s.score.value for s in found), reverse=True)
     rewards = [s.reward.value for s in found]
     assert rewards == sorted(rewards, reverse=True)
     for s in found:
-        assert s.score.value == pytest.approx(field.scale.score(s.reward.value))
+        assert s.score.value == pytest.approx(suite.scale.score(s.reward.value))
         assert s.score.half == pytest.approx(s.reward.half * 100 / 40)
 
 
-def test_training_seeds_are_one_entry_with_its_interval_over_them(field):
-    lines = [x for k, reward in enumerate((2.0, 6.0, 10.0)) for x in lines_of(field, "ppo", reward, k)]
-    (found,) = summarise(lines, field)
+def test_training_seeds_are_one_entry_with_its_interval_over_them(suite):
+    records = [x for k, reward in enumerate((2.0, 6.0, 10.0)) for x in records_of(suite, "ppo", reward, k)]
+    (found,) = summarise(records, suite)
     assert (found.training_seeds, found.score.over) == (3, "training seeds")
     assert found.samples.tolist() == pytest.approx([30, 40, 50])
     half = 4.302653 * 10 / np.sqrt(3)
@@ -77,56 +75,54 @@ def test_training_seeds_are_one_entry_with_its_interval_over_them(field):
     assert found.seed_scores() == pytest.approx({0: 30, 1: 40, 2: 50})
 
 
-def test_a_script_and_a_single_seed_vary_over_matches(field):
-    rewards = np.array([[1.0, 3.0, 5.0, 7.0]] * 3)  # what all counterparts share does not average out
+def test_a_script_and_a_single_seed_vary_over_matches(suite):
+    rewards = np.array([[1.0, 3.0, 5.0, 7.0]] * 3)  # what all rivals share does not average out
     for seed, seeds in ((None, 0), (5, 1)):
-        (found,) = summarise(lines_of(field, "it", rewards, seed), field)
+        (found,) = summarise(records_of(suite, "it", rewards, seed), suite)
         assert (found.training_seeds, found.score.over) == (seeds, "matches")
         half = 3.182446 * np.std([1, 3, 5, 7], ddof=1) / 2
         assert found.reward.half == pytest.approx(half, rel=1e-5)
 
 
-def test_measures_are_pooled_over_all_lines(field):
-    calm = lines_of(field, "ppo", 0.0, 0, longest_outage=3.0, jammed=0.0)
-    rough = lines_of(field, "ppo", 0.0, 1, longest_outage=18.0, jammed=600.0)
-    (found,) = summarise([*calm, *rough], field)
+def test_measures_are_pooled_over_all_lines(suite):
+    calm = records_of(suite, "ppo", 0.0, 0, longest_outage=3.0, jammed=0.0)
+    rough = records_of(suite, "ppo", 0.0, 1, longest_outage=18.0, jammed=600.0)
+    (found,) = summarise([*calm, *rough], suite)
     assert found.measures["outage_longest_s"] == 18.0
-    assert found.measures["jamming_success_rate"] == pytest.approx(600 / (2 * STEPS * field.rounds))
-    assert found.pooled.rounds == 2 * 3 * field.rounds
+    assert found.measures["jamming_success_rate"] == pytest.approx(600 / (2 * STEPS * suite.rounds))
+    assert found.pooled.rounds == 2 * 3 * suite.rounds
 
 
-def test_an_entry_without_all_its_lines_is_left_out(field):
-    lines = lines_of(field, "ppo", 0.0, 0)[:-1] + lines_of(field, "ppo", 1.0, 1)
-    (found,) = summarise(lines, field)
+def test_an_entry_without_all_its_lines_is_left_out(suite):
+    records = records_of(suite, "ppo", 0.0, 0)[:-1] + records_of(suite, "ppo", 1.0, 1)
+    (found,) = summarise(records, suite)
     assert found.training_seeds == 1
-    assert summarise(lines[:2], field) == []
-    with pytest.raises(UserError, match="field ally-v1: the lines of ppo are not whole"):
-        summary_of(lines[:2], field)
+    assert summarise(records[:2], suite) == []
+    with pytest.raises(UserError, match="suite ally-v1: the lines of ppo are not whole"):
+        summary_of(records[:2], suite)
     with pytest.raises(UserError, match="the lines of anybody are not whole"):
-        summary_of([], field)
+        summary_of([], suite)
 
 
-def test_lines_of_another_field_are_passed_over(field):
-    other = dataclasses.replace(field, season="1")
-    assert summarise(lines_of(other, "it", 0.0), field) == []
+def test_lines_of_another_suite_are_passed_over(suite):
+    other = dataclasses.replace(suite, season="1")
+    assert summarise(records_of(other, "it", 0.0), suite) == []
 
 
-def test_lines_with_too_few_rounds_or_other_points_are_no_lines_of_the_field(field):
-    short = [dataclasses.replace(x, returns=x.returns[:-1]) for x in lines_of(field, "it", 0.0)]
+def test_lines_with_too_few_rounds_or_other_points_are_no_lines_of_the_field(suite):
+    short = [dataclasses.replace(x, returns=x.returns[:-1]) for x in records_of(suite, "it", 0.0)]
     with pytest.raises(UserError, match=r"the line of it against tone/pursuit has 3 rounds, expected 4"):
-        summarise(short, field)
-    ragged = lines_of(field, "it", 0.0)
+        summarise(short, suite)
+    ragged = records_of(suite, "it", 0.0)
     ragged[1] = dataclasses.replace(ragged[1], ally_points=(1, 2), jam_points=(3, 4))
     with pytest.raises(UserError, match="evaluate again"):
-        summarise(ragged, field)
+        summarise(ragged, suite)
 
 
 def test_only_the_rounds_that_count_make_the_score():
-    whole = load_field("planner-v1")
+    whole = load_suite("planner-v1")
     scenario = dataclasses.replace(whole.scenario, rounds_per_match=4)
-    field = dataclasses.replace(
-        whole, scenario=scenario, matches=2, last_rounds=2, counterparts=whole.counterparts[:1]
-    )
-    (found,) = summarise(lines_of(field, "it", [[0.0, 0.0, 5.0, 7.0, 9.0, 9.0, 6.0, 8.0]]), field)
+    suite = dataclasses.replace(whole, scenario=scenario, matches=2, last_rounds=2, rivals=whole.rivals[:1])
+    (found,) = summarise(records_of(suite, "it", [[0.0, 0.0, 5.0, 7.0, 9.0, 9.0, 6.0, 8.0]]), suite)
     assert found.reward.value == pytest.approx(6.5)
     assert found.units(found.rewards).tolist() == pytest.approx([6, 7])

@@ -7,67 +7,67 @@ import itertools
 import pytest
 
 from fpg_bench.cli.verbs import print_table
-from fpg_bench.evaluation.field import Scale, load_field
+from fpg_bench.evaluation.suite import Scale, load_suite
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.table import as_csv, caption, lines_of_table, markdown, write_table
-from tests.evaluation.test_summary import lines_of
+from tests.evaluation.test_summary import records_of
 
 NAMES = ("ppo", "recurrent-ppo", "expert-spread")
 
 
 @pytest.fixture(scope="module")
-def field():
-    return dataclasses.replace(load_field("ally-v1"), matches=3)
+def suite():
+    return dataclasses.replace(load_suite("ally-v1"), matches=3)
 
 
 @pytest.fixture(scope="module")
-def summaries(field):
+def summaries(suite):
     seeds = {"ppo": (0, 1), "recurrent-ppo": (0, 1, 2), "expert-spread": (None,)}
     lines = [
         line
         for k, name in enumerate(NAMES)
         for seed in seeds[name]
-        for line in lines_of(field, name, [[9.0 - k, 3.0 - k, (seed or 0) - 4.5]] * 10, seed)
+        for line in records_of(suite, name, [[9.0 - k, 3.0 - k, (seed or 0) - 4.5]] * 10, seed)
     ]
-    return summarise(lines, field)
+    return summarise(lines, suite)
 
 
 @pytest.mark.parametrize("width", [80, 120, 160])
-def test_tables_fit_the_terminal(summaries, field, width, monkeypatch, capsys):
+def test_tables_fit_the_terminal(summaries, suite, width, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(width))
-    head, *lines = lines_of_table(summaries, field, width)
+    head, *lines = lines_of_table(summaries, suite, width)
     assert {"player", "score", "95 % interval", "return", "worst"} <= set(head)
-    print_table(head, lines, caption(field))
+    print_table(head, lines, caption(suite))
     drawn = capsys.readouterr().out.splitlines()
     assert max(map(len, drawn)) <= width
     assert sum(line.startswith(" expert-spread") for line in drawn) == 1  # no cell is broken over two lines
 
 
-def test_wider_terminals_see_more_and_nobody_loses_a_column(summaries, field):
-    heads = [lines_of_table(summaries, field, width)[0] for width in (40, 80, 120, 160, None)]
+def test_wider_terminals_see_more_and_nobody_loses_a_column(summaries, suite):
+    heads = [lines_of_table(summaries, suite, width)[0] for width in (40, 80, 120, 160, None)]
     for narrow, wide in itertools.pairwise(heads):
         assert set(narrow) < set(wide)
         assert [name for name in wide if name in narrow] == narrow
     assert heads[0][0] == "player"
 
 
-def test_all_columns_are_drawn_whole_on_any_terminal(summaries, field, monkeypatch, capsys):
+def test_all_columns_are_drawn_whole_on_any_terminal(summaries, suite, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
-    head, *lines = lines_of_table(summaries, field)
+    head, *lines = lines_of_table(summaries, suite)
     print_table(head, lines, "below")
     drawn = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith(" ppo")]
     assert drawn == [" ".join(line).split() for line in lines if line[0] == "ppo"]
 
 
 def test_a_column_that_says_nothing_is_left_out():
-    planned = dataclasses.replace(load_field("planner-v1"), matches=1)
-    found = summarise(lines_of(planned, "circle", 1.0), planned)
+    planned = dataclasses.replace(load_suite("planner-v1"), matches=1)
+    found = summarise(records_of(planned, "circle", 1.0), planned)
     assert "valid %" not in lines_of_table(found, planned, 200)[0]
     assert "valid %" in lines_of_table(found, planned)[0]
 
 
-def test_the_files_hold_everything(summaries, field, tmp_path):
-    write_table(summaries, field, tmp_path)
+def test_the_files_hold_everything(summaries, suite, tmp_path):
+    write_table(summaries, suite, tmp_path)
     text = (tmp_path / "table.md").read_text()
     assert text.startswith("| player | seeds | score | 95 % interval | return | worst | against | jammed % |")
     by_name = {line.split(" | ")[0].strip("| "): line for line in text.splitlines()}
@@ -80,25 +80,25 @@ def test_the_files_hold_everything(summaries, field, tmp_path):
         assert float(row["score"]) == summary.score.value
         assert float(row["score_low"]) == summary.score.low
         assert row["interval_over"] == summary.over
-        assert float(row["return_a_step adaptive/circle"]) == summary.by_counterpart["adaptive/circle"].value
+        assert float(row["return_a_step adaptive/circle"]) == summary.by_rival["adaptive/circle"].value
     assert (tmp_path / "table.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_table_of_nobody_and_names_with_bars(summaries, field):
+def test_a_table_of_nobody_and_names_with_bars(summaries, suite):
     assert as_csv([]).strip() == ""
-    assert len(lines_of_table([], field, 80)) == 1
+    assert len(lines_of_table([], suite, 80)) == 1
     barred = dataclasses.replace(summaries[0], entry="a|b")
-    assert markdown([barred], field).splitlines()[2].startswith(r"| a\|b | ")
+    assert markdown([barred], suite).splitlines()[2].startswith(r"| a\|b | ")
 
 
-def test_one_match_has_no_interval(field):
-    one = dataclasses.replace(field, matches=1)
-    (found,) = summarise(lines_of(one, "it", 3.0), one)
+def test_one_match_has_no_interval(suite):
+    one = dataclasses.replace(suite, matches=1)
+    (found,) = summarise(records_of(one, "it", 3.0), one)
     head, line = lines_of_table([found], one)
     assert line[head.index("95 % interval")] == "-"
 
 
-def test_the_caption_says_what_a_score_is(field):
-    assert "Field ally-v1" in caption(field)
-    own = dataclasses.replace(field, scale=Scale())
+def test_the_caption_says_what_a_score_is(suite):
+    assert "Suite ally-v1" in caption(suite)
+    own = dataclasses.replace(suite, scale=Scale())
     assert "score: the return a step" in caption(own)

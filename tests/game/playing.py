@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from fpg_bench.game.arena import Arena
+from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.scenario import STANDARD, Scenario
 
 HOP, SPREAD, SPEED, PREFERENCE, EXPERT = range(5)
@@ -31,10 +31,10 @@ def still(base: Scenario = STANDARD, ally=(750.0, 750.0, 600.0), **changes) -> S
     return dataclasses.replace(base, **{**STILL, "ally_path_m": curve, **changes})
 
 
-def begin(scenario: Scenario, seed: int = 0, games: int = 1, **options) -> Arena:
-    arena = Arena(scenario, games, **options)
-    arena.reset(seeds=seed)
-    return arena
+def begin(scenario: Scenario, seed: int = 0, games: int = 1, **options) -> GameBatch:
+    batch = GameBatch(scenario, games, **options)
+    batch.reset(seeds=seed)
+    return batch
 
 
 def ally(hop=False, spread=False, speed=1.0, preference=0.0, expert=False, scores=(0, 0, 0, 0)) -> np.ndarray:
@@ -57,9 +57,9 @@ def at_mhz(frequency_mhz: float) -> float:
     return (frequency_mhz - 200.0) / 50.0
 
 
-def place(arena: Arena, position, game: int = 0) -> None:
+def place(batch: GameBatch, position, game: int = 0) -> None:
     """Put the opponent somewhere before the next step."""
-    arena.games["opponent_position"][game] = position
+    batch.games["opponent_position"][game] = position
 
 
 def wander(seed: int, steps: int, games: int = 1) -> tuple[np.ndarray, np.ndarray]:
@@ -73,12 +73,12 @@ def wander(seed: int, steps: int, games: int = 1) -> tuple[np.ndarray, np.ndarra
     return 1.2 * np.where(j == 1, slow + 0.2, quick), 1.2 * np.where(j < 6, quick, slow)
 
 
-def play(arena: Arena, ally_actions: np.ndarray, opponent_actions: np.ndarray) -> list[np.ndarray]:
+def play(batch: GameBatch, ally_actions: np.ndarray, opponent_actions: np.ndarray) -> list[np.ndarray]:
     """Play ``(steps, games, 9)`` actions; the games' records after each step."""
     records = []
     for a, o in zip(ally_actions, opponent_actions, strict=True):
-        arena.step(a, o)
-        records.append(arena.games.copy())
+        batch.step(a, o)
+        records.append(batch.games.copy())
     return records
 
 

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from fpg_bench.game import draws
+from fpg_bench.game import rng
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
 
@@ -20,23 +20,23 @@ class Chance:
 
     def __init__(self, seed: int, match: int, number: int) -> None:
         # Python gets keys back as plain integers; handed on they must be 64-bit words again.
-        self.match = np.uint64(draws.match_key(np.uint64(seed), match))
-        self.round = np.uint64(draws.round_key(self.match, number))
+        self.match = np.uint64(rng.match_key(np.uint64(seed), match))
+        self.round = np.uint64(rng.round_key(self.match, number))
 
     def of_match(self, purpose: int) -> float:
-        return draws.uniform(self.match, 0, purpose)
+        return rng.uniform(self.match, 0, purpose)
 
     def whole(self, step: int, purpose: int, count: int) -> int:
-        return draws.integer(self.round, step, purpose, count)
+        return rng.integer(self.round, step, purpose, count)
 
     def fading_and_centre_error(self, step: int) -> tuple[float, float]:
-        return draws.gaussians(self.round, step, draws.FADING_AND_SENSED_CENTRE)
+        return rng.gaussians(self.round, step, rng.FADING_AND_SENSED_CENTRE)
 
     def detection_fading(self, step: int) -> float:
-        return draws.gaussians(self.round, step, draws.DETECTION_FADING)[0]
+        return rng.gaussians(self.round, step, rng.DETECTION_FADING)[0]
 
     def sensed_type(self, step: int) -> float:
-        return draws.uniform(self.round, step, draws.SENSED_TYPE)
+        return rng.uniform(self.round, step, rng.SENSED_TYPE)
 
 
 def clip(x: float, low: float = -1.0, high: float = 1.0) -> float:
@@ -106,16 +106,16 @@ class ReferenceGame:
         self.curve = Curve(self._control_points(), s.ally_path_chords)
         self.flown_m = 0.0
         self.ally_position = self.curve.at(0.0)
-        share = [chance.of_match(draws.OPPONENT_START + axis) for axis in range(3)]
+        share = [chance.of_match(rng.OPPONENT_START + axis) for axis in range(3)]
         self.opponent_position = np.array(share) * s.box_m
-        self.path = s.paths[chance.whole(0, draws.PATH_CHOICE, len(s.paths))]
+        self.path = s.paths[chance.whole(0, rng.PATH_CHOICE, len(s.paths))]
         if self.path in ("circle", "triangle", "rectangle"):
             self.opponent_position = patrol(self.path, 0.0, s.patrol_centre_m, s.patrol_radius_m)
-        self.point = chance.whole(0, draws.START_POINT, s.frequency_points)
+        self.point = chance.whole(0, rng.START_POINT, s.frequency_points)
         self.spreading, self.spreading_s, self.hopped = False, 0, False
         self.known_mhz, self.age_s = self.frequency_mhz, 0
         first, last = s.first_check_s
-        self.next_check = first + chance.whole(0, draws.FIRST_CHECK, last - first + 1)
+        self.next_check = first + chance.whole(0, rng.FIRST_CHECK, last - first + 1)
         self.last_check, self.checked = 0, False
         self.jamming_type = self.sensed_type = None
         self.jamming_mhz = self.sensed_mhz = None
@@ -127,7 +127,7 @@ class ReferenceGame:
         if s.ally_path_m is not None:
             return np.array(s.ally_path_m)
         low, high = s.ally_path_altitude_m
-        share = np.array([self.chance.of_match(draws.CONTROL_POINTS + i) for i in range(12)]).reshape(4, 3)
+        share = np.array([self.chance.of_match(rng.CONTROL_POINTS + i) for i in range(12)]).reshape(4, 3)
         return share * [s.box_m[0], s.box_m[1], high - low] + [0, 0, low]
 
     @property
@@ -231,7 +231,7 @@ class ReferenceGame:
         seen = [float(x) for x in self.ally_observation[10:14]]
         scores = [float(np.float32(seen[i]) + np.float32(a[5 + i])) for i in range(4)]
         candidates = self.expert_candidates(max(range(4), key=lambda i: (scores[i], -i)))
-        return candidates[self.chance.whole(self.step_number, draws.KNOWLEDGE_POINT, len(candidates))]
+        return candidates[self.chance.whole(self.step_number, rng.KNOWLEDGE_POINT, len(candidates))]
 
     def _move(self, a: list[float], o: list[float]) -> None:
         s = self.s
@@ -283,7 +283,7 @@ class ReferenceGame:
         if self.last_check == 1:
             self.known_mhz, self.age_s = self.frequency_mhz, 0
         low, high = s.check_interval_s
-        self.next_check += low + self.chance.whole(self.step_number, draws.CHECK_INTERVAL, high - low + 1)
+        self.next_check += low + self.chance.whole(self.step_number, rng.CHECK_INTERVAL, high - low + 1)
 
     def _hears(self) -> bool:
         s = self.s

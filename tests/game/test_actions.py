@@ -8,20 +8,20 @@ import pickle
 import numpy as np
 import pytest
 
-from fpg_bench.errors import UserError
-from fpg_bench.game.arena import ActionError
+from fpg_bench.common.errors import UserError
+from fpg_bench.game.batch import ActionError
 from fpg_bench.game.scenario import STANDARD
 
 from .playing import begin, wander
 
 
-def everything(arena) -> list[np.ndarray]:
+def everything(batch) -> list[np.ndarray]:
     names = ("games", "tallies", "histograms", "segments", "ally_observations", "opponent_observations")
-    return [getattr(arena, name).copy() for name in names]
+    return [getattr(batch, name).copy() for name in names]
 
 
-def assert_untouched(arena, before):
-    for was, now in zip(before, everything(arena), strict=True):
+def assert_untouched(batch, before):
+    for was, now in zip(before, everything(batch), strict=True):
         assert (was == now).all()
 
 
@@ -29,24 +29,24 @@ def assert_untouched(arena, before):
 @pytest.mark.parametrize(("value", "word"), [(np.nan, "nan"), (np.inf, "inf"), (-np.inf, "-inf")])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_an_unusable_number_names_side_game_and_index(side, value, word, dtype):
-    arena = begin(STANDARD, games=5)
+    batch = begin(STANDARD, games=5)
     actions = {"ally": np.zeros((5, 9), dtype), "opponent": np.zeros((5, 9), dtype)}
-    arena.step(*actions.values())
-    before = everything(arena)
+    batch.step(*actions.values())
+    before = everything(batch)
     actions[side][3, 6] = value
     with pytest.raises(ActionError, match=rf"^{side} action of game 3: index 6 is {word}$"):
-        arena.step(*actions.values())
-    assert_untouched(arena, before)
+        batch.step(*actions.values())
+    assert_untouched(batch, before)
     actions[side][3, 6] = 0
-    arena.step(*actions.values())
+    batch.step(*actions.values())
 
 
 def test_infinities_that_cancel_are_found():
-    arena = begin(STANDARD)
+    batch = begin(STANDARD)
     bad = np.zeros((1, 9))
     bad[0, 2], bad[0, 4] = np.inf, -np.inf
     with pytest.raises(ActionError, match="ally action: index 2 is inf"):
-        arena.step(bad, np.zeros((1, 9)))
+        batch.step(bad, np.zeros((1, 9)))
 
 
 @pytest.mark.parametrize("side", ["ally", "opponent"])
@@ -65,15 +65,15 @@ def test_infinities_that_cancel_are_found():
     ],
 )
 def test_another_shape_or_kind_is_refused(side, bad, found):
-    arena = begin(STANDARD, games=2)
+    batch = begin(STANDARD, games=2)
     actions = {"ally": np.zeros((2, 9)), "opponent": np.zeros((2, 9))}
-    before = everything(arena)
+    before = everything(batch)
     actions[side] = bad
     with pytest.raises(
         ActionError, match=rf"{side} actions: expected a float array of shape \(2, 9\), got {found}"
     ):
-        arena.step(*actions.values())
-    assert_untouched(arena, before)
+        batch.step(*actions.values())
+    assert_untouched(batch, before)
 
 
 def test_an_action_error_is_a_user_error():
@@ -102,23 +102,23 @@ def test_how_an_array_lies_in_memory_does_not_matter(order, dtype):
     assert_untouched(plain, everything(other))
 
 
-@pytest.mark.parametrize("copied", [copy.deepcopy, lambda arena: pickle.loads(pickle.dumps(arena))])
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda batch: pickle.loads(pickle.dumps(batch))])
 @pytest.mark.parametrize("threads", [1, 2])
-def test_a_copy_of_an_arena_plays_on_by_itself(copied, threads):
-    arena = begin(STANDARD, games=1200, threads=threads)
+def test_a_copy_of_an_batch_plays_on_by_itself(copied, threads):
+    batch = begin(STANDARD, games=1200, threads=threads)
     first, second = (x[:20] for x in wander(1, 40, 1200)), (x[20:] for x in wander(1, 40, 1200))
     for actions in zip(*first, strict=True):
-        arena.step(*actions)
-    twin, before = copied(arena), everything(arena)
+        batch.step(*actions)
+    twin, before = copied(batch), everything(batch)
     for actions in zip(*second, strict=True):
         twin.step(*actions)
-    assert_untouched(arena, before)
+    assert_untouched(batch, before)
     for actions in zip(*(x[20:] for x in wander(1, 40, 1200)), strict=True):
-        arena.step(*actions)
-    assert_untouched(arena, everything(twin))
+        batch.step(*actions)
+    assert_untouched(batch, everything(twin))
 
 
 def test_a_game_takes_less_than_two_kilobytes():
-    arena = begin(STANDARD, games=1000)
-    total = sum(value.nbytes for value in vars(arena).values() if isinstance(value, np.ndarray))
+    batch = begin(STANDARD, games=1000)
+    total = sum(value.nbytes for value in vars(batch).values() if isinstance(value, np.ndarray))
     assert total / 1000 < 2048

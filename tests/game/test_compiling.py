@@ -23,7 +23,7 @@ SOURCES = [
 ]
 
 # One small function is enough to ask what is said; the whole game takes seconds.
-USE = "import numpy; from fpg_bench.game.draws import mix; print(*map(mix, numpy.arange(4, dtype='u8')))"
+USE = "import numpy; from fpg_bench.game.rng import mix; print(*map(mix, numpy.arange(4, dtype='u8')))"
 NOTICE = "fpg_bench: compiling "
 
 
@@ -119,7 +119,7 @@ def test_the_same_sources_in_another_place_are_not_compiled_again(tmp_path):
 @pytest.mark.process
 def test_compiling_a_part_is_not_announced_as_the_whole(tmp_path):
     use(tmp_path)
-    more = use(tmp_path, "from fpg_bench.game.draws import match_key; match_key(1, 2)")
+    more = use(tmp_path, "from fpg_bench.game.rng import match_key; match_key(1, 2)")
     assert "compiling what is new to the game, a few seconds" in more.stderr
 
 

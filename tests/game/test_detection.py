@@ -15,11 +15,11 @@ from .playing import TONE, ally, at_mhz, begin, loss_db, opponent, place, still,
 def heard(distance_m: float, spread=False, point=7, **changes) -> bool:
     """One step with a check in it, the opponent ``distance_m`` from the ally."""
     options = {"first_check_s": (1, 1), "box_m": (3000.0, 3000.0, 600.0), **changes}
-    arena = begin(still(ally=(0, 0, 600), **options))
-    place(arena, (distance_m, 0, 600))
-    arena.step(ally(hop=True, preference=to_point(point), spread=spread), opponent())
-    assert arena.games["checked"][0]
-    return arena.games["last_check"][0] == 1
+    batch = begin(still(ally=(0, 0, 600), **options))
+    place(batch, (distance_m, 0, 600))
+    batch.step(ally(hop=True, preference=to_point(point), spread=spread), opponent())
+    assert batch.games["checked"][0]
+    return batch.games["last_check"][0] == 1
 
 
 @pytest.mark.parametrize(
@@ -40,31 +40,31 @@ def test_fading_makes_the_reach_a_chance():
     """At the distance of 50 % about half of 2000 checks hear; 1 dB farther 16 %, 1 dB nearer 84 %."""
     scenario = still(ally=(0, 0, 600), first_check_s=(1, 1), box_m=(3000, 3000, 600), fading_sd_db=1.0)
     for extra_db, share in ((0, 0.5), (1, 0.1587), (-1, 0.8413)):
-        arena = begin(scenario, games=2000)
-        place(arena, (2251.3 * 10 ** (extra_db / 20), 0, 600), slice(None))
-        arena.step(ally(hop=True, preference=-1).repeat(2000, 0), opponent().repeat(2000, 0))
-        assert np.mean(arena.games["last_check"] == 1) == pytest.approx(share, abs=0.05)
+        batch = begin(scenario, games=2000)
+        place(batch, (2251.3 * 10 ** (extra_db / 20), 0, 600), slice(None))
+        batch.step(ally(hop=True, preference=-1).repeat(2000, 0), opponent().repeat(2000, 0))
+        assert np.mean(batch.games["last_check"] == 1) == pytest.approx(share, abs=0.05)
 
 
 def test_the_opponents_receiver_has_its_own_fading():
     """Else whoever hears would be known to have a good link too."""
     scenario = still(ally=(0, 0, 600), first_check_s=(1, 1), box_m=(3000, 3000, 600), fading_sd_db=1.0)
-    arena = begin(scenario, games=2000)
-    place(arena, (2251.3, 0, 600), slice(None))
-    arena.step(
+    batch = begin(scenario, games=2000)
+    place(batch, (2251.3, 0, 600), slice(None))
+    batch.step(
         ally(hop=True, preference=-1).repeat(2000, 0), opponent(tuning=1, in_band=True).repeat(2000, 0)
     )
-    ears = arena.games["last_check"] == 1
-    snr = arena.games["clean_snr_db"]
+    ears = batch.games["last_check"] == 1
+    snr = batch.games["clean_snr_db"]
     assert abs(snr[ears].mean() - snr[~ears].mean()) < 0.2
 
 
 def test_an_emission_is_heard_whatever_the_jamming_does():
-    arena = begin(still(ally=(0, 0, 600), first_check_s=(1, 1)))
-    place(arena, (20, 0, 600))
-    arena.step(ally(hop=True, preference=0), opponent(TONE, tuning=0, in_band=True))
-    assert arena.games["snr_db"][0] < 8
-    assert arena.games["last_check"][0] == 1
+    batch = begin(still(ally=(0, 0, 600), first_check_s=(1, 1)))
+    place(batch, (20, 0, 600))
+    batch.step(ally(hop=True, preference=0), opponent(TONE, tuning=0, in_band=True))
+    assert batch.games["snr_db"][0] < 8
+    assert batch.games["last_check"][0] == 1
 
 
 def test_the_link_rule_hears_an_unspread_ally_whose_snr_holds():
@@ -74,12 +74,12 @@ def test_the_link_rule_hears_an_unspread_ally_whose_snr_holds():
 
 @pytest.mark.parametrize("spread", [False, True])
 def test_the_link_rule_fails_where_jamming_broke_the_link(spread):
-    arena = begin(still(PAPER, ally=(0, 0, 600), first_check_s=(1, 1)))
-    place(arena, (20, 0, 600))
+    batch = begin(still(PAPER, ally=(0, 0, 600), first_check_s=(1, 1)))
+    place(batch, (20, 0, 600))
     jam = opponent(TONE, tuning=at_mhz(200), in_band=True)
-    arena.step(ally(hop=True, preference=0, spread=spread), jam)
-    assert arena.games["snr_db"][0] < 8
-    assert arena.games["last_check"][0] == -1
+    batch.step(ally(hop=True, preference=0, spread=spread), jam)
+    assert batch.games["snr_db"][0] < 8
+    assert batch.games["last_check"][0] == -1
 
 
 def test_off_never_hears():
@@ -90,16 +90,16 @@ def test_off_never_hears():
 def test_nobody_finds_the_ally_with_the_detector_off(base):
     """The known frequency stays that of the start, however the ally hops and the opponent tunes."""
     scenario = dataclasses.replace(base, detection="off")
-    arena = begin(scenario, games=20)
-    start = arena.games["frequency_mhz"].copy()
+    batch = begin(scenario, games=20)
+    start = batch.games["frequency_mhz"].copy()
     rng = np.random.default_rng(1)
     for _ in range(60):
-        arena.step(rng.uniform(-1, 1, (20, 9)), rng.uniform(-1, 1, (20, 9)))
-    assert (arena.games["known_mhz"] == start).all()
-    assert (arena.games["age_s"] == 60).all()
-    assert (arena.games["last_check"] == -1).all()
-    assert (arena.tallies["heard"] == 0).all()
-    assert (arena.tallies["checks"] > 8).all()
+        batch.step(rng.uniform(-1, 1, (20, 9)), rng.uniform(-1, 1, (20, 9)))
+    assert (batch.games["known_mhz"] == start).all()
+    assert (batch.games["age_s"] == 60).all()
+    assert (batch.games["last_check"] == -1).all()
+    assert (batch.tallies["heard"] == 0).all()
+    assert (batch.tallies["checks"] > 8).all()
 
 
 def test_the_opponents_observation_tells_nothing_of_an_unheard_ally():
@@ -117,11 +117,11 @@ def test_the_opponents_observation_tells_nothing_of_an_unheard_ally():
 
 def check_times(scenario, games: int = 300) -> tuple[np.ndarray, list[np.ndarray]]:
     """First times, and the intervals after each check."""
-    arena = begin(scenario, games=games)
+    batch = begin(scenario, games=games)
     times = [[] for _ in range(games)]
     for k in range(scenario.steps_per_round):
-        arena.step(ally().repeat(games, 0), opponent().repeat(games, 0))
-        for game in np.flatnonzero(arena.games["checked"]):
+        batch.step(ally().repeat(games, 0), opponent().repeat(games, 0))
+        for game in np.flatnonzero(batch.games["checked"]):
             times[game].append(k + 1)
     return np.array([t[0] for t in times]), [np.diff(t) for t in times]
 
@@ -153,11 +153,11 @@ def test_a_check_of_the_same_seed_comes_at_the_same_time_whatever_is_played():
 
 def test_what_a_check_hears():
     """The frequency of the step of the check, and an age that begins at 0 and counts the seconds."""
-    arena = begin(still(first_check_s=(3, 3), check_interval_s=(4, 4)))
-    place(arena, (750, 750, 500))
-    game, ages, known = arena.games, [], []
+    batch = begin(still(first_check_s=(3, 3), check_interval_s=(4, 4)))
+    place(batch, (750, 750, 500))
+    game, ages, known = batch.games, [], []
     for k in range(8):
-        arena.step(ally(hop=True, preference=to_point(k)), opponent())
+        batch.step(ally(hop=True, preference=to_point(k)), opponent())
         ages.append(int(game["age_s"][0]))
         known.append(float(game["known_mhz"][0]))
     assert ages == [1, 2, 0, 1, 2, 3, 0, 1]
@@ -166,18 +166,18 @@ def test_what_a_check_hears():
 
 
 def test_a_check_that_hears_nothing_leaves_what_is_known():
-    arena = begin(still(first_check_s=(2, 2), check_interval_s=(2, 2), detection="off"))
-    before = arena.games["known_mhz"][0]
+    batch = begin(still(first_check_s=(2, 2), check_interval_s=(2, 2), detection="off"))
+    before = batch.games["known_mhz"][0]
     flags = []
     for k in range(5):
-        arena.step(ally(hop=True, preference=to_point(k)), opponent())
-        flags.append(int(arena.games["last_check"][0]))
+        batch.step(ally(hop=True, preference=to_point(k)), opponent())
+        flags.append(int(batch.games["last_check"][0]))
     assert flags == [0, -1, -1, -1, -1]
-    assert arena.games["known_mhz"][0] == before
-    assert arena.games["age_s"][0] == 5
+    assert batch.games["known_mhz"][0] == before
+    assert batch.games["age_s"][0] == 5
 
 
-def test_the_reach_in_the_arena():
+def test_the_reach_in_the_batch():
     """Where standard is played an unspread ally is heard nearly everywhere, a spreading one only near by."""
     assert -12 - loss_db(1300, 250) + 103.0103 > 8
     assert -12 - loss_db(110, 150) + 76.1979 < 8

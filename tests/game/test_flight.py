@@ -27,11 +27,11 @@ def dense_curve(points: np.ndarray, count: int = 200_001) -> tuple[np.ndarray, n
 
 
 def flown(scenario, steps, speeds) -> np.ndarray:
-    arena = begin(scenario)
+    batch = begin(scenario)
     positions = []
     for k in range(steps):
-        arena.step(ally(speed=speeds(k)), opponent())
-        positions.append(arena.games["ally_position"][0].copy())
+        batch.step(ally(speed=speeds(k)), opponent())
+        positions.append(batch.games["ally_position"][0].copy())
     return np.array(positions)
 
 
@@ -85,8 +85,8 @@ def test_a_path_of_a_little_more_than_a_second_is_flown_there_and_back():
 
 
 def test_standard_draws_its_curves_in_the_box():
-    arena = begin(STANDARD, games=4000)
-    points = arena.games["control_points"]
+    batch = begin(STANDARD, games=4000)
+    points = batch.games["control_points"]
     for axis, (low, high) in enumerate([(0, 1500), (0, 1500), (50, 550)]):
         drawn = points[:, :, axis]
         assert drawn.min() >= low
@@ -94,25 +94,25 @@ def test_standard_draws_its_curves_in_the_box():
         assert drawn.mean() == pytest.approx((low + high) / 2, rel=0.02)
         assert drawn.std() == pytest.approx((high - low) / 12**0.5, rel=0.03)
     assert abs(np.corrcoef(points.reshape(4000, 12).T) - np.eye(12)).max() < 0.08
-    np.testing.assert_allclose(arena.games["ally_position"], points[:, 0], atol=1e-9)
-    starts = arena.games["opponent_position"]
+    np.testing.assert_allclose(batch.games["ally_position"], points[:, 0], atol=1e-9)
+    starts = batch.games["opponent_position"]
     np.testing.assert_allclose(starts.mean(axis=0), [750, 750, 300], rtol=0.03)
     np.testing.assert_allclose(starts.std(axis=0), np.array([1500, 1500, 600]) / 12**0.5, rtol=0.03)
 
 
 def test_paper_flies_one_curve():
-    arena = begin(PAPER, games=5)
-    assert (arena.games["control_points"] == CURVE).all()
-    assert len(np.unique(arena.games["opponent_position"], axis=0)) == 5
+    batch = begin(PAPER, games=5)
+    assert (batch.games["control_points"] == CURVE).all()
+    assert len(np.unique(batch.games["opponent_position"], axis=0)) == 5
 
 
 def patrolled(path: str, steps: int, **changes) -> np.ndarray:
     scenario = dataclasses.replace(STANDARD, opponent_path=path, steps_per_round=1000, **changes)
-    arena = begin(scenario)
-    positions = [arena.games["opponent_position"][0].copy()]
+    batch = begin(scenario)
+    positions = [batch.games["opponent_position"][0].copy()]
     for _ in range(steps):
-        arena.step(ally(), opponent(velocity=(1, 1, 1)))
-        positions.append(arena.games["opponent_position"][0].copy())
+        batch.step(ally(), opponent(velocity=(1, 1, 1)))
+        positions.append(batch.games["opponent_position"][0].copy())
     return np.array(positions) - scenario.patrol_centre_m
 
 
@@ -145,31 +145,31 @@ def test_the_polygons_are_inscribed_and_flown_at_full_speed(path, count):
 
 def test_a_patrols_next_round_begins_at_its_phase_zero():
     scenario = dataclasses.replace(STANDARD, opponent_path="circle", rounds_per_match=3)
-    arena = begin(scenario)
+    batch = begin(scenario)
     for _ in range(3):
-        np.testing.assert_allclose(arena.games["opponent_position"][0], [1050, 750, 300], atol=1e-9)
+        np.testing.assert_allclose(batch.games["opponent_position"][0], [1050, 750, 300], atol=1e-9)
         for _ in range(7):
-            arena.step(ally(), opponent())
-        arena.reset()
+            batch.step(ally(), opponent())
+        batch.reset()
 
 
 def test_pursuit_flies_at_where_the_ally_was():
-    arena = begin(STANDARD, 8)
+    batch = begin(STANDARD, 8)
     for _ in range(40):
-        target, before = (arena.games[name][0].copy() for name in ("ally_position", "opponent_position"))
-        arena.step(ally(), opponent(velocity=(1, 0, 0)))
+        target, before = (batch.games[name][0].copy() for name in ("ally_position", "opponent_position"))
+        batch.step(ally(), opponent(velocity=(1, 0, 0)))
         away = target - before
         expected = before + away * min(1, 10 / np.linalg.norm(away))
-        np.testing.assert_allclose(arena.games["opponent_position"][0], expected, atol=1e-9)
+        np.testing.assert_allclose(batch.games["opponent_position"][0], expected, atol=1e-9)
 
 
 def test_pursuit_stops_at_its_target():
-    arena = begin(still(opponent_path="pursuit"))
-    place(arena, (750, 746, 597))
-    arena.step(ally(), opponent())
-    np.testing.assert_allclose(arena.games["opponent_position"][0], [750, 750, 600], atol=1e-9)
-    arena.step(ally(), opponent())
-    np.testing.assert_allclose(arena.games["opponent_position"][0], [750, 750, 600], atol=1e-9)
+    batch = begin(still(opponent_path="pursuit"))
+    place(batch, (750, 746, 597))
+    batch.step(ally(), opponent())
+    np.testing.assert_allclose(batch.games["opponent_position"][0], [750, 750, 600], atol=1e-9)
+    batch.step(ally(), opponent())
+    np.testing.assert_allclose(batch.games["opponent_position"][0], [750, 750, 600], atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -184,10 +184,10 @@ def test_pursuit_stops_at_its_target():
     ],
 )
 def test_a_learned_velocity_is_at_most_the_greatest_speed(velocity, moved):
-    arena = begin(still())
-    place(arena, (700, 700, 300))
-    arena.step(ally(), opponent(velocity=velocity))
-    found = arena.games["opponent_position"][0] - (700, 700, 300)
+    batch = begin(still())
+    place(batch, (700, 700, 300))
+    batch.step(ally(), opponent(velocity=velocity))
+    found = batch.games["opponent_position"][0] - (700, 700, 300)
     np.testing.assert_allclose(found, moved, atol=1e-4)
 
 
@@ -204,42 +204,42 @@ def test_the_velocity_is_of_use_on_the_learned_path_only():
 def test_waypoints_within_reach_are_met_when_due(steps, count):
     """Point i at ceil((i + 1) T / n): the first whole second at or after the time at which it is due."""
     scenario = still(steps_per_round=steps, waypoints=count, opponent_path="waypoints")
-    arena = begin(scenario, 3)
+    batch = begin(scenario, 3)
     rng = np.random.default_rng(0)
-    here, points = arena.games["opponent_position"][0].copy(), []
+    here, points = batch.games["opponent_position"][0].copy(), []
     for _ in range(count):
         here = np.clip(here + rng.uniform(-3, 3, 3), 0, scenario.box_m)
         points.append(here)
-    arena.set_waypoints(0, np.array(points))
+    batch.set_waypoints(0, np.array(points))
     met = {-(-(i + 1) * steps // count): i for i in range(count)}
     for k in range(steps):
-        arena.step(ally(), opponent())
+        batch.step(ally(), opponent())
         if k + 1 in met:
-            np.testing.assert_allclose(arena.games["opponent_position"][0], points[met[k + 1]], atol=1e-6)
+            np.testing.assert_allclose(batch.games["opponent_position"][0], points[met[k + 1]], atol=1e-6)
 
 
 def test_waypoints_are_flown_evenly_and_no_faster_than_the_greatest_speed():
     scenario = still(steps_per_round=40, waypoints=2, opponent_path="waypoints")
-    arena = begin(scenario)
-    place(arena, (0, 0, 0))
-    arena.set_waypoints(0, np.array([[100.0, 0, 0], [1000.0, 0, 0]]))
+    batch = begin(scenario)
+    place(batch, (0, 0, 0))
+    batch.set_waypoints(0, np.array([[100.0, 0, 0], [1000.0, 0, 0]]))
     x = []
     for _ in range(40):
-        arena.step(ally(), opponent())
-        x.append(arena.games["opponent_position"][0, 0])
+        batch.step(ally(), opponent())
+        x.append(batch.games["opponent_position"][0, 0])
     np.testing.assert_allclose(np.diff([0, *x[:20]]), 5.0, atol=1e-9)
     np.testing.assert_allclose(np.diff([100, *x[20:]]), 10.0, atol=1e-9)
 
 
 def test_a_waypoint_that_is_due_between_two_seconds_is_met_at_the_second():
     """Of 16 points in 300 s the first is due at 18.75 s: flown to evenly in 19 s, and no faster."""
-    arena = begin(still(opponent_path="waypoints"))
-    place(arena, (0, 0, 0))
-    arena.set_waypoints(0, np.full((16, 3), (95.0, 0, 0)))
+    batch = begin(still(opponent_path="waypoints"))
+    place(batch, (0, 0, 0))
+    batch.set_waypoints(0, np.full((16, 3), (95.0, 0, 0)))
     x = []
     for _ in range(20):
-        arena.step(ally(), opponent())
-        x.append(arena.games["opponent_position"][0, 0])
+        batch.step(ally(), opponent())
+        x.append(batch.games["opponent_position"][0, 0])
     np.testing.assert_allclose(x, [*range(5, 96, 5), 95], atol=1e-9)
 
 
@@ -253,29 +253,29 @@ def test_a_waypoint_that_is_due_between_two_seconds_is_met_at_the_second():
     ],
 )
 def test_bad_waypoints_are_refused(bad, message):
-    arena = begin(dataclasses.replace(STANDARD, opponent_path="waypoints"))
+    batch = begin(dataclasses.replace(STANDARD, opponent_path="waypoints"))
     with pytest.raises(ValueError, match=message):
-        arena.set_waypoints(0, bad)
+        batch.set_waypoints(0, bad)
 
 
 @pytest.mark.parametrize("path", ["learned", "pursuit", "circle", "waypoints"])
 def test_nobody_leaves_the_box(path):
     scenario = dataclasses.replace(STANDARD, opponent_path=path, opponent_speed_m_s=200.0)
-    arena = begin(scenario, games=10)
+    batch = begin(scenario, games=10)
     for actions in zip(*wander(1, 100, 10), strict=True):
-        arena.step(*actions)
+        batch.step(*actions)
         for name in ("ally_position", "opponent_position"):
-            assert (arena.games[name] >= 0).all()
-            assert (arena.games[name] <= scenario.box_m).all()
+            assert (batch.games[name] >= 0).all()
+            assert (batch.games[name] <= scenario.box_m).all()
 
 
 def test_several_paths_are_drawn_per_round():
     scenario = dataclasses.replace(STANDARD, opponent_path=("circle", "pursuit"), rounds_per_match=50)
-    arena = begin(scenario, games=40)
+    batch = begin(scenario, games=40)
     drawn = []
     for _ in range(10):
-        drawn.append(arena.games["path"].copy())
-        arena.reset()
+        drawn.append(batch.games["path"].copy())
+        batch.reset()
     drawn = np.array(drawn)
     assert set(drawn.ravel()) == {0, 3}
     assert np.mean(drawn == 0) == pytest.approx(0.5, abs=0.1)

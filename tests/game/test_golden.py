@@ -56,19 +56,19 @@ GOLDEN = {
 def played(name: str) -> dict[str, float]:
     """Sums over one round of four games of a preset, played by sines."""
     scenario = preset(name)
-    arena = begin(scenario, seed=2025, games=4)
+    batch = begin(scenario, seed=2025, games=4)
     seen = np.zeros(2)
     for actions in zip(*wander(8, scenario.steps_per_round, 4), strict=True):
-        arena.step(*actions)
-        observations = (arena.ally_observations, arena.opponent_observations)
+        batch.step(*actions)
+        observations = (batch.ally_observations, batch.opponent_observations)
         seen += [np.abs(o.astype(float)).sum() for o in observations]
-    tallies = arena.tallies
+    tallies = batch.tallies
     names = ("ally_return", "opponent_return", "snr_db", "capacity_mbit_s")
     counts = ("overlap", "jammed", "outage", "heard", "hops", "spread", "near", "comb", "recovery_steps")
     return {
         **{field: float(tallies[field].sum()) for field in names},
         **{field: int(tallies[field].sum()) for field in counts},
-        "positions_m": float(arena.games["ally_position"].sum() + arena.games["opponent_position"].sum()),
+        "positions_m": float(batch.games["ally_position"].sum() + batch.games["opponent_position"].sum()),
         "ally_observations": float(seen[0]),
         "opponent_observations": float(seen[1]),
     }

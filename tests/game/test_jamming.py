@@ -13,11 +13,11 @@ POINT_MHZ = [150 + i * 100 / 14 for i in range(15)]
 
 
 def covered(kind: int, jam_mhz: float, point: int, **changes) -> bool:
-    arena = begin(still(**changes))
-    arena.step(
+    batch = begin(still(**changes))
+    batch.step(
         ally(hop=True, preference=to_point(point)), opponent(kind, tuning=at_mhz(jam_mhz), in_band=True)
     )
-    return bool(arena.games["covered"][0])
+    return bool(batch.games["covered"][0])
 
 
 @pytest.mark.parametrize(("kind", "half"), [(TONE, 2.5), (NARROWBAND, 10.0), (BROADBAND, 25.0), (COMB, 2.5)])
@@ -33,11 +33,11 @@ def test_a_footprint_ends_at_its_half_width(kind, half, side):
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_the_tolerance_takes_in_the_edge_itself(point, side):
     """An offset of exactly half a footprint from the known frequency: rounding must not decide."""
-    arena = begin(still(tuning_span_mhz=10.0, first_check_s=(1, 1)))
-    arena.step(ally(hop=True, preference=to_point(point)), opponent())
-    arena.step(ally(), opponent(NARROWBAND, tuning=side))
-    assert arena.games["jamming_mhz"][0] == pytest.approx(POINT_MHZ[point] + 10 * side)
-    assert arena.games["covered"][0]
+    batch = begin(still(tuning_span_mhz=10.0, first_check_s=(1, 1)))
+    batch.step(ally(hop=True, preference=to_point(point)), opponent())
+    batch.step(ally(), opponent(NARROWBAND, tuning=side))
+    assert batch.games["jamming_mhz"][0] == pytest.approx(POINT_MHZ[point] + 10 * side)
+    assert batch.games["covered"][0]
 
 
 @pytest.mark.parametrize("jam_point", [0, 3, 7, 14])
@@ -77,38 +77,38 @@ def test_a_broadband_footprint_covers_seven_points():
 )
 def test_the_largest_allowed_score_wins_ties_to_the_lowest(scores, allowed):
     names = ("tone", "narrowband", "broadband", "comb")
-    arena = begin(still(jamming_types=tuple(names[i] for i in sorted(allowed))))
+    batch = begin(still(jamming_types=tuple(names[i] for i in sorted(allowed))))
     action = opponent()
     action[0, :4] = scores
-    arena.step(ally(), action)
+    batch.step(ally(), action)
     clipped = np.clip(scores, -1, 1)
     best = max(clipped[i] for i in allowed)
-    assert arena.games["jamming_type"][0] == min(i for i in allowed if clipped[i] == best)
+    assert batch.games["jamming_type"][0] == min(i for i in allowed if clipped[i] == best)
 
 
 @pytest.mark.parametrize("tuning", [-1.0, -0.3, 0.0, 0.4, 1.0])
 def test_tuning_is_an_offset_from_the_known_frequency(tuning):
     for seed in range(6):
-        arena = begin(still(), seed)
-        known = arena.games["known_mhz"][0]
-        assert known == arena.games["frequency_mhz"][0]
-        arena.step(ally(), opponent(tuning=tuning))
+        batch = begin(still(), seed)
+        known = batch.games["known_mhz"][0]
+        assert known == batch.games["frequency_mhz"][0]
+        batch.step(ally(), opponent(tuning=tuning))
         expected = min(max(known + 50 * tuning, 150), 250)
-        assert arena.games["jamming_mhz"][0] == pytest.approx(expected, abs=1e-5)
+        assert batch.games["jamming_mhz"][0] == pytest.approx(expected, abs=1e-5)
 
 
 @pytest.mark.parametrize(("tuning", "mhz"), [(-1, 150), (-0.5, 175), (0, 200), (1, 250), (-7, 150), (7, 250)])
 def test_tuning_is_a_place_in_the_band_where_its_gate_is_on(tuning, mhz):
-    arena = begin(still())
-    arena.step(ally(), opponent(tuning=tuning, in_band=True))
-    assert arena.games["jamming_mhz"][0] == pytest.approx(mhz, abs=1e-5)
+    batch = begin(still())
+    batch.step(ally(), opponent(tuning=tuning, in_band=True))
+    assert batch.games["jamming_mhz"][0] == pytest.approx(mhz, abs=1e-5)
 
 
 def test_the_tuning_gate_is_on_above_zero():
     for value, expected in ((0.0, None), (1e-7, 250.0)):
-        arena = begin(still(tuning_span_mhz=0.0))
+        batch = begin(still(tuning_span_mhz=0.0))
         action = opponent(tuning=1.0)
         action[0, 5] = value
-        arena.step(ally(), action)
-        known = arena.games["frequency_mhz"][0]
-        assert arena.games["jamming_mhz"][0] == pytest.approx(known if expected is None else expected)
+        batch.step(ally(), action)
+        known = batch.games["frequency_mhz"][0]
+        assert batch.games["jamming_mhz"][0] == pytest.approx(known if expected is None else expected)

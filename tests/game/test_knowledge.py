@@ -19,12 +19,12 @@ TOOTH_MHZ = 400 / 14
 
 def chosen(jam_kind: int, jam_mhz: float, point: int, scores=(0, 0, 0, 0), games=400, **changes) -> set[int]:
     """Where games that differ in their chance alone hop, each from ``point``, after sensing a jammer."""
-    arena = begin(still(**changes), games=games)
+    batch = begin(still(**changes), games=games)
     jam = opponent(jam_kind, tuning=at_mhz(jam_mhz), in_band=True).repeat(games, 0)
-    arena.step(ally(hop=True, preference=to_point(point)).repeat(games, 0), jam)
-    assert (arena.games["point"] == point).all()
-    arena.step(ally(hop=True, expert=True, preference=-1, scores=scores).repeat(games, 0), jam)
-    counts = np.bincount(arena.games["point"], minlength=15)
+    batch.step(ally(hop=True, preference=to_point(point)).repeat(games, 0), jam)
+    assert (batch.games["point"] == point).all()
+    batch.step(ally(hop=True, expert=True, preference=-1, scores=scores).repeat(games, 0), jam)
+    counts = np.bincount(batch.games["point"], minlength=15)
     found = set(np.flatnonzero(counts).tolist())
     assert counts[sorted(found)].min() > 0.4 * games / len(found), "uniform over the candidates"
     return found
@@ -98,36 +98,36 @@ def test_the_score_of_the_sensed_type_is_one():
 
 def test_before_anything_is_sensed_the_scores_decide():
     games = 400
-    arena = begin(still(), games=games)
-    arena.step(ally(hop=True, expert=True, scores=(0, 0, 1, 0)).repeat(games, 0), opponent().repeat(games, 0))
-    assert set(arena.games["point"]) <= {0, 1, 2, 12, 13, 14}, "farthest from the middle of the band"
+    batch = begin(still(), games=games)
+    batch.step(ally(hop=True, expert=True, scores=(0, 0, 1, 0)).repeat(games, 0), opponent().repeat(games, 0))
+    assert set(batch.games["point"]) <= {0, 1, 2, 12, 13, 14}, "farthest from the middle of the band"
 
 
 def test_a_sensing_error_misleads_the_expert():
     """What counts is what was sensed, not what was jammed: the wrong type sends it elsewhere."""
-    arena = begin(still(sensing_type_error=1.0), games=300)
+    batch = begin(still(sensing_type_error=1.0), games=300)
     jam = opponent(BROADBAND, tuning=at_mhz(150), in_band=True).repeat(300, 0)
-    arena.step(ally(hop=True, preference=to_point(14)).repeat(300, 0), jam)
-    arena.step(ally(hop=True, expert=True).repeat(300, 0), jam)
-    assert len(set(arena.games["point"])) > 6
+    batch.step(ally(hop=True, preference=to_point(14)).repeat(300, 0), jam)
+    batch.step(ally(hop=True, expert=True).repeat(300, 0), jam)
+    assert len(set(batch.games["point"])) > 6
 
 
 @pytest.mark.parametrize("changes", [{"knowledge": "none"}, {}])
 def test_without_knowledge_or_its_gate_the_preference_decides(changes):
     scenario = dataclasses.replace(STANDARD, **changes)
-    arena = begin(scenario)
+    batch = begin(scenario)
     for point in (3, 11, 3):
         gate = bool(changes)
-        arena.step(ally(hop=True, expert=gate, preference=to_point(point)), opponent())
-        assert arena.games["point"][0] == point
+        batch.step(ally(hop=True, expert=gate, preference=to_point(point)), opponent())
+        assert batch.games["point"][0] == point
 
 
 def test_the_expert_never_touches_the_spread_gate():
-    arena = begin(still(sensing_type_error=0))
+    batch = begin(still(sensing_type_error=0))
     jam = opponent(BROADBAND)
     for spread in (False, True, False):
-        arena.step(ally(hop=True, expert=True, spread=spread), jam)
-        assert arena.games["spreading"][0] == spread
+        batch.step(ally(hop=True, expert=True, spread=spread), jam)
+        assert batch.games["spreading"][0] == spread
 
 
 def test_a_knowledge_base_of_ones_own(tmp_path):

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fpg_bench.errors import UserError
-from fpg_bench.game.arena import MAX_SEED, Arena
+from fpg_bench.common.errors import UserError
+from fpg_bench.game.batch import MAX_SEED, GameBatch
 from fpg_bench.game.scenario import STANDARD
 
 from .playing import ally, begin, opponent, wander
@@ -17,20 +17,20 @@ TEN = dataclasses.replace(STANDARD, rounds_per_match=10, steps_per_round=20)
 MATCH = ("control_points", "opponent_start")
 
 
-def playthrough(arena, steps=20, seed=1):
+def playthrough(batch, steps=20, seed=1):
     return [
-        (arena.games["snr_db"].copy(), arena.ally_observations.copy())
-        for actions in zip(*wander(seed, steps, arena.count), strict=True)
-        if arena.step(*actions) is None
+        (batch.games["snr_db"].copy(), batch.ally_observations.copy())
+        for actions in zip(*wander(seed, steps, batch.count), strict=True)
+        if batch.step(*actions) is None
     ]
 
 
 def test_a_match_keeps_its_path_and_start_and_draws_the_rest_anew():
-    arena = begin(TEN)
-    first = {name: arena.games[name].copy() for name in MATCH}
+    batch = begin(TEN)
+    first = {name: batch.games[name].copy() for name in MATCH}
     fading, points, checks = [], set(), set()
     for number in range(10):
-        game = arena.games[0]
+        game = batch.games[0]
         assert (game["match"], game["round"], game["step"]) == (0, number, 0)
         for name in MATCH:
             assert (game[name] == first[name][0]).all()
@@ -38,52 +38,52 @@ def test_a_match_keeps_its_path_and_start_and_draws_the_rest_anew():
         np.testing.assert_allclose(game["ally_position"], game["control_points"][0])
         points.add(int(game["point"]))
         checks.add(int(game["next_check"]))
-        arena.step(ally(), opponent(tuning=1, in_band=True))
-        fading.append(float(arena.games["clean_snr_db"][0]))
-        arena.reset()
+        batch.step(ally(), opponent(tuning=1, in_band=True))
+        fading.append(float(batch.games["clean_snr_db"][0]))
+        batch.reset()
     assert len(set(fading)) == 10
     assert len(points) > 3
     assert len(checks) > 2
 
 
 def test_after_the_last_round_comes_the_seeds_next_match():
-    arena = begin(TEN)
-    path = arena.games["control_points"][0].copy()
+    batch = begin(TEN)
+    path = batch.games["control_points"][0].copy()
     for _ in range(10):
-        arena.reset()
-    assert (arena.games["seed"][0], arena.games["match"][0], arena.games["round"][0]) == (0, 1, 0)
-    assert (arena.games["control_points"][0] != path).all()
+        batch.reset()
+    assert (batch.games["seed"][0], batch.games["match"][0], batch.games["round"][0]) == (0, 1, 0)
+    assert (batch.games["control_points"][0] != path).all()
 
 
 def test_neighbouring_games_never_replay_each_others_matches():
     """Twelve seeds in a row, five matches each: sixty different paths."""
     single = dataclasses.replace(STANDARD, steps_per_round=16)
-    arena = begin(single, games=12)
+    batch = begin(single, games=12)
     seen = []
     for _ in range(5):
-        seen.extend(map(tuple, arena.games["control_points"].reshape(12, 12)))
-        arena.reset()
+        seen.extend(map(tuple, batch.games["control_points"].reshape(12, 12)))
+        batch.reset()
     assert len(set(seen)) == 60
 
 
 def test_a_new_match_can_begin_early():
-    arena = begin(TEN, games=3)
-    before = arena.games["control_points"].copy()
-    arena.reset(np.array([False, True, False]), new_match=True)
-    changed = (arena.games["control_points"] != before).any(axis=(1, 2))
+    batch = begin(TEN, games=3)
+    before = batch.games["control_points"].copy()
+    batch.reset(np.array([False, True, False]), new_match=True)
+    changed = (batch.games["control_points"] != before).any(axis=(1, 2))
     assert changed.tolist() == [False, True, False]
-    assert arena.games["match"].tolist() == [0, 1, 0]
-    assert arena.games["round"].tolist() == [0, 0, 0]
+    assert batch.games["match"].tolist() == [0, 1, 0]
+    assert batch.games["round"].tolist() == [0, 0, 0]
 
 
 def test_a_seed_begins_its_first_match_again():
-    arena = begin(TEN, seed=5)
-    first = playthrough(arena)
+    batch = begin(TEN, seed=5)
+    first = playthrough(batch)
     for _ in range(13):
-        arena.reset()
-        playthrough(arena, 3)
-    arena.reset(seeds=5)
-    again = playthrough(arena)
+        batch.reset()
+        playthrough(batch, 3)
+    batch.reset(seeds=5)
+    again = playthrough(batch)
     for (snr, seen), (snr_again, seen_again) in zip(first, again, strict=True):
         assert (snr == snr_again).all()
         assert (seen == seen_again).all()
@@ -95,48 +95,48 @@ def test_other_seeds_play_other_games():
 
 
 def test_a_mask_begins_some_games_and_leaves_the_others():
-    arena = begin(TEN, games=4)
-    playthrough(arena, 5)
-    before = arena.games.copy(), arena.tallies.copy(), arena.ally_observations.copy()
+    batch = begin(TEN, games=4)
+    playthrough(batch, 5)
+    before = batch.games.copy(), batch.tallies.copy(), batch.ally_observations.copy()
     mask = np.array([True, False, True, False])
-    arena.reset(mask)
-    for was, now in zip(before, (arena.games, arena.tallies, arena.ally_observations), strict=True):
+    batch.reset(mask)
+    for was, now in zip(before, (batch.games, batch.tallies, batch.ally_observations), strict=True):
         assert (was[~mask] == now[~mask]).all()
-    assert arena.games["step"].tolist() == [0, 5, 0, 5]
-    assert arena.games["round"].tolist() == [1, 0, 1, 0]
-    assert arena.tallies["steps"].tolist() == [0, 5, 0, 5]
-    assert arena.histograms.sum(axis=(1, 2)).tolist() == [0, 10, 0, 10]
-    arena.reset(mask, seeds=[70, 71, 72, 73])
-    assert arena.games["seed"].tolist() == [70, 1, 72, 3]
+    assert batch.games["step"].tolist() == [0, 5, 0, 5]
+    assert batch.games["round"].tolist() == [1, 0, 1, 0]
+    assert batch.tallies["steps"].tolist() == [0, 5, 0, 5]
+    assert batch.histograms.sum(axis=(1, 2)).tolist() == [0, 10, 0, 10]
+    batch.reset(mask, seeds=[70, 71, 72, 73])
+    assert batch.games["seed"].tolist() == [70, 1, 72, 3]
 
 
 def test_a_round_lasts_its_steps_and_is_not_played_on():
-    arena = begin(TEN, games=2)
+    batch = begin(TEN, games=2)
     ends = []
     for actions in zip(*wander(0, 20, 2), strict=True):
-        arena.step(*actions)
-        ends.append(arena.games["truncated"].copy())
+        batch.step(*actions)
+        ends.append(batch.games["truncated"].copy())
     assert not np.any(ends[:-1])
     assert ends[-1].all()
-    arena.reset(np.array([False, True]))
-    before = arena.games[0].copy(), arena.tallies[0].copy(), arena.ally_observations[0].copy()
-    arena.step(ally().repeat(2, 0), opponent().repeat(2, 0))
-    assert arena.games[0] == before[0]
-    assert arena.tallies[0] == before[1]
-    assert (arena.ally_observations[0] == before[2]).all()
-    assert arena.games["step"].tolist() == [20, 1]
+    batch.reset(np.array([False, True]))
+    before = batch.games[0].copy(), batch.tallies[0].copy(), batch.ally_observations[0].copy()
+    batch.step(ally().repeat(2, 0), opponent().repeat(2, 0))
+    assert batch.games[0] == before[0]
+    assert batch.tallies[0] == before[1]
+    assert (batch.ally_observations[0] == before[2]).all()
+    assert batch.games["step"].tolist() == [20, 1]
 
 
 def test_a_first_round_can_be_cut():
-    arena = Arena(TEN, 3)
-    arena.reset(seeds=0, horizons=np.array([5, 10, 20]))
+    batch = GameBatch(TEN, 3)
+    batch.reset(seeds=0, horizons=np.array([5, 10, 20]))
     lengths = np.zeros(3, int)
     for _ in range(20):
-        lengths += ~arena.games["truncated"]
-        arena.step(ally().repeat(3, 0), opponent().repeat(3, 0))
+        lengths += ~batch.games["truncated"]
+        batch.step(ally().repeat(3, 0), opponent().repeat(3, 0))
     assert lengths.tolist() == [5, 10, 20]
-    arena.reset()
-    assert (arena.games["horizon"] == 20).all()
+    batch.reset()
+    assert (batch.games["horizon"] == 20).all()
 
 
 @pytest.mark.parametrize(
@@ -157,7 +157,7 @@ def test_a_first_round_can_be_cut():
 )
 def test_bad_seeds_are_refused(seeds):
     with pytest.raises(UserError, match="seed"):
-        Arena(TEN, 3).reset(seeds=seeds)
+        GameBatch(TEN, 3).reset(seeds=seeds)
 
 
 @pytest.mark.parametrize("seeds", [7, np.int64(7), [7, 8, 9], (7, 8, 9), np.array([7, 8, 9])])
@@ -165,12 +165,12 @@ def test_seeds_of_a_batch(seeds):
     assert begin(TEN, seeds, games=3).games["seed"].tolist() == [7, 8, 9]
 
 
-def test_an_arena_is_reset_before_its_first_step():
+def test_an_batch_is_reset_before_its_first_step():
     with pytest.raises(UserError, match="reset before its first step"):
-        Arena(TEN).step(ally(), opponent())
+        GameBatch(TEN).step(ally(), opponent())
 
 
 @pytest.mark.parametrize("games", [0, -1, 1.5, True, "3"])
 def test_a_bad_number_of_games_is_refused(games):
     with pytest.raises(UserError, match="games: expected a whole number above 0"):
-        Arena(TEN, games)
+        GameBatch(TEN, games)

@@ -92,11 +92,11 @@ def slow_measures(scenario, records, point_before: int) -> dict[str, float | Non
     ids=["standard", "paper", "often-out", "paper-often-out"],
 )
 def test_the_measures_of_a_round(scenario, seed):
-    arena = begin(scenario, seed)
-    before = int(arena.games["point"][0])
-    records = [r[0] for r in play(arena, *wander(seed, scenario.steps_per_round))]
+    batch = begin(scenario, seed)
+    before = int(batch.games["point"][0])
+    records = [r[0] for r in play(batch, *wander(seed, scenario.steps_per_round))]
     expected = slow_measures(scenario, records, before)
-    found = measures(pool(arena.tallies[0]), arena.histograms[0])
+    found = measures(pool(batch.tallies[0]), batch.histograms[0])
     assert found.keys() == expected.keys()
     for name, value in expected.items():
         assert found[name] == (None if value is None else pytest.approx(value, rel=1e-9, abs=1e-9)), name
@@ -111,16 +111,16 @@ def scripted(outages: list[int], hearing: list[int], steps: int) -> dict[str, fl
         PAPER, steps_per_round=steps, waypoints=1, first_check_s=(1, 1), check_interval_s=(1, 1),
         detection="link", snr_model="sinr", reselect_on_despread=False,
     )  # fmt: skip
-    arena = begin(scenario)
-    place(arena, (750, 750, 595))
+    batch = begin(scenario)
+    place(batch, (750, 750, 595))
     for k in range(steps):
         out = k in outages
-        arena.step(
+        batch.step(
             ally(hop=True, preference=to_point(7 if out else 0), spread=k not in hearing and not out),
             opponent(TONE, tuning=at_mhz(200), in_band=True),
         )
-        assert (arena.games["snr_db"][0] < 8) == out
-    return measures(pool(arena.tallies[0]), arena.histograms[0])
+        assert (batch.games["snr_db"][0] < 8) == out
+    return measures(pool(batch.tallies[0]), batch.histograms[0])
 
 
 def test_outage_runs():
@@ -158,8 +158,8 @@ def test_a_recovery_that_the_rounds_end_cuts():
 
 
 def test_before_the_first_step_nothing_exists():
-    arena = begin(STANDARD)
-    assert set(measures(pool(arena.tallies[0]), arena.histograms[0]).values()) == {None}
+    batch = begin(STANDARD)
+    assert set(measures(pool(batch.tallies[0]), batch.histograms[0]).values()) == {None}
 
 
 def test_rounds_are_pooled_and_never_averaged():
@@ -198,22 +198,22 @@ def test_spectrum_overlap_by_hand(ours, theirs, overlap):
 
 
 def test_the_jammers_histogram_is_by_the_nearest_point():
-    arena = begin(still())
+    batch = begin(still())
     spacing = 100 / 14
     for offset in (-0.49, 0.0, 0.49, 0.51):
-        arena.step(ally(), opponent(tuning=at_mhz(150 + (3 + offset) * spacing), in_band=True))
-    assert arena.histograms[0, 1].nonzero()[0].tolist() == [3, 4]
-    assert arena.histograms[0, 1, 3:5].tolist() == [3, 1]
+        batch.step(ally(), opponent(tuning=at_mhz(150 + (3 + offset) * spacing), in_band=True))
+    assert batch.histograms[0, 1].nonzero()[0].tolist() == [3, 4]
+    assert batch.histograms[0, 1, 3:5].tolist() == [3, 1]
 
 
 def test_parts_of_a_round_for_the_planner():
     """Per n-th part: the position in its middle and the mean of the opponent's rewards."""
     scenario = dataclasses.replace(STANDARD, steps_per_round=50, waypoints=7)
-    arena = begin(scenario)
-    records = [r[0] for r in play(arena, *wander(4, 50))]
+    batch = begin(scenario)
+    records = [r[0] for r in play(batch, *wander(4, 50))]
     for i in range(7):
         part = [k for k in range(50) if k * 7 // 50 == i]
         reward = np.mean([records[k]["opponent_reward"] for k in part])
-        assert arena.segments[0, i, 3] == pytest.approx(reward)
+        assert batch.segments[0, i, 3] == pytest.approx(reward)
         middle = records[part[len(part) // 2]]["opponent_position"]
-        np.testing.assert_allclose(arena.segments[0, i, :3], middle, atol=1e-9)
+        np.testing.assert_allclose(batch.segments[0, i, :3], middle, atol=1e-9)

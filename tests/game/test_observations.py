@@ -28,18 +28,18 @@ from .playing import (
 
 def test_a_round_begins_with_nothing_jammed_or_sensed():
     scenario = still(ally=(750, 750, 600), first_check_s=(3, 3))
-    arena = begin(scenario, seed=2)
-    game = arena.games[0]
+    batch = begin(scenario, seed=2)
+    game = batch.games[0]
     x, y, z = game["opponent_position"]
     in_band = (game["frequency_mhz"] - 200) / 50
     clean = 45 - loss_db(600, game["frequency_mhz"]) + 103.0103
-    seen = arena.ally_observations[0]
+    seen = batch.ally_observations[0]
     np.testing.assert_allclose(seen[:3], [0, 0, 1], atol=1e-6)
     away = np.array([(x - 750) / 1500, (y - 750) / 1500, (z - 600) / 600])
     np.testing.assert_allclose(seen[3:6], np.sign(away) * np.sqrt(abs(away)), atol=1e-6)
     np.testing.assert_allclose(seen[6:9], [in_band, 0, clean / 80], atol=1e-6)
     np.testing.assert_array_equal(seen[9:], [0, 0, 0, 0, 0, -1])
-    seen = arena.opponent_observations[0]
+    seen = batch.opponent_observations[0]
     np.testing.assert_allclose(seen[:3], [x / 750 - 1, y / 750 - 1, z / 300 - 1], atol=1e-6)
     np.testing.assert_allclose(seen[3:6], -np.sign(away) * np.sqrt(abs(away)), atol=1e-6)
     np.testing.assert_allclose(seen[6:9], [in_band, 0, 3 / 6], atol=1e-6)
@@ -49,14 +49,14 @@ def test_a_round_begins_with_nothing_jammed_or_sensed():
 def known_step(**changes):
     """Two steps: the check of the first hears point 10, the second hops on, spreading, narrowly jammed."""
     scenario = still(ally=(300, 900, 450), first_check_s=(1, 1), check_interval_s=(4, 4), **changes)
-    arena = begin(scenario)
-    place(arena, (315, 780, 474))
-    arena.step(ally(hop=True, preference=to_point(10)), opponent())
-    arena.step(
+    batch = begin(scenario)
+    place(batch, (315, 780, 474))
+    batch.step(ally(hop=True, preference=to_point(10)), opponent())
+    batch.step(
         ally(hop=True, preference=to_point(11), spread=True),
         opponent(NARROWBAND, tuning=0.1),
     )
-    return arena
+    return batch
 
 
 def test_the_allys_fifteen_numbers():
@@ -99,22 +99,22 @@ def test_the_opponents_fifteen_numbers():
 
 def test_scales_of_paper():
     assert (PAPER.check_scale_s, STANDARD.check_scale_s) == (5, 6)
-    arena = begin(PAPER)
-    assert arena.opponent_observations[0, 8] == 1.0
+    batch = begin(PAPER)
+    assert batch.opponent_observations[0, 8] == 1.0
 
 
 def test_the_covering_flag_speaks_of_what_was_sensed():
     """With the type always wrong the flag follows the wrong footprint."""
     found = set()
     for seed in range(30):
-        arena = begin(still(sensing_type_error=1.0), seed)
-        arena.step(ally(hop=True, preference=to_point(7)), opponent(TONE, tuning=at_mhz(190), in_band=True))
-        assert not arena.games["covered"][0]
-        kind = int(arena.games["sensed_type"][0])
+        batch = begin(still(sensing_type_error=1.0), seed)
+        batch.step(ally(hop=True, preference=to_point(7)), opponent(TONE, tuning=at_mhz(190), in_band=True))
+        assert not batch.games["covered"][0]
+        kind = int(batch.games["sensed_type"][0])
         assert kind != TONE
-        flag = arena.ally_observations[0, 14]
+        flag = batch.ally_observations[0, 14]
         assert flag == {NARROWBAND: 1, BROADBAND: 1, COMB: -1}[kind]
-        assert arena.ally_observations[0, 10 + kind] == 1
+        assert batch.ally_observations[0, 10 + kind] == 1
         found.add(kind)
     assert found == {NARROWBAND, BROADBAND, COMB}
 
@@ -122,24 +122,24 @@ def test_the_covering_flag_speaks_of_what_was_sensed():
 def test_the_sensing_flag_follows_the_sensed_centre():
     """On the edge of a tone's footprint a centre with 1 MHz of error covers about half the time."""
     games = 4000
-    arena = begin(still(sensing_centre_sd_mhz=1.0), games=games)
+    batch = begin(still(sensing_centre_sd_mhz=1.0), games=games)
     tone = opponent(TONE, tuning=at_mhz(197.5), in_band=True)
-    arena.step(ally(hop=True, preference=to_point(7)).repeat(games, 0), tone.repeat(games, 0))
-    covers = arena.ally_observations[:, 14] == 1
+    batch.step(ally(hop=True, preference=to_point(7)).repeat(games, 0), tone.repeat(games, 0))
+    covers = batch.ally_observations[:, 14] == 1
     assert covers.mean() == pytest.approx(0.5, abs=0.04)
-    np.testing.assert_array_equal(covers, abs(arena.games["sensed_mhz"] - 200) <= 2.5 + 1e-6)
+    np.testing.assert_array_equal(covers, abs(batch.games["sensed_mhz"] - 200) <= 2.5 + 1e-6)
 
 
 def test_how_wrong_sensing_is():
     """1 MHz of Gaussian error, drawn every step; the type wrong at 10 %, each other type alike."""
     games, steps = 1000, 10
-    arena = begin(STANDARD, games=games)
+    batch = begin(STANDARD, games=games)
     errors, types = [], []
     jam = opponent(BROADBAND, tuning=0.2, in_band=True).repeat(games, 0)
     for _ in range(steps):
-        arena.step(ally().repeat(games, 0), jam)
-        errors.append(arena.games["sensed_mhz"] - arena.games["jamming_mhz"])
-        types.append(arena.games["sensed_type"].copy())
+        batch.step(ally().repeat(games, 0), jam)
+        errors.append(batch.games["sensed_mhz"] - batch.games["jamming_mhz"])
+        types.append(batch.games["sensed_type"].copy())
     errors, types = np.array(errors), np.array(types)
     assert abs(errors.mean()) < 0.05
     assert errors.std() == pytest.approx(1.0, abs=0.04)
@@ -151,31 +151,31 @@ def test_how_wrong_sensing_is():
 
 def test_sensing_and_fading_are_independent():
     slow = dataclasses.replace(STANDARD, ally_speed_m_s=(0, 0))
-    arena = begin(slow, games=5000)
-    before = arena.games["snr_db"].copy()
-    arena.step(ally().repeat(5000, 0), opponent(tuning=0, in_band=True).repeat(5000, 0))
-    fading = arena.games["clean_snr_db"] - before
-    error = arena.games["sensed_mhz"] - arena.games["jamming_mhz"]
+    batch = begin(slow, games=5000)
+    before = batch.games["snr_db"].copy()
+    batch.step(ally().repeat(5000, 0), opponent(tuning=0, in_band=True).repeat(5000, 0))
+    fading = batch.games["clean_snr_db"] - before
+    error = batch.games["sensed_mhz"] - batch.games["jamming_mhz"]
     assert abs(np.corrcoef(fading, error)[0, 1]) < 0.07
     assert abs(np.corrcoef(abs(fading), abs(error))[0, 1]) < 0.07
 
 
 def test_observations_are_single_precision_within_one():
     for scenario in (STANDARD, PAPER, dataclasses.replace(STANDARD, snr_scale_db=1, age_scale_s=1)):
-        arena = begin(scenario, games=20)
+        batch = begin(scenario, games=20)
         for actions in zip(*wander(5, 80, 20), strict=True):
-            arena.step(*actions)
-            for seen in (arena.ally_observations, arena.opponent_observations):
+            batch.step(*actions)
+            for seen in (batch.ally_observations, batch.opponent_observations):
                 assert seen.dtype == np.float32
                 assert abs(seen).max() <= 1
 
 
 def test_ages_and_spreading_times_are_clipped():
-    arena = begin(still(detection="off"))
+    batch = begin(still(detection="off"))
     for _ in range(70):
-        arena.step(ally(spread=True), opponent())
-    assert arena.games["spreading_s"][0] == arena.games["age_s"][0] == 70
-    assert arena.ally_observations[0, 7] == arena.opponent_observations[0, 7] == 1
+        batch.step(ally(spread=True), opponent())
+    assert batch.games["spreading_s"][0] == batch.games["age_s"][0] == 70
+    assert batch.ally_observations[0, 7] == batch.opponent_observations[0, 7] == 1
 
 
 def test_the_ally_does_not_see_what_the_opponent_knows():
@@ -184,7 +184,7 @@ def test_the_ally_does_not_see_what_the_opponent_knows():
     other = begin(still(detection="off", first_check_s=(5, 5)), 6)
     for k in range(12):
         jam = opponent(tuning=at_mhz(160 + k), in_band=True)
-        for arena in (one, other):
-            arena.step(ally(hop=True, preference=to_point(k)), jam)
+        for batch in (one, other):
+            batch.step(ally(hop=True, preference=to_point(k)), jam)
         np.testing.assert_array_equal(one.ally_observations, other.ally_observations)
     assert one.games["known_mhz"][0] != other.games["known_mhz"][0]

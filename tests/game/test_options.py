@@ -79,21 +79,21 @@ GAMES, STEPS = 8, 60
 
 def outcome(scenario: Scenario) -> bytes:
     """All that players and tables get to see of two rounds of a few games."""
-    arena = begin(scenario, games=GAMES)
+    batch = begin(scenario, games=GAMES)
     content = []
     for number in range(2):
         for game in range(GAMES):
             corners = np.linspace(0.1, 0.9, scenario.waypoints)[:, None] * scenario.box_m
-            arena.set_waypoints(game, corners)
+            batch.set_waypoints(game, corners)
         for actions in zip(*wander(number, STEPS, GAMES), strict=True):
-            arena.step(*actions)
-            content += [arena.ally_observations.tobytes(), arena.opponent_observations.tobytes()]
-            content += [arena.games[f"{side}_reward"].tobytes() for side in ("ally", "opponent")]
+            batch.step(*actions)
+            content += [batch.ally_observations.tobytes(), batch.opponent_observations.tobytes()]
+            content += [batch.games[f"{side}_reward"].tobytes() for side in ("ally", "opponent")]
         content += [
-            *(arena.tallies[field].tobytes() for field in arena.tallies.dtype.names),
-            arena.games["horizon"].tobytes(),
+            *(batch.tallies[field].tobytes() for field in batch.tallies.dtype.names),
+            batch.games["horizon"].tobytes(),
         ]
-        arena.reset()
+        batch.reset()
     return b"".join(content)
 
 

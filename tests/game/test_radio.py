@@ -36,15 +36,15 @@ def transmit(base, distance_m, kind=TONE, point=7, jam_mhz=None, spread=False, t
     """One step: the ally ``top`` m above the base station, the opponent ``distance_m`` away from it."""
     box = (3000.0, 3000.0, max(top, 600.0))
     scenario = still(base, (1500, 1500, top), box_m=box, base_station_m=(1500, 1500, 0), **changes)
-    arena = begin(scenario)
-    place(arena, (1500 + distance_m, 1500, top))
+    batch = begin(scenario)
+    place(batch, (1500 + distance_m, 1500, top))
     frequency = 150 + point * 100 / 14
     jam_mhz = frequency if jam_mhz is None else jam_mhz
-    arena.step(
+    batch.step(
         ally(hop=True, preference=to_point(point), spread=spread),
         opponent(kind, tuning=at_mhz(jam_mhz), in_band=True),
     )
-    return arena
+    return batch
 
 
 def snr(*arguments, **options) -> float:
@@ -141,21 +141,21 @@ def test_the_snr_lies_where_the_rules_say():
 def test_capacity(base, spread_mhz):
     """Eq. 3 in Mbit/s: the bandwidth in use in paper, always the unspread one in standard."""
     for spread, bandwidth in ((False, 5), (True, spread_mhz)):
-        arena = transmit(base, 200, spread=spread)
-        level = arena.games["snr_db"][0]
+        batch = transmit(base, 200, spread=spread)
+        level = batch.games["snr_db"][0]
         expected = bandwidth * math.log2(1 + 10 ** (level / 10))
-        assert arena.tallies["capacity_mbit_s"][0] == pytest.approx(expected, rel=1e-9)
+        assert batch.tallies["capacity_mbit_s"][0] == pytest.approx(expected, rel=1e-9)
 
 
 def test_one_fading_draw_for_both_snrs():
     scenario = dataclasses.replace(STANDARD, ally_speed_m_s=(0, 0), opponent_path="circle")
-    arena, drawn = begin(scenario, games=2000), []
-    signal = arena.games["snr_db"].copy()
+    batch, drawn = begin(scenario, games=2000), []
+    signal = batch.games["snr_db"].copy()
     for _ in range(5):
-        arena.step(ally().repeat(2000, 0), opponent(tuning=1, in_band=True).repeat(2000, 0))
-        free = ~arena.games["covered"]
-        assert (arena.games["snr_db"] == arena.games["clean_snr_db"])[free].all()
-        drawn.extend(arena.games["clean_snr_db"] - signal)
+        batch.step(ally().repeat(2000, 0), opponent(tuning=1, in_band=True).repeat(2000, 0))
+        free = ~batch.games["covered"]
+        assert (batch.games["snr_db"] == batch.games["clean_snr_db"])[free].all()
+        drawn.extend(batch.games["clean_snr_db"] - signal)
     mean = sum(drawn) / len(drawn)
     sd = math.sqrt(sum((x - mean) ** 2 for x in drawn) / len(drawn))
     assert abs(mean) < 0.05, "five standard errors"

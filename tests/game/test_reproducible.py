@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fpg_bench.game.arena import Arena
+from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.scenario import PAPER, STANDARD
 
 from .playing import begin, wander
@@ -26,15 +26,22 @@ def actions_of(game_seed: int, steps: int = STEPS) -> tuple[np.ndarray, np.ndarr
     return wander(game_seed % 17, steps)
 
 
-def fingerprint(arena, game: int) -> bytes:
+def fingerprint(game_batch, game: int) -> bytes:
     """Every bit of a game's state, tally and observations (records field by field: padding is nobody's)."""
-    records = [record[game][name] for record in (arena.games, arena.tallies) for name in record.dtype.names]
-    arrays = (arena.histograms, arena.segments, arena.ally_observations, arena.opponent_observations)
+    records = [
+        record[game][name] for record in (game_batch.games, game_batch.tallies) for name in record.dtype.names
+    ]
+    arrays = (
+        game_batch.histograms,
+        game_batch.segments,
+        game_batch.ally_observations,
+        game_batch.opponent_observations,
+    )
     return b"".join(part.tobytes() for part in [*records, *(array[game] for array in arrays)])
 
 
-def play_batch(scenario, seed: int, games: int, threads: int = 1) -> Arena:
-    arena = begin(scenario, seed, games, threads=threads)
+def play_batch(scenario, seed: int, games: int, threads: int = 1) -> GameBatch:
+    game_batch = begin(scenario, seed, games, threads=threads)
     each = [actions_of(seed + i) for i in range(games)] if games < 20 else None
     kinds = [actions_of(i) for i in range(17)]
     for k in range(STEPS):
@@ -43,8 +50,8 @@ def play_batch(scenario, seed: int, games: int, threads: int = 1) -> Arena:
         else:
             order = (seed + np.arange(games)) % 17
             a, o = (np.concatenate([kinds[i][side][k] for i in range(17)])[order] for side in (0, 1))
-        arena.step(a, o)
-    return arena
+        game_batch.step(a, o)
+    return game_batch
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -66,12 +73,14 @@ def test_threads_change_nothing(threads):
 
 
 def test_the_order_of_the_games_changes_nothing():
-    arena = Arena(STANDARD, 5)
-    arena.reset(seeds=[9, 3, 7, 1, 5])
+    game_batch = GameBatch(STANDARD, 5)
+    game_batch.reset(seeds=[9, 3, 7, 1, 5])
     for k in range(STEPS):
-        arena.step(*(np.concatenate([actions_of(s)[side][k] for s in (9, 3, 7, 1, 5)]) for side in (0, 1)))
+        game_batch.step(
+            *(np.concatenate([actions_of(s)[side][k] for s in (9, 3, 7, 1, 5)]) for side in (0, 1))
+        )
     for game, seed in enumerate((9, 3, 7, 1, 5)):
-        assert fingerprint(arena, game) == fingerprint(play_batch(STANDARD, seed, 1), 0)
+        assert fingerprint(game_batch, game) == fingerprint(play_batch(STANDARD, seed, 1), 0)
 
 
 @given(seed=st.integers(0, 2**63 - 1), kind=st.sampled_from([STANDARD, PAPER]))
@@ -91,9 +100,9 @@ def summary() -> str:
     """What another process must find too."""
     digest = hashlib.sha256()
     for scenario in (STANDARD, PAPER):
-        arena = play_batch(scenario, 77, 3)
+        game_batch = play_batch(scenario, 77, 3)
         for game in range(3):
-            digest.update(fingerprint(arena, game))
+            digest.update(fingerprint(game_batch, game))
     return digest.hexdigest()
 
 
@@ -111,10 +120,10 @@ def test_what_was_played_before_leaves_no_trace():
     one, other = begin(scenario, 4), begin(scenario, 4)
     for k in range(50):
         one.step(*(x[k] for x in wander(1, 50)))
-    for arena in (one, other):
-        arena.reset()
+    for game_batch in (one, other):
+        game_batch.reset()
         for k in range(STEPS):
-            arena.step(*(x[k] for x in actions_of(4)))
+            game_batch.step(*(x[k] for x in actions_of(4)))
     assert fingerprint(one, 0) == fingerprint(other, 0)
 
 

@@ -15,13 +15,13 @@ AWAY = opponent(TONE, tuning=1, in_band=True)
 
 
 def step(base=STANDARD, distance_m=100.0, jam=True, hop=True, kind=TONE, **changes):
-    arena = begin(still(base, **changes))
+    batch = begin(still(base, **changes))
     if not hop:
-        arena.games["point"], arena.games["frequency_mhz"] = 7, 200.0
-    place(arena, (750 + distance_m, 750, 600))
+        batch.games["point"], batch.games["frequency_mhz"] = 7, 200.0
+    place(batch, (750 + distance_m, 750, 600))
     centre = at_mhz(200) if jam else at_mhz(250)
-    arena.step(ally(hop=hop, preference=to_point(7)), opponent(kind, tuning=centre, in_band=True))
-    return arena.games[0]
+    batch.step(ally(hop=hop, preference=to_point(7)), opponent(kind, tuning=centre, in_band=True))
+    return batch.games[0]
 
 
 @pytest.mark.parametrize(
@@ -30,19 +30,19 @@ def step(base=STANDARD, distance_m=100.0, jam=True, hop=True, kind=TONE, **chang
 )
 def test_the_cost_of_spreading_at_the_knots_of_eq_4(seconds, cost):
     assert eq4(seconds) == pytest.approx(cost)
-    arena = begin(still())
+    batch = begin(still())
     for _ in range(seconds):
-        arena.step(ally(spread=True), AWAY)
-    assert arena.games["clean_snr_db"][0] > 30
-    assert arena.games["ally_reward"][0] == pytest.approx(30 - 8 - cost)
+        batch.step(ally(spread=True), AWAY)
+    assert batch.games["clean_snr_db"][0] > 30
+    assert batch.games["ally_reward"][0] == pytest.approx(30 - 8 - cost)
 
 
 def test_the_cost_of_spreading_begins_anew_after_a_break():
-    arena = begin(still())
+    batch = begin(still())
     costs = []
     for spread in (True, True, False, True):
-        arena.step(ally(spread=spread), AWAY)
-        costs.append(22 - arena.games["ally_reward"][0])
+        batch.step(ally(spread=spread), AWAY)
+        costs.append(22 - batch.games["ally_reward"][0])
     assert costs == pytest.approx([0.5, 1.0, 0.0, 0.5])
 
 
@@ -100,8 +100,8 @@ def test_paper_rewards_are_the_equations():
 
 def test_the_distance_is_that_at_the_end_of_the_step():
     scenario = dataclasses.replace(still(), opponent_path="pursuit")
-    arena = begin(scenario)
-    place(arena, (750 + 38, 750, 600))
-    arena.step(ally(), AWAY)
-    assert arena.games["distance_m"][0] == pytest.approx(28)
-    assert arena.games["opponent_reward"][0] == pytest.approx(20)
+    batch = begin(scenario)
+    place(batch, (750 + 38, 750, 600))
+    batch.step(ally(), AWAY)
+    assert batch.games["distance_m"][0] == pytest.approx(28)
+    assert batch.games["opponent_reward"][0] == pytest.approx(20)

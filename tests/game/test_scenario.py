@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import FIGURES, PAPER, STANDARD, Scenario, as_scenario, preset
 from fpg_bench.game.validation import ScenarioError
 

@@ -10,7 +10,7 @@ import sys
 import pytest
 import yaml
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.game import scenario as module
 from fpg_bench.game.knowledge import EXPERT_FILE
 from fpg_bench.game.released import RELEASED, RULES_VERSION

@@ -44,17 +44,17 @@ VARIANTS = {
 def test_a_round_is_the_one_that_the_rules_describe(name):
     scenario = VARIANTS[name]
     seed, steps = 11, min(scenario.steps_per_round, 200)
-    arena = begin(scenario, seed)
+    batch = begin(scenario, seed)
     legs = np.random.default_rng(0).uniform(-100, 100, (scenario.waypoints, 3))  # some within reach, some not
-    planned = np.clip(arena.games["opponent_position"] + np.cumsum(legs, axis=0), 0, scenario.box_m)
-    arena.set_waypoints(0, planned)
+    planned = np.clip(batch.games["opponent_position"] + np.cumsum(legs, axis=0), 0, scenario.box_m)
+    batch.set_waypoints(0, planned)
     expected = ReferenceGame(scenario, seed, waypoints=planned)
-    check_observations(arena, expected)
+    check_observations(batch, expected)
     for ally_action, opponent_action in zip(*wander(3, steps), strict=True):
-        arena.step(ally_action, opponent_action)
+        batch.step(ally_action, opponent_action)
         expected.step(ally_action[0], opponent_action[0])
-        check_record(arena.games[0], expected)
-        check_observations(arena, expected)
+        check_record(batch.games[0], expected)
+        check_observations(batch, expected)
 
 
 def check_record(game, expected):
@@ -68,17 +68,17 @@ def check_record(game, expected):
         )
 
 
-def check_observations(arena, expected):
-    np.testing.assert_allclose(arena.ally_observations[0], expected.ally_observation, atol=1e-6)
-    np.testing.assert_allclose(arena.opponent_observations[0], expected.opponent_observation, atol=1e-6)
+def check_observations(batch, expected):
+    np.testing.assert_allclose(batch.ally_observations[0], expected.ally_observation, atol=1e-6)
+    np.testing.assert_allclose(batch.opponent_observations[0], expected.opponent_observation, atol=1e-6)
 
 
 def test_the_round_of_the_comparison_has_everything_in_it():
     """Else the comparison above would compare little."""
-    arena = begin(STANDARD, 11)
+    batch = begin(STANDARD, 11)
     for actions in zip(*wander(3, 200), strict=True):
-        arena.step(*actions)
-    tally = arena.tallies[0]
+        batch.step(*actions)
+    tally = batch.tallies[0]
     for name in ("overlap", "heard", "hops", "frequency_changes", "spread", "outage", "near"):
         assert 0 < tally[name] < tally["steps"], name
     assert 0 < tally["heard"] < tally["checks"]
@@ -87,108 +87,108 @@ def test_the_round_of_the_comparison_has_everything_in_it():
 def test_jamming_aims_at_what_was_known_before_the_step():
     """A check of this step is of use in the next one only."""
     scenario = still(first_check_s=(1, 1), check_interval_s=(1, 1))
-    arena = begin(scenario)
-    place(arena, (750, 750, 400))
-    before = arena.games["known_mhz"][0]
-    arena.step(ally(hop=True, preference=to_point(0 if before > 200 else 14)), opponent())
-    heard = arena.games["frequency_mhz"][0]
-    assert arena.games["jamming_mhz"][0] == pytest.approx(before)
-    assert arena.games["known_mhz"][0] == heard != before
-    assert arena.games["age_s"][0] == 0
-    arena.step(ally(), opponent())
-    assert arena.games["jamming_mhz"][0] == pytest.approx(heard)
+    batch = begin(scenario)
+    place(batch, (750, 750, 400))
+    before = batch.games["known_mhz"][0]
+    batch.step(ally(hop=True, preference=to_point(0 if before > 200 else 14)), opponent())
+    heard = batch.games["frequency_mhz"][0]
+    assert batch.games["jamming_mhz"][0] == pytest.approx(before)
+    assert batch.games["known_mhz"][0] == heard != before
+    assert batch.games["age_s"][0] == 0
+    batch.step(ally(), opponent())
+    assert batch.games["jamming_mhz"][0] == pytest.approx(heard)
 
 
 def test_a_hop_escapes_jamming_of_the_same_step():
-    arena = begin(still())
-    place(arena, (750, 750, 590))
-    arena.step(ally(hop=True, preference=to_point(0)), opponent(tuning=at_mhz(150), in_band=True))
-    assert arena.games["covered"][0]
-    arena.step(ally(hop=True, preference=to_point(14)), opponent(tuning=at_mhz(150), in_band=True))
-    assert not arena.games["covered"][0]
+    batch = begin(still())
+    place(batch, (750, 750, 590))
+    batch.step(ally(hop=True, preference=to_point(0)), opponent(tuning=at_mhz(150), in_band=True))
+    assert batch.games["covered"][0]
+    batch.step(ally(hop=True, preference=to_point(14)), opponent(tuning=at_mhz(150), in_band=True))
+    assert not batch.games["covered"][0]
 
 
 def test_spreading_holds_for_the_step_itself():
-    arena = begin(still())
-    arena.step(ally(), opponent(tuning=1, in_band=True))
-    unspread = arena.games["clean_snr_db"][0]
-    arena.step(ally(spread=True), opponent(tuning=1, in_band=True))
-    assert arena.games["spreading_s"][0] == 1
-    assert unspread - arena.games["clean_snr_db"][0] == pytest.approx(10 * np.log10(480))
-    arena.step(ally(), opponent())
-    assert arena.games["spreading_s"][0] == 0
+    batch = begin(still())
+    batch.step(ally(), opponent(tuning=1, in_band=True))
+    unspread = batch.games["clean_snr_db"][0]
+    batch.step(ally(spread=True), opponent(tuning=1, in_band=True))
+    assert batch.games["spreading_s"][0] == 1
+    assert unspread - batch.games["clean_snr_db"][0] == pytest.approx(10 * np.log10(480))
+    batch.step(ally(), opponent())
+    assert batch.games["spreading_s"][0] == 0
 
 
 def test_the_expert_reads_the_observation_and_not_the_truth():
     """What was sensed in the step before: after the first step the jammer is elsewhere already."""
-    arena = begin(still(), seed=4)
-    arena.step(ally(), opponent(BROADBAND, tuning=at_mhz(150), in_band=True))
-    arena.step(ally(hop=True, expert=True), opponent(BROADBAND, tuning=at_mhz(250), in_band=True))
-    assert arena.games["frequency_mhz"][0] >= 230, "one of the three points farthest from 150 MHz"
+    batch = begin(still(), seed=4)
+    batch.step(ally(), opponent(BROADBAND, tuning=at_mhz(150), in_band=True))
+    batch.step(ally(hop=True, expert=True), opponent(BROADBAND, tuning=at_mhz(250), in_band=True))
+    assert batch.games["frequency_mhz"][0] >= 230, "one of the three points farthest from 150 MHz"
 
 
 def test_gates_are_on_above_zero():
-    arena = begin(still())
+    batch = begin(still())
     for value, on in ((0.0, False), (-1e-7, False), (1e-7, True)):
         action = ally()
         action[0, HOP] = action[0, 1] = value
-        arena.step(action, opponent())
-        assert arena.games["hopped"][0] == on
-        assert arena.games["spreading"][0] == on
+        batch.step(action, opponent())
+        assert batch.games["hopped"][0] == on
+        assert batch.games["spreading"][0] == on
         action = ally(hop=True, preference=-1)
         action[0, EXPERT] = value
-        arena.step(action, opponent())
-        assert (arena.games["point"][0] == 0) == (not on)
+        batch.step(action, opponent())
+        assert (batch.games["point"][0] == 0) == (not on)
 
 
 def test_hopping_to_the_same_point_is_a_hop():
-    arena = begin(still())
+    batch = begin(still())
     for _ in range(2):
-        arena.step(ally(hop=True, preference=to_point(6)), opponent())
-        assert arena.games["hopped"][0]
-        assert arena.games["point"][0] == 6
+        batch.step(ally(hop=True, preference=to_point(6)), opponent())
+        assert batch.games["hopped"][0]
+        assert batch.games["point"][0] == 6
 
 
 @pytest.mark.parametrize("point", range(15))
 def test_preferences_reach_every_point(point):
-    arena = begin(still())
-    arena.step(ally(hop=True, preference=to_point(point)), opponent())
-    assert arena.games["point"][0] == point
-    assert arena.games["frequency_mhz"][0] == pytest.approx(150 + point * 100 / 14)
+    batch = begin(still())
+    batch.step(ally(hop=True, preference=to_point(point)), opponent())
+    assert batch.games["point"][0] == point
+    assert batch.games["frequency_mhz"][0] == pytest.approx(150 + point * 100 / 14)
 
 
 def test_preferences_are_rounded_half_up():
-    arena = begin(still(frequency_points=3))
+    batch = begin(still(frequency_points=3))
     for preference, point in ((-0.5, 1), (-0.51, 0), (0.49, 1), (0.5, 2), (9.0, 2), (-9.0, 0)):
-        arena.step(ally(hop=True, preference=preference), opponent())
-        assert arena.games["point"][0] == point
+        batch.step(ally(hop=True, preference=preference), opponent())
+        assert batch.games["point"][0] == point
 
 
 def test_leaving_spread_keeps_the_frequency_in_standard():
-    arena = begin(still())
-    before = arena.games["point"][0]
+    batch = begin(still())
+    before = batch.games["point"][0]
     other = to_point(0 if before > 7 else 14)
-    arena.step(ally(spread=True, preference=other), opponent())
-    arena.step(ally(spread=False, preference=other), opponent())
-    assert arena.games["point"][0] == before
+    batch.step(ally(spread=True, preference=other), opponent())
+    batch.step(ally(spread=False, preference=other), opponent())
+    assert batch.games["point"][0] == before
 
 
 def test_leaving_spread_chooses_for_free_in_paper():
-    arena = begin(still(PAPER))
-    before = arena.games["point"][0]
+    batch = begin(still(PAPER))
+    before = batch.games["point"][0]
     other = 0 if before > 7 else 14
-    arena.step(ally(spread=True, preference=to_point(other)), opponent())
-    assert arena.games["point"][0] == before
-    arena.step(ally(spread=False, preference=to_point(other)), opponent())
-    assert arena.games["point"][0] == other
-    assert not arena.games["hopped"][0]
-    assert arena.tallies["hops"][0] == 0
-    snr = arena.games["snr_db"][0]
-    assert arena.games["ally_reward"][0] == pytest.approx(snr - 8), "no H, no D"
+    batch.step(ally(spread=True, preference=to_point(other)), opponent())
+    assert batch.games["point"][0] == before
+    batch.step(ally(spread=False, preference=to_point(other)), opponent())
+    assert batch.games["point"][0] == other
+    assert not batch.games["hopped"][0]
+    assert batch.tallies["hops"][0] == 0
+    snr = batch.games["snr_db"][0]
+    assert batch.games["ally_reward"][0] == pytest.approx(snr - 8), "no H, no D"
 
 
 def test_leaving_spread_with_a_hop_is_charged_in_paper():
-    arena = begin(still(PAPER))
-    arena.step(ally(spread=True), opponent())
-    arena.step(ally(hop=True, spread=False), opponent())
-    assert arena.games["ally_reward"][0] == pytest.approx(arena.games["snr_db"][0] - 8 - 100)
+    batch = begin(still(PAPER))
+    batch.step(ally(spread=True), opponent())
+    batch.step(ally(hop=True, spread=False), opponent())
+    assert batch.games["ally_reward"][0] == pytest.approx(batch.games["snr_db"][0] - 8 - 100)

@@ -1,24 +1,24 @@
-"""Boards on small fields, and policies that are played without a process each."""
+"""Boards on small suites, and policies that are played without a process each."""
 
 import platformdirs
 import pytest
 
-from fpg_bench.leaderboard import host
+from fpg_bench.leaderboard import policy_client as host
 from fpg_bench.players import agent
 from tests.leaderboard import entering
 
 
 @pytest.fixture
-def small_fields(tmp_path, monkeypatch):
-    """A folder in place of ``baselines``: tracks play small fields, and seasons can be closed in it."""
-    folder = entering.make_fields(tmp_path / "baselines")
+def small_suites(tmp_path, monkeypatch):
+    """A folder in place of ``baselines``: tracks play small suites, and seasons can be closed in it."""
+    folder = entering.make_suites(tmp_path / "baselines")
     monkeypatch.setattr(agent, "baselines_folder", lambda: folder)
     return folder
 
 
 @pytest.fixture
-def board(tmp_path, small_fields, monkeypatch):
-    """An empty board with a cache of its own, whose tracks play small fields."""
+def board(tmp_path, small_suites, monkeypatch):
+    """An empty board with a cache of its own, whose tracks play small suites."""
     monkeypatch.setattr(platformdirs, "user_cache_path", lambda name: tmp_path / "cache")
     (tmp_path / "board" / "submissions").mkdir(parents=True)
     return tmp_path / "board"
@@ -28,5 +28,5 @@ def board(tmp_path, small_fields, monkeypatch):
 def in_process(monkeypatch):
     """Policies are played in this process; the class can be told to misbehave."""
     kind = type("Told", (entering.InProcess,), {})
-    monkeypatch.setattr(host, "PolicyHost", kind)
+    monkeypatch.setattr(host, "PolicyClient", kind)
     return kind

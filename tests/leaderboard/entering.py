@@ -1,4 +1,4 @@
-"""Small boards for tests: submissions on small fields, closed seasons, and policies that misbehave."""
+"""Small boards for tests: submissions on small suites, closed seasons, and policies that misbehave."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ import numpy as np
 import yaml
 
 from fpg_bench.evaluation.seeds import PROTOCOL, seed_from
-from fpg_bench.leaderboard.host import PolicyFailed
+from fpg_bench.leaderboard.policy_client import PolicyFailed
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from tests.leaderboard.making import policy
-from tests.leaderboard.recording import PLANNER_FIELD
+from tests.leaderboard.recording import PLANNER_SUITE
 
-FIELD = {
+SUITE = {
     "side": "ally",
     "scenario": "standard",
     "matches": 4,
     "scale": {"zero": -5.66, "top": 22.0},
-    "counterparts": [{"opponent": "adaptive", "path": "pursuit"}, {"opponent": "sweep", "path": "circle"}],
+    "rivals": [{"opponent": "adaptive", "path": "pursuit"}, {"opponent": "sweep", "path": "circle"}],
 }
-_OPPONENTS = FIELD | {"side": "opponent", "scale": {"zero": 17.76, "top": 33.73}}
+_OPPONENTS = SUITE | {"side": "opponent", "scale": {"zero": 17.76, "top": 33.73}}
 
 
 def _meets(path: str) -> list[dict[str, str]]:
@@ -31,41 +31,41 @@ def _meets(path: str) -> list[dict[str, str]]:
 
 
 FIELDS = {
-    "ally-v1": FIELD,
-    "opponent-v1": _OPPONENTS | {"counterparts": _meets("pursuit")},
-    "opponent-learned-v1": _OPPONENTS | {"counterparts": _meets("learned")},
-    "planner-v1": yaml.safe_load(PLANNER_FIELD),
+    "ally-v1": SUITE,
+    "opponent-v1": _OPPONENTS | {"rivals": _meets("pursuit")},
+    "opponent-learned-v1": _OPPONENTS | {"rivals": _meets("learned")},
+    "planner-v1": yaml.safe_load(PLANNER_SUITE),
 }
 
 
-def make_fields(folder: Path) -> Path:
-    """A folder in place of the package's ``baselines``, whose public fields are small."""
+def make_suites(folder: Path) -> Path:
+    """A folder in place of the package's ``baselines``, whose public suites are small."""
     folder.mkdir(parents=True)
     for name in ("agents", "hyperparams"):
         (folder / name).symlink_to(baselines_folder() / name)
     for name, content in FIELDS.items():
-        write_field(folder, name, content)
+        write_suite(folder, name, content)
     return folder
 
 
-def write_field(baselines: Path, name: str, content: dict[str, Any]) -> None:
-    """Write a field's file."""
-    file = baselines / "fields" / f"{name}.yml"
+def write_suite(baselines: Path, name: str, content: dict[str, Any]) -> None:
+    """Write a suite's file."""
+    file = baselines / "suites" / f"{name}.yml"
     file.parent.mkdir(exist_ok=True)
     file.write_text(yaml.safe_dump(content, sort_keys=False))
 
 
-def close_season(baselines: Path, number: int = 1, **fields: dict[str, Any]) -> str:
-    """Close a season and give its seed; ``ally={"matches": 2}`` says how a track's unseen field differs from
+def close_season(baselines: Path, number: int = 1, **suites: dict[str, Any]) -> str:
+    """Close a season and give its seed; ``ally={"matches": 2}`` says how a track's unseen suite differs from
     the public one.
     """
-    folder = baselines / "fields" / f"season-{number}"
+    folder = baselines / "suites" / f"season-{number}"
     folder.mkdir()
     told = {"number": number, "protocol": PROTOCOL, "seed": seed_from(PROTOCOL, number, ()), "entries": {}}
     (folder / "season.yml").write_text(yaml.safe_dump(told))
     for public, content in FIELDS.items():
         track = public.removesuffix("-v1")
-        write_field(baselines, f"{track}-season-{number}", content | fields.get(track.replace("-", "_"), {}))
+        write_suite(baselines, f"{track}-season-{number}", content | suites.get(track.replace("-", "_"), {}))
     return told["seed"]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.evaluation.field import Scale
+from fpg_bench.evaluation.suite import Scale
 from fpg_bench.leaderboard.board import (
     CROSSPLAY,
     Board,
@@ -26,7 +26,7 @@ from fpg_bench.leaderboard.board import (
     WorstCase,
 )
 from fpg_bench.leaderboard.submission import Training
-from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, SHIFTED, UNSEEN
+from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
 
 HOSTILE = (
     "<script>alert(1)</script>",
@@ -68,7 +68,7 @@ def example_board(
                 key=key,
                 title=title,
                 side=side,
-                ranked_by=suites[-2].role if season else KNOWN,
+                ranked_by=suites[-2].role if season else PUBLIC,
                 suites=suites,
                 scale=Scale(-5.66, 22.0),
                 entries=(*ranked, *(row for row in rows if row.figures is None)),
@@ -98,9 +98,9 @@ def with_figures(board: Board, slug: str, track: int = 0, **figures: Any) -> Boa
 
 def _suites(side: str, public: list[str], season: int | None) -> tuple[BoardSuite, ...]:
     """Return the public suite alone before a season is closed, all that there can be after it."""
-    rivals = {KNOWN: (f"{side}-v1", public)}
+    rivals = {PUBLIC: (f"{side}-v1", public)}
     if season is not None:
-        rivals[PUBLIC] = f"{side}-v1", public
+        rivals[PUBLIC_SEEDS] = f"{side}-v1", public
         rivals[UNSEEN] = f"{side}-season-{season}", [f"trained-{k}" for k in range(3)]
         rivals[SHIFTED] = f"{side}-shifted-v1", [f"{public[0]}, {change}" for change in CHANGED_RULES]
     return tuple(
@@ -145,12 +145,12 @@ def _figures(
         suite.role: {name: _score(scores[suite.role] + float(rng.normal(0, 15)), 9) for name in suite.rivals}
         for suite in suites
     }
-    score = scores.get(UNSEEN, scores[KNOWN])
+    score = scores.get(UNSEEN, scores[PUBLIC])
     return Figures(
         rank=None,
         score=_score(score, 6, SEEDS),
         scores={role: _score(value, 6, SEEDS) for role, value in scores.items()},
-        worst=_worst(index, by_rival[KNOWN]),
+        worst=_worst(index, by_rival[PUBLIC]),
         by_rival=by_rival,
         units=_units(by_rival, kind),
         seeds={} if kind == "script" else {k: score + k - 2 for k in range(5)},
@@ -182,7 +182,7 @@ def _worst(index: int, scores: dict[str, Score]) -> WorstCase:
     if index % 3 == 0:
         return WorstCase("player-1", CROSSPLAY, Score(-30.0), Score(-13.96))
     rival, score = min(scores.items(), key=lambda item: item[1].value)
-    return WorstCase(rival, KNOWN, score, _score(2.5, 0.5))
+    return WorstCase(rival, PUBLIC, score, _score(2.5, 0.5))
 
 
 def _measures(rng: np.random.Generator) -> dict[str, float | None]:

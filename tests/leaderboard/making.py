@@ -86,10 +86,10 @@ def write_seed(folder: Path, seed: int, data: bytes | None = None, **changes) ->
 
 
 def write_submission(folder: Path, seeds=(0, 1), **changes) -> Path:
-    """A sound submission, but for what is changed; a field that is to be ``...`` is left out."""
+    """A sound submission, but for what is changed; a suite that is to be ``...`` is left out."""
     folder.mkdir(parents=True)
-    fields = {key: content for key, content in (FIELDS | changes).items() if content is not ...}
-    (folder / "submission.yaml").write_text(yaml.safe_dump(fields))
+    suites = {key: content for key, content in (FIELDS | changes).items() if content is not ...}
+    (folder / "submission.yaml").write_text(yaml.safe_dump(suites))
     for seed in seeds:
         write_seed(folder / f"seed_{seed}", seed)
     return folder

@@ -1,4 +1,4 @@
-"""A small field of planners, and a language model's submission that was recorded on it."""
+"""A small suite of planners, and a language model's submission that was recorded on it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fpg_bench.planning.llm.attempt import Attempt
 from fpg_bench.planning.llm.chain import KEY, chain_start, linked
 from tests.planning.llm.fault_server import FaultServer, answer
 
-PLANNER_FIELD = """\
+PLANNER_SUITE = """\
 side: planner
 scenario: standard
 rounds_per_match: 3
@@ -24,7 +24,7 @@ matches: 2
 opponent: adaptive
 last_rounds: 1
 scale: {zero: 5.73, top: 30.45}
-counterparts:
+rivals:
   - {ally: idle}
   - {ally: expert}
 """
@@ -41,10 +41,10 @@ def toy(body: dict[str, Any]) -> str:
     return json.dumps({"waypoints": points})
 
 
-def record(folder: Path, field: Path, say: Callable[[dict[str, Any]], str] = toy, **options: Any) -> Any:
+def record(folder: Path, suite: Path, say: Callable[[dict[str, Any]], str] = toy, **options: Any) -> Any:
     """Record the planner ``llm`` under ``folder/out``; gives what the comparison says of it."""
     with FaultServer([answer(say)]) as server, environment(server.url):
-        found = compare(["llm"], str(field), folder / "out", llm=options)
+        found = compare(["llm"], str(suite), folder / "out", llm=options)
     return next(summary for summary in found if summary.entry == "llm")
 
 

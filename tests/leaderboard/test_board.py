@@ -17,15 +17,15 @@ from fpg_bench.leaderboard.crossplay import play_missing
 from fpg_bench.leaderboard.ranking import nash
 from fpg_bench.leaderboard.result import verified_result, write_result
 from fpg_bench.leaderboard.site.page_data import policy_data, submitted_policies
-from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, SHIFTED, UNSEEN
+from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
 from fpg_bench.leaderboard.verify import verify
-from tests.leaderboard.entering import FIELD, close_season, enter, write_field
+from tests.leaderboard.entering import SUITE, close_season, enter, write_suite
 from tests.leaderboard.making import model, node, weights
 
 pytestmark = pytest.mark.slow
 
 
-def quiet(line):
+def quiet(record):
     pass
 
 
@@ -86,9 +86,9 @@ def test_entries_are_ranked_and_marked(entered):
     wise = figures["wise"]
     assert entries["wise"].name == "<b>Wise</b>"
     assert (entries["wise"].kind, entries["wise"].training, wise.training_seeds) == ("script", None, 0)
-    assert (ally.ranked_by, wise.score) == (KNOWN, wise.scores[KNOWN])
-    assert tuple(wise.by_rival[KNOWN]) == ally.suites[0].rivals
-    assert wise.worst.score.value == min(score.value for score in wise.by_rival[KNOWN].values())
+    assert (ally.ranked_by, wise.score) == (PUBLIC, wise.scores[PUBLIC])
+    assert tuple(wise.by_rival[PUBLIC]) == ally.suites[0].rivals
+    assert wise.worst.score.value == min(score.value for score in wise.by_rival[PUBLIC].values())
     assert wise.measures["return"] == pytest.approx(wise.measures["ally_return"] / 300, rel=1e-4)
     assert sum(wise.histograms["jam"]) == pytest.approx(1, abs=1e-4)
     assert [figures[slug].has_few_seeds for slug in ("wise", "few", "linear")] == [False, True, False]
@@ -250,7 +250,7 @@ def test_the_same_player_is_shown_once(board):
 
 def test_an_ally_s_worst_may_be_an_opponent_of_the_board(entered):
     before = {slug: figures.worst for slug, figures in figures_of(table(entered, "ally")).items()}
-    assert {worst.where for worst in before.values()} == {KNOWN}
+    assert {worst.where for worst in before.values()} == {PUBLIC}
     play_missing(entered, say=quiet)
     board = make_board(entered)
     after = {slug: figures.worst for slug, figures in figures_of(board.tracks[0]).items()}
@@ -267,11 +267,11 @@ def test_an_ally_s_worst_may_be_an_opponent_of_the_board(entered):
 
 
 @pytest.fixture
-def season(board, small_fields, in_process):
+def season(board, small_suites, in_process):
     """A board whose first season is closed: two opponents are unseen, and some rules shifted."""
-    close_season(small_fields, ally={"counterparts": [{"opponent": "tone"}, {"opponent": "comb"}]})
+    close_season(small_suites, ally={"rivals": [{"opponent": "tone"}, {"opponent": "comb"}]})
     slow = [{"opponent": ["tone", "comb"], "changes": {"ally_speed_m_s": [3, 6]}, "name": "a slower ally"}]
-    write_field(small_fields, "ally-shifted-v1", FIELD | {"matches": 2, "counterparts": slow})
+    write_suite(small_suites, "ally-shifted-v1", SUITE | {"matches": 2, "rivals": slow})
     enter(board, "ally", "wise", script="expert")
     enter(board, "ally", "still", script="idle")
     enter(board, "ally", "linear", seeds=(0, 10, 2))
@@ -284,42 +284,44 @@ def test_a_closed_season_ranks_by_whom_nobody_had_met(season):
     assert (board.season, board.protocol) == (1, PROTOCOL)
     ally = track_of(board, "ally")
     assert ally.ranked_by == UNSEEN
-    roles = [KNOWN, PUBLIC, UNSEEN, SHIFTED]
+    roles = [PUBLIC, PUBLIC_SEEDS, UNSEEN, SHIFTED]
     assert [suite.role for suite in ally.suites] == roles
     assert ally.suites[2].rivals == ("tone", "comb")
     all_figures = figures_of(ally).values()
     for figures in all_figures:
         assert list(figures.scores) == list(figures.by_rival) == roles
         assert figures.score == figures.scores[UNSEEN]
-        assert figures.worst.where in (KNOWN, UNSEEN)
+        assert figures.worst.where in (PUBLIC, UNSEEN)
         assert figures.seeds_gap is not None
         assert figures.rank is not None
     unseen = [figures.scores[UNSEEN].value for figures in all_figures]
     assert unseen == sorted(unseen, reverse=True)
-    assert unseen != sorted((figures.scores[KNOWN].value for figures in all_figures), reverse=True)
+    assert unseen != sorted((figures.scores[PUBLIC].value for figures in all_figures), reverse=True)
 
 
-def test_results_from_before_a_season_do_not_count_in_it(entered, small_fields):
-    close_season(small_fields)
+def test_results_from_before_a_season_do_not_count_in_it(entered, small_suites):
+    close_season(small_suites)
     said = []
     board = make_board(entered, said.append)
     assert len(said) == 6
-    assert all("not verified: result" in line and "of other fields; make it again" in line for line in said)
+    assert all(
+        "not verified: result" in record and "of other suites; make it again" in record for record in said
+    )
     assert not [figures for track in board.tracks for figures in track.verified()]
 
 
 def improve_public(board, slug, points):
     """Make a result whose rounds on the seeds that everybody knew score so many points more."""
     case = make_case(board, board / "submissions/ally" / slug)
-    public = case.fields[PUBLIC]
+    public = case.suites[PUBLIC_SEEDS]
     more = np.array(points) / 100 * (public.scale.top - public.scale.zero) * public.scenario.steps_per_round
-    lines = [
-        dataclasses.replace(line, returns=tuple((np.array(line.returns) + more).tolist()))
-        if line.field_hash == public.hash[:16]
-        else line
-        for line in case.known.lines
+    records = [
+        dataclasses.replace(record, returns=tuple((np.array(record.returns) + more).tolist()))
+        if record.suite_hash == public.hash[:16]
+        else record
+        for record in case.known.records
     ]
-    write_result(case.path, verified_result(slug, "ally", case.printed, lines, case.fields))
+    write_result(case.path, verified_result(slug, "ally", case.printed, records, case.suites))
 
 
 def flagged(board):

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fpg_bench.envs.duel import make_duel
+from fpg_bench.envs.two_player import make_duel
+from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.leaderboard.site import page_data
-from fpg_bench.matches.rounds import play_round, seated
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.players.scripts import ALLIES, OPPONENTS
 from tests.leaderboard.browsing import chromium
@@ -80,21 +80,21 @@ def text(values, kind):
 
 def played(scenario, seeds, actions_of):
     """Rounds of these seeds: actions (k, n, 2, 9), observations (k + 1, n, 2, 15), rewards (k + 1, n, 2)."""
-    arena = make_duel(len(seeds), scenario=scenario).arena
-    arena.reset(seeds=seeds)
+    batch = make_duel(len(seeds), scenario=scenario).batch
+    batch.reset(seeds=seeds)
     actions, seen, rewards = [], [], []
     for k in range(STEPS + 1):
-        seen.append(np.stack([arena.ally_observations, arena.opponent_observations], 1))
-        rewards.append(np.stack([arena.games["ally_reward"], arena.games["opponent_reward"]], 1))
+        seen.append(np.stack([batch.ally_observations, batch.opponent_observations], 1))
+        rewards.append(np.stack([batch.games["ally_reward"], batch.games["opponent_reward"]], 1))
         if k < STEPS:
-            both = actions_of(arena, k)
+            both = actions_of(batch, k)
             actions.append(np.stack(both, 1))
-            arena.step(*both)
+            batch.step(*both)
     return np.array(actions), np.array(seen), np.array(rewards)
 
 
-def randomly(arena, k):
-    return np.random.default_rng(k).uniform(-1.2, 1.2, (2, arena.count, 9)).astype(np.float32)
+def randomly(batch, k):
+    return np.random.default_rng(k).uniform(-1.2, 1.2, (2, batch.count, 9)).astype(np.float32)
 
 
 class Agents:
@@ -104,9 +104,9 @@ class Agents:
         names = ("ally-champion/ppo-stack8/seed_0", "opponent-champion/ppo/seed_0")
         self.players, self.memories = [load_agent(name) for name in names], [None, None]
 
-    def __call__(self, arena, k):
-        starts, both = np.full(arena.count, k == 0), []
-        for i, seen in enumerate((arena.ally_observations, arena.opponent_observations)):
+    def __call__(self, batch, k):
+        starts, both = np.full(batch.count, k == 0), []
+        for i, seen in enumerate((batch.ally_observations, batch.opponent_observations)):
             actions, self.memories[i] = self.players[i].predict(seen.copy(), self.memories[i], starts)
             both.append(actions)
         return both
@@ -128,8 +128,8 @@ PAIRS += [*zip(islice(cycle(ALLIES[::-1]), len(OPPONENTS)), OPPONENTS, strict=Tr
 
 @pytest.mark.parametrize(("ally", "opponent"), PAIRS)
 def test_the_scripts_are_the_same(page, ally, opponent):
-    table, total = seated(make_duel(1, scenario=Scenario()), ally, opponent), np.zeros(2)
-    game = table.duel.arena.games[0]
+    table, total = make_match(make_duel(1, scenario=Scenario()), ally, opponent), np.zeros(2)
+    game = table.duel.batch.games[0]
 
     def add():
         total[:] += game["ally_reward"], game["opponent_reward"]

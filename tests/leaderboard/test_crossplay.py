@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.play import LOST_SCORE, play
 from fpg_bench.evaluation.seeds import PROTOCOL
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.leaderboard.crossplay import Team, check_pairs, play_missing, play_pair
 from fpg_bench.leaderboard.pairs import (
@@ -22,7 +22,7 @@ from fpg_bench.leaderboard.playing import Part
 from fpg_bench.leaderboard.submission import Policy
 from fpg_bench.leaderboard.verify import verify
 from fpg_bench.players.agent import OnnxPlayer
-from fpg_bench.players.naming import as_player
+from fpg_bench.players.registry import as_player
 from tests.leaderboard.entering import close_season, enter
 from tests.leaderboard.making import policy
 
@@ -31,22 +31,22 @@ pytestmark = pytest.mark.slow
 ROUNDS = 6
 
 
-def entry(field, slug, *plays, shipped=True):
-    field = load_field(field)
+def entry(suite, slug, *plays, shipped=True):
+    suite = load_suite(suite)
     parts = tuple(
         Part(slug, None, p)
         if isinstance(p, str)
         else Part(slug, p, Policy(p, {}, policy(p), str(p)), shipped)
         for p in plays
     )
-    scenario = field.counterparts[0].scenario
-    return BoardEntry(slug, field.side, parts, scenario, field.scale, field.season)
+    scenario = suite.rivals[0].scenario
+    return BoardEntry(slug, suite.side, parts, scenario, suite.scale, suite.season)
 
 
-def line_of(player, field, counterpart):
+def record_of(player, suite, rival):
     """As an evaluation of so many rounds has it."""
-    field = dataclasses.replace(load_field(field), matches=ROUNDS)
-    return play(player_entry(player), field, field.named(counterpart))
+    suite = dataclasses.replace(load_suite(suite), matches=ROUNDS)
+    return play(player_entry(player), suite, suite.named(rival))
 
 
 @pytest.mark.parametrize("spec", ["reactive", 3])
@@ -54,7 +54,7 @@ def test_a_pair_plays_as_an_evaluation_does(spec):
     """Both sides' returns a step, and how much was jammed."""
     found = play_pair(entry("ally-v1", "a", spec), entry("opponent-v1", "o", "adaptive"), rounds=ROUNDS)
     player = spec if isinstance(spec, str) else OnnxPlayer(policy(spec), {})
-    tally = line_of(player, "ally-v1", "adaptive/pursuit").tally
+    tally = record_of(player, "ally-v1", "adaptive/pursuit").tally
     expected = {
         "ally_rewards": pytest.approx((tally["ally_return"] / tally["steps"],), rel=1e-5),
         "opponent_rewards": pytest.approx((tally["opponent_return"] / tally["steps"],), rel=1e-5),
@@ -75,16 +75,16 @@ def test_every_training_seed_has_its_own_return():
 def test_the_opponents_table_says_how_it_flies():
     ally = entry("ally-v1", "a", "expert")
     found = [
-        play_pair(ally, entry(field, "o", 1), rounds=ROUNDS).jamming_success_rate
-        for field in ("opponent-v1", "opponent-learned-v1")
+        play_pair(ally, entry(suite, "o", 1), rounds=ROUNDS).jamming_success_rate
+        for suite in ("opponent-v1", "opponent-learned-v1")
     ]
     assert found[0] != found[1]
 
 
 def test_a_team_plays_each_game_as_its_member_alone_would():
     members = [as_player("random", "ally", as_scenario(None)), OnnxPlayer(policy(1), {})]
-    seats = np.array([0, 1, 1, 0, 1])
-    team = Team(members, seats)
+    runners = np.array([0, 1, 1, 0, 1])
+    team = Team(members, runners)
     seeds, seen = np.arange(5, dtype=np.uint64), np.random.default_rng(0).normal(size=(3, 5, 15)).astype("f")
     team.reset(np.ones(5, bool), seeds)
     memory, found = None, []
@@ -92,7 +92,7 @@ def test_a_team_plays_each_game_as_its_member_alone_would():
         actions, memory = team.predict(step, memory, np.zeros(5, bool))
         found.append(actions)
     for k, alone in enumerate([as_player("random", "ally", as_scenario(None)), members[1]]):
-        mine = seats == k
+        mine = runners == k
         if hasattr(alone, "reset"):
             alone.reset(np.ones(mine.sum(), bool), seeds[mine])
         memory = None
@@ -123,12 +123,12 @@ def entered(board, in_process):
         enter(board, "ally", slug, script=slug)
     enter(board, "opponent", "adaptive", script="adaptive")
     enter(board, "opponent", "linear", seeds=(0, 1))
-    assert all(verdict.good for verdict in verify(board, say=lambda line: None))
+    assert all(verdict.good for verdict in verify(board, say=lambda record: None))
     return board
 
 
 def rows(board):
-    return [json.loads(line) for line in crossplay_file(board).read_text().splitlines()]
+    return [json.loads(record) for record in crossplay_file(board).read_text().splitlines()]
 
 
 def play_all(board, **how):
@@ -145,7 +145,7 @@ def test_only_new_pairs_are_played(entered):
     assert play_all(entered) == "crossplay: 0 of 4 pairs to play"
     enter(entered, "ally", "always-hop", script="always-hop")
     enter(entered, "ally", "unplayed", script="reactive")
-    verify(entered, ["ally/always-hop"], say=lambda line: None)
+    verify(entered, ["ally/always-hop"], say=lambda record: None)
     assert play_all(entered, jobs=2) == "crossplay: 2 of 6 pairs to play"
     assert rows(entered)[2:] == first
     assert rows(entered)[0]["ally"] == "always-hop"
@@ -178,7 +178,7 @@ def test_who_lacks_pairs_is_taken_out(played, left):
 
 def test_a_policy_that_fails_leaves_a_gap_and_a_line(entered, in_process):
     in_process.fails = True
-    assert play_missing(entered, say=lambda line: None) == [
+    assert play_missing(entered, say=lambda record: None) == [
         "expert - linear: took longer than it may",
         "idle - linear: took longer than it may",
     ]
@@ -210,14 +210,14 @@ def test_returns_that_were_edited_are_found(entered, side):
     assert found.startswith(f"idle - linear: {side}'s return a step ")
 
 
-def test_a_new_season_wants_new_pairs(entered, small_fields):
+def test_a_new_season_wants_new_pairs(entered, small_suites):
     """Its rounds are others, so that figures of two seasons never stand in one matrix."""
     play_all(entered)
     before = rows(entered)
-    close_season(small_fields)
-    assert play_missing(entered, say=lambda line: None) == []
+    close_season(small_suites)
+    assert play_missing(entered, say=lambda record: None) == []
     assert rows(entered) == []
-    verify(entered, update=True, say=lambda line: None)
+    verify(entered, update=True, say=lambda record: None)
     assert play_all(entered) == "crossplay: 4 of 4 pairs to play"
     assert not {row["key"] for row in before} & {row["key"] for row in rows(entered)}
 

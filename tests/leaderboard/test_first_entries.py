@@ -10,10 +10,10 @@ from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import make_case, submission_folders
 from fpg_bench.leaderboard.check import load_submission
 from fpg_bench.leaderboard.onnx_contract import check_policies
-from fpg_bench.leaderboard.tracks import KNOWN, UNSEEN
+from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN
 from fpg_bench.players.scripted import SCRIPTED
+from fpg_bench.training.zoo import load_zoo
 from fpg_bench.version import __version__
-from fpg_bench.zoo.zoo import load_zoo
 from tests.programs import fpg, python
 
 pytestmark = pytest.mark.slow
@@ -70,10 +70,10 @@ def test_the_script_enters_what_stands_there_and_no_half_of_an_algorithm(tmp_pat
 
 
 def test_random_play_stands_at_0_and_nobody_above_100(shown):
-    """0 was measured on the seeds of the public fields; a season's are others, so it is met but nearly."""
+    """0 was measured on the seeds of the public suites; a season's are others, so it is met but nearly."""
     for key in ("ally", "opponent-pursuit", "opponent-learned", "planner"):
         known = {
-            entry.slug.removesuffix("-learned"): figures.scores[KNOWN].value
+            entry.slug.removesuffix("-learned"): figures.scores[PUBLIC].value
             for entry, figures in shown[key].verified()
         }
         assert known["random"] == pytest.approx(0, abs=2), key
@@ -83,7 +83,7 @@ def test_random_play_stands_at_0_and_nobody_above_100(shown):
 def test_worst_is_no_higher_than_any_score(shown):
     for track in shown.values():
         for entry, figures in track.verified():
-            scores = [figures.scores[role].value for role in (KNOWN, UNSEEN) if role in figures.scores]
+            scores = [figures.scores[role].value for role in (PUBLIC, UNSEEN) if role in figures.scores]
             assert figures.worst.score.value <= min(scores), (track.key, entry.slug)
 
 

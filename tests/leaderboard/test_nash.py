@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.leaderboard.ranking import nash
 
 

@@ -132,8 +132,8 @@ def found():
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_policies_are_named_in_one_line(name, found):
     assert len(found[name]) == (3 if name == "own function" else 1)
-    assert any(re.search(HOSTILE[name][1], line) for line in found[name])
-    assert all("\n" not in line and len(line) <= 400 for line in found[name])
+    assert any(re.search(HOSTILE[name][1], record) for record in found[name])
+    assert all("\n" not in record and len(record) <= 400 for record in found[name])
 
 
 def test_sound_policies_pass():

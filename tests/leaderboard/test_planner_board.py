@@ -15,7 +15,7 @@ from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.check import problems
 from fpg_bench.leaderboard.result import verified_result, write_result
-from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, UNSEEN
+from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, UNSEEN
 from fpg_bench.leaderboard.verify import verify
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 
@@ -29,7 +29,7 @@ NAMES = ["planner/hold", "planner/pursuit", "planner/toy"]
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
-    (folder / "planner-v1.yml").write_text(recording.PLANNER_FIELD)
+    (folder / "planner-v1.yml").write_text(recording.PLANNER_SUITE)
     with mock.patch.object(compare, "current_season", return_value=None):  # as the board of these tests
         recording.record(folder, folder / "planner-v1.yml")
     return folder
@@ -44,12 +44,12 @@ def entered(board, recorded):
     return board
 
 
-def lines_of(verdicts):
+def records_of(verdicts):
     return {verdict.name: (verdict.good, verdict.line) for verdict in verdicts}
 
 
 def quietly(board, *names, **how):
-    return lines_of(verify(board, names, say=lambda line: None, **how))
+    return records_of(verify(board, names, say=lambda line: None, **how))
 
 
 def test_a_board_of_planners_is_verified_and_holds(entered):
@@ -108,25 +108,25 @@ def test_a_share_of_valid_answers_that_was_edited_is_found(entered):
     case = make_case(entered, entered / "submissions" / "planner" / "toy")
     lines = [
         dataclasses.replace(line, plans=dataclasses.replace(line.plans, statuses={"ok": 6}))
-        for line in case.known.lines
+        for line in case.known.records
     ]
-    write_result(case.path, verified_result("toy", "planner", case.printed, lines, case.fields))
+    write_result(case.path, verified_result("toy", "planner", case.printed, lines, case.suites))
     good, line = quietly(entered, "planner/toy")["planner/toy"]
     assert not good
     assert "the result does not hold: planner-v1, idle: other plans" in line
 
 
-def test_a_model_stands_behind_planners_once_a_season_is_closed(entered, small_fields):
+def test_a_model_stands_behind_planners_once_a_season_is_closed(entered, small_suites):
     """It has met the first public matches alone, so it has a score of what is known, and no rank."""
-    close_season(small_fields, planner={"counterparts": [{"ally": "reactive"}]})
+    close_season(small_suites, planner={"rivals": [{"ally": "reactive"}]})
     assert quietly(entered)["planner/toy"][1].startswith("verified: known ")
     assert quietly(entered)["planner/hold"][0]
     track = next(track for track in make_board(entered).tracks if track.key == "planner")
     assert track.ranked_by == UNSEEN
     *others, (last, figures) = track.verified()
-    assert (last.slug, figures.rank, list(figures.scores)) == ("toy", None, [KNOWN])
-    assert figures.score == figures.scores[KNOWN]
-    assert all(other.rank and list(other.scores) == [KNOWN, PUBLIC, UNSEEN] for _, other in others)
+    assert (last.slug, figures.rank, list(figures.scores)) == ("toy", None, [PUBLIC])
+    assert figures.score == figures.scores[PUBLIC]
+    assert all(other.rank and list(other.scores) == [PUBLIC, PUBLIC_SEEDS, UNSEEN] for _, other in others)
 
 
 def test_what_was_stopped_goes_on_and_comes_to_the_same(entered, monkeypatch):
@@ -138,11 +138,11 @@ def test_what_was_stopped_goes_on_and_comes_to_the_same(entered, monkeypatch):
     path.unlink()
     played, play = [], playing.play
 
-    def stops(entry, field, counterpart):
-        played.append(counterpart.name)
+    def stops(entry, suite, rival):
+        played.append(rival.name)
         if len(played) == 2:
             raise KeyboardInterrupt
-        return play(entry, field, counterpart)
+        return play(entry, suite, rival)
 
     monkeypatch.setattr(playing, "play", stops)
     with pytest.raises(KeyboardInterrupt):
@@ -195,6 +195,6 @@ def test_all_planners_that_ask_no_model_stand_on_the_board_as_their_scores_say()
         case = make_case(BOARD, BOARD / "submissions" / "planner" / name)
         assert case.known is not None, f"{name}: no result; run fpg-bench submit verify"
         assert case.known.verified, name
-        found[name] = case.known.head["summary"]["scores"]["known"]["value"]
+        found[name] = case.known.head["summary"]["scores"]["public"]["value"]
     assert found["hold"] < found["random"] < found["hill-climb"] < found["interceptor"] < found["pursuit"]
     assert found["optimised"] == max(found.values())

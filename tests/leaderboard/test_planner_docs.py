@@ -1,4 +1,4 @@
-"""The page on entering a planner: its commands are run, on a small field in place of the track's."""
+"""The page on entering a planner: its commands are run, on a small suite in place of the track's."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.pages import Reader, blocks, broken_links
 from tests.planning.llm.fault_server import FaultServer, answer
 from tests.programs import ROOT
 
-from .entering import make_fields
+from .entering import make_suites
 from .recording import toy
 
 FILE = ROOT / "docs" / "submitting-planners.md"
@@ -25,7 +25,7 @@ ENTRY = "leaderboard/submissions/planner/my-model"
 @pytest.mark.process
 def test_every_command_works_in_the_order_of_the_page(tmp_path):
     with FaultServer([answer(toy)]) as server:
-        reader = Reader(tmp_path, make_fields(tmp_path / "baselines"), FPG_LLM_BASE_URL=server.url)
+        reader = Reader(tmp_path, make_suites(tmp_path / "baselines"), FPG_LLM_BASE_URL=server.url)
         for language, code in blocks(PAGE):
             if language == "yaml":
                 reader.writes(f"{ENTRY}/submission.yaml", code)
@@ -36,9 +36,9 @@ def test_every_command_works_in_the_order_of_the_page(tmp_path):
     result = (tmp_path / "leaderboard/results/planner/my-model.jsonl").read_text()
     head, *kept = map(json.loads, result.splitlines())
     assert (head["status"], head["fingerprint"]["planner"]["model"]) == ("verified", "my-model")
-    lines = (tmp_path / "runs/again/lines.jsonl").read_text().splitlines()
-    again = [line for line in map(json.loads, lines) if line["entry"] == "transcripts"]
-    assert [line["rounds_sha256"] for line in again] == [line["rounds_sha256"] for line in kept]
+    records = (tmp_path / "runs/again/records.jsonl").read_text().splitlines()
+    again = [record for record in map(json.loads, records) if record["entry"] == "transcripts"]
+    assert [record["rounds_sha256"] for record in again] == [record["rounds_sha256"] for record in kept]
 
 
 def test_the_page_s_numbers_are_the_code_s():

@@ -7,109 +7,109 @@ import json
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.compare import compare
-from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.statistics import rank_ranges
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summary_of
-from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines
+from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.leaderboard.result import planner_facts
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from tests.planning.llm.real_server import LlamaServer
 
-from .recording import PLANNER_FIELD, enter, environment, record, rows_of, write_chained
+from .recording import PLANNER_SUITE, enter, environment, record, rows_of, write_chained
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("track")
-    (folder / "mine.yml").write_text(PLANNER_FIELD)
+    (folder / "mine.yml").write_text(PLANNER_SUITE)
     return folder
 
 
 @pytest.fixture(scope="module")
-def field(folder):
-    return load_field(str(folder / "mine.yml"))
+def suite(folder):
+    return load_suite(str(folder / "mine.yml"))
 
 
 @pytest.fixture(scope="module")
 def short(folder):
     """One match of two rounds against one ally."""
-    file, text = folder / "short.yml", PLANNER_FIELD.replace("  - {ally: expert}\n", "")
+    file, text = folder / "short.yml", PLANNER_SUITE.replace("  - {ally: expert}\n", "")
     file.write_text(text.replace("match: 3", "match: 2").replace("matches: 2", "matches: 1"))
     return file
 
 
 @pytest.fixture(scope="module")
-def toy(folder, field):
+def toy(folder, suite):
     """What a comparison said of a recorded model, its submission's folder, and its lines."""
     said = record(folder, folder / "mine.yml")
     entry = enter(folder / "out", folder / "toy")
-    return said, entry, of_transcripts(entry, field)
+    return said, entry, of_transcripts(entry, suite)
 
 
-def of_transcripts(entry, field):
-    return list(part_lines(Part("toy", None, "transcripts", recorded=entry), meetings_of([field])))
+def of_transcripts(entry, suite):
+    return list(part_records(Part("toy", None, "transcripts", recorded=entry), matchups_of([suite])))
 
 
-def of_script(name, field):
-    return list(part_lines(Part(name, None, name), meetings_of([field])))
+def of_script(name, suite):
+    return list(part_records(Part(name, None, name), matchups_of([suite])))
 
 
 def submitted(folder=None, script=None):
     return type("Submitted", (), {"folder": folder, "script": script, "runs": 3})
 
 
-def test_a_recorded_model_scores_what_its_comparison_said_and_nobody_is_asked(toy, field):
+def test_a_recorded_model_scores_what_its_comparison_said_and_nobody_is_asked(toy, suite):
     said, _, lines = toy
-    found = summary_of(lines, field)
-    assert (found.score, found.by_counterpart, found.measures) == (
+    found = summary_of(lines, suite)
+    assert (found.score, found.by_rival, found.measures) == (
         said.score,
-        said.by_counterpart,
+        said.by_rival,
         said.measures,
     )
-    assert [line.rounds_sha256 for line in lines] == [line.rounds_sha256 for line in said.lines]
+    assert [line.rounds_sha256 for line in lines] == [line.rounds_sha256 for line in said.records]
     plans = found.pooled.plans
     assert (plans.valid, plans.tokens) == (said.pooled.plans.valid, said.pooled.plans.tokens)
     assert plans.statuses == {"fallback-invalid": 4, "ok": 4, "reasked": 4}
     assert plans.useless == said.pooled.plans.useless
 
 
-def test_playing_again_gives_the_same_lines(toy, field):
+def test_playing_again_gives_the_same_lines(toy, suite):
     _, entry, lines = toy
-    assert of_transcripts(entry, field) == lines
-    assert of_script("hill-climb", field) == of_script("hill-climb", field)
+    assert of_transcripts(entry, suite) == lines
+    assert of_script("hill-climb", suite) == of_script("hill-climb", suite)
 
 
-def test_a_planner_of_the_package_scores_what_a_comparison_says(folder, field):
+def test_a_planner_of_the_package_scores_what_a_comparison_says(folder, suite):
     found = compare(["interceptor", "random", "pursuit"], str(folder / "mine.yml"), folder / "plain")
     for said in found:
-        mine = summary_of(of_script(said.entry, field), field)
+        mine = summary_of(of_script(said.entry, suite), suite)
         assert (mine.score, mine.measures) == (said.score, said.measures)
         assert (mine.pooled.plans.valid, mine.pooled.plans.tokens) == (None, None)
 
 
-def test_lines_are_of_the_form_of_all_results(toy, field):
-    for line in (*toy[2], *of_script("hold", field)):
+def test_lines_are_of_the_form_of_all_results(toy, suite):
+    for line in (*toy[2], *of_script("hold", suite)):
         row = line.row()
         assert json.loads(json.dumps(row, allow_nan=False)).keys() == row.keys()
-        assert len(line.returns) == field.rounds == sum(line.plans.statuses.values())
-        assert len(line.ally_points) == field.scenario.frequency_points
+        assert len(line.returns) == suite.rounds == sum(line.plans.statuses.values())
+        assert len(line.ally_points) == suite.scenario.frequency_points
         assert line.plans.seconds == 0
 
 
-def test_the_score_is_of_the_last_rounds_of_a_match(toy, field):
-    """The field counts one of three."""
+def test_the_score_is_of_the_last_rounds_of_a_match(toy, suite):
+    """The suite counts one of three."""
     _, _, lines = toy
     last = [x for line in lines for x in line.returns[2::3]]
-    assert summary_of(lines, field).reward.value == pytest.approx(sum(last) / len(last) / 300)
-    whole = dataclasses.replace(field, last_rounds=None)
-    assert whole.hash != field.hash
+    assert summary_of(lines, suite).reward.value == pytest.approx(sum(last) / len(last) / 300)
+    whole = dataclasses.replace(suite, last_rounds=None)
+    assert whole.hash != suite.hash
 
 
-def test_the_fingerprint_tells_the_tier_the_matches_and_the_model(toy, field):
-    assert planner_facts(submitted(script="pursuit"), field) == {"tier": "ally", "matches": 2}
-    facts = planner_facts(submitted(toy[1]), field)
+def test_the_fingerprint_tells_the_tier_the_matches_and_the_model(toy, suite):
+    assert planner_facts(submitted(script="pursuit"), suite) == {"tier": "ally", "matches": 2}
+    facts = planner_facts(submitted(toy[1]), suite)
     assert facts | {"prompt_hash": ""} == {
         "tier": "history",
         "matches": 2,
@@ -123,9 +123,9 @@ def test_the_fingerprint_tells_the_tier_the_matches_and_the_model(toy, field):
     }
 
 
-def test_planners_rank_by_their_scores_over_matches(toy, field):
-    lines = {name: of_script(name, field) for name in ("pursuit", "random")} | {"toy": toy[2]}
-    entries = [summary_of(of, field) for of in lines.values()]
+def test_planners_rank_by_their_scores_over_matches(toy, suite):
+    lines = {name: of_script(name, suite) for name in ("pursuit", "random")} | {"toy": toy[2]}
+    entries = [summary_of(of, suite) for of in lines.values()]
     assert [entry.over for entry in entries] == ["matches"] * 3
     assert all(entry.samples.shape == (2,) for entry in entries)
     assert rank_ranges([entry.samples for entry in entries])[0][0] == 1
@@ -137,18 +137,18 @@ def test_a_real_server_is_recorded_and_verified_when_it_is_gone(folder, short):
     profile.write_text("about: short\nresponse_format: json_schema\nseed: true\n")
     with LlamaServer() as server, environment(server.url, server.model):
         compare(["llm"], str(short), folder / "real", llm={"server": str(profile)})
-    entry, field = enter(folder / "real", folder / "tiny"), load_field(str(short))
-    assert check_transcripts(entry, field) == []
-    plans = summary_of(of_transcripts(entry, field), field).pooled.plans
-    assert (plans.valid, plans.statuses) == (1, {"ok": field.rounds})
+    entry, suite = enter(folder / "real", folder / "tiny"), load_suite(str(short))
+    assert check_transcripts(entry, suite) == []
+    plans = summary_of(of_transcripts(entry, suite), suite).pooled.plans
+    assert (plans.valid, plans.statuses) == (1, {"ok": suite.rounds})
     assert plans.tokens > 0
 
 
-def test_transcripts_of_another_ally_are_refused(toy, folder, field):
+def test_transcripts_of_another_ally_are_refused(toy, folder, suite):
     swapped = enter(folder / "out", folder / "swapped", pack=False) / "transcripts"
     write_chained(swapped / "idle.jsonl", rows_of(swapped / "expert.jsonl"))
-    assert check_transcripts(folder / "swapped", field) == []
+    assert check_transcripts(folder / "swapped", suite) == []
     with pytest.raises(
         UserError, match=r"against idle: transcript transcripts/idle.jsonl: .* other messages"
     ):
-        of_transcripts(folder / "swapped", field)
+        of_transcripts(folder / "swapped", suite)

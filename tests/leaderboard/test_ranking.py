@@ -5,31 +5,31 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fpg_bench.evaluation.field import Scale, load_field
 from fpg_bench.evaluation.statistics import rank_ranges
+from fpg_bench.evaluation.suite import Scale, load_suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.leaderboard.ranking import improvements, profiles, runs
 
 MATCHES = 40
 CHANCE = np.random.default_rng(0).normal(0, 3, (10, MATCHES))  # shared by all who play the same rounds
-FIELD = dataclasses.replace(load_field("ally-v1"), scale=Scale(0, 20))
+SUITE = dataclasses.replace(load_suite("ally-v1"), scale=Scale(0, 20))
 
 
 def script(name, value):
     own = np.random.default_rng(len(name)).normal(0, 0.1, (10, MATCHES))
-    return Summary(name, FIELD, (value + CHANCE + own)[None], False, ())
+    return Summary(name, SUITE, (value + CHANCE + own)[None], False, ())
 
 
 def agent(name, *values):
     rewards = np.array([np.full((10, MATCHES), value) + CHANCE for value in values], float)
-    return Summary(name, FIELD, rewards, True, ())
+    return Summary(name, SUITE, rewards, True, ())
 
 
 def ranks(*entries):
     return rank_ranges([entry.samples for entry in entries])
 
 
-def test_a_run_is_a_training_seed_against_a_counterpart():
+def test_a_run_is_a_training_seed_against_a_rival():
     found = runs(agent("a", 10, 20))
     assert found.shape == (2, 10)
     assert found[1] - found[0] == pytest.approx(np.full(10, 50.0))  # 10 of 20 a step are 50 points

@@ -100,7 +100,7 @@ def test_the_address_keeps_the_round_and_the_step(watched):
     expect(watched.locator("button.round").nth(1)).to_have_attribute("aria-pressed", "true")
 
 
-def test_the_arena_turns_by_keys_and_lets_the_wheel_scroll_the_page(watched):
+def test_the_batch_turns_by_keys_and_lets_the_wheel_scroll_the_page(watched):
     picture = "document.getElementById('replay-arena').toDataURL()"
     watched.locator("#replay-arena").focus()
     before = watched.evaluate(picture)
@@ -115,7 +115,7 @@ def test_the_arena_turns_by_keys_and_lets_the_wheel_scroll_the_page(watched):
     watched.wait_for_function("at => scrollY > at", arg=at)
 
 
-def test_arena_spectrum_and_controls_stand_on_a_phone_at_once(visit):  # noqa: F811
+def test_batch_spectrum_and_controls_stand_on_a_phone_at_once(visit):  # noqa: F811
     page = visit(WATCHED, viewport=PHONE)
     expect(page.locator("#replay-step")).to_have_attribute("max", "300")
     page.evaluate("document.querySelector('.plots').scrollIntoView()")
@@ -125,7 +125,7 @@ def test_arena_spectrum_and_controls_stand_on_a_phone_at_once(visit):  # noqa: F
         assert box["y"] + box["height"] <= PHONE["height"], name
 
 
-def test_one_finger_on_the_arena_scrolls_the_page_and_two_turn_it(visit):  # noqa: F811
+def test_one_finger_on_the_batch_scrolls_the_page_and_two_turn_it(visit):  # noqa: F811
     page = visit(WATCHED, viewport=PHONE, has_touch=True, is_mobile=True)
     expect(page.locator("#replay-step")).to_have_attribute("max", "300")
     page.evaluate("document.querySelector('.plots').scrollIntoView()")

@@ -6,14 +6,14 @@ import os
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.evaluate import evaluate
-from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.seeds import PROTOCOL
-from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines
+from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.leaderboard.result import (
     LARGEST,
-    check_lines,
+    check_records,
     differing,
     failed_result,
     read_result,
@@ -26,21 +26,21 @@ PRINTED = {"version": "0", "protocol": PROTOCOL, "policies": {}}
 
 
 @pytest.fixture
-def fields(small_fields):
-    """Two fields, as one track has them; the second meets others."""
-    known = load_field("ally-v1")
-    return {"known": known, "shifted": dataclasses.replace(known, season="5eed")}
+def suites(small_suites):
+    """Two suites, as one track has them; the second meets others."""
+    known = load_suite("ally-v1")
+    return {"public": known, "shifted": dataclasses.replace(known, season="5eed")}
 
 
 @pytest.fixture
-def printed(fields):
-    return PRINTED | {"fields": {role: [field.name, field.hash] for role, field in fields.items()}}
+def printed(suites):
+    return PRINTED | {"suites": {role: [suite.name, suite.hash] for role, suite in suites.items()}}
 
 
 @pytest.fixture
-def good(fields, printed):
-    lines = list(part_lines(Part("wise", None, "expert"), meetings_of(fields.values())))
-    return verified_result("wise", "ally", printed, lines, fields)
+def good(suites, printed):
+    records = list(part_records(Part("wise", None, "expert"), matchups_of(suites.values())))
+    return verified_result("wise", "ally", printed, records, suites)
 
 
 def path_of(folder):
@@ -49,117 +49,117 @@ def path_of(folder):
 
 def forge(path, good, change):
     """Write a result whose lines were changed by somebody who knows how to make the hash fit."""
-    lines = [json.loads(json.dumps(line.row())) for line in good.lines]
-    change(lines)
-    text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
+    records = [json.loads(json.dumps(record.row())) for record in good.records]
+    change(records)
+    text = "".join(json.dumps(record, separators=(",", ":")) + "\n" for record in records)
     head = good.head | {"lines_sha256": hashlib.sha256(text.encode()).hexdigest()}
     path.parent.mkdir(exist_ok=True)
     path.write_text(json.dumps(head, separators=(",", ":")) + "\n" + text)
 
 
-def test_what_is_written_is_read(good, fields, tmp_path):
+def test_what_is_written_is_read(good, suites, tmp_path):
     write_result(path_of(tmp_path), good)
-    assert read_result(path_of(tmp_path), fields) == good
+    assert read_result(path_of(tmp_path), suites) == good
     assert good.verified
-    assert good.head["summary"]["scores"].keys() == fields.keys()
+    assert good.head["summary"]["scores"].keys() == suites.keys()
 
 
-def test_a_failure_is_written_with_its_reason(fields, printed, tmp_path):
+def test_a_failure_is_written_with_its_reason(suites, printed, tmp_path):
     write_result(path_of(tmp_path), failed_result("wise", "ally", printed, "died"))
-    found = read_result(path_of(tmp_path), fields)
-    assert (found.verified, found.head["reason"], found.lines) == (False, "died", ())
+    found = read_result(path_of(tmp_path), suites)
+    assert (found.verified, found.head["reason"], found.records) == (False, "died", ())
 
 
-def test_a_result_says_what_an_evaluation_says_to_the_digit(good, fields, tmp_path):
-    (found,) = evaluate(["expert"], "ally-v1", tmp_path, say=lambda line: None)
-    told = good.summaries(fields)["known"]
-    assert (told.score, told.reward, told.by_counterpart, told.measures) == (
+def test_a_result_says_what_an_evaluation_says_to_the_digit(good, suites, tmp_path):
+    (found,) = evaluate(["expert"], "ally-v1", tmp_path, say=lambda record: None)
+    told = good.summaries(suites)["public"]
+    assert (told.score, told.reward, told.by_rival, told.measures) == (
         found.score,
         found.reward,
-        found.by_counterpart,
+        found.by_rival,
         found.measures,
     )
-    for mine, other in zip(told.lines, found.lines, strict=True):
+    for mine, other in zip(told.records, found.records, strict=True):
         assert dataclasses.replace(mine, entry=other.entry) == other
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        lambda lines: lines[0].update(training_seed="0"),
-        lambda lines: lines[0].update(training_seed=[0]),
-        lambda lines: lines[0].update(counterpart={}),
-        lambda lines: lines[0].update(field_hash=3),
-        lambda lines: lines[0].update(returns=[]),
-        lambda lines: lines[0]["returns"].__setitem__(0, 10**20),
-        lambda lines: lines[0]["returns"].__setitem__(0, True),
-        lambda lines: lines[0]["returns"].__setitem__(0, "1"),
-        lambda lines: lines[0]["tally"].pop("snr_db"),
-        lambda lines: lines[0]["tally"].update(ally_return=None),
-        lambda lines: lines[0]["tally"].update(steps=0),
-        lambda lines: lines[0].update(tally=[]),
-        lambda lines: lines[0].update(ally_points=[1]),
-        lambda lines: lines[0].update(jam_points=[1.5] * 15),
-        lambda lines: lines[0].update(lost=-1),
-        lambda lines: lines[0].update(lost=5),
-        lambda lines: lines[0].update(rounds_sha256="two\nlines"),
-        lambda lines: lines[0].update(more=1),
-        lambda lines: lines[0].pop("entry"),
+        lambda records: records[0].update(training_seed="0"),
+        lambda records: records[0].update(training_seed=[0]),
+        lambda records: records[0].update(rival={}),
+        lambda records: records[0].update(suite_hash=3),
+        lambda records: records[0].update(returns=[]),
+        lambda records: records[0]["returns"].__setitem__(0, 10**20),
+        lambda records: records[0]["returns"].__setitem__(0, True),
+        lambda records: records[0]["returns"].__setitem__(0, "1"),
+        lambda records: records[0]["tally"].pop("snr_db"),
+        lambda records: records[0]["tally"].update(ally_return=None),
+        lambda records: records[0]["tally"].update(steps=0),
+        lambda records: records[0].update(tally=[]),
+        lambda records: records[0].update(ally_points=[1]),
+        lambda records: records[0].update(jam_points=[1.5] * 15),
+        lambda records: records[0].update(lost=-1),
+        lambda records: records[0].update(lost=5),
+        lambda records: records[0].update(rounds_sha256="two\nlines"),
+        lambda records: records[0].update(more=1),
+        lambda records: records[0].pop("entry"),
     ],
 )
-def test_a_line_that_fits_its_hash_but_is_none_is_told(good, fields, tmp_path, change):
+def test_a_line_that_fits_its_hash_but_is_none_is_told(good, suites, tmp_path, change):
     forge(path_of(tmp_path), good, change)
-    with pytest.raises(UserError, match=r"wise.jsonl: line 2 is no line of a counterpart"):
-        read_result(path_of(tmp_path), fields)
+    with pytest.raises(UserError, match=r"wise.jsonl: line 2 is no line of a rival"):
+        read_result(path_of(tmp_path), suites)
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        lambda lines: lines.pop(),
-        lambda lines: lines.append(lines[0]),
-        lambda lines: lines[1].update(counterpart=lines[0]["counterpart"]),
-        lambda lines: lines[0].update(training_seed=0),
-        lambda lines: lines[0].update(entry="somebody-else"),
-        lambda lines: lines[0].update(field="another-name"),
-        lambda lines: lines[0].update(field_hash=lines[-1]["field_hash"]),
+        lambda records: records.pop(),
+        lambda records: records.append(records[0]),
+        lambda records: records[1].update(rival=records[0]["rival"]),
+        lambda records: records[0].update(training_seed=0),
+        lambda records: records[0].update(entry="somebody-else"),
+        lambda records: records[0].update(suite="another-name"),
+        lambda records: records[0].update(suite_hash=records[-1]["suite_hash"]),
     ],
 )
-def test_lines_are_one_per_seed_and_counterpart(good, fields, tmp_path, change):
+def test_lines_are_one_per_seed_and_rival(good, suites, tmp_path, change):
     forge(path_of(tmp_path), good, change)
-    with pytest.raises(UserError, match="its lines are not one per training seed and counterpart"):
-        read_result(path_of(tmp_path), fields)
+    with pytest.raises(UserError, match="its lines are not one per training seed and rival"):
+        read_result(path_of(tmp_path), suites)
 
 
 @pytest.mark.parametrize(
     "change",
-    [lambda lines: lines[0].update(field_hash="0" * 16), lambda lines: lines[0]["returns"].pop()],
-    ids=["another field", "a round less"],
+    [lambda records: records[0].update(suite_hash="0" * 16), lambda records: records[0]["returns"].pop()],
+    ids=["another suite", "a round less"],
 )
-def test_a_line_of_another_field_is_refused(good, fields, tmp_path, change):
+def test_a_line_of_another_suite_is_refused(good, suites, tmp_path, change):
     forge(path_of(tmp_path), good, change)
-    with pytest.raises(UserError, match="holds a line of another field, or of another number of rounds"):
-        read_result(path_of(tmp_path), fields)
+    with pytest.raises(UserError, match="holds a line of another suite, or of another number of rounds"):
+        read_result(path_of(tmp_path), suites)
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        lambda lines: lines[0]["returns"].__setitem__(0, 9e3),
-        lambda lines: lines[0]["tally"].update(jammed=lines[0]["tally"]["jammed"] + 1),
-        lambda lines: lines[1].update(lost=1),
-        lambda lines: lines[-1]["returns"].__setitem__(0, -9e3),
+        lambda records: records[0]["returns"].__setitem__(0, 9e3),
+        lambda records: records[0]["tally"].update(jammed=records[0]["tally"]["jammed"] + 1),
+        lambda records: records[1].update(lost=1),
+        lambda records: records[-1]["returns"].__setitem__(0, -9e3),
     ],
     ids=["return", "tally", "lost", "the worst"],
 )
-def test_a_summary_follows_from_the_lines(good, fields, tmp_path, change):
+def test_a_summary_follows_from_the_lines(good, suites, tmp_path, change):
     forge(path_of(tmp_path), good, change)
     with pytest.raises(UserError, match="edited by hand: its summary does not follow from its lines"):
-        read_result(path_of(tmp_path), fields)
+        read_result(path_of(tmp_path), suites)
 
 
 @pytest.mark.parametrize("key", ["scores", "worst", "rounds", "lost", "measures", "training_seeds"])
-def test_a_number_of_the_summary_that_was_edited_is_told(good, fields, tmp_path, key):
+def test_a_number_of_the_summary_that_was_edited_is_told(good, suites, tmp_path, key):
     told = json.loads(json.dumps(good.head["summary"]))
     at, last = told, key
     while isinstance(at[last], dict):
@@ -168,42 +168,42 @@ def test_a_number_of_the_summary_that_was_edited_is_told(good, fields, tmp_path,
     edited = dataclasses.replace(good, head=good.head | {"summary": told})
     write_result(path_of(tmp_path), edited)
     with pytest.raises(UserError, match="edited by hand: its summary does not follow from its lines"):
-        read_result(path_of(tmp_path), fields)
+        read_result(path_of(tmp_path), suites)
 
 
-def test_the_hash_of_the_rounds_is_part_of_what_a_line_says(good, fields, tmp_path):
+def test_the_hash_of_the_rounds_is_part_of_what_a_line_says(good, suites, tmp_path):
     write_result(path_of(tmp_path), good)
     text = path_of(tmp_path).read_text()
-    digits = good.lines[0].rounds_sha256
+    digits = good.records[0].rounds_sha256
     path_of(tmp_path).write_text(text.replace(digits, digits[::-1], 1))
     with pytest.raises(UserError, match="its lines are not those it was written with"):
-        read_result(path_of(tmp_path), fields)
+        read_result(path_of(tmp_path), suites)
 
 
-def test_a_last_digit_that_another_machine_rounds_otherwise_is_no_edit(good, fields, tmp_path):
+def test_a_last_digit_that_another_machine_rounds_otherwise_is_no_edit(good, suites, tmp_path):
     def nudged(value):
         if isinstance(value, dict):
             return {key: nudged(of) for key, of in value.items()}
         return float(math.nextafter(value, math.inf)) if isinstance(value, float) else value
 
     other = dataclasses.replace(good, head=good.head | {"summary": nudged(good.head["summary"])})
-    check_lines(other, fields, tmp_path)
+    check_records(other, suites, tmp_path)
 
 
-@pytest.mark.parametrize("older", [{"protocol": "0"}, {"panel": "ally-v1"}], ids=["older", "before fields"])
-def test_a_result_of_an_older_protocol_is_named(good, fields, tmp_path, older):
+@pytest.mark.parametrize("older", [{"protocol": "0"}, {"suite": "ally-v1"}], ids=["older", "before suites"])
+def test_a_result_of_an_older_protocol_is_named(good, suites, tmp_path, older):
     """Before its lines are read, which may be of another form."""
-    printed = {key: of for key, of in good.fingerprint.items() if key != "fields"} | older
+    printed = {key: of for key, of in good.fingerprint.items() if key != "suites"} | older
     path_of(tmp_path).parent.mkdir()
     path_of(tmp_path).write_text(json.dumps(good.head | {"fingerprint": printed}) + '\n{"entry": "tone"}\n')
     with pytest.raises(UserError, match=rf"of another protocol than this version's, '{PROTOCOL}'; play it"):
-        read_result(path_of(tmp_path), fields)
+        read_result(path_of(tmp_path), suites)
 
 
-def test_a_result_on_other_fields_is_read_for_what_it_says_of_itself(good, fields, tmp_path):
+def test_a_result_on_other_suites_is_read_for_what_it_says_of_itself(good, suites, tmp_path):
     """Who asks for it compares the fingerprints."""
     write_result(path_of(tmp_path), good)
-    assert read_result(path_of(tmp_path), {"known": fields["known"]}) == good
+    assert read_result(path_of(tmp_path), {"public": suites["public"]}) == good
 
 
 @pytest.mark.parametrize(
@@ -218,36 +218,38 @@ def test_a_result_on_other_fields_is_read_for_what_it_says_of_itself(good, field
         (" " * (LARGEST + 1), "larger than"),
     ],
 )
-def test_what_is_no_result_is_one_line(fields, tmp_path, content, message):
+def test_what_is_no_result_is_one_line(suites, tmp_path, content, message):
     path = path_of(tmp_path)
     path.parent.mkdir()
     path.write_bytes(content.encode(errors="surrogateescape"))
     with pytest.raises(UserError, match=message) as raised:
-        read_result(path, fields)
+        read_result(path, suites)
     assert "\n" not in str(raised.value)
 
 
-def test_only_a_file_of_its_own_is_read(good, fields, tmp_path):
+def test_only_a_file_of_its_own_is_read(good, suites, tmp_path):
     write_result(tmp_path / "elsewhere", good)
     path_of(tmp_path).parent.mkdir()
     path_of(tmp_path).symlink_to(tmp_path / "elsewhere")
     with pytest.raises(UserError, match="not a file"):
-        read_result(path_of(tmp_path), fields)
+        read_result(path_of(tmp_path), suites)
     path_of(tmp_path).unlink()
     os.mkfifo(path_of(tmp_path))
     with pytest.raises(UserError, match="not a file"):
-        read_result(path_of(tmp_path), fields)
+        read_result(path_of(tmp_path), suites)
 
 
-def test_the_worst_of_each_field_is_told_with_whom_it_was_against(good, fields):
-    for role, found in summary(good.lines, fields)["worst"].items():
-        lines = {line.counterpart: line for line in good.lines if line.field_hash == fields[role].hash[:16]}
-        means = {name: sum(line.returns) / len(line.returns) / 300 for name, line in lines.items()}
+def test_the_worst_of_each_suite_is_told_with_whom_it_was_against(good, suites):
+    for role, found in summary(good.records, suites)["worst"].items():
+        records = {
+            record.rival: record for record in good.records if record.suite_hash == suites[role].hash[:16]
+        }
+        means = {name: sum(record.returns) / len(record.returns) / 300 for name, record in records.items()}
         assert found["against"] == min(means, key=means.get)
         assert found["return"] == pytest.approx(min(means.values()), rel=1e-5)
 
 
 def test_fingerprints_differ_by_name_and_not_by_version():
-    one = {"version": "1", "protocol": "2", "fields": {}}
+    one = {"version": "1", "protocol": "2", "suites": {}}
     assert differing(one, one | {"version": "2"}) == []
-    assert differing(one, {"version": "1", "protocol": "3"}) == ["fields", "protocol"]
+    assert differing(one, {"version": "1", "protocol": "3"}) == ["suites", "protocol"]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.field import load_field
 from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import STANDARD
 
 FIELDS = ("ally-shifted-v1", "opponent-shifted-v1", "opponent-learned-shifted-v1")
@@ -25,50 +25,50 @@ REWARDS = (
 
 
 @pytest.fixture(params=FIELDS)
-def field(request):
-    return load_field(request.param)
+def suite(request):
+    return load_suite(request.param)
 
 
-def test_all_games_differ_from_the_standard_and_each_other(field):
-    games = {c.scenario.hash for c in field.counterparts}
-    standard = dataclasses.replace(STANDARD, opponent_path=field.counterparts[0].scenario.opponent_path)
-    assert len(games) == len(field.counterparts) >= 8
+def test_all_games_differ_from_the_standard_and_each_other(suite):
+    games = {c.scenario.hash for c in suite.rivals}
+    standard = dataclasses.replace(STANDARD, opponent_path=suite.rivals[0].scenario.opponent_path)
+    assert len(games) == len(suite.rivals) >= 8
     assert standard.hash not in games
 
 
-def test_rewards_and_what_is_seen_and_done_are_the_standard_s(field):
-    for counterpart in field.counterparts:
+def test_rewards_and_what_is_seen_and_done_are_the_standard_s(suite):
+    for rival in suite.rivals:
         for name in (*REWARDS, "frequency_points", "band_low_mhz", "band_high_mhz", "jamming_types"):
-            assert getattr(counterpart.scenario, name) == getattr(STANDARD, name), counterpart.name
+            assert getattr(rival.scenario, name) == getattr(STANDARD, name), rival.name
 
 
-def test_the_players_are_those_of_the_field_s_side_and_several(field):
-    assert {c.scenario.opponent_path for c in field.counterparts} == {
-        "learned" if "learned" in field.name else "pursuit"
+def test_the_players_are_those_of_the_suite_s_side_and_several(suite):
+    assert {c.scenario.opponent_path for c in suite.rivals} == {
+        "learned" if "learned" in suite.name else "pursuit"
     }
-    assert all(len(c.players) > 2 for c in field.counterparts)
-    assert field.scale == load_field(field.name.replace("-shifted", "")).scale
+    assert all(len(c.players) > 2 for c in suite.rivals)
+    assert suite.scale == load_suite(suite.name.replace("-shifted", "")).scale
 
 
-def test_the_three_fields_change_the_same():
+def test_the_three_suites_change_the_same():
     changed = [
         {
             c.name: dataclasses.replace(c.scenario, opponent_path="pursuit").hash
-            for c in load_field(name).counterparts
+            for c in load_suite(name).rivals
         }
         for name in FIELDS
     ]
     assert changed[0] == changed[1] == changed[2]
 
 
-def test_all_are_playable_and_most_move_returns(field):
+def test_all_are_playable_and_most_move_returns(suite):
     """A few matches of a script: what it earns under each of the rules."""
-    few = dataclasses.replace(field, matches=4)
-    entry = player_entry("expert" if field.side == "ally" else "adaptive")
+    few = dataclasses.replace(suite, matches=4)
+    entry = player_entry("expert" if suite.side == "ally" else "adaptive")
     standard = dataclasses.replace(
-        few.counterparts[0],
-        scenario=dataclasses.replace(STANDARD, opponent_path=few.counterparts[0].scenario.paths[0]),
+        few.rivals[0],
+        scenario=dataclasses.replace(STANDARD, opponent_path=few.rivals[0].scenario.paths[0]),
     )
-    earned = [few.rewards(play(entry, few, c).returns).mean() for c in (standard, *few.counterparts)]
+    earned = [few.rewards(play(entry, few, c).returns).mean() for c in (standard, *few.rivals)]
     assert np.isfinite(earned).all()
     assert sum(abs(reward - earned[0]) > 0.05 for reward in earned[1:]) >= 8

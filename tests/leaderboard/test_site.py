@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.leaderboard.board import Improvement, Profiles, Score
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.replays import Replay
@@ -26,8 +26,8 @@ from fpg_bench.leaderboard.site.views import (
     format_signed,
     safe_link,
 )
-from fpg_bench.leaderboard.tracks import KNOWN, UNSEEN
-from fpg_bench.zoo.zoo import load_zoo
+from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN
+from fpg_bench.training.zoo import load_zoo
 from tests.leaderboard.example_board import HOSTILE, changed, example_board, with_figures
 from tests.programs import fpg
 
@@ -147,7 +147,7 @@ def test_the_best_is_named_with_how_many_may_be_first(tmp_path):
 
 
 def test_the_gap_is_public_minus_unseen(tmp_path):
-    scores = {KNOWN: Score(60.25), UNSEEN: Score(20.0)}
+    scores = {PUBLIC: Score(60.25), UNSEEN: Score(20.0)}
     build_site(with_figures(example_board(2), "player-1", scores=scores), tmp_path)
     assert '<td class="num extra" data-v="40.25">+40.2</td>' in (tmp_path / "ranking.html").read_text()
     assert "+40.2" in (tmp_path / "entries/ally/player-1.html").read_text()
@@ -182,10 +182,10 @@ def without_unseen(figures):
     """Figures of an entry that has played the public suite only."""
     return {
         "rank": None,
-        "score": figures.scores[KNOWN],
-        "scores": {KNOWN: figures.scores[KNOWN]},
-        "by_rival": {KNOWN: figures.by_rival[KNOWN]},
-        "units": {KNOWN: figures.units[KNOWN]},
+        "score": figures.scores[PUBLIC],
+        "scores": {PUBLIC: figures.scores[PUBLIC]},
+        "by_rival": {PUBLIC: figures.by_rival[PUBLIC]},
+        "units": {PUBLIC: figures.units[PUBLIC]},
     }
 
 

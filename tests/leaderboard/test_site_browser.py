@@ -11,7 +11,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import expect
 from scipy import stats
 
-from fpg_bench.evaluation.field import load_field
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.replays import Replay, simulate_round
 from fpg_bench.leaderboard.site.serve import make_server
@@ -50,7 +50,7 @@ def rounds() -> list[Replay]:
     submission = Submission(
         Path("player-3"), "ally", HOSTILE[0], (), saw="", unable="", script="expert-spread", **texts
     )
-    suite = load_field("ally-v1")
+    suite = load_suite("ally-v1")
     return [
         simulate_round(
             submission,
@@ -60,7 +60,7 @@ def rounds() -> list[Replay]:
             f"against {rival.name}",
             f"replays/ally/player-3/{k}.js",
         )
-        for k, rival in enumerate(suite.counterparts[:2])
+        for k, rival in enumerate(suite.rivals[:2])
     ]
 
 
@@ -211,7 +211,7 @@ def test_two_entries_are_compared_and_the_address_keeps_which(visit, site):
     page.locator("#track").select_option("opponent-pursuit")
     headings = page.locator("#comparison h2").all_inner_texts()
     assert [heading.partition(":")[0] for heading in headings[:3]] == ["Public", "Unseen", "Shifted"]
-    assert page.locator("#comparison svg").count() == 3 + 4 + 3  # all counterparts, then each of them
+    assert page.locator("#comparison svg").count() == 3 + 4 + 3  # all rivals, then each of them
 
 
 # A difference from lists of scores, as the page computes it.

@@ -6,8 +6,8 @@ import pytest
 
 from fpg_bench.leaderboard import onnx_contract, onnx_rules, policies
 from fpg_bench.leaderboard.check import problems
-from fpg_bench.leaderboard.fields import read_fields
-from fpg_bench.leaderboard.host import Limits
+from fpg_bench.leaderboard.policy_client import Limits
+from fpg_bench.leaderboard.submission_file import read_fields
 from tests.pages import Reader, blocks, broken_links, small, small_baselines
 from tests.programs import ROOT
 

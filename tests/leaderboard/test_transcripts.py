@@ -10,17 +10,17 @@ import shutil
 import pytest
 import yaml
 
-from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import load_field
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard import transcripts
-from fpg_bench.leaderboard.playing import Part, meetings_of, part_lines
+from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from fpg_bench.planning.llm import packed
 from fpg_bench.planning.llm.chain import linked
 
-from .recording import PLANNER_FIELD, PLANS, enter, record, rows_of, write_rows
+from .recording import PLANNER_SUITE, PLANS, enter, record, rows_of, write_rows
 
 _REWARD = re.compile(r"^(\d+,\d+,\d+,\d+,)(-?\d+\.\d\d)$")
 
@@ -28,14 +28,14 @@ _REWARD = re.compile(r"^(\d+,\d+,\d+,\d+,)(-?\d+\.\d\d)$")
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
-    (folder / "mine.yml").write_text(PLANNER_FIELD)
+    (folder / "mine.yml").write_text(PLANNER_SUITE)
     record(folder, folder / "mine.yml")
     return folder
 
 
 @pytest.fixture(scope="module")
-def field(recorded):
-    return load_field(str(recorded / "mine.yml"))
+def suite(recorded):
+    return load_suite(str(recorded / "mine.yml"))
 
 
 @pytest.fixture
@@ -44,8 +44,8 @@ def entry(recorded, tmp_path):
 
 
 @pytest.fixture
-def check(field, entry):
-    return lambda: check_transcripts(entry, field)
+def check(suite, entry):
+    return lambda: check_transcripts(entry, suite)
 
 
 def only(found):
@@ -53,17 +53,17 @@ def only(found):
     return line
 
 
-def test_what_was_recorded_may_be_run_packed_or_not(recorded, field, entry, check, tmp_path):
+def test_what_was_recorded_may_be_run_packed_or_not(recorded, suite, entry, check, tmp_path):
     assert check() == []
     packed_entry = enter(recorded / "out", tmp_path / "packed")
-    assert check_transcripts(packed_entry, field) == []
+    assert check_transcripts(packed_entry, suite) == []
 
 
 def test_a_language_model_plays_the_first_twenty_matches_and_others_play_all():
-    asked, whole = (TRACKS["planner"].fields(transcripts=asks) for asks in (True, False))
-    assert (asked["known"].matches, whole["known"].matches) == (20, 100)
-    public = whole.get("public", whole["known"])  # known is played on the season's seeds
-    assert evaluation_seeds(20, asked["known"].season) == evaluation_seeds(100, public.season)[:20]
+    asked, whole = (TRACKS["planner"].suites(transcripts=asks) for asks in (True, False))
+    assert (asked["public"].matches, whole["public"].matches) == (20, 100)
+    public = whole.get("public-seeds", whole["public"])  # known is played on the season's seeds
+    assert evaluation_seeds(20, asked["public"].season) == evaluation_seeds(100, public.season)[:20]
 
 
 # Files
@@ -107,7 +107,7 @@ def test_a_folder_that_is_too_large_for_the_repository(entry, check, monkeypatch
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("field_hash", "0" * 64, "record those of plan compare --field mine --matches 2"),
+        ("suite_hash", "0" * 64, "record those of plan compare --suite mine --matches 2"),
         ("control", "magic", "control: expected one of none"),
         ("model", "two\nlines", "model: expected a line"),
         ("server", ["generic"], "server: expected a line"),
@@ -333,7 +333,7 @@ def test_lines_that_are_not_of_one_run_are_found_without_playing(entry, check, s
         (a_status, "is changed: its status are not what its text says"),
     ],
 )
-def test_a_forged_transcript_is_found_when_it_is_played(field, entry, check, change, message):
+def test_a_forged_transcript_is_found_when_it_is_played(suite, entry, check, change, message):
     file = entry / "transcripts" / "idle.jsonl"
     rows = rows_of(file)
     for row in rows:
@@ -341,32 +341,32 @@ def test_a_forged_transcript_is_found_when_it_is_played(field, entry, check, cha
     write_rows(file, rows)
     assert check() == []
     with pytest.raises(UserError) as caught:
-        lines_of(entry, field)
+        records_of(entry, suite)
     assert message in str(caught.value)
     assert str(caught.value).startswith("against idle: transcript transcripts/idle.jsonl: seed ")
 
 
-def test_the_last_digit_of_a_reward_may_be_another_on_another_machine(field, entry):
-    before = lines_of(entry, field)
+def test_the_last_digit_of_a_reward_may_be_another_on_another_machine(suite, entry):
+    before = records_of(entry, suite)
     file = entry / "transcripts" / "idle.jsonl"
     rows = rows_of(file)
     for row in rows:
         a_reward(0.01)(row)
     write_rows(file, rows)
-    assert lines_of(entry, field) == before
+    assert records_of(entry, suite) == before
 
 
-def lines_of(entry, field):
+def records_of(entry, suite):
     """The matches, played again."""
-    return list(part_lines(Part("toy", None, "transcripts", recorded=entry), meetings_of([field])))
+    return list(part_records(Part("toy", None, "transcripts", recorded=entry), matchups_of([suite])))
 
 
-def test_a_prompt_of_one_s_own_is_played(recorded, field, tmp_path):
+def test_a_prompt_of_one_s_own_is_played(recorded, suite, tmp_path):
     prompt = {"about": "mine", "user": "Go. $history", "row": "$second $reward $x $y $z"}
     (tmp_path / "own.yml").write_text(
         yaml.safe_dump(prompt | {"rounds": dict.fromkeys(("first", "best", "latest"), 1)})
     )
     summary = record(tmp_path, recorded / "mine.yml", prompt=str(tmp_path / "own.yml"))
     entry = enter(tmp_path / "out", tmp_path / "toy")
-    assert check_transcripts(entry, field) == []
-    assert [line.returns for line in lines_of(entry, field)] == [line.returns for line in summary.lines]
+    assert check_transcripts(entry, suite) == []
+    assert [line.returns for line in records_of(entry, suite)] == [line.returns for line in summary.records]

@@ -9,29 +9,29 @@ from pathlib import Path
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.play import LOST_SCORE, play
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.leaderboard.cases import make_case, sampled, work_folder
 from fpg_bench.leaderboard.check import load_submission
-from fpg_bench.leaderboard.playing import part_lines, parts_of
-from fpg_bench.leaderboard.tracks import KNOWN
+from fpg_bench.leaderboard.playing import part_records, parts_of
+from fpg_bench.leaderboard.tracks import PUBLIC
 from fpg_bench.leaderboard.verify import run_one, verify
 from fpg_bench.players.agent import OnnxPlayer
-from fpg_bench.rows import RowFile
-from tests.leaderboard.entering import FIELD, close_season, enter, write_field
+from tests.leaderboard.entering import SUITE, close_season, enter, write_suite
 
 pytestmark = pytest.mark.slow
 
 BOARD = Path(__file__).parents[2] / "leaderboard"
-COUNTERPARTS = ("adaptive/pursuit", "sweep/circle")
+RIVALS = ("adaptive/pursuit", "sweep/circle")
 
 
 def told(board, *names, **how):
     """The verdicts of a board, by name: whether good, and the line."""
-    verdicts = verify(board, names, say=lambda line: None, **how)
-    return {verdict.name: (verdict.good, verdict.line) for verdict in verdicts}
+    verdicts = verify(board, names, say=lambda record: None, **how)
+    return {verdict.name: (verdict.good, verdict.record) for verdict in verdicts}
 
 
 def result(board, name):
@@ -53,10 +53,10 @@ def test_a_result_is_written_and_holds(board, in_process):
     before = result(board, "ally/linear").read_bytes()
     assert told(board)["ally/linear"] == (True, "holds: 4 of 4 lines played again are the same to the bit")
     assert result(board, "ally/linear").read_bytes() == before
-    head, *lines = map(json.loads, before.splitlines())
+    head, *records = map(json.loads, before.splitlines())
     assert (head["status"], head["summary"]["training_seeds"], head["summary"]["lost"]) == ("verified", 2, 0)
-    assert [(line["training_seed"], line["counterpart"]) for line in lines] == [
-        (seed, name) for seed in (0, 2) for name in COUNTERPARTS
+    assert [(record["training_seed"], record["rival"]) for record in records] == [
+        (seed, name) for seed in (0, 2) for name in RIVALS
     ]
 
 
@@ -65,41 +65,41 @@ def test_a_verdict_says_what_an_evaluation_says_to_the_digit(board, in_process, 
     folder = enter(board, "ally", "linear", seeds=(0, 2))
     told(board)
     agents = [str(folder / f"seed_{seed}") for seed in (0, 2)]
-    (found,) = evaluate(agents, "ally-v1", tmp_path / "results", name="linear", say=lambda line: None)
+    (found,) = evaluate(agents, "ally-v1", tmp_path / "results", name="linear", say=lambda record: None)
     kept = make_case(board, folder).known
-    assert kept.summaries(load_submission(folder).fields)[KNOWN].lines == found.lines
-    score = kept.head["summary"]["scores"][KNOWN]
+    assert kept.summaries(load_submission(folder).suites)[PUBLIC].records == found.records
+    score = kept.head["summary"]["scores"][PUBLIC]
     assert (score["value"], score["low"]) == pytest.approx((found.score.value, found.score.low), rel=1e-5)
 
 
 def test_a_shipped_agent_plays_behind_the_door_as_it_does_without(board):
     submission = load_submission(BOARD / "submissions/ally/ally-scripted-ppo")
     part = parts_of(submission)[0]
-    known = submission.fields[KNOWN]
-    (behind,) = part_lines(part, [(known, known.counterparts[0])])
+    known = submission.suites[PUBLIC]
+    (behind,) = part_records(part, [(known, known.rivals[0])])
     player = OnnxPlayer(part.plays.model, part.plays.about)
-    assert behind == play(part.entry(player, known), known, known.counterparts[0])
+    assert behind == play(part.entry(player, known), known, known.rivals[0])
 
 
-def test_all_fields_of_the_track_are_played(board, small_fields):
+def test_all_suites_of_the_track_are_played(board, small_suites):
     """Before a season all on seeds that everybody knows, and then on the season's."""
-    write_field(small_fields, "ally-shifted-v1", FIELD | {"matches": 2})
-    write_field(small_fields, "ally-responses-v1", FIELD | {"matches": 3})
+    write_suite(small_suites, "ally-shifted-v1", SUITE | {"matches": 2})
+    write_suite(small_suites, "ally-responses-v1", SUITE | {"matches": 3})
     folder = enter(board, "ally", "wise", script="expert")
     told(board)
-    head, *lines = map(json.loads, result(board, "ally/wise").read_text().splitlines())
-    assert list(head["summary"]["scores"]) == ["known", "shifted", "responses"]
-    assert [len(line["returns"]) for line in lines] == [4, 4, 2, 2, 3, 3]
-    close_season(small_fields, ally={"matches": 5})
+    head, *records = map(json.loads, result(board, "ally/wise").read_text().splitlines())
+    assert list(head["summary"]["scores"]) == ["public", "shifted", "responses"]
+    assert [len(record["returns"]) for record in records] == [4, 4, 2, 2, 3, 3]
+    close_season(small_suites, ally={"matches": 5})
     assert told(board)["ally/wise"] == (
         False,
-        f"result {result(board, 'ally/wise')}: of other fields; make it again: "
+        f"result {result(board, 'ally/wise')}: of other suites; make it again: "
         f"fpg-bench submit run --update {folder}",
     )
     assert told(board, update=True)["ally/wise"][1].startswith("verified: unseen ")
-    head, *lines = map(json.loads, result(board, "ally/wise").read_text().splitlines())
-    assert list(head["summary"]["scores"]) == ["known", "public", "unseen", "shifted", "responses"]
-    assert len({line["rounds_sha256"] for line in lines}) == len(lines) == 10
+    head, *records = map(json.loads, result(board, "ally/wise").read_text().splitlines())
+    assert list(head["summary"]["scores"]) == ["public", "public-seeds", "unseen", "shifted", "responses"]
+    assert len({record["rounds_sha256"] for record in records}) == len(records) == 10
     assert told(board)["ally/wise"][0]
 
 
@@ -107,12 +107,12 @@ def test_lost_rounds_count_as_the_lowest_return(board, in_process):
     in_process.loses = (1, 3)
     submission = load_submission(enter(board, "ally", "linear", seeds=(0,)))
     assert told(board)["ally/linear"][1].endswith(", 4 of 8 rounds lost by rule")
-    known = submission.fields[KNOWN]
+    known = submission.suites[PUBLIC]
     worst = (known.scale.zero + LOST_SCORE / 100 * (known.scale.top - known.scale.zero)) * 300
-    for line in make_case(board, submission.folder).known.lines:
-        lowest = min(worst, line.returns[0], line.returns[2])
-        assert [line.returns[k] for k in (1, 3)] == pytest.approx([lowest] * 2, abs=1e-3)
-        assert line.lost == 2
+    for record in make_case(board, submission.folder).known.records:
+        lowest = min(worst, record.returns[0], record.returns[2])
+        assert [record.returns[k] for k in (1, 3)] == pytest.approx([lowest] * 2, abs=1e-3)
+        assert record.lost == 2
 
 
 def test_who_loses_all_rounds_is_not_verified(board, in_process):
@@ -135,9 +135,9 @@ def test_a_policy_that_fails_is_not_verified_and_stops_nobody(board, in_process)
     assert told(board)["ally/linear"] == (True, "not verified, as before: seed_0: took longer than it may")
     assert told(board, sample=0.1)["ally/linear"] == (True, "not verified; not part of a sample")
     in_process.fails = False
-    good, line = told(board)["ally/linear"]
+    good, record = told(board)["ally/linear"]
     assert not good
-    assert line.startswith("the result is not verified, but it plays")
+    assert record.startswith("the result is not verified, but it plays")
 
 
 def test_a_verified_policy_that_fails_later_is_told(board, in_process):
@@ -162,14 +162,14 @@ EDITS = {
         "its summary does not follow",
     ),
     "the worst": ('"against":"adaptive/pursuit"', '"against":"sweep/circle"', "its summary does not follow"),
-    "the fields": (
-        '"fields":{"known":["ally-v1","',
-        '"fields":{"known":["ally-v1","0',
-        "of other fields; make",
+    "the suites": (
+        '"suites":{"known":["ally-v1","',
+        '"suites":{"known":["ally-v1","0',
+        "of other suites; make",
     ),
     "the protocol": (f'"protocol":"{PROTOCOL}"', '"protocol":"0"', "of another protocol than this version's"),
     "the status": ('"status":"verified"', '"status":"not verified"', "not verified, but with lines or"),
-    "a seed": ('"training_seed":null', '"training_seed":"x"', "is no line of a counterpart"),
+    "a seed": ('"training_seed":null', '"training_seed":"x"', "is no line of a rival"),
     "the name": ('"slug":"wise"', '"slug":"wiser"', "is the result of ally/wiser"),
     "a number": ('"tally":', '"tally":NaN,"m":', "not lines of JSON: NaN is no number"),
     "all": ('{"kind"', '[{"kind"', "not lines of JSON"),
@@ -181,11 +181,11 @@ def test_a_result_that_was_edited_is_told_in_a_line(board, what):
     enter(board, "ally", "wise", script="expert")
     enter(board, "ally", "still", script="idle")
     told(board)
-    old, new, line = EDITS[what]
+    old, new, record = EDITS[what]
     edit(result(board, "ally/wise"), old, new)
     found = told(board)
     assert not found["ally/wise"][0]
-    assert line in found["ally/wise"][1]
+    assert record in found["ally/wise"][1]
     assert "\n" not in found["ally/wise"][1]
     assert found["ally/still"][0]
     assert told(board, update=True)["ally/wise"][1].startswith("verified: known ")
@@ -200,14 +200,14 @@ def test_a_forged_result_is_found_by_playing_again(board):
     head, *_ = result(board, "ally/still").read_text().splitlines(keepends=True)
     forged = json.loads(result(board, "ally/wise").read_text().splitlines()[0])
     forged |= {key: json.loads(head)[key] for key in ("slug", "fingerprint")}
-    lines = "".join(result(board, "ally/wise").read_text().splitlines(keepends=True)[1:])
-    lines = lines.replace('"entry":"wise"', '"entry":"still"')
-    forged["lines_sha256"] = hashlib.sha256(lines.encode()).hexdigest()
-    text = json.dumps(forged, separators=(",", ":")) + "\n" + lines
+    records = "".join(result(board, "ally/wise").read_text().splitlines(keepends=True)[1:])
+    records = records.replace('"entry":"wise"', '"entry":"still"')
+    forged["lines_sha256"] = hashlib.sha256(records.encode()).hexdigest()
+    text = json.dumps(forged, separators=(",", ":")) + "\n" + records
     result(board, "ally/still").write_text(text)
-    good, line = told(board, sample=0.5)["ally/still"]
+    good, record = told(board, sample=0.5)["ally/still"]
     assert not good
-    assert line.startswith("the result does not hold: 100.0 % of ")
+    assert record.startswith("the result does not hold: 100.0 % of ")
 
 
 def test_a_submission_that_has_changed_wants_a_new_result(board, in_process, monkeypatch):
@@ -219,8 +219,8 @@ def test_a_submission_that_has_changed_wants_a_new_result(board, in_process, mon
     assert told(board)["ally/linear"] == (False, said.format(folder))
     monkeypatch.chdir(board)
     for given in ("submissions/ally/linear", folder):
-        verdict = run_one(given, say=lambda line: None)
-        assert verdict.line == said.format("submissions/ally/linear")
+        verdict = run_one(given, say=lambda record: None)
+        assert verdict.record == said.format("submissions/ally/linear")
     assert told(board, update=True)["ally/linear"][0]
 
 
@@ -260,19 +260,19 @@ def test_a_sample_holds_a_line_of_each_and_can_be_drawn_again(board, in_process)
 
     def drawn(share, seed):
         return [
-            [(part.name, meeting[1].name) for part, meetings in case.wanted for meeting in meetings]
+            [(part.name, matchup[1].name) for part, matchups in case.wanted for matchup in matchups]
             for case in sampled(cases, share, seed)
         ]
 
-    assert [len(lines) for lines in drawn(0.01, 5)] in ([1, 1, 1, 1],)
+    assert [len(records) for records in drawn(0.01, 5)] in ([1, 1, 1, 1],)
     assert sum(map(len, drawn(0.75, 5))) >= 11
     assert sum(map(len, drawn(1, 5))) == 14
     assert drawn(0.3, 5) == drawn(0.3, 5)
     assert len({str(drawn(0.3, seed)) for seed in range(5)}) > 1
-    lines = []
-    verify(board, sample=0.05, say=lines.append)
-    assert lines[0].startswith("sample: 5 % of all lines, --sample-seed ")
-    assert all("holds: 1 of 1 lines" in line for line in lines[1:])
+    records = []
+    verify(board, sample=0.05, say=records.append)
+    assert records[0].startswith("sample: 5 % of all lines, --sample-seed ")
+    assert all("holds: 1 of 1 lines" in record for record in records[1:])
 
 
 @pytest.mark.parametrize("share", [0, -0.1, 1.5])
@@ -297,7 +297,7 @@ def test_names_are_looked_up(board, tmp_path):
 
 def test_one_folder_is_run_where_it_lies(board, tmp_path):
     folder = enter(board, "opponent", "near", script="adaptive")
-    verdict = run_one(folder, say=lambda line: None)
+    verdict = run_one(folder, say=lambda record: None)
     assert (verdict.name, verdict.good) == ("opponent/near", True)
     assert result(board, "opponent/near").exists()
     with pytest.raises(UserError, match="expected a folder <leaderboard>/submissions/"):
@@ -349,5 +349,5 @@ def test_what_is_killed_goes_on_and_gives_the_same(tmp_path):
 
 
 def _lines_under_way(board):
-    rows = [RowFile(path).read() for path in work_folder(board).rglob("lines.jsonl")]
+    rows = [RowFile(path).read() for path in work_folder(board).rglob("records.jsonl")]
     return [row for each in rows for row in each]

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from fpg_bench.evaluation.field import Counterpart, Field
+from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.leaderboard.board import CROSSPLAY, worst_case
 from fpg_bench.leaderboard.pairs import Pair
-from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, RESPONSES, SHIFTED, UNSEEN
+from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SHIFTED, UNSEEN
 
 
 def over(name, **means):
-    """The summary of two training seeds over a field, by the mean return a step against each counterpart."""
-    counterparts = tuple(Counterpart(other, (other,), STANDARD) for other in means)
+    """The summary of two training seeds over a suite, by the mean return a step against each rival."""
+    rivals = tuple(Rival(other, (other,), STANDARD) for other in means)
     rewards = np.array(
         [[[mean - 1] * 3 for mean in means.values()], [[mean + 1] * 3 for mean in means.values()]]
     )
-    return Summary("mine", Field(name, "ally", STANDARD, 3, counterparts), rewards, True, ())
+    return Summary("mine", Suite(name, "ally", STANDARD, 3, rivals), rewards, True, ())
 
 
 def pair(ally, opponent, ally_rewards, opponent_rewards=(0.0,)):
@@ -25,8 +25,8 @@ def pair(ally, opponent, ally_rewards, opponent_rewards=(0.0,)):
 
 
 SUMMARIES = {
-    KNOWN: over("ally-v1", tone=8, comb=5),
-    PUBLIC: over("ally-v1", tone=8, comb=-9),
+    PUBLIC: over("ally-v1", tone=8, comb=5),
+    PUBLIC_SEEDS: over("ally-v1", tone=8, comb=-9),
     UNSEEN: over("ally-season-1", one=3, other=4),
     SHIFTED: over("ally-shifted-v1", fast=-20),
     RESPONSES: over("ally-responses-v1", strong=2),
@@ -37,16 +37,16 @@ def described(worst):
     return worst.return_per_step.value, worst.rival, worst.where
 
 
-def test_the_lowest_over_all_fields_is_named():
+def test_the_lowest_over_all_suites_is_named():
     assert described(worst_case("mine", "ally", SUMMARIES)) == (2, "strong", RESPONSES)
-    fields = {role: summary for role, summary in SUMMARIES.items() if role != RESPONSES}
-    assert described(worst_case("mine", "ally", fields)) == (3, "one", UNSEEN)
-    assert described(worst_case("mine", "ally", {KNOWN: fields[KNOWN]})) == (5, "comb", KNOWN)
+    suites = {role: summary for role, summary in SUMMARIES.items() if role != RESPONSES}
+    assert described(worst_case("mine", "ally", suites)) == (3, "one", UNSEEN)
+    assert described(worst_case("mine", "ally", {PUBLIC: suites[PUBLIC]})) == (5, "comb", PUBLIC)
 
 
 def test_changed_rules_and_public_seeds_do_not_count():
-    fields = {role: SUMMARIES[role] for role in (KNOWN, PUBLIC, SHIFTED)}
-    assert described(worst_case("mine", "ally", fields)) == (5, "comb", KNOWN)
+    suites = {role: SUMMARIES[role] for role in (PUBLIC, PUBLIC_SEEDS, SHIFTED)}
+    assert described(worst_case("mine", "ally", suites)) == (5, "comb", PUBLIC)
 
 
 def test_a_lower_pair_of_cross_play_is_the_worst_case():

@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 
-from fpg_bench.envs.duel import make_duel
+from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import Limits, Request
-from fpg_bench.players.naming import as_player
-from fpg_bench.players.seat import Seat
+from fpg_bench.players.policy_runner import PolicyRunner
+from fpg_bench.players.registry import as_player
 
 PLANNED = dataclasses.replace(STANDARD, rounds_per_match=10, opponent_path="waypoints")
 LIMITS = Limits.of(PLANNED)
@@ -17,18 +17,18 @@ LIMITS = Limits.of(PLANNED)
 def play(planner, ally="expert", games=20, rounds=10, seed=2**40, scenario=PLANNED):
     """Play matches against `adaptive`; gives (rounds, games) mean rewards per step and the duel."""
     duel = make_duel(games, scenario=scenario, planner=planner)
-    seats = [
-        Seat(side, [as_player(name, side, scenario)], duel.arena)
+    runners = [
+        PolicyRunner(side, [as_player(name, side, scenario)], duel.batch)
         for side, name in (("ally", ally), ("opponent", "adaptive"))
     ]
     rewards = []
     for number in range(rounds):
         mask = duel.reset(seeds=None if number else seed)
-        for seat in seats:
-            seat.begin(mask)
-        while not duel.arena.games["truncated"].all():
-            duel.arena.step(seats[0].act(), seats[1].act())
-        rewards.append(duel.arena.tallies["opponent_return"] / scenario.steps_per_round)
+        for runner in runners:
+            runner.begin(mask)
+        while not duel.batch.games["truncated"].all():
+            duel.batch.step(runners[0].act(), runners[1].act())
+        rewards.append(duel.batch.tallies["opponent_return"] / scenario.steps_per_round)
     return np.array(rewards), duel
 
 

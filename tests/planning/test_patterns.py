@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fpg_bench.game.arena import Arena
+from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import PATROLS
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import PATTERNS, Limits, as_planner
@@ -38,12 +38,12 @@ def test_a_plan_says_where_it_came_from_and_stays_in_the_box(name):
 
 @pytest.mark.parametrize("name", PATROLS)
 def test_a_patrol_is_where_the_patrol_of_the_same_name_would_be(name):
-    arena = Arena(dataclasses.replace(STANDARD, opponent_path=name))
-    arena.reset(seeds=0)
+    batch = GameBatch(dataclasses.replace(STANDARD, opponent_path=name))
+    batch.reset(seeds=0)
     rest, track = np.zeros((1, 9), np.float32), []
     for _ in range(300):
-        arena.step(rest, rest)
-        track.append(arena.games["opponent_position"][0].copy())
+        batch.step(rest, rest)
+        track.append(batch.games["opponent_position"][0].copy())
     flown = np.array(track)[LIMITS.due_s().astype(int) - 1]
     assert planned(name).waypoints == pytest.approx(flown)
 

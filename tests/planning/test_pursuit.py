@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fpg_bench.envs.duel import make_duel
-from fpg_bench.game.arena import Arena
+from fpg_bench.envs.two_player import make_duel
+from fpg_bench.game.batch import GameBatch
 from fpg_bench.planning import plan_all
 from fpg_bench.planning.pursuit import Chaser, Optimised, chase, expected_return
 from tests.planning.playing import LIMITS, PLANNED, play, request
@@ -58,17 +58,17 @@ def test_it_does_not_move_from_an_ally_that_stands_where_it_starts():
 
 
 def test_planners_of_the_tier_ally_are_shown_what_an_ally_at_full_speed_flies():
-    arena = Arena(dataclasses.replace(PLANNED, opponent_path="pursuit"), games=3)
-    arena.reset(seeds=5)
-    shown = arena.ally_path(2)
-    before = arena.games.copy()
+    batch = GameBatch(dataclasses.replace(PLANNED, opponent_path="pursuit"), games=3)
+    batch.reset(seeds=5)
+    shown = batch.ally_path(2)
+    before = batch.games.copy()
     full_speed = np.zeros((3, 9), np.float32)
     full_speed[:, 2] = 1.0
-    flown = [arena.games["ally_position"][2].copy()]
-    assert np.array_equal(before, arena.games)  # looking changes nothing
+    flown = [batch.games["ally_position"][2].copy()]
+    assert np.array_equal(before, batch.games)  # looking changes nothing
     for _ in range(300):
-        arena.step(full_speed, full_speed)
-        flown.append(arena.games["ally_position"][2].copy())
+        batch.step(full_speed, full_speed)
+        flown.append(batch.games["ally_position"][2].copy())
     assert np.array_equal(shown, np.array(flown))
 
 
@@ -103,10 +103,10 @@ def test_what_the_ally_flew_is_shown_from_the_second_round_of_a_match_on():
     flown = {}
     for number in range(4):
         duel.reset(seeds=5 if number == 0 else None, new_match=number == 3)
-        places = [duel.arena.games["ally_position"].copy()]
+        places = [duel.batch.games["ally_position"].copy()]
         for _ in range(300):
             duel.step(half_speed, half_speed)
-            places.append(duel.arena.games["ally_position"].copy())
+            places.append(duel.batch.games["ally_position"].copy())
         flown[number] = np.array(places)
     for number, (first, second) in enumerate(zip(slow.seen[::2], slow.seen[1::2], strict=True)):
         if number in (0, 3):
@@ -128,7 +128,7 @@ def test_a_slow_ally_is_met_by_whoever_knows_what_it_flew():
             near = np.zeros(8)
             for _ in range(300):
                 duel.step(actions, np.zeros((8, 9), np.float32))
-                near += duel.arena.games["distance_m"] < 30
+                near += duel.batch.games["distance_m"] < 30
         earned[planner.name] = near.mean() / 300
     assert earned["optimised-flown"] > 0.5
     assert earned["optimised"] < 0.2

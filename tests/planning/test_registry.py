@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import PAPER, STANDARD
 from fpg_bench.planning import Plan, as_planner
 

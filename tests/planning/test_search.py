@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fpg_bench.evaluation.checkers import check_planner
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import Limits
 from fpg_bench.planning.search import CMAES, HillClimb, first_places, recent, waypoints_through
-from fpg_bench.testing import check_planner
 from tests.planning.playing import LIMITS, play
 
 BOX = np.array(LIMITS.box_m)

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.envs.duel import Duel
+from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.game.scenario import STANDARD, Scenario
-from fpg_bench.players.naming import as_player
 from fpg_bench.players.player import SIDES
-from fpg_bench.players.seat import Seat
+from fpg_bench.players.policy_runner import PolicyRunner
+from fpg_bench.players.registry import as_player
 
 
 def ally_sees(snr_db: float = 60.0, covered: bool = False, spreading_s: float = 0.0) -> np.ndarray:
@@ -32,15 +32,15 @@ def opponent_sees(away_m: Any = (300.0, 0.0, 0.0), age_s: float = 10.0) -> np.nd
 @functools.cache
 def tallies(ally: str, opponent: str, scenario: Scenario = STANDARD, games: int = 512) -> np.ndarray:
     """The tallies of one round of each of ``games`` games."""
-    duel = Duel(scenario, games)
+    duel = TwoPlayerBatch(scenario, games)
     names = {"ally": ally, "opponent": opponent}
-    seats = [Seat(side, [as_player(names[side], side, scenario)], duel.arena) for side in SIDES]
+    runners = [PolicyRunner(side, [as_player(names[side], side, scenario)], duel.batch) for side in SIDES]
     mask = duel.reset(seeds=0)
-    for seat in seats:
-        seat.begin(mask)
+    for runner in runners:
+        runner.begin(mask)
     for _ in range(scenario.steps_per_round):
-        duel.arena.step(seats[0].act(), seats[1].act())
-    return duel.arena.tallies.copy()
+        duel.batch.step(runners[0].act(), runners[1].act())
+    return duel.batch.tallies.copy()
 
 
 def mean(name: str, ally: str, opponent: str, scenario: Scenario = STANDARD) -> float:

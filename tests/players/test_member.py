@@ -1,4 +1,4 @@
-"""Members of a field fly as they were trained to, whatever the game's path."""
+"""Members of a suite fly as they were trained to, whatever the game's path."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import pickle
 import numpy as np
 import pytest
 
-from fpg_bench.envs.duel import make_duel
+from fpg_bench.envs.two_player import make_duel
 from fpg_bench.players.agent import load_agent
-from fpg_bench.players.naming import as_player
+from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.population import as_member, flight_of
-from fpg_bench.players.seat import Seat
+from fpg_bench.players.registry import as_player
 
 PURSUER = "opponent-pursuit/ppo/seed_0"
 FLYER = "opponent-learned/sac/seed_0"
@@ -20,18 +20,18 @@ FLYER = "opponent-learned/sac/seed_0"
 def rounds(path, *opponents):
     """Two rounds of five games of an agent each, as tallies; and who was seated."""
     duel = make_duel(5, path=path)
-    ally = Seat("ally", [as_player("expert", "ally", duel.scenario)], duel.arena)
-    seat = Seat("opponent", opponents, duel.arena)
-    found, seated = [], []
+    ally = PolicyRunner("ally", [as_player("expert", "ally", duel.scenario)], duel.batch)
+    runner = PolicyRunner("opponent", opponents, duel.batch)
+    found, make_match = [], []
     for seeds in (range(5), None):
         mask = duel.reset(seeds=seeds)
         ally.begin(mask)
-        seat.begin(mask)
-        while not duel.arena.games["truncated"].all():
-            duel.arena.step(ally.act(), seat.act())
-        found.append(duel.arena.tallies.copy())
-        seated.append(seat.choice.copy())
-    return np.array(found), np.array(seated)
+        runner.begin(mask)
+        while not duel.batch.games["truncated"].all():
+            duel.batch.step(ally.act(), runner.act())
+        found.append(duel.batch.tallies.copy())
+        make_match.append(runner.choice.copy())
+    return np.array(found), np.array(make_match)
 
 
 def test_who_learned_in_pursuit_plays_the_same_rounds_under_learned_flight():
@@ -47,10 +47,10 @@ def test_who_learned_to_fly_flies_itself():
 
 def test_both_kinds_are_drawn_in_one_game():
     pursuer, flyer = as_member(PURSUER), as_member(FLYER)
-    mixed, seated = rounds("learned", pursuer, flyer)
-    assert set(seated.ravel()) == {0, 1}
-    assert (mixed[seated == 0] == rounds("pursuit", pursuer)[0][seated == 0]).all()
-    assert (mixed[seated == 1] == rounds("learned", flyer)[0][seated == 1]).all()
+    mixed, make_match = rounds("learned", pursuer, flyer)
+    assert set(make_match.ravel()) == {0, 1}
+    assert (mixed[make_match == 0] == rounds("pursuit", pursuer)[0][make_match == 0]).all()
+    assert (mixed[make_match == 1] == rounds("learned", flyer)[0][make_match == 1]).all()
 
 
 def test_a_member_that_travels_to_a_worker_flies_as_before():
@@ -58,7 +58,7 @@ def test_a_member_that_travels_to_a_worker_flies_as_before():
 
 
 @pytest.mark.parametrize(
-    ("fields", "expected"),
+    ("suites", "expected"),
     [
         ({"scenario_fields": {"opponent_path": "learned"}}, "learned"),
         ({"scenario_fields": {"opponent_path": ["pursuit", "learned"]}}, "learned"),
@@ -67,5 +67,5 @@ def test_a_member_that_travels_to_a_worker_flies_as_before():
         ({"scenario_fields": None}, "pursuit"),
     ],
 )
-def test_how_an_agent_flew_stands_in_its_folder(fields, expected):
-    assert flight_of(fields) == expected
+def test_how_an_agent_flew_stands_in_its_folder(suites, expected):
+    assert flight_of(suites) == expected

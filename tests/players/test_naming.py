@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import PAPER, STANDARD
-from fpg_bench.players.naming import as_player, player_name
 from fpg_bench.players.oracles import OracleAlly, OracleOpponent
+from fpg_bench.players.registry import as_player, player_name
 from fpg_bench.players.scripted import Scripted
 
 

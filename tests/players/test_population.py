@@ -1,4 +1,4 @@
-"""A field's members stand in a list of players; each is asked only where it plays, and plays as ever."""
+"""A suite's members stand in a list of players; each is asked only where it plays, and plays as ever."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fpg_bench.envs.core import OneSided
-from fpg_bench.envs.duel import Duel
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.core import SingleAgentGame
+from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
-from fpg_bench.players.naming import as_player
+from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.population import with_members
+from fpg_bench.players.registry import as_player
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.players.seat import Seat
 
 from .test_agent import model_bytes
 
@@ -45,16 +45,16 @@ def allies():
 
 def played(players, steps=700):
     """What a seat answers over rounds that end at different times, and when it asked whom."""
-    duel = Duel(STANDARD, GAMES)
-    seat, chance = Seat("ally", players, duel.arena), np.random.default_rng(0)
-    seat.begin(duel.reset(seeds=3, horizons=300 - np.arange(GAMES) * 6))
+    duel = TwoPlayerBatch(STANDARD, GAMES)
+    runner, chance = PolicyRunner("ally", players, duel.batch), np.random.default_rng(0)
+    runner.begin(duel.reset(seeds=3, horizons=300 - np.arange(GAMES) * 6))
     found = []
     for _ in range(steps):
-        found.append(seat.act().copy())
-        duel.arena.step(found[-1], chance.uniform(-1, 1, (GAMES, 9)).astype(np.float32))
-        over = duel.arena.games["truncated"].copy()
+        found.append(runner.act().copy())
+        duel.batch.step(found[-1], chance.uniform(-1, 1, (GAMES, 9)).astype(np.float32))
+        over = duel.batch.games["truncated"].copy()
         if over.any():
-            seat.begin(duel.reset(over))
+            runner.begin(duel.reset(over))
     return np.array(found)
 
 
@@ -72,17 +72,17 @@ def test_a_player_is_asked_about_its_own_games_and_no_others():
             return super().predict(observation, *rest)
 
     players = [Counting(model_bytes(state=1), {}) for _ in range(3)]
-    duel = Duel(STANDARD, GAMES)
-    seat = Seat("ally", [*players, players[0]], duel.arena)
-    seat.begin(duel.reset(seeds=0))
-    seat.act()
-    counts = np.bincount(seat.choice, minlength=4)
+    duel = TwoPlayerBatch(STANDARD, GAMES)
+    runner = PolicyRunner("ally", [*players, players[0]], duel.batch)
+    runner.begin(duel.reset(seeds=0))
+    runner.act()
+    counts = np.bincount(runner.choice, minlength=4)
     assert asked == [counts[0] + counts[3], counts[1], counts[2]]
 
 
 @pytest.fixture
-def field(tmp_path):
-    """A field of two opponents and one ally."""
+def suite(tmp_path):
+    """A suite of two opponents and one ally."""
     agents = baselines_folder() / "agents"
     for side, member, agent in (
         ("opponent", "b-ppo", "opponent-pursuit/ppo/seed_0"),
@@ -90,51 +90,51 @@ def field(tmp_path):
         ("ally", "ppo", "ally-scripted/ppo/seed_0"),
     ):
         shutil.copytree(agents / agent, tmp_path / "small" / side / member)
-    return f"field:{tmp_path}/small"
+    return f"suite:{tmp_path}/small"
 
 
-def test_a_fields_name_stands_for_its_members_of_the_side_wherever_it_is_in_a_list(field):
-    found = with_members(["tone", field, "comb"], "opponent")
-    assert found == ["tone", f"{field}/a-td3", f"{field}/b-ppo", "comb"]
-    core = OneSided(VIEW, 64, opponent=["tone", field])
+def test_a_suites_name_stands_for_its_members_of_the_side_wherever_it_is_in_a_list(suite):
+    found = with_members(["tone", suite, "comb"], "opponent")
+    assert found == ["tone", f"{suite}/a-td3", f"{suite}/b-ppo", "comb"]
+    core = SingleAgentGame(VIEW, 64, opponent=["tone", suite])
     core.reset(seeds=0)
-    assert set(core._seat.choice) == {0, 1, 2}
+    assert set(core._runner.choice) == {0, 1, 2}
     assert set(core.policies) == set(found[1:3])
-    assert OneSided("FPG/OpponentVsPolicy-v0", ally=field).other_specs == [f"{field}/ppo"]
+    assert SingleAgentGame("FPG/OpponentVsPolicy-v0", ally=suite).other_specs == [f"{suite}/ppo"]
 
 
-def test_a_member_is_a_player_by_its_own_name(field):
-    agent = as_player(f"{field}/a-td3", "opponent", STANDARD)
+def test_a_member_is_a_player_by_its_own_name(suite):
+    agent = as_player(f"{suite}/a-td3", "opponent", STANDARD)
     assert agent.about["algorithm"] == "td3"
 
 
 @pytest.mark.parametrize(
     ("spec", "words"),
     [
-        ("field:training-9999", "opponent 'field:training-9999': no such field"),
-        ("{field}/c-ppo", r"the field has no such member.*b-ppo"),
-        ("field:", "no such field"),
-        ("{field}/ally-only", "has no members that play the opponent"),
-        ("{field}/broken", "sha256"),
-        ("{field}/empty", "agent.json"),
+        ("suite:training-9999", "opponent 'suite:training-9999': no such suite"),
+        ("{suite}/c-ppo", r"the suite has no such member.*b-ppo"),
+        ("suite:", "no such suite"),
+        ("{suite}/ally-only", "has no members that play the opponent"),
+        ("{suite}/broken", "sha256"),
+        ("{suite}/empty", "agent.json"),
     ],
 )
-def test_a_field_that_is_not_there_or_is_damaged_is_refused_in_one_line(field, spec, words):
-    root = field.removeprefix("field:")
+def test_a_suite_that_is_not_there_or_is_damaged_is_refused_in_one_line(suite, spec, words):
+    root = suite.removeprefix("suite:")
     shutil.copytree(f"{root}/ally", f"{root}/ally-only/ally")
     shutil.copytree(f"{root}/opponent/b-ppo", f"{root}/broken/opponent/m")
     Path(root, "broken/opponent/m/policy.onnx").write_bytes(b"else")
     Path(root, "empty/opponent/m").mkdir(parents=True)
     with pytest.raises(UserError, match=words) as caught:
-        OneSided(VIEW, opponent=spec.format(field=field))
+        SingleAgentGame(VIEW, opponent=spec.format(suite=suite))
     assert "\n" not in str(caught.value)
 
 
-def test_one_seat_for_one_player_takes_no_whole_field(field):
-    with pytest.raises(UserError, match="is a whole field"):
-        as_player(field, "opponent", STANDARD)
+def test_one_runner_for_one_player_takes_no_whole_field(suite):
+    with pytest.raises(UserError, match="is a whole suite"):
+        as_player(suite, "opponent", STANDARD)
 
 
-def test_a_view_of_scripts_takes_no_field(field):
+def test_a_view_of_scripts_takes_no_field(suite):
     with pytest.raises(UserError, match="is no script"):
-        OneSided("FPG/AllyVsScripted-v0", opponent=field)
+        SingleAgentGame("FPG/AllyVsScripted-v0", opponent=suite)

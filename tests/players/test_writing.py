@@ -3,7 +3,7 @@ import onnx
 import pytest
 
 import fpg_bench
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import STANDARD
 from tests.leaderboard.making import policy
 

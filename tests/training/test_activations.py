@@ -8,9 +8,9 @@ import pytest
 import torch
 from torch import nn
 
-from fpg_bench.envs.sb3 import make_sb3_duel
-from fpg_bench.errors import UserError
-from fpg_bench.ids import DUEL
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import DUEL
+from fpg_bench.envs.sb3_vec_env import make_sb3_duel
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import ACTIVATIONS, as_activation, make_games, make_model

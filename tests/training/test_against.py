@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import torch
 
-from fpg_bench.envs.sb3 import make_sb3
-from fpg_bench.errors import UserError
-from fpg_bench.ids import DUEL
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import DUEL
+from fpg_bench.common.rows import RowFile
+from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.players.agent import load_agent
-from fpg_bench.rows import RowFile
 from fpg_bench.training.checkpoint import load_weights, save_model
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model
@@ -30,9 +30,9 @@ def ally(tmp_path_factory):
     return folder
 
 
-def respond(out, against, view_id=AGAINST_ALLIES, **options):
+def respond(out, against, env_id=AGAINST_ALLIES, **options):
     given = {"hyperparams": settings("ppo"), "steps": 400}
-    return train("ppo", view_id, out, against=against, **(given | options))
+    return train("ppo", env_id, out, against=against, **(given | options))
 
 
 @pytest.mark.slow
@@ -63,15 +63,15 @@ def test_an_agent_that_is_another_one_by_now_is_not_taken_for_the_same(ally, tmp
 def test_every_player_named_is_met(ally, tmp_path, monkeypatch):
     met = []
     monkeypatch.setattr("fpg_bench.training.train.make_games", lambda *a, **k: met.append(k) or 1 / 0)
-    for view_id, other in ((AGAINST_ALLIES, "ally"), (AGAINST_OPPONENTS, "opponent")):
+    for env_id, other in ((AGAINST_ALLIES, "ally"), (AGAINST_OPPONENTS, "opponent")):
         with pytest.raises(ZeroDivisionError):
-            respond(tmp_path / "run", ["one", "another"], view_id)
+            respond(tmp_path / "run", ["one", "another"], env_id)
         assert met.pop()[other] == ["one", "another"]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("view_id", "against", "message"),
+    ("env_id", "against", "message"),
     [
         (AGAINST_OPPONENTS, "{ally}/agent", "plays the ally .*, not the opponent"),
         (AGAINST_ALLIES, "{ally}", "is a run's folder; the agent is"),
@@ -87,7 +87,7 @@ def test_every_player_named_is_met(ally, tmp_path, monkeypatch):
         ("FPG/OpponentVsScripted-v0", "{ally}/agent", "is no script"),
     ],
 )
-def test_somebody_that_can_t_be_met(ally, tmp_path, view_id, against, message):
+def test_somebody_that_can_t_be_met(ally, tmp_path, env_id, against, message):
     other = tmp_path / "other"
     other.mkdir()
     about = json.loads((ally / "agent" / "agent.json").read_text()) | {"id": "FPG/AllyVsScripted-v9"}
@@ -96,7 +96,7 @@ def test_somebody_that_can_t_be_met(ally, tmp_path, view_id, against, message):
     for side in ("ally", "opponent"):
         (both / "agent" / side).mkdir(parents=True)
     with pytest.raises(UserError, match=message):
-        respond(tmp_path / "run", against.format(ally=ally, other=other, both=both), view_id)
+        respond(tmp_path / "run", against.format(ally=ally, other=other, both=both), env_id)
     assert not (tmp_path / "run").exists()
 
 
@@ -112,8 +112,8 @@ def test_a_run_that_starts_from_another_begins_as_good_as_that_ended(ally, tmp_p
     train_tiny("ppo", tmp_path / "next", REWARDS, steps=400, evaluations=1, start=ally, seed=1)
     rows = RowFile(tmp_path / "next" / "evaluations.jsonl").read()
     before = RowFile(ally / "evaluations.jsonl").read()[-1]
-    assert (rows[0]["steps"], rows[0]["counterparts"]) == (0, before["counterparts"])
-    assert rows[-1]["counterparts"] != before["counterparts"]
+    assert (rows[0]["steps"], rows[0]["rivals"]) == (0, before["rivals"])
+    assert rows[-1]["rivals"] != before["rivals"]
     about = json.loads((tmp_path / "next" / "run.json").read_text())
     assert (about["steps_done"], about["options"]) == (400, {"start": str(ally)})
 

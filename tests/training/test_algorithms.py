@@ -7,8 +7,8 @@ import pytest
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import PPO, SAC, TD3
 
-from fpg_bench.errors import UserError
-from fpg_bench.ids import DUEL
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import DUEL
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.hyperparameters import load_hyperparameters

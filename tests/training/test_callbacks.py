@@ -17,7 +17,7 @@ class Clock:
         return self.now
 
 
-def lines_of(capsys):
+def records_of(capsys):
     return [line for line in capsys.readouterr().out.splitlines() if line.startswith("training: ")]
 
 
@@ -26,7 +26,7 @@ def lines_of(capsys):
 def test_a_line_is_printed_for_each_tenth(algorithm, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(callbacks.time, "monotonic", Clock(1e-6))
     train_tiny(algorithm, tmp_path / "run", progress=True)
-    found = lines_of(capsys)
+    found = records_of(capsys)
     assert found[-1].startswith("training: 1,200 of 1,200 steps, ")
     assert 3 <= len(found) <= 10
 
@@ -36,6 +36,6 @@ def test_a_line_is_printed_for_each_tenth(algorithm, tmp_path, monkeypatch, caps
 def test_and_wherever_thirty_seconds_went_by_without_one(algorithm, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(callbacks.time, "monotonic", Clock(callbacks.LINE_EVERY_S))
     train_tiny(algorithm, tmp_path / "run", progress=True)
-    found = lines_of(capsys)
+    found = records_of(capsys)
     assert len(found) >= 1200 // 4  # four games a step: a line for each
     assert found[0].startswith("training: 4 of 1,200 steps, ")

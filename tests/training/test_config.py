@@ -5,7 +5,7 @@ import pickle
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.training.config import GameOptions, RunConfig
 from tests.training.tiny import run_config
 
@@ -33,11 +33,11 @@ def test_the_other_side_is_named_once():
 
 
 def test_each_side_of_a_duel_has_a_suite_of_its_own():
-    assert RunConfig("maddpg", DUEL).fields() == ["ally-v1", "opponent-v1"]
-    assert run_config("ppo", POLICY, path="learned").fields() == ["opponent-learned-v1"]
-    assert RunConfig("ppo", ALLY, field="mine.yml").fields() == ["mine.yml"]
-    with pytest.raises(UserError, match="field: each side of FPG/duel_v0 is scored by its own"):
-        RunConfig("maddpg", DUEL, field="ally-v1").fields()
+    assert RunConfig("maddpg", DUEL).suites() == ["ally-v1", "opponent-v1"]
+    assert run_config("ppo", POLICY, path="learned").suites() == ["opponent-learned-v1"]
+    assert RunConfig("ppo", ALLY, suite="mine.yml").suites() == ["mine.yml"]
+    with pytest.raises(UserError, match="suite: each side of FPG/duel_v0 is scored by its own"):
+        RunConfig("maddpg", DUEL, suite="ally-v1").suites()
 
 
 def test_the_options_are_those_of_the_command_line():

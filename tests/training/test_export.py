@@ -10,7 +10,7 @@ from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
 from torch import nn
 
 from fpg_bench import make_sb3
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.training import export
 from fpg_bench.training.actor import Actor

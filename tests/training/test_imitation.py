@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.imitation import imitate
@@ -32,7 +32,7 @@ def flown(model, games, steps=250):
     seen = env.reset()
     for _ in range(steps):
         seen = env.step(model.predict(seen, deterministic=True)[0])[0]
-    return float(np.median(games.core.duel.arena.games["distance_m"]))
+    return float(np.median(games.core.duel.batch.games["distance_m"]))
 
 
 @pytest.mark.slow
@@ -53,13 +53,13 @@ def test_a_run_imitates_once_says_so_and_goes_on_without_the_teacher(tmp_path):
     words = {"imitate": LESSON | {"steps": 400}}
     options = {"path": "learned", "ally": "idle", "steps": 400}
     folder = tmp_path / "run"
-    agent = train_tiny("ppo", folder, words, view_id=OPPONENT, **options)
+    agent = train_tiny("ppo", folder, words, env_id=OPPONENT, **options)
     about = json.loads((folder / "run.json").read_text())
     assert about["hyperparameters"]["imitate"]["teacher"] == "adaptive"
     assert 0 < about["imitation_error"] < 2
-    again = train_tiny("ppo", tmp_path / "again", words, view_id=OPPONENT, **options)
+    again = train_tiny("ppo", tmp_path / "again", words, env_id=OPPONENT, **options)
     assert load_agent(again).about["policy_sha256"] == load_agent(agent).about["policy_sha256"]
-    train_tiny("ppo", tmp_path / "on", words, view_id=OPPONENT, start=folder, **options)
+    train_tiny("ppo", tmp_path / "on", words, env_id=OPPONENT, start=folder, **options)
     assert "imitation_error" not in json.loads((tmp_path / "on" / "run.json").read_text())
 
 
@@ -81,6 +81,6 @@ def test_a_lesson_that_cannot_be_given_is_refused_before_anything_is_written(
 ):
     with pytest.raises(UserError, match=words):
         train_tiny(
-            algorithm, tmp_path / "run", {"imitate": lesson}, view_id=OPPONENT, path="learned", steps=400
+            algorithm, tmp_path / "run", {"imitate": lesson}, env_id=OPPONENT, path="learned", steps=400
         )
     assert not (tmp_path / "run").exists()

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from tests.planning.llm.fault_server import FaultServer, ok
 from tests.planning.llm.playing import path_text
 from tests.training.tiny import train

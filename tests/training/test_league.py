@@ -7,22 +7,22 @@ import logging
 import pytest
 import yaml
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.field import Counterpart, Scale, load_field
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.seeds import tuning_seeds
+from fpg_bench.evaluation.suite import Rival, Scale, load_suite
 from fpg_bench.game.scenario import PAPER, STANDARD, as_scenario
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.rows import RowFile
 from fpg_bench.training import league
 from fpg_bench.training.callbacks import GameMeasuresCallback
 from fpg_bench.training.league import (
+    best_responses,
     copies_by_hardness,
     draw_past,
     evaluate_against,
-    exploit,
     load_recipes,
     population_returns,
     selfplay,
@@ -39,10 +39,10 @@ RECIPE = {
     "id": "FPG/AllyVsPolicy-v0",
     "algorithm": "ppo",
     "hyperparams": settings("ppo"),
-    "against": ["tone", "opponent-pursuit/td3/seed_0"],
+    "zero_sum": ["tone", "opponent-pursuit/td3/seed_0"],
     "stages": [{"steps": 400}, {"steps": 400, "hyperparams": {"learning_rate": 0.0001}}],
     "responders": [
-        {"algorithm": "ppo", "steps": 400, "hyperparams": settings("ppo"), "options": {"reward": "against"}}
+        {"algorithm": "ppo", "steps": 400, "hyperparams": settings("ppo"), "options": {"reward": "zero_sum"}}
     ],
     "priority": 3,
 }
@@ -69,7 +69,7 @@ def interrupt(*arguments, **options):
 
 
 @pytest.mark.parametrize(
-    ("side", "scenario", "field"),
+    ("side", "scenario", "suite"),
     [
         ("ally", STANDARD, "ally-v1"),
         ("ally", as_scenario(None, opponent_path=("circle", "pursuit")), "ally-v1"),
@@ -78,21 +78,21 @@ def interrupt(*arguments, **options):
         ("ally", as_scenario(None, hop_cost=41), None),
     ],
 )
-def test_scores_are_on_the_scale_of_the_side_s_public_suite_in_its_own_scenario(side, scenario, field):
+def test_scores_are_on_the_scale_of_the_side_s_public_suite_in_its_own_scenario(side, scenario, suite):
     other = "adaptive" if side == "ally" else "expert"
     player = "idle" if side == "ally" else "tone"
     summary = evaluate_against(player, {"it": other}, side, scenario, matches=1)
-    assert summary.field.scale == (Scale() if field is None else load_field(field).scale)
+    assert summary.suite.scale == (Scale() if suite is None else load_suite(suite).scale)
 
 
 @pytest.mark.parametrize("seeds", [None, tuning_seeds])
 def test_the_evaluation_equals_that_of_a_suite_with_the_same_players(seeds):
-    field = dataclasses.replace(load_field("ally-v1"), matches=10)
+    suite = dataclasses.replace(load_suite("ally-v1"), matches=10)
     others = {"mine": "tone", "yours": "comb"}
     summary = evaluate_against("idle", others, "ally", STANDARD, matches=10, seeds=seeds)
     for name, other in (("mine", "tone/pursuit"), ("yours", "comb/pursuit")):
-        line = play(player_entry("idle"), field, field.named(other), seeds)
-        assert summary.by_counterpart[name].value == field.rewards(line.returns).mean()
+        line = play(player_entry("idle"), suite, suite.named(other), seeds)
+        assert summary.by_rival[name].value == suite.rewards(line.returns).mean()
 
 
 def test_players_of_the_wrong_side_are_refused():
@@ -119,7 +119,7 @@ def result(ally):
 
 def respond(agent, out, **options):
     given = {"hyperparams": settings("ppo"), "steps": 400, "seeds": 1, "progress": False}
-    return exploit(str(agent), out, **(given | options))
+    return best_responses(str(agent), out, **(given | options))
 
 
 def run_folder(out, seed, steps=400, algorithm="ppo"):
@@ -132,7 +132,7 @@ def lowest(result):
     }
     rows |= result["scripts"]
     name = min(rows, key=lambda name: rows[name]["return"])
-    return {"return": rows[name]["return"], "against": name}
+    return {"return": rows[name]["return"], "zero_sum": name}
 
 
 @pytest.mark.slow
@@ -143,16 +143,16 @@ def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, r
         ("ppo", 400, 0),
         ("ppo", 400, 1),
     ]
-    field = load_field("ally-v1")
+    suite = load_suite("ally-v1")
     for seed, made in enumerate(result["responses"]):
         agent = run_folder(out, seed) / "agent"
         response = load_agent(agent, "opponent")
         assert (response.about["training_seed"], response.about["training_steps"]) == (seed, 400)
-        assert response.about["options"] == {"ally": str(ally), "path": "pursuit", "reward": "against"}
-        line = play(player_entry(str(ally)), field, Counterpart("it", (str(agent),), field.scenario))
-        reward = field.rewards(line.returns).mean()
+        assert response.about["options"] == {"ally": str(ally), "path": "pursuit", "reward": "zero_sum"}
+        line = play(player_entry(str(ally)), suite, Rival("it", (str(agent),), suite.scenario))
+        reward = suite.rewards(line.returns).mean()
         assert made["return"] == pytest.approx(reward, abs=1e-4)
-        assert made["score"] == pytest.approx(field.scale.score(reward), abs=0.01)
+        assert made["score"] == pytest.approx(suite.scale.score(reward), abs=0.01)
         earned = line.tally["opponent_return"] / line.tally["steps"]
         assert made["earned"] == pytest.approx(earned, abs=1e-4)
     assert result["policy"] == load_agent(ally).about["policy_sha256"]
@@ -210,7 +210,7 @@ def test_another_player_or_game_needs_another_folder(ally, result):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("view_id", "options", "game", "path"),
+    ("env_id", "options", "game", "path"),
     [
         (OPPONENT, {"path": "learned"}, as_scenario(None, opponent_path="learned"), "learned"),
         (OPPONENT, {"path": ["circle", "triangle"]}, STANDARD, "pursuit"),
@@ -218,8 +218,8 @@ def test_another_player_or_game_needs_another_folder(ally, result):
         ("FPG/AllyVsPlanner-v0", {"planner": "circle"}, STANDARD, "pursuit"),
     ],
 )
-def test_the_game_is_that_of_the_agent_s_training(view_id, options, game, path, tmp_path):
-    agent = train("ppo", view_id, tmp_path / "agent", hyperparams=settings("ppo"), steps=400, **options)
+def test_the_game_is_that_of_the_agent_s_training(env_id, options, game, path, tmp_path):
+    agent = train("ppo", env_id, tmp_path / "agent", hyperparams=settings("ppo"), steps=400, **options)
     result = respond(agent, tmp_path / "out")
     assert (result["path"], result["scenario"]) == (path, game.hash)
     response = load_agent(run_folder(tmp_path / "out", 0) / "agent").about
@@ -265,7 +265,7 @@ def test_best_responses_from_the_command_line(ally, tmp_path):
     assert f"ppo, 400 steps, seed 0: {made['return']:.2f} a step, jammed" in done.stdout
     found = result["lowest"]
     assert f"lowest {found['return']:.2f} a step, against {found['against']}" in done.stdout
-    assert ("they are no best ones yet" in done.stdout) == (found["against"] in result["scripts"])
+    assert ("they are no best ones yet" in done.stdout) == (found["zero_sum"] in result["scripts"])
     done = fpg("exploit", "no/such", *words, folder=tmp_path)
     assert done.returncode == 2
     assert done.stderr == "fpg-bench: agent 'no/such': neither a shipped agent nor a folder\n"
@@ -305,15 +305,15 @@ def test_each_generation_has_a_row(played):
         (1, "ally"),
         (1, "opponent"),
     ]
-    assert rows[0]["against"] == list(SCRIPTED["opponent"])
-    assert rows[1]["against"] == list(SCRIPTED["ally"])
-    assert [row["against"] for row in rows[2:]] == [["opponent_0"], ["ally_0"]]
+    assert rows[0]["zero_sum"] == list(SCRIPTED["opponent"])
+    assert rows[1]["zero_sum"] == list(SCRIPTED["ally"])
+    assert [row["zero_sum"] for row in rows[2:]] == [["opponent_0"], ["ally_0"]]
     for row in rows:
         assert row["steps"] == 400
-        assert list(row["returns"]) == row["against"]
+        assert list(row["returns"]) == row["zero_sum"]
         assert row["return"] == pytest.approx(sum(row["returns"].values()) / len(row["returns"]), abs=2e-4)
         scores = RowFile(played / f"generations/{row['side']}_{row['generation']}/evaluations.jsonl").read()
-        assert (row["field"], row["field_score"]) == (f"{row['side']}-v1", scores[-1]["score"])
+        assert (row["suite"], row["field_score"]) == (f"{row['side']}-v1", scores[-1]["score"])
 
 
 @pytest.mark.slow
@@ -323,7 +323,7 @@ def test_a_generation_starts_from_the_one_before_against_the_other_side_s_past(p
         assert options[other] == [str(played / "generations" / f"{other}_0" / "agent")]
         assert options["start"] == str(played / "generations" / f"{side}_0")
         scores = [RowFile(played / f"generations/{side}_{k}/evaluations.jsonl").read() for k in range(2)]
-        assert scores[1][0]["counterparts"] == scores[0][-1]["counterparts"]
+        assert scores[1][0]["rivals"] == scores[0][-1]["rivals"]
         assert [read_run(played, side, k)["training_seed"] for k in range(2)] == [3000, 3001]
 
 
@@ -437,7 +437,7 @@ def test_self_play_from_the_command_line(tmp_path):
     assert [line.partition(":")[0] for line in lines if line[-1] == "%"] == ["ally_0", "opponent_0"]
     assert lines[-1] == "agents: out/ally, out/opponent"
     assert load_agent(tmp_path / "out" / "opponent").about["options"] == {"path": "learned"}
-    assert read_rows(tmp_path / "out")[1]["field"] == "opponent-learned-v1"
+    assert read_rows(tmp_path / "out")[1]["suite"] == "opponent-learned-v1"
 
 
 # Champions
@@ -457,8 +457,8 @@ def test_each_stage_starts_from_the_last_and_meets_its_responders(tmp_path, capl
     folder = tmp_path / "runs" / "brave" / "seed_3"
     first, last = (json.loads((folder / f"stage_{i}" / "run" / "run.json").read_text()) for i in (0, 1))
     responder = str(folder / "stage_0" / "responder_0" / "agent")
-    assert first["options"]["opponent"] == RECIPE["against"]
-    assert set(last["options"]["opponent"]) == {*RECIPE["against"], responder}
+    assert first["options"]["opponent"] == RECIPE["zero_sum"]
+    assert set(last["options"]["opponent"]) == {*RECIPE["zero_sum"], responder}
     assert last["options"]["start"] == str(folder / "stage_0" / "run")
     assert last["hyperparameters"]["learning_rate"] == 0.0001
     kept = json.loads((folder / "stage_1" / "population.json").read_text())

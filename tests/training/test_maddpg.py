@@ -6,7 +6,7 @@ import torch
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 
-from fpg_bench.envs.sb3 import make_sb3_duel
+from fpg_bench.envs.sb3_vec_env import make_sb3_duel
 from fpg_bench.training.maddpg import MADDPG
 
 # Player i gets -a_i^2 + LIKES_i a_i + PULLS_i a_0 a_1: the symmetric part of the game's Jacobian is -2 on the

@@ -8,8 +8,8 @@ import pytest
 import torch
 from torch import nn
 
-from fpg_bench.envs.sb3 import make_sb3_duel
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.sb3_vec_env import make_sb3_duel
 from fpg_bench.training.maddpg import MADDPG
 from fpg_bench.training.maddpg.maddpg import Transitions
 from fpg_bench.training.maddpg.multi_seed import MultiSeedTrainer

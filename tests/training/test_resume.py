@@ -13,9 +13,9 @@ import pytest
 import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import RowFile
 from fpg_bench.players.agent import load_agent
-from fpg_bench.rows import RowFile
 from fpg_bench.training import checkpoint, train
 from fpg_bench.training.checkpoint import newest_checkpoint
 from tests.training.tiny import settings, train_tiny
@@ -34,7 +34,7 @@ class Watched(BaseCallback):
         self.rates.append(self.model.lr_schedule(self.model._current_progress_remaining))
         stops = self.at is not None and self.num_timesteps >= self.at
         if self.seen is None or stops:
-            self.seeds = self.seeds or self.training_env.unwrapped.core.duel.arena.games["seed"].tolist()
+            self.seeds = self.seeds or self.training_env.unwrapped.core.duel.batch.games["seed"].tolist()
             self.seen = snapshot(self.model)
             self.counts = round(self.model.get_vec_normalize_env().obs_rms.count)
         if stops:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.train import parse_seeds, train_seeds
 from tests.training.tiny import run_config, settings
@@ -34,7 +34,7 @@ def test_each_seed_is_trained_once_and_one_that_fails_does_not_hold_up_the_other
 @pytest.mark.process
 def test_words_are_checked_before_anything_begins(tmp_path):
     with pytest.raises(UserError, match="unknown id 'FPG/AllyVsScripted-v9'"):
-        train(tmp_path, [0, 1], view_id="FPG/AllyVsScripted-v9")
+        train(tmp_path, [0, 1], env_id="FPG/AllyVsScripted-v9")
     with pytest.raises(UserError, match="a language model plans for one run at a time"):
         train(tmp_path, [0], planner="llm")
     assert not list(tmp_path.glob("seed_*"))

@@ -10,12 +10,12 @@ from stable_baselines3 import PPO
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 import fpg_bench
-from fpg_bench.envs.sb3 import make_sb3
-from fpg_bench.errors import UserError
-from fpg_bench.evaluation.yardstick import Yardstick
-from fpg_bench.ids import VIEWS
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import ENVS
+from fpg_bench.common.rows import RowFile
+from fpg_bench.envs.sb3_vec_env import make_sb3
+from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.players.agent import baselines_folder, load_agent
-from fpg_bench.rows import RowFile
 from fpg_bench.training.algorithms import ALGORITHMS
 from fpg_bench.training.callbacks import LOGGED_MEASURES
 from fpg_bench.training.checkpoint import newest_checkpoint
@@ -61,7 +61,7 @@ def test_a_run_says_how_it_was_made(run):
     assert about["steps_done"] == 2400
     assert about["hyperparameters"]["n_steps"] == 300
     assert about["versions"]["torch"].startswith("2.")
-    assert about["field"] == "ally-v1"
+    assert about["suite"] == "ally-v1"
     assert about["scenario_fields"] == {}
     assert 2400 / about["steps_per_s"] == pytest.approx(about["seconds"], abs=0.06)  # written in tenths
     assert (run / "model.zip").exists()
@@ -83,9 +83,9 @@ def test_it_says_how_good_its_policy_was_on_the_way(run):
     rows = RowFile(run / "evaluations.jsonl").read()
     assert [row["steps"] for row in rows] == [0, 1200, 2400]
     for row in rows:
-        assert row.keys() == {"side", "steps", "seconds", "score", "return", "counterparts", "measures"}
+        assert row.keys() == {"side", "steps", "seconds", "score", "return", "rivals", "measures"}
         assert row["side"] == "ally"
-        assert len(row["counterparts"]) == 10
+        assert len(row["rivals"]) == 10
     seconds = [row["seconds"] for row in rows]
     assert seconds == sorted(seconds)
     assert rows[0]["score"] != rows[-1]["score"]
@@ -94,7 +94,7 @@ def test_it_says_how_good_its_policy_was_on_the_way(run):
 
 @pytest.mark.slow
 def test_the_last_score_is_the_agents(run):
-    found = Yardstick("ally-v1").score(load_agent(run / "agent"))
+    found = PolicyEvaluator("ally-v1").score(load_agent(run / "agent"))
     assert found["score"] == pytest.approx(RowFile(run / "evaluations.jsonl").read()[-1]["score"], abs=2)
 
 
@@ -111,7 +111,7 @@ def test_tensorboard_shows_the_game(run):
     events = EventAccumulator(str(run))
     events.Reload()
     tags = set(events.Tags()["scalars"])
-    assert {f"game/{name}" for name in LOGGED_MEASURES} | {"rollout/ep_rew_mean", "field/score"} <= tags
+    assert {f"game/{name}" for name in LOGGED_MEASURES} | {"rollout/ep_rew_mean", "suite/score"} <= tags
     assert {"outage", "capacity_mbit_s", "opponent_return"} < set(LOGGED_MEASURES)
     assert all(0 <= event.value <= 1 for event in events.Scalars("game/jamming_success_rate"))
 
@@ -176,9 +176,9 @@ def test_a_stopped_run_leaves_its_model(tmp_path, monkeypatch):
 def test_shipped_hyperparameters_make_a_model_for_every_id(algorithm, monkeypatch):
     monkeypatch.setenv("FPG_LLM_BASE_URL", "http://127.0.0.1:9/v1")  # never asked
     monkeypatch.setenv("FPG_LLM_MODEL", "none")
-    for view_id in VIEWS:
-        parameters = load_hyperparameters(algorithm, view_id)
-        make_model(algorithm, make_sb3(view_id, n_envs=2), parameters, seed=0)
+    for env_id in ENVS:
+        parameters = load_hyperparameters(algorithm, env_id)
+        make_model(algorithm, make_sb3(env_id, n_envs=2), parameters, seed=0)
 
 
 @pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
@@ -306,15 +306,15 @@ def test_unknown_words(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("algorithm", "view_id", "words", "message"),
+    ("algorithm", "env_id", "words", "message"),
     [
         ("ppo", "FPG/duel_v0", {}, "ppo: trains one side, not both, as in FPG/duel_v0"),
         ("maddpg", "FPG/AllyVsScripted-v0", {}, "maddpg: trains both sides, in FPG/duel_v0"),
-        ("maddpg", "FPG/duel_v0", {"field": "ally-v1"}, "each side of FPG/duel_v0 is scored by its own"),
+        ("maddpg", "FPG/duel_v0", {"suite": "ally-v1"}, "each side of FPG/duel_v0 is scored by its own"),
         ("maddpg", "FPG/duel_v0", {"opponent": "tone"}, "unexpected keyword argument 'opponent'"),
     ],
 )
-def test_one_side_or_both(tmp_path, algorithm, view_id, words, message):
+def test_one_side_or_both(tmp_path, algorithm, env_id, words, message):
     with pytest.raises(UserError, match=message):
-        train(algorithm, view_id, tmp_path / "run", **words)
+        train(algorithm, env_id, tmp_path / "run", **words)
     assert not (tmp_path / "run").exists()

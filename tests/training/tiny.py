@@ -30,24 +30,24 @@ def settings(algorithm: str, **changes) -> dict:
     return {"n_envs": 4, "n_timesteps": 1200, "normalize": normalize, **policy, **kind, **changes}
 
 
-def run_config(algorithm, view_id=ALLY, **options) -> RunConfig:
+def run_config(algorithm, env_id=ALLY, **options) -> RunConfig:
     """A run; options that are none of its own are those of its games."""
-    own = {field.name for field in dataclasses.fields(RunConfig)}
+    own = {suite.name for suite in dataclasses.fields(RunConfig)}
     game = GameOptions(**{name: value for name, value in options.items() if name not in own})
     return RunConfig(
-        algorithm, view_id, game=game, **{name: value for name, value in options.items() if name in own}
+        algorithm, env_id, game=game, **{name: value for name, value in options.items() if name in own}
     )
 
 
-def train(algorithm, view_id, out, *, progress=False, evaluations=0, restart=False, resume=False, **options):
+def train(algorithm, env_id, out, *, progress=False, evaluations=0, restart=False, resume=False, **options):
     """Train a run; scored nowhere unless asked for."""
-    config = run_config(algorithm, view_id, **options)
+    config = run_config(algorithm, env_id, **options)
     return training.train(
         config, out, progress=progress, evaluations=evaluations, restart=restart, resume=resume
     )
 
 
-def train_tiny(algorithm, out, changes=None, view_id=ALLY, **options):
+def train_tiny(algorithm, out, changes=None, env_id=ALLY, **options):
     """Train a run with :func:`settings`."""
     given = {"hyperparams": settings(algorithm, **(changes or {}))}
-    return train(algorithm, view_id, out, **(given | options))
+    return train(algorithm, env_id, out, **(given | options))

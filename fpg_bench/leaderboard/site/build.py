@@ -10,15 +10,15 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fpg_bench.errors import UserError
-from fpg_bench.files import write_whole
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
 from fpg_bench.leaderboard.board import Board
 from fpg_bench.leaderboard.site import reading_pages, views
 from fpg_bench.leaderboard.site.entry_page import badge_file, badge_view, entry_view
 from fpg_bench.leaderboard.site.front_page import front_view
 from fpg_bench.leaderboard.site.page_data import Policies, data_files
 from fpg_bench.leaderboard.site.replays import Replay
-from fpg_bench.pictures.replay import replay_code, replay_markup, replay_part
+from fpg_bench.rendering.replay import replay_code, replay_markup, replay_part
 
 if TYPE_CHECKING:
     from jinja2 import Environment

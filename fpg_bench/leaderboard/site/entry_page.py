@@ -26,7 +26,7 @@ from fpg_bench.leaderboard.site.views import (
     seeds_gap_text,
     worst_view,
 )
-from fpg_bench.leaderboard.tracks import KNOWN, UNSEEN
+from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN
 
 _CHAR_PX = 6.6  # approximate width of a badge's letters
 _SPECIAL = re.compile(r"([&%$#_{}])")
@@ -109,7 +109,7 @@ def entry_view(board: Board, track: BoardTrack, entry: BoardEntry) -> EntryView:
 
 
 def _figures_view(board: Board, track: BoardTrack, figures: Figures) -> FiguresView:
-    role = track.ranked_by if track.ranked_by in figures.scores else KNOWN
+    role = track.ranked_by if track.ranked_by in figures.scores else PUBLIC
     planner = figures.planner
     drawn = [figures.worst.score, *figures.scores.values()]
     drawn += [score for scores in figures.by_rival.values() for score in scores.values()]
@@ -204,14 +204,14 @@ def commands(track: BoardTrack, entry: BoardEntry) -> list[tuple[str, str]]:
 def bibtex(board: Board, track: BoardTrack, entry: BoardEntry) -> str:
     """Return the entry as BibTeX."""
     season = "" if board.season is None else f", season {board.season}"
-    fields = {
+    suites = {
         "author": " and ".join(f"{{{_escaped(name)}}}" for name in entry.authors),
         "title": f"{{{_escaped(entry.name)}}}: entry of the fpg-bench leaderboard",
         "year": board.built[:4],
         "note": _escaped(f"Entry {track.key}/{entry.slug}, protocol {board.protocol}{season}"),
         "url": safe_link(entry.reference) or "",
     }
-    lines = [f"  {name} = {{{value}}}," for name, value in fields.items() if value]
+    lines = [f"  {name} = {{{value}}}," for name, value in suites.items() if value]
     return "\n".join([f"@misc{{fpg-bench-{track.key}-{entry.slug},", *lines, "}"])
 
 

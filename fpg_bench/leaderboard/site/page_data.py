@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_json
 from fpg_bench.evaluation.statistics import student_t
-from fpg_bench.files import read_json
 from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import RULES
@@ -32,11 +32,11 @@ from fpg_bench.leaderboard.site.views import (
     measure_of,
     ordered_suites,
 )
-from fpg_bench.pictures.replay import scenario_data, script_json
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.scripts import ALLIES, OPPONENTS
+from fpg_bench.rendering.replay import scenario_data, script_json
 
 Row = dict[str, Any]  # an object of JSON
 Policies = Mapping[tuple[str, str], Row]  # of submitted entries, by track and entry; see policy_data

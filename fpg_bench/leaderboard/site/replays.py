@@ -12,21 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import PLANNER, Counterpart, Field
-from fpg_bench.evaluation.play import table_of
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.strict_json import read_object
+from fpg_bench.evaluation.play import match_of
+from fpg_bench.evaluation.rounds import begin, play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.leaderboard.board import Board, Figures
 from fpg_bench.leaderboard.check import load_submission
-from fpg_bench.leaderboard.playing import Meeting, parts_of, seated
+from fpg_bench.leaderboard.playing import Matchup, make_match, parts_of
 from fpg_bench.leaderboard.sandbox import PolicyFailed
 from fpg_bench.leaderboard.site.views import ROLES, format_number
 from fpg_bench.leaderboard.submission import Submission
-from fpg_bench.leaderboard.tracks import KNOWN, RESPONSES, UNSEEN
-from fpg_bench.matches.rounds import begin, play_round
-from fpg_bench.pictures.recording import Recording
-from fpg_bench.pictures.replay import FORMAT, replay_data, script_json
-from fpg_bench.plain_json import read_object
+from fpg_bench.leaderboard.tracks import PUBLIC, RESPONSES, UNSEEN
+from fpg_bench.rendering.recording import Recording
+from fpg_bench.rendering.replay import FORMAT, replay_data, script_json
 from fpg_bench.version import __version__
 
 STRONG = (
@@ -36,7 +36,7 @@ STRONG = (
     "expert",
 )  # strong rivals of the public suites
 _FORM = 5  # version of labels and texts; another one makes all rounds anew
-_ROLES = (KNOWN, UNSEEN, RESPONSES)  # suites under the game's own rules
+_ROLES = (PUBLIC, UNSEEN, RESPONSES)  # suites under the game's own rules
 _CALL, _END = "fpgRound(", ");\n"
 
 
@@ -84,16 +84,16 @@ def make_replays(
             home = Path(folder) / "submissions" / track.key.partition("-")[0] / entry.slug
             with contextlib.suppress(PolicyFailed, UserError):  # submit verify names the problem
                 submission = load_submission(home, contract=simulate)
-                matchups = _choose(submission.fields, figures)
+                matchups = _choose(submission.suites, figures)
                 rounds = list(_rounds(submission, matchups, track.key, Path(out), simulate))
                 if rounds:
                     replays[track.key, entry.slug] = rounds
     return replays
 
 
-def _choose(suites: Mapping[str, Field], figures: Figures) -> dict[str, Meeting]:
+def _choose(suites: Mapping[str, Suite], figures: Figures) -> dict[str, Matchup]:
     """Choose a strong rival and that of the lowest score, by the labels of their rounds."""
-    pairs = [(role, rival) for role in _ROLES if role in suites for rival in suites[role].counterparts]
+    pairs = [(role, rival) for role in _ROLES if role in suites for rival in suites[role].rivals]
     strong = next((pair for pair in pairs if pair[1].name in STRONG), pairs[0])
     scores = [
         (figures.by_rival[role][rival.name].value, (role, rival))
@@ -104,12 +104,12 @@ def _choose(suites: Mapping[str, Field], figures: Figures) -> dict[str, Meeting]
     return {_label(role, rival): (suites[role], rival) for role, rival in (strong, lowest)}
 
 
-def _label(role: str, rival: Counterpart) -> str:
-    return f"against {rival.name}" + ("" if role == KNOWN else f" ({ROLES[role].label.lower()})")
+def _label(role: str, rival: Rival) -> str:
+    return f"against {rival.name}" + ("" if role == PUBLIC else f" ({ROLES[role].label.lower()})")
 
 
 def _rounds(
-    submission: Submission, matchups: Mapping[str, Meeting], key: str, out: Path, simulate: bool
+    submission: Submission, matchups: Mapping[str, Matchup], key: str, out: Path, simulate: bool
 ) -> Iterator[Replay]:
     files = [_file(submission, label, suite, key) for label, (suite, _) in matchups.items()]
     kept = [_read_replay(out / file, file) for file in files]
@@ -118,12 +118,12 @@ def _rounds(
         return
     if submission.track == PLANNER and submission.script is None:
         raise UserError("transcripts are not shown as rounds")
-    with seated(parts_of(submission)[0].plays) as player:
+    with make_match(parts_of(submission)[0].plays) as player:
         for (label, (suite, rival)), file in zip(matchups.items(), files, strict=True):
             yield simulate_round(submission, player, suite, rival, label, file)
 
 
-def _file(submission: Submission, label: str, suite: Field, key: str) -> str:
+def _file(submission: Submission, label: str, suite: Suite, key: str) -> str:
     """Return a round's file, whose name follows from everything that decides its content."""
     content = [FORMAT, _FORM, __version__, submission.fingerprint, suite.hash, label]
     digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
@@ -141,7 +141,7 @@ def _read_replay(path: Path, file: str) -> Replay | None:
 
 
 def simulate_round(
-    submission: Submission, player: Any, suite: Field, rival: Counterpart, label: str, file: str
+    submission: Submission, player: Any, suite: Suite, rival: Rival, label: str, file: str
 ) -> Replay:
     """Play a round of a submission.
 
@@ -164,14 +164,14 @@ def simulate_round(
     return Replay(file, label, summary, _CALL + script_json(content) + _END)
 
 
-def _play(player: Any, suite: Field, rival: Counterpart) -> tuple[list[Recording], dict[str, float | None]]:
+def _play(player: Any, suite: Suite, rival: Rival) -> tuple[list[Recording], dict[str, float | None]]:
     """Play a round, or all rounds of a planner's match; returns recordings, and the last round's measures."""
-    table = table_of(player, suite, rival, matches=1)
+    table = match_of(player, suite, rival, matches=1)
     seeds: np.ndarray | None = np.array(evaluation_seeds(1, suite.season))
     recordings = []
     for _ in range(suite.rounds_per_match if suite.side == PLANNER else 1):
         begin(table, seeds=seeds)
-        recording, seeds = Recording(table.duel.arena), None
+        recording, seeds = Recording(table.duel.batch), None
         play_round(table, on_step=recording.add, begun=True)
         recordings.append(recording)
     return recordings, table.duel.measures(0)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fpg_bench.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
-from fpg_bench.leaderboard.tracks import KNOWN, PUBLIC, RESPONSES, SHIFTED, UNSEEN
+from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SHIFTED, UNSEEN
 
 NONE = "–"
 _TINTS = 9  # of cells in heat maps
@@ -70,11 +70,11 @@ class Role:
 
 # In the order in which pages list them.
 ROLES = {
-    KNOWN: Role("Public", "the public suite, which everybody can train on"),
+    PUBLIC: Role("Public", "the public suite, which everybody can train on"),
     UNSEEN: Role("Unseen", "rivals that were trained after entries were closed"),
     SHIFTED: Role("Shifted", "the public suite under changed rules"),
     RESPONSES: Role("Best responses", "rivals that were trained to beat one entry"),
-    PUBLIC: Role("Public seeds", "the public suite on seeds that were known before"),
+    PUBLIC_SEEDS: Role("Public seeds", "the public suite on seeds that were known before"),
 }
 
 
@@ -130,7 +130,7 @@ def safe_link(text: str | None) -> str | None:
     return text if text is not None and len(text) < 500 and _LINK.fullmatch(text) else None
 
 
-def ordered_suites(track: BoardTrack, without: Sequence[str] = (PUBLIC,)) -> list[BoardSuite]:
+def ordered_suites(track: BoardTrack, without: Sequence[str] = (PUBLIC_SEEDS,)) -> list[BoardSuite]:
     """Return a track's suites in the order in which pages list them, by default without the public seeds."""
     return sorted(
         (suite for suite in track.suites if suite.role not in without),
@@ -260,7 +260,7 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
     verified = list(track.verified())
     measured = {name for _, figures in verified for name in figures.measures}
     rows = [_row_view(board, track, entry) for entry in track.entries]
-    heat_suites = ordered_suites(track, without=(SHIFTED, RESPONSES, PUBLIC))
+    heat_suites = ordered_suites(track, without=(SHIFTED, RESPONSES, PUBLIC_SEEDS))
     top = max(
         [100.0]
         + [
@@ -294,7 +294,7 @@ def _row_view(board: Board, track: BoardTrack, entry: BoardEntry) -> RowView:
         entry_page(track, entry),
         figures,
         ranking=scores.get(track.ranked_by),
-        public=scores.get(KNOWN),
+        public=scores.get(PUBLIC),
         shifted=scores.get(SHIFTED),
         worst=None if figures is None else worst_view(board, track, figures),
         warnings=warnings(figures),

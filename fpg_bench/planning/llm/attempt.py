@@ -8,11 +8,11 @@ import re
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import Row
 from fpg_bench.planning.llm.answers import read_answer
 from fpg_bench.planning.llm.replies import read_body
 from fpg_bench.planning.planner import Limits
-from fpg_bench.rows import Row
 
 UNANSWERED = ("timeout", "http", "budget")  # errors by which a model said nothing
 _TOLD_APART = (*UNANSWERED, "refused")  # errors that have a status of their name

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import Row
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.llm.transcript import Transcript, place_of
 from fpg_bench.planning.patterns import Patrol
 from fpg_bench.planning.planner import BatchPlanner, Plan, Request, plan_all
-from fpg_bench.rows import Row
 
 
 class BackgroundPlanner(BatchPlanner):

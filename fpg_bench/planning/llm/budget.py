@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.planning.llm.attempt import UNANSWERED, Attempt
 
 CALLS = 20_000  # two for each plan of a comparison, and some

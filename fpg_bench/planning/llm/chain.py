@@ -12,8 +12,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from fpg_bench.errors import UserError
-from fpg_bench.rows import Row
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import Row
 
 KEY = "chain"
 

@@ -10,7 +10,7 @@ import threading
 from collections.abc import AsyncIterator
 from typing import Any
 
-from fpg_bench.extras import need
+from fpg_bench.common.extras import need
 from fpg_bench.planning.llm.replies import LONGEST_BODY, Received
 from fpg_bench.planning.llm.servers import Endpoint
 

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.checks import whole
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.common.checks import whole
+from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.llm.answers import answer_schema, points_in, read_answer
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where, judge

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fpg_bench.errors import UserError
-from fpg_bench.files import read_bounded
-from fpg_bench.plain_json import read_object
-from fpg_bench.rows import Row
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_bounded
+from fpg_bench.common.rows import Row
+from fpg_bench.common.strict_json import read_object
 
 MOST_BYTES = 16_000_000  # of one transcript, unpacked; that of 20 matches is about 1.4 MB
 MOST_LINES = 20_000

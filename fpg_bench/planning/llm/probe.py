@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from fpg_bench.plain_json import read_plain
+from fpg_bench.common.strict_json import read_plain
 from fpg_bench.planning.llm.client import Client
 from fpg_bench.planning.llm.replies import Reply, one_line
 from fpg_bench.planning.llm.servers import SERVERS, Endpoint, Server, load_server

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.checks import check_keys, whole
-from fpg_bench.errors import UserError, nearest
-from fpg_bench.files import read_yaml
+from fpg_bench.common.checks import check_keys, whole
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.files import read_yaml
 from fpg_bench.planning.planner import Limits, Request
 
 PROMPT_FOLDER = Path(__file__).with_name("prompts")

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from fpg_bench.errors import printable
-from fpg_bench.plain_json import read_plain
+from fpg_bench.common.errors import printable
+from fpg_bench.common.strict_json import read_plain
 
 ERRORS = ("timeout", "http", "refused", "invalid")
 LONGEST_BODY = 1_000_000  # bytes; the rest is not read

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from fpg_bench.checks import check_keys, flag, whole
-from fpg_bench.errors import UserError, nearest
-from fpg_bench.extras import has
-from fpg_bench.files import read_yaml
+from fpg_bench.common.checks import check_keys, flag, whole
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.extras import has
+from fpg_bench.common.files import read_yaml
 from fpg_bench.planning.llm.local.models import has_model, model_file
 
 SERVER_FOLDER = Path(__file__).with_name("servers")

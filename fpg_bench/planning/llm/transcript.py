@@ -17,14 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.errors import UserError
-from fpg_bench.files import PACKED
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import PACKED
+from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where, alike
 from fpg_bench.planning.llm.chain import KEY, follows, linked
 from fpg_bench.planning.llm.packed import packed_rows
 from fpg_bench.planning.llm.prompts import PROMPTS
 from fpg_bench.planning.planner import Request
-from fpg_bench.rows import Row, RowFile
 
 MODES = ("live", "record", "replay")
 OPTIONAL = ("seed", "response_format")  # fields of a request that a server may refuse, and then go without

@@ -19,7 +19,7 @@ import optax
 import torch
 from torch import nn
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.training.maddpg.maddpg import MADDPG, Transitions
 from fpg_bench.training.maddpg.policies import JointPolicy, Sizes
 

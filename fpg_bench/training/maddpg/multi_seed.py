@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fpg_bench.errors import UserError, nearest
-from fpg_bench.extras import need
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.extras import need
 from fpg_bench.training.maddpg.maddpg import MADDPG, Transitions
 
 if TYPE_CHECKING:

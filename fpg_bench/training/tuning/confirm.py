@@ -12,8 +12,8 @@ import numpy as np
 import optuna
 from optuna.trial import FrozenTrial, TrialState
 
-from fpg_bench.checks import whole
-from fpg_bench.errors import UserError
+from fpg_bench.common.checks import whole
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.training.tuning import claim
 from fpg_bench.training.tuning.storage import Storage, open_storage

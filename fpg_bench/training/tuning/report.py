@@ -12,8 +12,8 @@ import optuna
 from optuna import visualization
 from optuna.trial import TrialState
 
-from fpg_bench.errors import UserError
-from fpg_bench.files import write_whole
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
 from fpg_bench.training.tuning.storage import open_storage
 from fpg_bench.training.tuning.study import find_study
 from fpg_bench.training.tuning.task import Task
@@ -71,8 +71,8 @@ def write_report(
 def _page(study: optuna.Study, task: Task) -> str:
     title = html.escape(f"Study {study.study_name}")
     about = html.escape(
-        f"{task.algorithm} on {task.view_id}, {task.seeds} seeds of {task.steps:,} steps a trial; score: "
-        f"score on {task.field}, tuning seeds, {task.rounds} rounds per counterpart."
+        f"{task.algorithm} on {task.env_id}, {task.seeds} seeds of {task.steps:,} steps a trial; score: "
+        f"score on {task.suite}, tuning seeds, {task.rounds} rounds per rival."
     )
     style = (
         "body{font-family:sans-serif;margin:1em auto;padding:0 1em;max-width:75em}"

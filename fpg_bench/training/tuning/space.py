@@ -11,9 +11,9 @@ from typing import Any
 
 import optuna
 
-from fpg_bench.checks import check_keys, flag
-from fpg_bench.errors import UserError, nearest
-from fpg_bench.files import read_yaml
+from fpg_bench.common.checks import check_keys, flag
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.files import read_yaml
 from fpg_bench.players.agent import baselines_folder
 
 _KEYS = {"float": {"low", "high", "log"}, "int": {"low", "high", "log"}, "choice": {"choices"}}

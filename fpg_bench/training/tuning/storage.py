@@ -17,8 +17,8 @@ import sqlalchemy
 from optuna.storages import JournalStorage, RDBStorage, fail_stale_trials
 from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 
-from fpg_bench.errors import UserError
-from fpg_bench.extras import need
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.extras import need
 from fpg_bench.training.tuning.claim import try_again
 
 JOURNAL = "journal.log"

@@ -11,7 +11,7 @@ import optuna
 from optuna.distributions import BaseDistribution
 from optuna.trial import FrozenTrial, TrialState
 
-from fpg_bench.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.training.tuning import claim
 from fpg_bench.training.tuning.storage import Storage, reason
 from fpg_bench.training.tuning.task import Task

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.checks import whole
-from fpg_bench.errors import UserError
-from fpg_bench.evaluation.field import field_of, load_field
-from fpg_bench.ids import find_view
+from fpg_bench.common.checks import whole
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import find_env
+from fpg_bench.evaluation.suite import load_suite, suite_of
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.tuning.space import Space, load_space
@@ -22,13 +22,13 @@ TRIAL_SEED = 100_000
 FRESH_SEED = 200_000
 _WORDS = {
     "algorithm": "algorithm",
-    "view_id": "id",
+    "env_id": "id",
     "options": "games' options",
     "steps": "steps",
     "seeds": "seeds",
     "first_seed": "first seed",
-    "field": "field",
-    "field_hash": "version of the field",
+    "suite": "suite",
+    "suite_hash": "version of the suite",
     "rounds": "rounds",
     "space": "search space",
     "hyperparameters": "hyper-parameters",
@@ -40,23 +40,23 @@ class Task:
     """What a study tunes.
 
     Attributes:
-        algorithm, view_id: what is trained, and on what.
-        options: of the games; see :class:`fpg_bench.envs.core.OneSided`.
+        algorithm, env_id: what is trained, and on what.
+        options: of the games; see :class:`fpg_bench.envs.core.SingleAgentGame`.
         steps: the budget of one training seed.
         seeds: how many training seeds a trial has. first_seed: the first of them.
-        field: what a trained policy is scored on. field_hash: its version. rounds: per counterpart.
+        suite: what a trained policy is scored on. field_hash: its version. rounds: per rival.
         space: the search space's ranges.
         hyperparameters: the values that are not searched, a hyper-parameter file's entry.
     """
 
     algorithm: str
-    view_id: str
+    env_id: str
     options: dict[str, Any]
     steps: int
     seeds: int
     first_seed: int
-    field: str
-    field_hash: str
+    suite: str
+    suite_hash: str
     rounds: int
     space: dict[str, dict[str, Any]]
     hyperparameters: dict[str, Any]
@@ -87,13 +87,13 @@ def _other(word: str, found: Any, mine: Any) -> str:
 
 def make_task(
     algorithm: str,
-    view_id: str,
+    env_id: str,
     *,
     seeds: int,
     steps: int | None = None,
     space: str | Path | None = None,
     hyperparams: str | Path | None = None,
-    field: str | None = None,
+    suite: str | None = None,
     rounds: int = ROUNDS,
     **options: Any,
 ) -> Task:
@@ -105,7 +105,7 @@ def make_task(
     for name, value in (("seeds", seeds), ("steps", steps), ("rounds", rounds)):
         if value is not None:
             whole(value, name)
-    view = find_view(view_id)
+    view = find_env(env_id)
     options = {name: value for name, value in options.items() if value is not None}
     found = find_algorithm(algorithm)
     values = _entry(found, view.id, hyperparams, steps, options.get("path"))
@@ -114,19 +114,19 @@ def make_task(
             json.dumps(given)
         except TypeError as error:
             raise UserError(f"{what}: a study keeps them, so name everything by words: {error}") from error
-    name = field or field_of(view.id, options)
-    measured = load_field(name)
+    name = suite or suite_of(view.id, options)
+    measured = load_suite(name)
     if measured.side != view.side:
-        raise UserError(f"field {name}: measures the {measured.side}; in {view.id} the {view.side} learns")
+        raise UserError(f"suite {name}: measures the {measured.side}; in {view.id} the {view.side} learns")
     return Task(
         algorithm=algorithm,
-        view_id=view.id,
+        env_id=view.id,
         options=options,
         steps=steps or max(1, values["n_timesteps"] // 2),
         seeds=seeds,
         first_seed=TRIAL_SEED,
-        field=name,
-        field_hash=measured.hash,
+        suite=name,
+        suite_hash=measured.hash,
         rounds=rounds,
         space=load_space(found.base, Path(space) if space else None).ranges,
         hyperparameters=values,
@@ -134,10 +134,10 @@ def make_task(
 
 
 def _entry(
-    algorithm: Algorithm, view_id: str, file: str | Path | None, steps: int | None, path: Any
+    algorithm: Algorithm, env_id: str, file: str | Path | None, steps: int | None, path: Any
 ) -> dict[str, Any]:
     """What the hyper-parameter file says for the id; a class of the user's may have none."""
-    found = load_hyperparameters(algorithm, view_id, file, path=path)
+    found = load_hyperparameters(algorithm, env_id, file, path=path)
     if not (found.n_timesteps or steps):
         raise UserError(f"steps: {algorithm.name} has no hyper-parameter file that says how many; name them")
     return found.entry() | {"n_timesteps": found.n_timesteps or steps}

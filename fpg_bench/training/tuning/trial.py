@@ -11,11 +11,11 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
-from fpg_bench.envs.sb3 import SB3View
+from fpg_bench.common.ids import sides_of
+from fpg_bench.envs.sb3_vec_env import FPGVecEnv
+from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import training_seed
 from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
-from fpg_bench.evaluation.yardstick import Yardstick
-from fpg_bench.ids import sides_of
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.export import export_onnx
@@ -33,7 +33,7 @@ class Diverged(ArithmeticError):
 
 
 class Objective:
-    """What a study maximises: the mean score over a field's counterparts and the training seeds.
+    """What a study maximises: the mean score over a suite's rivals and the training seeds.
 
     Args:
         task: what is tuned.
@@ -43,7 +43,7 @@ class Objective:
         torch.set_num_threads(1)
         self._task = task
         with contextlib.closing(self._games(task.hyperparameters, task.first_seed)[0]) as games:
-            self._yardstick = Yardstick(task.field, task.rounds, games.core.scenario)
+            self._evaluator = PolicyEvaluator(task.suite, task.rounds, games.core.scenario)
 
     def check(self, values: dict[str, Any]) -> None:
         """Raise UserError where the algorithm does not know a value's name."""
@@ -78,21 +78,21 @@ class Objective:
     def _trained(
         self, values: dict[str, Any], seed: int, look: Callable[[int, np.ndarray], None]
     ) -> np.ndarray:
-        """The scores ``(counterparts, matches)`` of the policy that one seed leads to."""
+        """The scores ``(rivals, matches)`` of the policy that one seed leads to."""
         model = self._model(values, seed)
         try:
-            looks = _Looks(self._task.steps, lambda part: look(part, self._scores(ActorPlayer(model))))
-            model.learn(self._task.steps, callback=looks)
+            n_evals = _Looks(self._task.steps, lambda part: look(part, self._scores(ActorPlayer(model))))
+            model.learn(self._task.steps, callback=n_evals)
             return self._scores(OnnxPlayer(export_onnx(model), {"algorithm": self._task.algorithm}))
         except ValueError as error:
-            if tells_divergence(error, sides_of(self._task.view_id)):
+            if tells_divergence(error, sides_of(self._task.env_id)):
                 raise Diverged("training came to numbers that are none") from error
             raise
         finally:
             model.get_env().close()  # type: ignore[union-attr]
 
     def _scores(self, player: Any) -> np.ndarray:
-        scores = self._yardstick.scores(player)
+        scores = self._evaluator.scores(player)
         if not np.isfinite(scores).all():
             raise Diverged("the policy's score is no number")
         return scores
@@ -101,10 +101,10 @@ class Objective:
         games, parameters = self._games(merged(self._task.hyperparameters, values), seed)
         return make_model(self._task.algorithm, games, parameters, seed)
 
-    def _games(self, wanted: dict[str, Any], seed: int) -> tuple[SB3View, Hyperparameters]:
+    def _games(self, wanted: dict[str, Any], seed: int) -> tuple[FPGVecEnv, Hyperparameters]:
         task = self._task
-        parameters = load_hyperparameters(task.algorithm, task.view_id, wanted)
-        return make_games(task.view_id, parameters, training_seed(seed), **task.options), parameters
+        parameters = load_hyperparameters(task.algorithm, task.env_id, wanted)
+        return make_games(task.env_id, parameters, training_seed(seed), **task.options), parameters
 
 
 class _Looks(BaseCallback):
@@ -131,7 +131,7 @@ def _mean(found: list[np.ndarray]) -> float:
 
 
 def interval_of(found: list[np.ndarray]) -> Interval:
-    """The score of training seeds, ``(counterparts, matches)`` each; of a single one over its matches."""
+    """The score of training seeds, ``(rivals, matches)`` each; of a single one over its matches."""
     if len(found) == 1:
         return mean_interval(found[0].mean(axis=0), MATCHES)
     return mean_interval(np.array([scores.mean() for scores in found]), TRAINING_SEEDS)

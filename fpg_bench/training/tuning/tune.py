@@ -10,8 +10,8 @@ from typing import Any
 
 import optuna
 
-from fpg_bench.checks import whole
-from fpg_bench.errors import UserError
+from fpg_bench.common.checks import whole
+from fpg_bench.common.errors import UserError
 from fpg_bench.jobs.folders import mark, sees
 from fpg_bench.jobs.job import Job, check_all_done
 from fpg_bench.jobs.run import run_jobs
@@ -29,7 +29,7 @@ FIRST_RUNG = PARTS // 2
 
 def tune(
     algorithm: str,
-    view_id: str,
+    env_id: str,
     out: str | Path,
     *,
     trials: int = TRIALS,
@@ -46,7 +46,7 @@ def tune(
 
     Args:
         algorithm: ``ppo``, ``sac``, ``td3``, stacked and recurrent ones, or ``package.module:Class``.
-        view_id: ``FPG/AllyVsScripted-v0`` and the like.
+        env_id: ``FPG/AllyVsScripted-v0`` and the like.
         out: the study's folder; holds its journal where no other storage is named.
         trials: how many are to be finished, by all workers together.
         storage: a database's URL; None: the journal.
@@ -55,10 +55,10 @@ def tune(
         say: prints a line.
         **words: what is tuned, ``seeds`` (training seeds of a trial), ``steps`` (the budget of one of them;
             None: half of the hyper-parameter file's), ``space`` and ``hyperparams`` (a search space and where
-            the other values come from, YAML files; None: the shipped ones), ``field`` (what a policy is
-            scored on; None: the id's) and ``rounds`` (per counterpart); of the storage ``patience_s`` (how
+            the other values come from, YAML files; None: the shipped ones), ``suite`` (what a policy is
+            scored on; None: the id's) and ``rounds`` (per rival); of the storage ``patience_s`` (how
             long to wait for one that has gone down) and ``heartbeat_s`` (how often a database is told that
-            the worker lives); and the options of :class:`fpg_bench.envs.core.OneSided`.
+            the worker lives); and the options of :class:`fpg_bench.envs.core.SingleAgentGame`.
 
     Returns:
         The study, as Optuna knows it.
@@ -70,12 +70,12 @@ def tune(
     """
     whole(trials, "trials")
     of_storage = {key: words.pop(key) for key in ("patience_s", "heartbeat_s") if key in words}
-    task = make_task(algorithm, view_id, **{"seeds": SEEDS, **words})
+    task = make_task(algorithm, env_id, **{"seeds": SEEDS, **words})
     objective, ranges = Objective(task), task.ranges()
     objective.check(ranges.first())
     opened = open_storage(Path(out), storage, say=say, **of_storage)
     halving = optuna.pruners.SuccessiveHalvingPruner(min_resource=FIRST_RUNG, reduction_factor=2)
-    study = open_study(opened, name or f"{algorithm} {task.view_id}", task, halving)
+    study = open_study(opened, name or f"{algorithm} {task.env_id}", task, halving)
     training_seeds = [task.first_seed + index for index in range(task.seeds)]
     Worker(
         study,
@@ -96,7 +96,7 @@ def say_line(line: str) -> None:
 
 def tune_together(
     algorithm: str,
-    view_id: str,
+    env_id: str,
     out: str | Path,
     *,
     workers: int,
@@ -110,7 +110,7 @@ def tune_together(
 
     Args:
         algorithm: as for :func:`tune`.
-        view_id: as there.
+        env_id: as there.
         out: the study's folder.
         workers: how many; one whose process or machine is lost is begun again, and its trial is, too.
         backend: ``loky`` or ``ray``; see :func:`fpg_bench.jobs.run.run_jobs`.
@@ -125,16 +125,16 @@ def tune_together(
     """
     open_storage(Path(out), storage, say=say)  # made once, before many want to
     folder = Path(out).absolute()
-    work = partial(_work, algorithm, view_id, folder, mark(folder), storage, words | {"say": say})
+    work = partial(_work, algorithm, env_id, folder, mark(folder), storage, words | {"say": say})
     jobs = [Job(f"worker {k}", work) for k in range(workers)]
     check_all_done(run_jobs(jobs, workers, backend, address, say))
 
 
 def _work(
-    algorithm: str, view_id: str, out: Path, marked: str, storage: str | None, words: dict[str, Any]
+    algorithm: str, env_id: str, out: Path, marked: str, storage: str | None, words: dict[str, Any]
 ) -> None:
     if storage is None and not sees(out, marked):
         raise UserError(
             f"{socket.gethostname()} does not see {out}, where the study lies; name a database by --storage"
         )
-    tune(algorithm, view_id, out, storage=storage, **words)
+    tune(algorithm, env_id, out, storage=storage, **words)

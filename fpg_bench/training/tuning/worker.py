@@ -11,7 +11,7 @@ from typing import Any
 import optuna
 from optuna.trial import FrozenTrial, TrialState
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.training.tuning import claim
 from fpg_bench.training.tuning.storage import Storage

@@ -12,9 +12,9 @@ from typing import Any
 
 import yaml
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.evaluation.statistics import Interval
-from fpg_bench.files import read_yaml, write_whole
 from fpg_bench.training.tuning.confirm import Confirmed
 from fpg_bench.training.tuning.space import merged
 
@@ -32,21 +32,21 @@ def write_values(file: Path, best: Confirmed) -> None:
     Raises:
         UserError: the file cannot be read, or its entry is written in a way that cannot be edited.
     """
-    view_id = best.task.view_id
+    env_id = best.task.env_id
     text = file.read_text(encoding="utf-8") if file.exists() else ""
     before = read_yaml(file, "hyper-parameters") if text.strip() else {}
-    entry = merged(before.get(view_id) or best.task.hyperparameters, best.values)
+    entry = merged(before.get(env_id) or best.task.hyperparameters, best.values)
     changed = {name.partition(".")[0] for name in best.values}
-    lines = _edited(text.splitlines(), view_id, entry, changed, provenance(best))
+    lines = _edited(text.splitlines(), env_id, entry, changed, provenance(best))
     written = "\n".join(lines) + "\n"
     try:
         found = yaml.safe_load(written)
     except yaml.YAMLError:
         found = None
-    kept = isinstance(found, dict) and found.get(view_id) == entry and before.keys() <= found.keys()
-    if not kept or written.count(f"{view_id}:") + written.count(f'{view_id}":') > 1:
+    kept = isinstance(found, dict) and found.get(env_id) == entry and before.keys() <= found.keys()
+    if not kept or written.count(f"{env_id}:") + written.count(f'{env_id}":') > 1:
         raise UserError(
-            f"hyper-parameters {file}: the entry of {view_id} cannot be edited; write it as one key a line, "
+            f"hyper-parameters {file}: the entry of {env_id} cannot be edited; write it as one key a line, "
             f"or set yourself: {json.dumps(best.values)}"
         )
     write_whole(file, written)
@@ -67,8 +67,8 @@ def provenance(best: Confirmed) -> list[str]:
     said = (
         f"study {best.study!r}, trial {best.trial} (of {best.trials}): score {shown(score)} over the fresh "
         f"training seeds {best.seeds[0]} to {best.seeds[-1]} of {task.steps:,} steps each, "
-        f"{best.searched:.1f} in the study; field {task.field} on tuning seeds, {task.rounds} rounds "
-        "per counterpart; " + ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+        f"{best.searched:.1f} in the study; suite {task.suite} on tuning seeds, {task.rounds} rounds "
+        "per rival; " + ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
     )
     return textwrap.wrap(said, 110, initial_indent=_MARK, subsequent_indent=_MORE)
 
@@ -80,17 +80,17 @@ def shown(score: Interval) -> str:
 
 
 def _edited(
-    lines: list[str], view_id: str, entry: dict[str, Any], changed: set[str], comment: list[str]
+    lines: list[str], env_id: str, entry: dict[str, Any], changed: set[str], comment: list[str]
 ) -> list[str]:
     """The file's lines with the entry's changed keys and the comment."""
-    start = next((i for i, line in enumerate(lines) if line.startswith(f"{view_id}:")), None)
+    start = next((i for i, line in enumerate(lines) if line.startswith(f"{env_id}:")), None)
     if start is None:
-        return [*lines, f"{view_id}:", *comment, *_block(entry, set(entry))]
+        return [*lines, f"{env_id}:", *comment, *_block(entry, set(entry))]
     head = lines[start]
     end = next((i for i in range(start + 1, len(lines)) if not lines[i].startswith(" ")), len(lines))
-    if not re.fullmatch(rf"{re.escape(view_id)}:\s*(&\S+)?\s*(#.*)?", head):  # an alias, or one line
-        anchor = re.match(rf"{re.escape(view_id)}:\s*(&\S+)", head)
-        head = f"{view_id}: {anchor[1]}" if anchor else f"{view_id}:"
+    if not re.fullmatch(rf"{re.escape(env_id)}:\s*(&\S+)?\s*(#.*)?", head):  # an alias, or one line
+        anchor = re.match(rf"{re.escape(env_id)}:\s*(&\S+)", head)
+        head = f"{env_id}: {anchor[1]}" if anchor else f"{env_id}:"
         return [*lines[:start], head, *comment, *_block(entry, set(entry)), *lines[end:]]
     kept, unwritten = [], set(changed)
     inside = False  # whether the last key's lines are replaced

@@ -7,7 +7,7 @@ import json
 
 import numpy as np
 
-from fpg_bench.envs.duel import make_duel
+from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import Limits, Plan, Request
 from fpg_bench.planning.llm.llm_planner import LLMPlanner

@@ -14,7 +14,7 @@ import time
 import numpy as np
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.planning import Plan
 from fpg_bench.planning.llm.background import BackgroundPlanner
 

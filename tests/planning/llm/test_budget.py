@@ -8,7 +8,7 @@ import math
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.planning.llm.attempt import Attempt
 from fpg_bench.planning.llm.budget import Budget
 

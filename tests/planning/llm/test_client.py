@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.planning.llm.client import Client
 from fpg_bench.planning.llm.servers import Endpoint, load_server
 

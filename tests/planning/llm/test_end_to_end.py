@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from fpg_bench.envs.duel import make_duel
+from fpg_bench.envs.two_player import make_duel
 from fpg_bench.planning.llm.answers import answer_schema
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.servers import Endpoint, Server, load_server
@@ -82,7 +82,7 @@ def test_the_opponent_flies_to_where_the_model_sends_it(llama_server):
     where = Endpoint(llama_server.url, llama_server.model, server=profile_of("llama.cpp"))
     duel = make_duel(scenario=SHORT, planner=LLMPlanner(SHORT, where))
     duel.reset(seeds=5)
-    position = duel.arena.games["opponent_position"][0]
+    position = duel.batch.games["opponent_position"][0]
     before = np.linalg.norm(duel.plans[0].waypoints[0] - position)
     for _ in range(2):
         duel.step(np.zeros((1, 9)), np.zeros((1, 9)))

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 
 from .fault_server import FaultServer, html, late, status
 from .playing import GOOD, KEY, ROUNDS, path_text, planner, play, request, statuses

@@ -13,9 +13,9 @@ import traceback
 import numpy as np
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.checkers import check_planner
 from fpg_bench.planning.llm.llm_planner import LLMPlanner, server_seed
-from fpg_bench.testing import check_planner
 
 from .fault_server import (
     FaultServer,

@@ -6,7 +6,7 @@ import zipfile
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.planning.llm.local import models
 from fpg_bench.planning.llm.local.models import FOLDER, GGUF, Shipped, fetch, has_model, model_file
 

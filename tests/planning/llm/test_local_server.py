@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from fpg_bench.cli import main, watching
-from fpg_bench.errors import UserError, printable
+from fpg_bench.common.errors import UserError, printable
 from fpg_bench.planning.llm.client import Client
 from fpg_bench.planning.llm.local import server as local
 from fpg_bench.planning.llm.local.models import GGUF

@@ -8,8 +8,8 @@ import re
 import numpy as np
 import pytest
 
-from fpg_bench.envs.duel import make_duel
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import Limits, Request
 from fpg_bench.planning.llm.answers import read_answer
@@ -128,8 +128,8 @@ def test_each_line_says_when_in_the_round_the_opponent_was_there():
     rest, track = np.zeros((1, 9), np.float32), []
     for _ in range(300):
         duel.step(rest, rest)
-        track.append(duel.arena.games["opponent_position"][0].copy())
-    words = text("standard", request(history=duel.arena.segments))
+        track.append(duel.batch.games["opponent_position"][0].copy())
+    words = text("standard", request(history=duel.batch.segments))
     rows = re.findall(r"^(\d+),(\d+),(\d+),(\d+),", words, re.MULTILINE)
     assert len(rows) == 16
     for second, *place in rows:

@@ -8,7 +8,7 @@ import traceback
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.planning.llm.servers import SERVERS, Endpoint, endpoint_from_environment, load_server
 
 KEY = "sk-0123456789abcdef"

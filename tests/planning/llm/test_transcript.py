@@ -10,7 +10,7 @@ import pickle
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.planning.llm.attempt import Attempt, alike
 from fpg_bench.planning.llm.chain import chain_start
 from fpg_bench.planning.llm.transcript import Transcript

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import optuna
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.training.tuning import claim
 from fpg_bench.training.tuning import worker as tuning_worker
@@ -27,13 +27,13 @@ RANGES = {"x": {"kind": "float", "low": 0.0, "high": 10.0}}
 def fake_task(**changes):
     words = {
         "algorithm": "ppo",
-        "view_id": "FPG/AllyVsScripted-v0",
+        "env_id": "FPG/AllyVsScripted-v0",
         "options": {},
         "steps": 10,
         "seeds": 2,
         "first_seed": 0,
-        "field": "ally-v1",
-        "field_hash": "0",
+        "suite": "ally-v1",
+        "suite_hash": "0",
         "rounds": 1,
         "space": RANGES,
         "hyperparameters": {"x": 5.0},

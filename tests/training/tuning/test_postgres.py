@@ -6,7 +6,7 @@ import pytest
 import sqlalchemy
 from optuna.trial import TrialState
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from tests.training.tuning.fake import fake_worker, highest_x
 from tests.training.tuning.postgres import Server, programs
 

@@ -1,7 +1,7 @@
 import optuna
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.tuning.space import Space, load_space, merged
@@ -96,11 +96,11 @@ def test_an_algorithm_without_a_space():
 @pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
 @pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3", "recurrent-ppo", "ppo-stack8"])
 def test_shipped_spaces_hold_names_that_their_algorithms_know(algorithm, monkeypatch):
-    monkeypatch.setattr("fpg_bench.training.tuning.trial.Yardstick", lambda *words: None)
-    view_id = "FPG/AllyVsScripted-v0"
-    task = make_task(algorithm, view_id, seeds=2)
+    monkeypatch.setattr("fpg_bench.training.tuning.trial.PolicyEvaluator", lambda *words: None)
+    env_id = "FPG/AllyVsScripted-v0"
+    task = make_task(algorithm, env_id, seeds=2)
     Objective(task).check(task.ranges().first())
-    half = load_hyperparameters(algorithm, view_id).n_timesteps // 2
+    half = load_hyperparameters(algorithm, env_id).n_timesteps // 2
     assert task.steps == half
 
 

@@ -3,7 +3,7 @@ import os
 import optuna
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.training.tuning.storage import JOURNAL, Patience, open_storage
 from fpg_bench.training.tuning.study import find_study, open_study
 from tests.training.tuning.fake import fake_task, fake_worker, highest_x
@@ -79,7 +79,7 @@ def test_a_study_of_something_else_is_refused(tmp_path):
     for changes, message in (
         ({"space": space}, r"made with another search space \(x\); continue it"),
         ({"seeds": 3}, "made with seeds 2, not 3"),
-        ({"view_id": "FPG/OpponentVsScripted-v0"}, "made with id FPG/AllyVsScripted-v0, not"),
+        ({"env_id": "FPG/OpponentVsScripted-v0"}, "made with id FPG/AllyVsScripted-v0, not"),
         ({"hyperparameters": {"x": 4.0}}, r"another hyper-parameters \(x\)"),
     ):
         with pytest.raises(UserError, match=message):

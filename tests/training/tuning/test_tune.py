@@ -10,7 +10,7 @@ import pytest
 import yaml
 from optuna.trial import TrialState
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.seeds import training_seed
 from fpg_bench.training.tuning.confirm import confirm
 from fpg_bench.training.tuning.report import write_report
@@ -61,7 +61,7 @@ def test_a_study_has_its_trials_and_what_it_tunes(study):
     assert [trial.state.is_finished() for trial in study.trials] == [True] * 3
     assert study.trials[0].params == {"learning_rate": 0.001, "policy_kwargs.net_arch": "[8]"}
     task = study.user_attrs["task"]
-    assert (task["steps"], task["seeds"], task["field"]) == (1200, 2, "opponent-v1")
+    assert (task["steps"], task["seeds"], task["suite"]) == (1200, 2, "opponent-v1")
     assert study.trials[0].state == TrialState.COMPLETE
     assert sorted(study.trials[0].intermediate_values) == [1, 2, 3, 4, 5, 6, 7]
     low, high, over = study.trials[0].user_attrs["interval"]
@@ -133,13 +133,13 @@ def test_training_that_comes_to_no_numbers_is_said_so(algorithm):
     ("changes", "message"),
     [
         ({"algorithm": "pqo"}, "did you mean 'ppo'"),
-        ({"view_id": "FPG/OpponentVsScriptd-v0"}, f"did you mean '{VIEW}'"),
+        ({"env_id": "FPG/OpponentVsScriptd-v0"}, f"did you mean '{VIEW}'"),
         ({"trials": 0}, "trials"),
         ({"seeds": 0}, "seeds"),
         ({"steps": 0}, "steps"),
         ({"rounds": 0}, "rounds"),
-        ({"field": "oponent-v1"}, "did you mean 'opponent-v1'"),
-        ({"field": "ally-v1"}, "measures the ally"),
+        ({"suite": "oponent-v1"}, "did you mean 'opponent-v1'"),
+        ({"suite": "ally-v1"}, "measures the ally"),
         ({"ally": "exprt"}, "did you mean 'expert'"),
         ({"ally": object()}, "name everything by words"),
         ({"storage": "nonsense"}, "expected a URL"),
@@ -147,9 +147,9 @@ def test_training_that_comes_to_no_numbers_is_said_so(algorithm):
     ],
 )
 def test_bad_words(tmp_path, words, changes, message):
-    wanted = {"algorithm": "ppo", "view_id": VIEW} | words | changes
+    wanted = {"algorithm": "ppo", "env_id": VIEW} | words | changes
     with pytest.raises(UserError, match=message):
-        tune(wanted.pop("algorithm"), wanted.pop("view_id"), tmp_path / "study", **wanted)
+        tune(wanted.pop("algorithm"), wanted.pop("env_id"), tmp_path / "study", **wanted)
     assert not (tmp_path / "study").exists()
 
 

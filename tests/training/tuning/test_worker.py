@@ -5,7 +5,7 @@ import optuna
 import pytest
 from optuna.trial import TrialState
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.training.tuning import claim
 from fpg_bench.training.tuning.storage import JOURNAL

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.training.tuning import tune
 from fpg_bench.training.tuning.storage import open_storage
 from fpg_bench.training.tuning.study import find_study

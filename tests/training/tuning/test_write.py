@@ -1,7 +1,7 @@
 import pytest
 import yaml
 
-from fpg_bench.errors import UserError
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.hyperparameters import load_hyperparameters
@@ -13,8 +13,8 @@ VALUES = {"learning_rate": 0.0001235, "gamma": 0.98, "policy_kwargs.net_arch": [
 ALLY, OPPONENT = "FPG/AllyVsScripted-v0", "FPG/OpponentVsScripted-v0"
 
 
-def confirmed(view_id, values=VALUES):
-    task = fake_task(view_id=view_id, steps=1_500_000, rounds=100, hyperparameters={"n_envs": 2})
+def confirmed(env_id, values=VALUES):
+    task = fake_task(env_id=env_id, steps=1_500_000, rounds=100, hyperparameters={"n_envs": 2})
     score = Interval(61.234, 58.0, 64.5, "training seeds")
     return Confirmed("ppo on it", 20, 7, values, 65.43, score, range(200_000, 200_003), task)
 
@@ -30,30 +30,30 @@ def read(path):
     return yaml.safe_load(path.read_text())
 
 
-@pytest.mark.parametrize("view_id", [ALLY, OPPONENT])
-def test_values_are_written_and_everything_else_stays(file, view_id):
+@pytest.mark.parametrize("env_id", [ALLY, OPPONENT])
+def test_values_are_written_and_everything_else_stays(file, env_id):
     before, comment = read(file), file.read_text().splitlines()[0]
-    write_values(file, confirmed(view_id))
+    write_values(file, confirmed(env_id))
     after = read(file)
     assert file.read_text().splitlines()[0] == comment
-    entry = after[view_id]
+    entry = after[env_id]
     assert entry["learning_rate"] == 0.0001235
     assert entry["gamma"] == 0.98
-    assert entry["policy_kwargs"] == before[view_id]["policy_kwargs"] | {"net_arch": [128, 128]}
-    same = before[view_id].keys() - {"learning_rate", "gamma", "policy_kwargs"}
-    assert {key: entry[key] for key in same} == {key: before[view_id][key] for key in same}
+    assert entry["policy_kwargs"] == before[env_id]["policy_kwargs"] | {"net_arch": [128, 128]}
+    same = before[env_id].keys() - {"learning_rate", "gamma", "policy_kwargs"}
+    assert {key: entry[key] for key in same} == {key: before[env_id][key] for key in same}
     assert after.keys() == before.keys()
-    follow = {name: after[name] for name in before if before[name] == before[view_id]}
+    follow = {name: after[name] for name in before if before[name] == before[env_id]}
     assert all(found == entry for found in follow.values())
     assert after | follow == before | follow
-    assert load_hyperparameters("ppo", view_id, file).algorithm["gamma"] == 0.98
+    assert load_hyperparameters("ppo", env_id, file).algorithm["gamma"] == 0.98
 
 
 def test_aliases_follow(file):
     write_values(file, confirmed(ALLY))
-    aliases = [view_id for view_id in read(file) if f"{view_id}: *default" in file.read_text()]
+    aliases = [env_id for env_id in read(file) if f"{env_id}: *default" in file.read_text()]
     assert aliases
-    assert all(read(file)[view_id] == read(file)[ALLY] for view_id in aliases)
+    assert all(read(file)[env_id] == read(file)[ALLY] for env_id in aliases)
 
 
 def test_where_they_come_from_stands_above_them(file):
@@ -62,7 +62,7 @@ def test_where_they_come_from_stands_above_them(file):
     for said in (
         "study 'ppo on it', trial 7 (of 20): score 61.2 [58.0, 64.5]",
         "fresh training seeds 200000 to 200002 of 1,500,000 steps each, 65.4 in the study",
-        "field ally-v1 on tuning seeds, 100 rounds per counterpart",
+        "suite ally-v1 on tuning seeds, 100 rounds per rival",
         "stable-baselines3 2.",
         "optuna 5.",
     ):

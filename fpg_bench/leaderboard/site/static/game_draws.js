@@ -1,5 +1,5 @@
 /* Chance as the game draws it: a number for each (key, step, purpose), from the finaliser of SplitMix64.
-   Keys are BigInts of 64 bits; numbers are the same as in fpg_bench/game/draws.py. */
+   Keys are BigInts of 64 bits; numbers are the same as in fpg_bench/game/rng.py. */
 "use strict";
 const fpgDraws = (() => {
   const ALL = (1n << 64n) - 1n;

@@ -1,4 +1,4 @@
-/* Which point the ally hops to: its own preference, or the knowledge base; see fpg_bench/game/choosing.py. */
+/* Which point the ally hops to: its own preference, or the knowledge base; see fpg_bench/game/hopping.py. */
 "use strict";
 const fpgKnowledge = (() => {
   const { PURPOSE, integer } = fpgDraws;

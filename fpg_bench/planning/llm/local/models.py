@@ -13,8 +13,8 @@ from pathlib import Path
 
 import platformdirs
 
-from fpg_bench.errors import UserError
-from fpg_bench.files import write_whole
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
 
 GGUF = "FPG_LLM_GGUF"
 FOLDER = "FPG_BENCH_MODELS"  # where fetched ones are kept, if not in the user's cache

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.errors import UserError
-from fpg_bench.extras import need
-from fpg_bench.plain_json import read_plain
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.extras import need
+from fpg_bench.common.strict_json import read_plain
 
 CONTEXT = 8192  # tokens; what SmolLM2 was trained for
 _MOST_THREADS = 8

@@ -1,0 +1,1 @@
+"""Errors, checks, files, rows, ids and parallel jobs: what every package stands on."""

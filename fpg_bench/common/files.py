@@ -1,0 +1,180 @@
+"""Reading and writing files so that a bad one is a clear error and a good one is never half written."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import glob
+import gzip
+import json
+import os
+import re
+import socket
+import tempfile
+import zlib
+from collections import Counter
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.strict_json import read_plain
+
+PACKED = ".gz"
+_MOST_NODES = 100_000
+_DEEPEST = 50
+_BRACKET = re.compile(r"[\[\]{}]")
+
+
+class _CarefulLoader(yaml.SafeLoader):
+    """YAML's safe loader, which refuses a key that is written twice and aliases that blow a file up."""
+
+    def get_single_node(self) -> yaml.Node | None:
+        node = super().get_single_node()
+        if node is not None and _expanded(node, {}) > _MOST_NODES:
+            raise yaml.constructor.ConstructorError(
+                None, None, f"its aliases stand for more than {_MOST_NODES:,} values", node.start_mark
+            )
+        return node
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        written = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
+        merges = {key.value for key, _ in node.value if key.tag == "tag:yaml.org,2002:merge"}
+        for key in (key for key, times in written.items() if times > 1 and key not in merges):
+            raise yaml.constructor.ConstructorError(
+                None, None, f"the key {key!r} stands there twice", node.start_mark
+            )
+        return super().construct_mapping(node, deep)
+
+
+def _expanded(node: yaml.Node, known: dict[int, int]) -> int:
+    """How many values a node stands for, where each alias is written out."""
+    if id(node) not in known:
+        known[id(node)] = _MOST_NODES + 1  # inside itself it would be endless
+        parts = node.value if isinstance(node, yaml.CollectionNode) else ()
+        flat = chain.from_iterable(parts) if isinstance(node, yaml.MappingNode) else parts
+        known[id(node)] = 1 + sum(_expanded(part, known) for part in flat)
+    return known[id(node)]
+
+
+def read_yaml(path: Path, what: str) -> dict[str, Any]:
+    """The mapping in a YAML file, loaded safely.
+
+    Raises:
+        UserError: the file cannot be read, is not YAML, or holds no mapping; ``what`` begins the message.
+    """
+    text = _read(path, what)
+    if _too_deep(text):  # the parser's time grows with the square of the depth
+        raise UserError(f"{what} {path}: not valid YAML: more than {_DEEPEST} brackets within brackets")
+    try:
+        content = copy.deepcopy(_parsed(text))
+    except UserError:
+        raise
+    except Exception as error:  # PyYAML lets errors of many kinds out, tagged values above all
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise UserError(f"{what} {path}: not valid YAML: {said}") from error
+    return _mapping(content, path, what)
+
+
+@functools.lru_cache(maxsize=32)
+def _parsed(text: str) -> Any:
+    """What a YAML text says; a board reads the same fields again and again, and its parser is slow."""
+    return _CarefulLoader(text).get_single_data()
+
+
+def _too_deep(text: str) -> bool:
+    """Whether brackets are opened within brackets too often, quoted ones too."""
+    depth = 0
+    for bracket in _BRACKET.finditer(text):
+        depth = depth + 1 if bracket[0] in "[{" else max(depth - 1, 0)
+        if depth > _DEEPEST:
+            return True
+    return False
+
+
+def read_json(path: Path, what: str) -> dict[str, Any]:
+    """The object in a JSON file; raises as :func:`read_yaml` does."""
+    text = _read(path, what)
+    try:
+        content = read_plain(text, nan=True)
+    except ValueError as error:
+        raise UserError(f"{what} {path}: not valid JSON: {error}") from error
+    return _mapping(content, path, what)
+
+
+def read_bounded(path: Path, what: str, most: int) -> bytes:
+    """What is in a file, unpacked where its name ends in ``.gz``; no more than ``most`` bytes are ever held.
+
+    Raises:
+        UserError: it can't be read or unpacked, or is longer; ``what`` begins the message.
+    """
+    try:
+        with gzip.open(path) if path.suffix == PACKED else path.open("rb") as file:
+            data: bytes = file.read(most + 1)
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise UserError(f"{what} {path}: cannot be unpacked: {error}") from error
+    except OSError as error:
+        raise UserError(f"{what} {path}: cannot be read: {error.strerror}") from error
+    if len(data) > most:
+        raise UserError(f"{what} {path}: is longer than {most:,} bytes, unpacked")
+    return data
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file under a temporary name and rename it, so that it is there whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    data = content.encode() if isinstance(content, str) else content
+    _sweep(path)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f"{_begun(path)}{os.getpid()}-")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def _begun(path: Path) -> str:
+    """How the names begin of what processes of this machine have begun to write in place of a file."""
+    return f".{path.name}.{socket.gethostname()}-"
+
+
+def _sweep(path: Path) -> None:
+    """Take away what processes have left that were killed while they wrote this file."""
+    for left in path.parent.glob(f"{glob.escape(_begun(path))}*"):
+        pid = left.name.removeprefix(_begun(path)).partition("-")[0]
+        if pid.isdecimal() and not _alive(int(pid)):
+            left.unlink(missing_ok=True)
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write ``content`` as indented JSON, whole."""
+    write_whole(path, json.dumps(content, indent=2) + "\n")
+
+
+def _read(path: Path, what: str) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise UserError(f"{what} {path}: cannot be read: {reason}") from error
+
+
+def _mapping(content: Any, path: Path, what: str) -> dict[str, Any]:
+    if not isinstance(content, dict):
+        raise UserError(f"{what} {path}: expected a mapping, got {type(content).__name__}")
+    return content

@@ -1,0 +1,111 @@
+"""The environment ids and what they default to. Importing this costs nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from fpg_bench.common.errors import UserError, nearest
+
+
+@dataclass(frozen=True)
+class EnvConfig:
+    """One id: which side learns, who plays the other, and how the opponent flies.
+
+    ``scripted`` says that the other side must be a script; ``planner`` is set where the opponent flies
+    what a path planner says, over ``rounds_per_match`` rounds.
+    """
+
+    id: str
+    side: str
+    other: str
+    path: str = "pursuit"
+    planner: str | None = None
+    rounds_per_match: int = 1
+    scripted: bool = True
+    about: str = ""
+
+    @property
+    def other_side(self) -> str:
+        """The keyword that names the other side's player: ``opponent`` or ``ally``."""
+        return "opponent" if self.side == "ally" else "ally"
+
+
+ENVS = MappingProxyType(
+    {
+        view.id: view
+        for view in (
+            EnvConfig(
+                "FPG/AllyVsScripted-v0", "ally", "adaptive", about="keep the link against a scripted jammer"
+            ),
+            EnvConfig(
+                "FPG/AllyVsPlanner-v0",
+                "ally",
+                "adaptive",
+                path="waypoints",
+                planner="interceptor",
+                rounds_per_match=10,
+                about="keep the link against a jammer whose path is planned between rounds",
+            ),
+            EnvConfig(
+                "FPG/AllyVsLLM-v0",
+                "ally",
+                "adaptive",
+                path="waypoints",
+                planner="llm",
+                rounds_per_match=10,
+                about="the same against a large language model that plans the path; needs an endpoint",
+            ),
+            EnvConfig(
+                "FPG/OpponentVsScripted-v0", "opponent", "expert", about="find and jam a scripted ally"
+            ),
+            EnvConfig(
+                "FPG/AllyVsPolicy-v0",
+                "ally",
+                "adaptive",
+                scripted=False,
+                about="keep the link against any player, a trained one for instance",
+            ),
+            EnvConfig(
+                "FPG/OpponentVsPolicy-v0",
+                "opponent",
+                "expert",
+                scripted=False,
+                about="find and jam any player, a trained one for instance",
+            ),
+        )
+    }
+)
+
+
+DUEL = "FPG/duel_v0"
+
+
+def policy_env(side: str) -> EnvConfig:
+    """The view in which a side plays against any player."""
+    return next(view for view in ENVS.values() if view.side == side and not view.scripted)
+
+
+def sides_of(name: str) -> tuple[str, ...]:
+    """The sides that the caller plays in an id: one of a view, both of the duel.
+
+    Raises:
+        UserError: no such id.
+    """
+    return ("ally", "opponent") if _plain(name) == DUEL else (find_env(name).side,)
+
+
+def find_env(name: str) -> EnvConfig:
+    """The view of an id, with or without the ``fpg_bench:`` in front.
+
+    Raises:
+        UserError: no such id; the message suggests the nearest.
+    """
+    name = _plain(name)
+    if name not in ENVS:
+        raise UserError(f"unknown id {name!r}{nearest(name, ENVS)}")
+    return ENVS[name]
+
+
+def _plain(name: str) -> str:
+    return str(name).removeprefix("fpg_bench:")

@@ -1,0 +1,80 @@
+"""Objects of the user's own code, named ``package.module:object``."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from fpg_bench.common.errors import UserError
+
+
+def import_object(name: str, what: str, methods: Sequence[str], scenario: Any) -> Any:
+    """The object that ``package.module:object`` names, the present folder included.
+
+    A class or function is called first to make it, told the scenario if it takes an argument.
+
+    Args:
+        name: ``package.module:object``.
+        what: what it should be; begins the message of an error.
+        methods: it must have one of these.
+        scenario: what is played.
+
+    Raises:
+        UserError: no such module or object, one that fails, or one without any of the methods.
+    """
+    return ready(imported(name, what), f"{what} {name!r}", methods, scenario)
+
+
+def imported(name: str, what: str) -> Any:
+    """What ``package.module:object`` names, as it is, the present folder included.
+
+    Raises:
+        UserError: no such module or object, or a module that fails; ``what`` begins the message.
+    """
+    module, _, attribute = name.partition(":")
+    if not all([*module.split("."), attribute]):
+        raise UserError(f"{what} {name!r}: expected package.module:object")
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+    try:
+        return getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise UserError(f"{what} {name!r}: {error}") from error
+    except Exception as error:  # a module is anybody's code
+        raise UserError(f"{what} {name!r}: importing it failed: {reason(error)}") from error
+
+
+def ready(found: Any, what: str, methods: Sequence[str], scenario: Any) -> Any:
+    """An object with one of the methods: the one found, or what it makes as a class or function.
+
+    Raises:
+        UserError: making it fails, or it has none of the methods; ``what`` begins the message.
+    """
+    if callable(found) and (isinstance(found, type) or not has_any(found, methods)):
+        found = _made(found, what, scenario)
+    if not has_any(found, methods):
+        raise UserError(f"{what}: has no {' or '.join(methods)}")
+    return found
+
+
+def has_any(thing: Any, methods: Sequence[str]) -> bool:
+    """Whether an object has at least one of the methods."""
+    return any(callable(getattr(thing, method, None)) for method in methods)
+
+
+def reason(error: Exception) -> str:
+    """What an exception of the user's code says, with its kind, in one line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def _made(maker: Any, what: str, scenario: Any) -> Any:
+    """What a class or function makes, told the scenario if it takes an argument."""
+    try:
+        return maker(scenario) if inspect.signature(maker).parameters else maker()
+    except UserError:
+        raise
+    except Exception as error:  # so is a class
+        raise UserError(f"{what}: making it failed: {reason(error)}") from error

@@ -1,0 +1,126 @@
+"""Rows: one JSON line per thing that happened, only ever appended, so that nothing computed is lost."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import IO, Any
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.strict_json import read_object
+
+Row = dict[str, Any]
+_LARGEST = 2**30  # bytes; those of a long run are a few million
+
+# Which files this process holds, and how many of its parts hold each: a match and its planner write to
+# one transcript.
+_LOCKS: dict[tuple[int, Path], IO[str]] = {}
+_HOLDERS: Counter[tuple[int, Path]] = Counter()
+_GUARD = threading.Lock()
+
+
+class RowFile:
+    """An append-only file of rows. A last line that was cut off while it was written is dropped.
+
+    Args:
+        path: the file; it need not exist.
+        needs: the keys that each row must have, with their types.
+    """
+
+    def __init__(self, path: Path, needs: Mapping[str, Any] = MappingProxyType({})) -> None:
+        self.path = path
+        self._needs = needs
+
+    def read(self, left_out: Callable[[str], None] | None = None) -> list[Row]:
+        """All whole rows.
+
+        Args:
+            left_out: told a line per line that is no row, which is left out then; None: it is an error.
+
+        Raises:
+            UserError: the file cannot be read, is huge, or a line that is not the last is not a row.
+        """
+        try:
+            there = self.path.exists() and not self.path.is_char_device()  # a device may never end
+            if there and self.path.stat().st_size > _LARGEST:
+                raise UserError(f"rows {self.path}: larger than {_LARGEST:,} bytes")
+            data = self.path.read_bytes() if there else b""
+        except OSError as error:
+            raise UserError(f"rows {self.path}: cannot be read: {error.strerror}") from error
+        lines = data.splitlines(keepends=True)
+        if lines and not lines[-1].endswith(b"\n"):
+            lines.pop()  # torn: the run that wrote it was stopped
+        found = []
+        for number, line in enumerate(lines, 1):
+            try:
+                found.append(self._row(number, line))
+            except UserError as error:
+                if left_out is None:
+                    raise
+                left_out(f"{error}; it is left out")
+        return found
+
+    def _row(self, number: int, line: bytes) -> Row:
+        try:
+            row = read_object(line, nan=True)
+        except ValueError as error:
+            raise UserError(f"rows {self.path}: line {number} is no row: {error}") from error
+        for key, kind in self._needs.items():
+            if not isinstance(row.get(key), kind):
+                raise UserError(f"rows {self.path}: line {number}: {key} is missing or changed")
+        return row
+
+    def append(self, rows: Iterable[Row]) -> None:
+        """Add rows in one write and flush them; a torn last line is cut off first."""
+        text = "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._cut_torn_line()
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(text)
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold the file for this process alone; several parts of a process may hold it together.
+
+        Raises:
+            UserError: another process holds it.
+        """
+        held = (os.getpid(), self.path.resolve())
+        with _GUARD:
+            if not _HOLDERS[held]:
+                _LOCKS[held] = self._lock()
+            _HOLDERS[held] += 1
+        try:
+            yield
+        finally:
+            with _GUARD:
+                _HOLDERS[held] -= 1
+                if not _HOLDERS[held]:
+                    _LOCKS.pop(held).close()
+
+    def _lock(self) -> IO[str]:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        file = self.path.open("a")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            file.close()
+            raise UserError(f"rows {self.path}: another process is writing them") from error
+        return file
+
+    def _cut_torn_line(self) -> None:
+        """Cut off a last line that was not written whole; whole files are only looked at their end."""
+        if not self.path.exists() or not self.path.stat().st_size:
+            return
+        with self.path.open("r+b") as file:
+            file.seek(-1, os.SEEK_END)
+            if file.read(1) != b"\n":
+                file.seek(0)
+                file.truncate(file.read().rfind(b"\n") + 1)

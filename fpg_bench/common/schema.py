@@ -1,0 +1,219 @@
+"""Validation of data from outside with pydantic, and one clear line about the first problem."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import typing
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails, core_schema
+
+from fpg_bench.common.errors import UserError, meant, nearest
+
+T = TypeVar("T")
+_LONGEST = 80  # characters of a refused value in a message
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument", "invalid_key")
+_RAISED = ("value_error", "assertion_error")  # by a validator of a model: its message says it all
+_ABSENT = object()
+
+
+class Strict(BaseModel):
+    """Base class of models of files: frozen, without conversions; unknown keys, NaN and infinity are refused.
+
+    A list in a file becomes a tuple with :data:`Items`. Validators of a model raise UserError; its message
+    follows the key's path.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+@dataclasses.dataclass(frozen=True)
+class Expected:
+    """Annotation that words what a value must be: ``Annotated[int, Field(ge=1), Expected("a count")]``."""
+
+    description: str
+
+    def __get_pydantic_core_schema__(
+        self, kind: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        """Wrap the schema of the annotated type so that all its errors become this one."""
+        return core_schema.custom_error_schema(
+            handler(kind),
+            custom_error_type="expected",
+            custom_error_message="{expected}",
+            custom_error_context={"expected": self.description},
+        )
+
+
+PositiveInt = Annotated[int, Field(ge=1), Expected("a whole number above 0")]
+NonNegativeInt = Annotated[int, Field(ge=0), Expected("a whole number, 0 or more")]
+Items = Annotated[tuple[T, ...], Field(strict=False)]
+
+
+def parse(kind: type[T] | TypeAdapter[T], data: object, where: str) -> T:
+    """Validate data against a model or a type.
+
+    Args:
+        kind: a pydantic model, another type, or a TypeAdapter (for a union, for instance).
+        data: what was read from a file or given by a caller.
+        where: what is validated; begins the message.
+
+    Returns:
+        The validated object.
+
+    Raises:
+        UserError: the first problem: an unknown key (with the nearest known one), else missing keys,
+            else a value with its path, what was expected, and what was found instead.
+    """
+    try:
+        return _adapter(kind).validate_python(data)
+    except ValidationError as error:
+        problem = _problem(kind, data, error.errors(include_url=False))
+    raise UserError(f"{where}: {problem}")
+
+
+def _adapter(kind: type[T] | TypeAdapter[T]) -> TypeAdapter[T]:
+    return kind if isinstance(kind, TypeAdapter) else _cached_adapter(typing.cast(Any, kind))
+
+
+@functools.lru_cache(maxsize=256)
+def _cached_adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def _problem(kind: Any, data: object, errors: Sequence[ErrorDetails]) -> str:
+    """Describe the problem to mend first: unknown keys, then missing ones, then values."""
+    located = [(_path(data, error), error) for error in errors]
+    for path, error in located:
+        if error["type"] in _UNKNOWN:
+            known = _known_keys(kind, error["loc"][:-1])
+            return _at(path[:-1], f"unknown key {path[-1]!r}{nearest(str(path[-1]), known) if known else ''}")
+    if absent := [path for path, error in located if error["type"] == "missing"]:
+        parent = absent[0][:-1]
+        keys = [str(path[-1]) for path in absent if path[:-1] == parent]
+        return _at(parent, f"lacks {', '.join(keys)}")
+    first = located[0][0]
+    inside = [path for path, _ in located if len(path) > len(first) and path[: len(first)] == first]
+    path = inside[0] if inside else first  # of a union, the member that reads furthest
+    same = [error for other, error in located if other == path]
+    if raised := [error for error in same if error["type"] in _RAISED]:
+        return _at(path, str(raised[0].get("ctx", {}).get("error") or raised[0]["msg"]))
+    expected = dict.fromkeys(map(_expected, same))
+    value = same[0]["input"]
+    hint = next((_hint(error) for error in same if error["type"] == "literal_error"), "")
+    return _at(path, f"expected {' or '.join(expected)}, got {_shown(value)}{hint}")
+
+
+def _path(data: object, error: ErrorDetails) -> tuple[int | str, ...]:
+    """Return the error's location without the names of a union's members, which are not in the data."""
+    parts: list[int | str] = []
+    value: Any = data
+    location = error["loc"]
+    for index, part in enumerate(location):
+        inner = _item(value, part)
+        if inner is not _ABSENT:
+            value = inner
+            parts.append(part)
+        elif error["type"] in ("missing", *_UNKNOWN) and index == len(location) - 1:
+            parts.append(part)
+    return tuple(parts)
+
+
+def _item(value: Any, part: int | str) -> Any:
+    if isinstance(value, dict):
+        return value.get(part, _ABSENT)
+    is_index = isinstance(part, int) and isinstance(value, list | tuple) and part < len(value)
+    return value[part] if is_index else _ABSENT
+
+
+def _at(path: Sequence[int | str], problem: str) -> str:
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).lstrip(".")
+    return f"{text}: {problem}" if text else problem
+
+
+def _expected(error: ErrorDetails) -> str:
+    """Word what the value should have been."""
+    context = error.get("ctx", {})
+    match error["type"]:
+        case "expected" | "literal_error" | "enum":
+            return str(context["expected"]).replace("'", "")
+        case "int_type" | "int_from_float" | "int_parsing" | "int_parsing_size":
+            return "a whole number"
+        case "float_type" | "float_parsing":
+            return "a number"
+        case "finite_number":
+            return "a finite number"
+        case "bool_type" | "bool_parsing":
+            return "true or false"
+        case "string_type":
+            return "text"
+        case "none_required":
+            return "nothing"
+        case "list_type" | "tuple_type":
+            return "a list"
+        case "dict_type" | "model_type" | "model_attributes_type" | "dataclass_type" | "mapping_type":
+            return "a mapping"
+        case "greater_than":
+            return f"a number above {context['gt']:g}"
+        case "greater_than_equal":
+            return f"a number of at least {context['ge']:g}"
+        case "less_than":
+            return f"a number below {context['lt']:g}"
+        case "less_than_equal":
+            return f"a number of at most {context['le']:g}"
+        case "too_short":
+            return "a list" if context["min_length"] == 1 else f"at least {context['min_length']} items"
+        case "too_long":
+            return f"at most {context['max_length']} items"
+        case "string_too_long":
+            return f"at most {context['max_length']} characters"
+        case "string_too_short":
+            return f"at least {context['min_length']} characters"
+        case "string_pattern_mismatch":
+            return f"text of the form {context['pattern']}"
+        case "union_tag_invalid":
+            return f"{context['discriminator']}: {context['expected_tags']}".replace("'", "")
+        case "union_tag_not_found":
+            return f"a mapping with {context['discriminator']}".replace("'", "")
+    return str(error["msg"])
+
+
+def _hint(error: ErrorDetails) -> str:
+    words = str(error["ctx"]["expected"]).replace(" or ", ", ").split(", ")
+    return meant(str(error["input"]), [word.strip("'") for word in words])
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def _known_keys(kind: Any, location: Sequence[int | str]) -> set[str]:
+    """Return the keys of the models, dataclasses or typed dictionaries at a location inside a type."""
+    kinds = list(_structures(kind))
+    for part in location:
+        named = [name for name in kinds if isinstance(part, str) and part == getattr(name, "__name__", "")]
+        inner = [fields[str(part)] for fields in map(_fields, named or kinds) if part in fields]
+        kinds = [structure for field in inner for structure in _structures(field)] or named or kinds
+    return {key for structure in kinds for key in _fields(structure)}
+
+
+def _structures(kind: Any) -> Iterator[Any]:
+    """Yield the types with named keys in an annotation, through unions, lists and mappings."""
+    if isinstance(kind, TypeAdapter):
+        kind = kind._type
+    if isinstance(kind, type) and _fields(kind):
+        yield kind
+    for inner in typing.get_args(kind):
+        yield from _structures(inner)
+
+
+def _fields(kind: Any) -> dict[str, Any]:
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return {field.alias or name: field.annotation for name, field in kind.model_fields.items()}
+    if dataclasses.is_dataclass(kind) or typing.is_typeddict(kind):
+        return dict(typing.get_type_hints(kind))
+    return {}

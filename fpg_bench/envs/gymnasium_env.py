@@ -1,0 +1,118 @@
+"""The Gymnasium view of one game."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.envs.registration import EnvSpec
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.core import SingleAgentGame, action_space, first_seeds, observation_space, one_action
+from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.rendering.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
+
+
+class FPGEnv(gymnasium.Env):
+    """One game of the frequency point game, seen from one side.
+
+    ``reset(seed=...)`` begins a match, ``reset()`` plays its next round (after the last one the seed's
+    next match), ``options={"new_match": True}`` begins one early. A round ends by truncation. The last
+    step's info holds ``measures``; the ally's info holds the knowledge base's ``advice``.
+
+    Args:
+        env_id: one of the ids of :mod:`fpg_bench.common.ids`.
+        render_mode: None, ``rgb_array`` or ``human``.
+        **options: those of :class:`fpg_bench.envs.core.SingleAgentGame`.
+    """
+
+    _spec: EnvSpec | None = None
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FRAMES_PER_SECOND}  # noqa: RUF012
+
+    def __init__(self, env_id: str, render_mode: str | None = None, **options: Any) -> None:
+        self.core = SingleAgentGame(env_id, 1, **options)
+        self.metadata = {**self.metadata, "render_modes": list(offered_modes())}
+        self.render_mode = render_mode
+        self.observation_space = observation_space()
+        self.action_space = action_space()
+        self._actions = np.zeros((1, ACTION_SIZE), np.float32)
+        self._begun = False
+        self._screen = Screen(self.core.duel.batch, render_mode)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What ``gymnasium.make`` says of it; ``max_episode_steps`` is a round's length."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        if spec is not None and spec.max_episode_steps is None:
+            spec = dataclasses.replace(spec, max_episode_steps=self.core.scenario.steps_per_round)
+        self._spec = spec
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin a round; see the class.
+
+        Raises:
+            UserError: a seed that is no whole number in [0, 2^63), or an unknown option.
+        """
+        seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
+        super().reset(seed=seed)
+        self.core.reset(seeds=seeds, new_match=wants_new_match(options))
+        self._begun = True
+        self._screen.record(begin=True)
+        return self.core.observations[0].copy(), self._info()
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Play one step with an action ``(9,)``, an array of floats or a list.
+
+        Raises:
+            ActionError: a wrong shape or dtype, or NaN or infinity (the message names the index).
+            UserError: the round is over or none was begun.
+        """
+        core = self.core
+        action = one_action(action, "action")
+        if not self._begun or core.truncated[0]:
+            raise UserError("step: the round is over; call reset first")
+        self._actions[0] = action
+        core.step(self._actions)
+        self._screen.record()
+        truncated = bool(core.truncated[0])
+        return core.observations[0].copy(), float(core.rewards[0]), False, truncated, self._info()
+
+    def _info(self) -> dict[str, Any]:
+        core = self.core
+        info: dict[str, Any] = {}
+        if core.side == "ally":
+            info["advice"] = core.advice(0)
+        if core.truncated[0]:
+            info["measures"] = core.measures(0)
+        return info
+
+    def measures(self) -> dict[str, float | None]:
+        """The measures of the present round so far."""
+        return self.core.measures(0)
+
+    def render(self) -> np.ndarray | None:
+        """The picture of the present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``."""
+        return self._screen.picture()
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._screen.close()
+
+
+def wants_new_match(options: dict[str, Any] | None) -> bool:
+    """Whether a reset's options ask for a new match.
+
+    Raises:
+        UserError: an option that is not known.
+    """
+    for key in options or {}:
+        if key != "new_match":
+            raise UserError(f"reset: unknown option {key!r}; known: new_match")
+    return bool((options or {}).get("new_match", False))

@@ -1,0 +1,106 @@
+"""The batched Gymnasium view: N games, which begin their next rounds by themselves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.core import (
+    SingleAgentGame,
+    action_space,
+    first_seeds,
+    observation_space,
+    staggered_horizons,
+)
+from fpg_bench.envs.gymnasium_env import wants_new_match
+
+_MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
+
+
+class FPGVectorEnv(VectorEnv):
+    """N games stepped at once; game i of a batch seeded s plays as a single game seeded s + i.
+
+    A round's last step has ``truncations`` set, and its infos hold ``measures``. With ``autoreset_mode``
+    NEXT_STEP the step after it begins the next round, ignores that game's action and gives reward 0. With
+    SAME_STEP the last step does so itself: its observation is the next round's first, and its infos hold
+    ``final_obs`` and ``final_info``.
+
+    Args:
+        env_id: one of the ids of :mod:`fpg_bench.common.ids`.
+        num_envs: N.
+        stagger: cut the first rounds at evenly spread steps, so that the batch mixes phases.
+        autoreset_mode: NEXT_STEP (``"NextStep"``) or SAME_STEP (``"SameStep"``).
+        **options: those of :class:`fpg_bench.envs.core.SingleAgentGame`.
+    """
+
+    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012
+
+    def __init__(
+        self,
+        env_id: str,
+        num_envs: int = 1,
+        stagger: bool = False,
+        render_mode: str | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        **options: Any,
+    ) -> None:
+        if render_mode is not None:
+            raise UserError(f"render_mode: a batch is not rendered, got {render_mode!r}; use gymnasium.make")
+        mode = next((mode for mode in _MODES if autoreset_mode in (mode, mode.value)), None)
+        if mode is None:
+            known = " or ".join(repr(mode.value) for mode in _MODES)
+            raise UserError(f"autoreset_mode: expected {known}, got {autoreset_mode!r}")
+        self.autoreset_mode = mode  # Gymnasium's own vectors have it beside the metadata; TorchRL asks for it
+        self._same_step = mode is AutoresetMode.SAME_STEP
+        self.metadata = {**self.metadata, "autoreset_mode": mode}
+        self.core = SingleAgentGame(env_id, num_envs, **options)
+        self.num_envs = num_envs
+        self.render_mode = None
+        self.single_observation_space = observation_space()
+        self.single_action_space = action_space()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._stagger = stagger
+        self._begun = False
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin a round in every game; seeds as in :class:`fpg_bench.envs.gymnasium_env.FPGEnv`."""
+        options = dict(options or {})
+        mask = options.pop("reset_mask", None)
+        seeds = first_seeds(seed, self.num_envs) if seed is not None or not self._begun else None
+        horizons = None
+        if self._stagger and not self._begun:
+            horizons = staggered_horizons(self.num_envs, self.core.scenario.steps_per_round)
+        self.core.reset(mask, seeds, wants_new_match(options), horizons)
+        self._begun = True
+        return self.core.observations.copy(), {}
+
+    def step(
+        self, actions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Play one step with actions ``(N, 9)``; raises as :meth:`fpg_bench.game.batch.GameBatch.step` does."""
+        core = self.core
+        over = core.truncated.copy()
+        core.step(actions)
+        if over.any():
+            core.reset(over)
+        truncated, rewards = core.truncated.copy(), core.rewards.copy()
+        infos: dict[str, Any] = {}
+        for game in np.flatnonzero(truncated).tolist():
+            infos = self._add_info(infos, self._last_info(game), game)
+        if self._same_step and truncated.any():
+            core.reset(truncated)
+        return core.observations.copy(), rewards, np.zeros(self.num_envs, bool), truncated, infos
+
+    def _last_info(self, game: int) -> dict[str, Any]:
+        """What is told of a game whose round is over."""
+        info: dict[str, Any] = {"measures": self.core.measures(game)}
+        if self._same_step:
+            return {"final_obs": self.core.observations[game].copy(), "final_info": info}
+        return info

@@ -1,0 +1,122 @@
+"""The PettingZoo view: both sides of one game, as a parallel or a turn-taking environment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from pettingzoo import AECEnv, ParallelEnv
+from pettingzoo.utils import OrderEnforcingWrapper
+from pettingzoo.utils.conversions import parallel_to_aec
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.core import action_space, first_seeds, observation_space, one_action
+from fpg_bench.envs.two_player import make_duel
+from fpg_bench.game.full_state import FULL_STATE_SIZE
+from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.players.player import SIDES
+from fpg_bench.rendering.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
+
+
+class FPGParallelEnv(ParallelEnv):
+    """One game with the agents ``ally`` and ``opponent``, both played by the caller.
+
+    Seeds, rounds and matches as in :class:`fpg_bench.envs.gymnasium_env.FPGEnv`; ``state()`` is the full
+    state ``(54,)``.
+
+    Args:
+        render_mode: None, ``rgb_array`` or ``human``.
+        **options: those of :func:`fpg_bench.envs.two_player.make_duel`.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "name": "duel_v0",
+        "render_modes": list(RENDER_MODES),
+        "render_fps": FRAMES_PER_SECOND,
+        "is_parallelizable": True,
+    }
+
+    def __init__(self, render_mode: str | None = None, **options: Any) -> None:
+        self.duel = make_duel(1, **options)
+        self.metadata = {**self.metadata, "render_modes": list(offered_modes())}
+        self.render_mode = render_mode
+        self.possible_agents = list(SIDES)
+        self.agents: list[str] = []
+        self.observation_spaces = {side: observation_space() for side in SIDES}
+        self.action_spaces = {side: action_space() for side in SIDES}
+        self.state_space = spaces.Box(-1.0, 1.0, (FULL_STATE_SIZE,), np.float32)
+        self._actions = {side: np.zeros((1, ACTION_SIZE), np.float32) for side in SIDES}
+        self.np_random = np.random.default_rng()  # for wrappers, as SuperSuit's frame_skip
+        self._begun = False
+        self._screen = Screen(self.duel.batch, render_mode)
+
+    def observation_space(self, agent: str) -> spaces.Box:
+        """15 numbers in [-1, 1], always the same object."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Box:
+        """9 numbers in [-1, 1], always the same object."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
+        """Begin a round."""
+        seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
+        # PettingZoo's own tests hand over options of no meaning, so unknown ones pass here
+        self.duel.reset(seeds=seeds, new_match=bool((options or {}).get("new_match", False)))
+        if seed is not None:
+            self.np_random = np.random.default_rng(seed)
+        self._begun = True
+        self.agents = list(SIDES)
+        self._screen.record(begin=True)
+        return self._observations(), {side: {} for side in SIDES}
+
+    def step(self, actions: dict[str, np.ndarray]) -> tuple[dict, dict, dict, dict, dict]:
+        """Play one step with both sides' actions ``(9,)``.
+
+        Raises:
+            ActionError: a side's action is missing, of a wrong shape or dtype, or holds NaN or infinity.
+        """
+        if not self.agents:
+            raise UserError("step: the round is over; call reset first")
+        for side in SIDES:
+            self._actions[side][0] = one_action(actions.get(side), side)
+        batch = self.duel.batch
+        batch.step(self._actions["ally"], self._actions["opponent"])
+        self._screen.record()
+        over = bool(batch.games["truncated"][0])
+        if over:
+            self.agents = []
+        rewards = {side: float(batch.games[f"{side}_reward"][0]) for side in SIDES}
+        infos: dict[str, dict[str, Any]] = {
+            side: {"measures": self.duel.measures(0)} if over else {} for side in SIDES
+        }
+        return self._observations(), rewards, dict.fromkeys(SIDES, False), dict.fromkeys(SIDES, over), infos
+
+    def _observations(self) -> dict[str, np.ndarray]:
+        batch = self.duel.batch
+        return {"ally": batch.ally_observations[0].copy(), "opponent": batch.opponent_observations[0].copy()}
+
+    def state(self) -> np.ndarray:
+        """The full state, ``(54,)`` float32."""
+        return self.duel.state()[0]
+
+    def render(self) -> np.ndarray | None:
+        """The picture of the present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``."""
+        return self._screen.picture()
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._screen.close()
+
+
+def parallel_env(**options: Any) -> FPGParallelEnv:
+    """Both sides move at once; see :class:`FPGParallelEnv`."""
+    return FPGParallelEnv(**options)
+
+
+def aec_env(**options: Any) -> AECEnv:
+    """The same game with the sides taking turns within a step (PettingZoo's AEC interface)."""
+    return OrderEnforcingWrapper(parallel_to_aec(FPGParallelEnv(**options)))

@@ -1,0 +1,187 @@
+"""Stable-Baselines3 environments: a native ``VecEnv`` of N games, of one side or of both."""
+# ruff: noqa: E402
+
+from __future__ import annotations
+
+from fpg_bench.common.extras import need
+
+need("train", "stable_baselines3")
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvStepReturn
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.core import JointGame, SingleAgentGame, first_seeds, staggered_horizons
+from fpg_bench.envs.gymnasium_env import wants_new_match
+from fpg_bench.rendering.screen import Screen
+
+
+class FPGVecEnv(VecEnv):
+    """N games as SB3 wants them: a round's end is truncated, its last observation kept for bootstrapping.
+
+    The info of a round's last step holds ``terminal_observation``, ``TimeLimit.truncated`` and
+    ``episode`` as ``Monitor`` writes it: ``r``, ``l``, ``t`` and all measures of the round. Every array
+    handed out is a copy.
+
+    Args:
+        core: the games, of which the caller plays one side (:class:`fpg_bench.envs.core.SingleAgentGame`) or
+            both.
+        seed: begins the first matches, game i with seed + i; None: by chance.
+        stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
+        render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
+    """
+
+    def __init__(
+        self,
+        core: SingleAgentGame | JointGame,
+        seed: int | None = None,
+        stagger: bool = False,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise UserError(f"render_mode: expected None or 'rgb_array', got {render_mode!r}")
+        self.core = core
+        self.render_mode = render_mode
+        self._screen = Screen(core.duel.batch, render_mode)
+        super().__init__(core.count, core.observation_space, core.action_space)
+        self._stagger = stagger
+        self._begun = False
+        self._next_seeds = None if seed is None else first_seeds(seed, core.count)
+        self._actions: np.ndarray | None = None
+        self._start_time = time.time()
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seed the next :meth:`reset`: game i begins a new match of seed + i."""
+        self._next_seeds = first_seeds(seed, self.num_envs)
+        return [int(s) for s in self._next_seeds]
+
+    def set_options(self, options: list[dict] | dict | None = None) -> None:
+        """Options of the next :meth:`reset`: ``{"new_match": True}``, for all games."""
+        self._new_match = wants_new_match(options[0] if isinstance(options, list) and options else options)  # type: ignore[arg-type]
+
+    _new_match = False
+
+    def reset(self) -> np.ndarray:
+        """Begin a round in every game."""
+        seeds, horizons = self._next_seeds, None
+        if seeds is None and not self._begun:
+            seeds = first_seeds(None, self.num_envs)
+        if self._stagger and seeds is not None:
+            horizons = staggered_horizons(self.num_envs, self.core.scenario.steps_per_round)
+        self.core.reset(seeds=seeds, new_match=self._new_match, horizons=horizons)
+        self._begun, self._next_seeds, self._new_match = True, None, False
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        self._screen.record(begin=True)
+        return self.core.observations.copy()
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Keep the actions ``(N, 9)`` for :meth:`step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Play the step; games whose round is over begin the next one at once."""
+        core = self.core
+        assert self._actions is not None, "step_wait without step_async"
+        core.step(self._actions)
+        rewards, dones = core.rewards.astype(np.float32), core.truncated.copy()
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if dones.any():
+            for game in np.flatnonzero(dones).tolist():
+                infos[game] = self._last_info(game)
+            core.reset(dones)
+        self._screen.record(begin=bool(dones[0]))
+        return core.observations.copy(), rewards, dones, infos
+
+    def _last_info(self, game: int) -> dict[str, Any]:
+        measures = self.core.measures(game)
+        episode = {
+            "r": measures[f"{self.core.side}_return"],
+            "l": int(self.core.duel.batch.tallies["steps"][game]),
+            "t": round(time.time() - self._start_time, 6),
+        }
+        return {
+            "terminal_observation": self.core.observations[game].copy(),
+            "TimeLimit.truncated": True,
+            "episode": episode | measures,
+        }
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """The picture of the first game, in mode ``rgb_array``."""
+        return [self._screen.picture()]
+
+    def close(self) -> None:
+        """Let go of the film."""
+        self._screen.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The attribute of this view or of its core, once per game asked for."""
+        found = getattr(self if hasattr(self, attr_name) else self.core, attr_name)
+        return [found for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of this view; it holds for all games at once.
+
+        Raises:
+            ValueError: fewer than all games are asked for.
+        """
+        if len(list(self._get_indices(indices))) != self.num_envs:
+            raise ValueError(f"set_attr: {attr_name!r} can only be set for all {self.num_envs} games at once")
+        setattr(self, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Call ``method_name(game, ...)`` of the core, for each game asked for: ``measures``, ``advice``."""
+        method = getattr(self.core, method_name)
+        return [method(game, *method_args, **method_kwargs) for game in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """True for ``Monitor``, whose infos this view writes itself."""
+        return [issubclass(wrapper_class, Monitor) for _ in self._get_indices(indices)]
+
+
+def make_sb3(
+    env_id: str,
+    n_envs: int = 1,
+    seed: int | None = None,
+    stagger: bool = False,
+    render_mode: str | None = None,
+    **options: Any,
+) -> FPGVecEnv:
+    """A native SB3 ``VecEnv`` of N games of an id.
+
+    Args:
+        env_id: ``FPG/AllyVsScripted-v0`` and the like.
+        n_envs: how many games, N.
+        seed: game i begins with a match of seed + i; None: by chance.
+        stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
+        render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
+        **options: those of :class:`fpg_bench.envs.core.SingleAgentGame`: ``scenario``, ``opponent`` or
+            ``ally``, ``path``, ``planner``, ``knowledge``, ``jamming_types``, ``reward``, ``threads``.
+
+    Raises:
+        UserError: something unknown, out of range, or impossible together.
+    """
+    return FPGVecEnv(SingleAgentGame(env_id, n_envs, **options), seed, stagger, render_mode)
+
+
+def make_sb3_duel(
+    n_envs: int = 1, seed: int | None = None, stagger: bool = False, **options: Any
+) -> FPGVecEnv:
+    """Both sides of N games as one SB3 ``VecEnv``, for :class:`fpg_bench.training.maddpg.MADDPG`.
+
+    Observations ``(N, 30)``, actions ``(N, 18)``, rewards ``(N, 2)``, the ally's first.
+
+    Args:
+        n_envs, seed, stagger: as in :func:`fpg_bench.envs.sb3_vec_env.make_sb3`.
+        **options: those of :func:`fpg_bench.envs.two_player.make_duel`.
+
+    Raises:
+        UserError: something unknown, out of range, or impossible together.
+    """
+    return FPGVecEnv(JointGame(n_envs, **options), seed, stagger)

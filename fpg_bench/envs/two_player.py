@@ -1,0 +1,186 @@
+"""Both sides of N games at once: the arena, with plans made between rounds. All views stand on it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.game import rng
+from fpg_bench.game.batch import GameBatch
+from fpg_bench.game.full_state import full_state
+from fpg_bench.game.measures import measures, pool
+from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.planning import Limits, Plan, Planner, Request, as_planner, plan_all
+from fpg_bench.planning.planner import planner_name
+
+
+class TwoPlayerStep(NamedTuple):
+    """What a step gives, all copies: observations ``(N, 15)``, rewards ``(N,)`` float64, ``(N,)`` bool."""
+
+    ally_observations: np.ndarray
+    opponent_observations: np.ndarray
+    ally_rewards: np.ndarray
+    opponent_rewards: np.ndarray
+    truncated: np.ndarray
+
+
+class TwoPlayerBatch:
+    """N games with both sides in the caller's hands; a round that is over waits for :meth:`reset`.
+
+    Args:
+        scenario: what is played.
+        games: how many, N.
+        planner: who decides between rounds where the opponent flies; needed for the path ``waypoints``.
+        threads: see :class:`fpg_bench.game.batch.GameBatch`.
+
+    Attributes:
+        arena: the games and all their buffers.
+        plans: the present plan of each game, None where the path is not planned.
+    """
+
+    def __init__(
+        self, scenario: Scenario, games: int = 1, planner: Planner | None = None, threads: int | None = None
+    ) -> None:
+        if "waypoints" in scenario.paths and planner is None:
+            raise UserError("path 'waypoints' needs a planner; name one, or choose another path")
+        if planner is not None and "waypoints" not in scenario.paths:
+            raise UserError(f"planner: nothing to plan where the path is {scenario.opponent_path!r}")
+        self.scenario = scenario
+        self.batch = GameBatch(scenario, games, threads)
+        self.count = self.batch.count
+        self.planner = planner
+        self.plans: list[Plan | None] = [None] * self.count
+        self._limits = Limits.of(scenario)
+        self._histories: list[list[np.ndarray]] = [[] for _ in range(self.count if planner else 0)]
+        self._flown: dict[int, np.ndarray] = {}
+        self._sees_ally = getattr(planner, "tier", "") == "ally"
+        if self._sees_ally:
+            self.batch.keep_flown()
+
+    def reset(
+        self,
+        mask: np.ndarray | None = None,
+        seeds: Any = None,
+        new_match: bool = False,
+        horizons: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Begin rounds in the masked games; see :meth:`fpg_bench.game.batch.GameBatch.reset`.
+
+        Args:
+            mask: ``(N,)`` bool; None: all.
+            seeds: None for the next round of each match; a whole number s (game i: s + i) or one per game
+                for new matches.
+            new_match: leave the present match and begin the same seed's next one.
+            horizons: ``(N,)`` the steps at which these rounds are cut; None: the scenario's.
+
+        Returns:
+            The mask, as an array.
+
+        Raises:
+            UserError: a mask of another shape, a seed or horizon out of range, or no seeds at the first call.
+        """
+        mask = np.ones(self.count, bool) if mask is None else np.asarray(mask, bool)
+        self.batch.check_reset(mask, horizons)
+        if self.planner is not None:
+            self._remember(mask)
+        self.batch.reset(mask, seeds, horizons, new_match)
+        if self.planner is not None:
+            self._plan(mask)
+        return mask
+
+    def step(self, ally_actions: np.ndarray, opponent_actions: np.ndarray) -> TwoPlayerStep:
+        """Play one step with ``(N, 9)`` actions of both sides; raises as ``GameBatch.step`` does."""
+        self.batch.step(ally_actions, opponent_actions)
+        return self.present()
+
+    def present(self) -> TwoPlayerStep:
+        """The present observations, the last step's rewards and which rounds are over, as copies."""
+        batch = self.batch
+        return TwoPlayerStep(
+            batch.ally_observations.copy(),
+            batch.opponent_observations.copy(),
+            batch.games["ally_reward"].copy(),
+            batch.games["opponent_reward"].copy(),
+            batch.games["truncated"].copy(),
+        )
+
+    def state(self) -> np.ndarray:
+        """The full state, ``(N, 54)`` float32; see :func:`fpg_bench.game.full_state.full_state`."""
+        return full_state(self.batch)
+
+    def measures(self, game: int) -> dict[str, float | None]:
+        """The measures of one game's present round so far."""
+        return measures(pool(self.batch.tallies[game]), self.batch.histograms[game])
+
+    def _remember(self, mask: np.ndarray) -> None:
+        """Keep what the rounds that end now have shown, for the plans of their match's next ones.
+
+        Rounds that were left or cut early are not kept: their later parts were never flown.
+        """
+        for game in np.flatnonzero(
+            mask & (self.batch.games["step"] == self.scenario.steps_per_round)
+        ).tolist():
+            self._histories[game].append(self.batch.segments[game].copy())
+            if self.batch.flown_m is not None:
+                self._flown[game] = self.batch.flown_m[game].copy()
+
+    def _plan(self, mask: np.ndarray) -> None:
+        requests = [self._request(game) for game in np.flatnonzero(mask).tolist()]
+        for request, plan in zip(requests, plan_all(self.planner, requests), strict=True):
+            try:
+                self.batch.set_waypoints(request.game, plan.waypoints)
+            except UserError as error:
+                where = f"seed {request.seed}, match {request.match}, round {request.round}"
+                raise UserError(f"planner {planner_name(self.planner)}: {where}: {error}") from error
+            self.plans[request.game] = plan
+
+    def _request(self, game: int) -> Request:
+        played = self.batch.games[game]
+        if played["round"] == 0:
+            self._histories[game].clear()
+            self._flown.pop(game, None)
+        key = np.empty(1, np.uint64)
+        rng.derived_keys(key, self.batch.games["round_key"][game : game + 1].copy(), rng.PLANNER_SEED)
+        return Request(
+            history=np.array(self._histories[game]).reshape(-1, self._limits.waypoints, 4),
+            current_position=played["opponent_position"].copy(),
+            limits=self._limits,
+            rng=np.random.default_rng(key[0]),
+            game=game,
+            seed=int(played["seed"]),
+            match=int(played["match"]),
+            round=int(played["round"]),
+            ally_path=self.batch.ally_path(game) if self._sees_ally else None,
+            ally_flown=self._flown.get(game),
+        )
+
+
+def make_duel(
+    games: int = 1,
+    *,
+    scenario: Scenario | str | None = None,
+    path: Any = None,
+    planner: Any = None,
+    knowledge: str | None = None,
+    jamming_types: Any = None,
+    threads: int | None = None,
+) -> TwoPlayerBatch:
+    """The batched view of both sides, for algorithms that train both and for playing matches.
+
+    Args:
+        games: how many games, N.
+        scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard``.
+        path: how the opponent flies, or a list to draw from per round; shorthand for the scenario's field.
+        planner: a planner or its name; makes the path ``waypoints``.
+        knowledge, jamming_types: shorthand for the scenario's fields of these names.
+        threads: see :class:`fpg_bench.game.batch.GameBatch`.
+
+    Raises:
+        UserError: something unknown, out of range, or impossible together.
+    """
+    if planner is not None and path is None:
+        path = "waypoints"
+    played = as_scenario(scenario, opponent_path=path, knowledge=knowledge, jamming_types=jamming_types)
+    return TwoPlayerBatch(played, games, None if planner is None else as_planner(planner, played), threads)

@@ -1,0 +1,380 @@
+"""Checkers for a player, planner, scenario or environment of your own, for a test or a notebook.
+
+Each prints one line if all is well, and raises :class:`AssertionError` with one line that names the first
+problem and how to fix it::
+
+    from fpg_bench.evaluation.checkers import check_player
+
+    check_player(MyAlly(), "ally")
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pettingzoo
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.evaluation.rounds import make_match, play_round
+from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.planning import Limits, Planner, Request, as_planner, plan_all
+from fpg_bench.planning.planner import check_described
+from fpg_bench.planning.registry import resolve
+from fpg_bench.players.player import SIDES, Player
+from fpg_bench.players.policy_runner import PolicyRunner
+from fpg_bench.players.registry import as_player, player_name
+from fpg_bench.players.scripted import Scripted, player_seeds
+
+__all__ = ["check_env", "check_planner", "check_player", "check_scenario"]
+
+_GAMES = 7
+_STEPS = 40
+_TORCH_TOLERANCE = 1e-4  # torch's last bits depend on the batch size
+_SPARRING = {"ally": ("opponent", "adaptive"), "opponent": ("ally", "expert")}
+
+
+def _require(holds: Any, message: str) -> None:
+    """Raise AssertionError with a message unless a condition holds."""
+    if not holds:
+        raise AssertionError(message)
+
+
+@contextlib.contextmanager
+def _as_assertions() -> Iterator[None]:
+    """Turn what the package refuses during play into a failed check."""
+    try:
+        yield
+    except UserError as error:
+        raise AssertionError(str(error)) from error
+
+
+def check_player(player: Player | str, side: str, scenario: Scenario | str | None = None) -> None:
+    """Check that a player keeps the contract of :class:`fpg_bench.players.player.Player`.
+
+    Its actions must be floats ``(n, 9)``, finite and in [-1, 1], and equal for equal seeds, whatever the
+    batch size (to 1e-4 for torch models). It must leave its arguments unchanged, and start with an empty
+    memory where a round starts.
+
+    Args:
+        player: a player, or its name.
+        side: ``ally`` or ``opponent``.
+        scenario: a scenario, a preset's name or a YAML file; None: ``standard``.
+
+    Raises:
+        AssertionError: the first problem, and how to fix it.
+        UserError: no such player or scenario.
+    """
+    _require(side in SIDES, f"side: expected 'ally' or 'opponent', got {side!r}")
+    played = as_scenario(scenario)
+    name, player = player_name(player), as_player(player, side, played)
+    observations, seeds = _record_observations(player, side, played)
+    tolerance = _TORCH_TOLERANCE if _holds_torch(player) else 0.0
+
+    def equal(x: np.ndarray, y: np.ndarray) -> bool:
+        return bool((np.abs(x - y) <= tolerance).all())
+
+    first = _replay(player, observations, seeds)
+    _require(
+        equal(first, _replay(player, observations, seeds)),
+        "player: the same observations and seeds gave other actions; "
+        "draw from the seeds of reset(mask, seeds), and keep memory in the returned state",
+    )
+    for game in (slice(0, 1), slice(_GAMES - 1, _GAMES)):
+        _require(
+            equal(first[:, game], _replay(player, observations[:, game], seeds[game])),
+            f"player: game {game.start} of a batch of {_GAMES} gets other actions than alone; "
+            "let each row depend on its own observation, memory and seed only",
+        )
+    # The second half repeats the observations of the first, so that an empty memory repeats its actions.
+    half, restarted = len(observations) // 2, np.arange(_GAMES) % 2 == 0
+    twice = np.concatenate([observations[:half], observations[:half]])
+    broken = _replay(player, twice, seeds, restart=(half, restarted))
+    _require(
+        equal(broken[half:, restarted], first[:half, restarted]),
+        "player: remembers the round before; empty the memory where episode_start is True",
+    )
+    _require(
+        equal(broken[:, ~restarted], _replay(player, twice, seeds)[:, ~restarted]),
+        "player: a round that starts in one game changed another's; empty only where episode_start is True",
+    )
+    print(f"{name}: keeps to the contract of players")
+
+
+def _record_observations(player: Player, side: str, scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
+    """Return the observations ``(steps, games, size)`` of games against a script, and the player's seeds."""
+    duel = _duel_of(scenario, _GAMES)
+    other_side, script = _SPARRING[side]
+    other = PolicyRunner(other_side, [Scripted(other_side, script, scenario)], duel.batch)
+    other.begin(duel.reset(seeds=1))
+    seeds = player_seeds(np.ascontiguousarray(duel.batch.games["round_key"]), side)
+    start = np.ones(_GAMES, bool)
+    _reset(player, start, seeds)
+    state, observations = None, []
+    for _ in range(min(_STEPS, scenario.steps_per_round)):
+        is_oracle = getattr(player, "sees", "") == "state"
+        seen = duel.state() if is_oracle else getattr(duel.present(), f"{side}_observations")
+        observations.append(seen)
+        actions, state = _predict(player, seen, state, start)
+        start = np.zeros(_GAMES, bool)
+        both = {side: actions, other_side: other.act()}
+        duel.step(both["ally"], both["opponent"])
+    return np.array(observations), seeds
+
+
+def _predict(
+    player: Player, observation: np.ndarray, state: Any, start: np.ndarray
+) -> tuple[np.ndarray, Any]:
+    """Return the player's actions and memory, checked: shape, dtype, range, and its arguments unchanged."""
+    given = observation.copy()
+    answer = player.predict(given, state, start, True)
+    _require(
+        isinstance(answer, tuple) and len(answer) == 2,
+        f"player: predict returned {type(answer).__name__}; return (actions, state), None for no memory",
+    )
+    actions = answer[0]
+    _require((given == observation).all(), "player: predict changed its observation; work on a copy")
+    count, shape = len(observation), getattr(actions, "shape", type(actions).__name__)
+    _require(
+        shape == (count, ACTION_SIZE),
+        f"player: actions are {shape} for a batch of {count}; return shape {(count, ACTION_SIZE)}",
+    )
+    _require(
+        isinstance(actions, np.ndarray) and actions.dtype.kind == "f",
+        f"player: actions are {type(actions).__name__} of {getattr(actions, 'dtype', None)}; "
+        "return a float32 NumPy array",
+    )
+    _require(np.isfinite(actions).all(), "player: actions hold NaN or infinity; return finite numbers")
+    largest = np.abs(actions).max()
+    _require(largest <= 1, f"player: actions reach {largest:.3g}; clip them to [-1, 1]")
+    return actions, answer[1]
+
+
+def _reset(player: Player, mask: np.ndarray, seeds: np.ndarray) -> None:
+    if hasattr(player, "reset"):
+        player.reset(mask, seeds)
+
+
+def _replay(
+    player: Player,
+    observations: np.ndarray,
+    seeds: np.ndarray,
+    restart: tuple[int, np.ndarray] | None = None,
+) -> np.ndarray:
+    """Return the player's actions ``(steps, games, 9)`` on recorded observations.
+
+    ``restart`` (step, mask) begins another round of the masked games at that step.
+    """
+    start = np.ones(len(seeds), bool)
+    _reset(player, start, seeds)
+    state, actions = None, []
+    for step, observation in enumerate(observations):
+        if restart is not None and step == restart[0]:
+            start = restart[1].copy()
+            _reset(player, restart[1], seeds)
+        answer, state = _predict(player, observation, state, start)
+        actions.append(answer.copy())
+        start = np.zeros(len(seeds), bool)
+    return np.array(actions)
+
+
+def _holds_torch(player: Player) -> bool:
+    torch = sys.modules.get("torch")
+    parts = [player, *getattr(player, "__dict__", {}).values()]
+    return torch is not None and any(isinstance(part, torch.nn.Module) for part in parts)
+
+
+def check_planner(planner: Planner | str, scenario: Scenario | str | None = None) -> None:
+    """Check that a planner keeps the contract of :class:`fpg_bench.planning.Planner`.
+
+    It must say its name and tier, and return finite waypoints ``(n, 3)`` inside the box. They must be equal
+    for equal generators, with and without a history, alone and in a batch. It must leave its arguments
+    unchanged. The check asks for six plans.
+
+    Args:
+        planner: a planner, or its name.
+        scenario: a scenario, a preset's name or a YAML file; None: ``standard``.
+
+    Raises:
+        AssertionError: the first problem, and how to fix it.
+        UserError: no such planner or scenario.
+    """
+    played = as_scenario(scenario)
+    found = resolve(planner, played)
+    with _as_assertions():
+        check_described(found)
+    limits = Limits.of(played)
+    for rounds in (0, 3):
+        rng = np.random.default_rng(rounds)
+        history = rng.uniform(-1, 1, (rounds, limits.waypoints, 4))
+        history[..., :3] = rng.uniform(0, limits.box_m, (rounds, limits.waypoints, 3))
+        position = rng.uniform(0, limits.box_m)
+        past, here = history.copy(), position.copy()
+        (waypoints,) = _plan(found, past, here, limits, games=1)
+        _require((past == history).all(), "planner: plan changed the history; work on a copy")
+        _require((here == position).all(), "planner: plan changed the current position; work on a copy")
+        _require(
+            all((waypoints == again).all() for again in _plan(found, past, here, limits, games=2)),
+            f"planner: the same generator gave another plan after {rounds} rounds; draw from rng only",
+        )
+    print(f"{found.name}: keeps to the contract of planners")
+
+
+def _plan(
+    planner: Planner, history: np.ndarray, position: np.ndarray, limits: Limits, games: int
+) -> list[np.ndarray]:
+    """Return the waypoints of several plans for one situation, checked."""
+    path = np.linspace(0, limits.box_m, limits.round_s + 1) if planner.tier == "ally" else None
+    requests = [
+        Request(history, position, limits, np.random.default_rng(5), round=len(history), ally_path=path)
+        for _ in range(games)
+    ]
+    with _as_assertions():
+        plans = [plan.waypoints for plan in plan_all(planner, requests)]
+    shape, after = (limits.waypoints, 3), f"after {len(history)} rounds"
+    for waypoints in plans:
+        _require(
+            waypoints.shape == shape,
+            f"planner: waypoints are {waypoints.shape} {after}; return shape {shape}",
+        )
+        _require(
+            np.isfinite(waypoints).all(), f"planner: waypoints hold NaN or infinity {after}; return metres"
+        )
+        outside = ((waypoints < 0) | (waypoints > np.asarray(limits.box_m))).any(axis=1)
+        _require(
+            not outside.any(),
+            f"planner: waypoint {outside.argmax()} lies outside the box {limits.box_m} {after}; clip it",
+        )
+    return plans
+
+
+def check_scenario(scenario: Scenario | str | None) -> None:
+    """Check that a scenario can be played: complete rounds, valid numbers, equal games for equal seeds.
+
+    Args:
+        scenario: a scenario, a preset's name or a YAML file.
+
+    Raises:
+        AssertionError: the first problem, with its step.
+        UserError: no such scenario.
+    """
+    played = as_scenario(scenario)
+    for ally, opponent in (("random", "random"), ("expert-spread", "adaptive")):
+        batch, again = (_play_round(played, ally, opponent, games=3, seed=11) for _ in range(2))
+        alone = _play_round(played, ally, opponent, games=1, seed=13)
+        for step, (x, y, z) in enumerate(zip(batch, again, alone, strict=True)):
+            _require((x == y).all(), f"scenario: the same seed gave another game at step {step}")
+            _require(
+                (x[2] == z[0]).all(),
+                f"scenario: game 2 of a batch of seed s is not seed s + 2 at step {step}",
+            )
+    print(f"scenario {played.hash[:12]}: can be played")
+
+
+def _duel_of(scenario: Scenario, games: int) -> TwoPlayerBatch:
+    """Return a batch of games; an opponent whose path is planned flies random plans."""
+    planner = as_planner("random", scenario) if "waypoints" in scenario.paths else None
+    return TwoPlayerBatch(scenario, games, planner)
+
+
+def _play_round(scenario: Scenario, ally: str, opponent: str, games: int, seed: int) -> list[np.ndarray]:
+    """Return the observations and rewards ``(games, ...)`` of each step of a round, checked."""
+    table = make_match(_duel_of(scenario, games), ally, opponent)
+    steps: list[np.ndarray] = []
+
+    def check_step() -> None:
+        duel, index = table.duel, len(steps)
+        step = duel.present()
+        shown = {
+            "ally's observation": step.ally_observations,
+            "opponent's observation": step.opponent_observations,
+            "full state": duel.state(),
+        }
+        for name, numbers in shown.items():
+            bad = ~(np.abs(numbers) <= 1).all(axis=0)
+            _require(
+                not bad.any(),
+                f"scenario: index {bad.argmax()} of the {name} at step {index} lies outside [-1, 1] "
+                "or is NaN",
+            )
+        rewards = np.column_stack([step.ally_rewards, step.opponent_rewards])
+        _require(
+            np.isfinite(rewards).all(),
+            f"scenario: a reward at step {index} is NaN or infinite: {rewards.tolist()}",
+        )
+        length = scenario.steps_per_round
+        is_in_order = step.truncated.all() if index + 1 == length else not step.truncated.any()
+        _require(is_in_order, f"scenario: a round of {length} steps did not end with its last one ({index})")
+        steps.append(np.column_stack([step.ally_observations, step.opponent_observations, rewards]))
+
+    play_round(table, seeds=seed, on_step=check_step)
+    return steps
+
+
+def check_env(env: gymnasium.Env[Any, Any] | pettingzoo.ParallelEnv[str, Any, Any]) -> None:
+    """Check that an environment of the game keeps its library's contract and the game's own.
+
+    Runs Gymnasium's ``check_env`` or PettingZoo's ``parallel_api_test`` and plays a round. The round must
+    end by truncation with its last step and no other, and the ``measures`` in that step's info must agree
+    with the sum of the rewards.
+
+    Args:
+        env: one game by Gymnasium, or by PettingZoo (parallel), wrapped or derived from this package's.
+
+    Raises:
+        AssertionError: the first problem.
+        UserError: another kind of environment, or pytest is missing, which PettingZoo's tests need.
+    """
+    game = env.unwrapped
+    if isinstance(game, gymnasium.Env) and hasattr(game, "core"):
+        from gymnasium.utils.env_checker import check_env as check_gymnasium_env
+
+        check_gymnasium_env(game, skip_render_check=True)
+        length, sides = game.core.scenario.steps_per_round, [game.core.side]
+    elif isinstance(game, pettingzoo.ParallelEnv) and hasattr(game, "duel"):
+        try:
+            from pettingzoo.test import parallel_api_test
+        except ImportError as error:
+            raise UserError("check_env: PettingZoo's tests need pytest (pip install pytest)") from error
+        parallel_api_test(game)
+        length, sides = game.duel.scenario.steps_per_round, list(SIDES)
+    else:
+        raise UserError(
+            f"env: expected one game of this package (Gymnasium, or PettingZoo parallel), got {env!r}"
+        )
+    env.reset(seed=5)
+    returns = dict.fromkeys(sides, 0.0)
+    for step in range(1, length + 1):
+        rewards, terminated, truncated, infos = _step(env, sides)
+        for side in sides:
+            returns[side] += rewards[side]
+            _require(not terminated[side], f"env: terminated at step {step}; rounds end by truncation")
+            _require(
+                truncated[side] == (step == length),
+                f"env: truncated is {truncated[side]} at step {step} of {length}",
+            )
+            _require(
+                ("measures" in infos[side]) == (step == length),
+                f"env: measures belong into the info of a round's last step alone, not of step {step}",
+            )
+    for side in sides:
+        measured = infos[side]["measures"][f"{side}_return"]
+        _require(
+            np.isclose(measured, returns[side], rtol=1e-4, atol=1e-3),
+            f"env: the {side}'s rewards sum to {returns[side]}, but its measures say {measured}",
+        )
+    print(f"{type(game).__name__}: keeps to the contract of environments")
+
+
+def _step(env: Any, sides: list[str]) -> tuple[Mapping[str, Any], ...]:
+    """Play one step with zero actions; rewards, terminated, truncated and infos by side."""
+    zeros = np.zeros(ACTION_SIZE, np.float32)
+    if len(sides) > 1:
+        return tuple(env.step({side: zeros.copy() for side in sides})[1:])
+    return tuple({sides[0]: value} for value in env.step(zeros)[1:])

@@ -1,0 +1,440 @@
+"""A match of one planner: played round by round into a file, and replayed from it."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import platform
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.evaluation.rounds import MatchBatch, begin, make_match, play_round
+from fpg_bench.game.batch import check_seeds
+from fpg_bench.game.measures import measures
+from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.game.state import TALLY
+from fpg_bench.planning.llm.attempt import Attempt
+from fpg_bench.planning.llm.llm_planner import LLMPlanner
+from fpg_bench.planning.llm.prompts import Prompt
+from fpg_bench.planning.llm.servers import endpoint_from_environment
+from fpg_bench.planning.registry import LLM_CONTROLS, as_planner
+from fpg_bench.players.player import SIDES, Player
+from fpg_bench.players.registry import as_player, player_name
+from fpg_bench.rendering.recording import Recording
+from fpg_bench.version import __version__
+
+ROUNDS = 10
+
+
+@dataclass(frozen=True)
+class Round:
+    """A round that was played: its line of the file, its steps, and what was asked of a language model."""
+
+    row: Row
+    recording: Recording
+    talk: tuple[Attempt, ...] = ()
+
+    @property
+    def measures(self) -> dict[str, float | None]:
+        """The standard measures, by the names of :func:`fpg_bench.game.measures.measures`."""
+        return measures(self.row, np.array([self.row["ally_points"], self.row["jam_points"]]))
+
+    @property
+    def reward_per_step(self) -> float:
+        """The opponent's mean reward."""
+        return self.row["opponent_return"] / self.row["steps"]
+
+
+Progress = Callable[[int, Round | None], Any]
+
+
+def run_match(
+    planner: Any = "interceptor",
+    ally: Any = "expert",
+    opponent: Any = "adaptive",
+    *,
+    seed: int = 0,
+    out: str | Path | None = None,
+    llm: Mapping[str, Any] | None = None,
+    progress: Progress = lambda index, played: None,
+    **game: Any,
+) -> list[Round]:
+    """Play one match of a planner; a match that was stopped goes on where it was.
+
+    Args:
+        planner: who decides where the opponent flies, by the grammar of
+            :func:`fpg_bench.planning.as_planner`.
+        ally, opponent: players, by the grammar of :func:`fpg_bench.players.registry.as_player`.
+        seed: of the match; a whole number in [0, 2^63).
+        out: the file that keeps it, JSON lines that are only ever added to; None: it is not kept.
+        llm: options of the planner ``llm`` (see :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`),
+            and ``server``, the profile of its endpoint.
+        progress: called with a round's index and None before it is planned, and with the round after it.
+        **game: ``scenario``, a :class:`Scenario`, a preset's name or a YAML file (None: ``standard``), and
+            ``rounds``, how many the match has.
+
+    Returns:
+        The rounds. Those that were in the file are played again, which costs nothing beside the planning
+        of a language model: its answers are taken from the file.
+
+    Raises:
+        UserError: an unknown planner, player or scenario, a file that holds another match, or rounds that
+            came to something else when they were first played.
+        OSError: the file cannot be written; what it holds is kept.
+    """
+    played = _played(**game)
+    path = None if out is None else Path(out)
+    sides = {"ally": ally, "opponent": opponent}
+    players = {side: as_player(spec, side, played) for side, spec in sides.items()}
+    seed = int(check_seeds(seed, 1)[0])
+    pilot, told = planner_of(planner, played, path, llm or {})
+    name = planner if isinstance(planner, str) and told is None else pilot.name
+    names = {side: player_name(spec) for side, spec in sides.items()}
+    match = Match(name, **names, scenario=played, seed=seed, llm=told)
+    if path is None:
+        return list(_rounds(match, pilot, players, None, [], progress))
+    file = MatchFile(path)
+    with file.locked(), contextlib.closing(pilot.transcript) if told else contextlib.nullcontext():
+        return list(_rounds(match, pilot, players, file, file.begin(match), progress))
+
+
+def _played(scenario: Scenario | str | None = None, rounds: int = ROUNDS) -> Scenario:
+    return as_scenario(scenario, opponent_path="waypoints", rounds_per_match=rounds)
+
+
+def replay_match(
+    path: str | Path,
+    progress: Progress = lambda index, played: None,
+    *,
+    allow: Collection[str] = (),
+) -> tuple[Match, list[Round]]:
+    """Repeat a match from its file alone, without network, and check it to the bit.
+
+    Args:
+        path: the file.
+        progress: see :func:`run_match`.
+        allow: the ``package.module:object`` that the file may name; code is never run on a file's word.
+
+    Raises:
+        UserError: no file of a match, one that names code which is not allowed, or a round or an attempt
+            that is missing or was changed, by name.
+    """
+    file = MatchFile(Path(path))
+    match, rows = file.read()
+    for name in (match.planner, match.ally, match.opponent):
+        if ":" in name and name not in allow:
+            raise UserError(f"match {path}: would run {name}; if you trust that code, add --allow {name}")
+    planner = replayed_planner(match.planner, match.llm, match.scenario, file.path)
+    players = {side: as_player(getattr(match, side), side, match.scenario) for side in SIDES}
+    return match, list(_rounds(match, planner, players, file, rows, progress))
+
+
+def _rounds(
+    match: Match,
+    planner: Any,
+    players: Mapping[str, Player],
+    file: MatchFile | None,
+    known: Sequence[Row],
+    progress: Progress,
+) -> Iterator[Round]:
+    """Play the match; rounds that the file holds are checked, the others added."""
+    table = make_match(TwoPlayerBatch(match.scenario, 1, planner), **players)
+    for index in range(match.rounds):
+        progress(index, None)
+        row, recording = _play(table, match.seed if index == 0 else None)
+        if file is not None and index < len(known):
+            file.check(known[index], row)
+            row = known[index]
+        elif file is not None:
+            file.add(row)
+        played = Round(row, recording, _talk(planner, row))
+        progress(index, played)
+        yield played
+
+
+def _talk(planner: Any, row: Row) -> tuple[Attempt, ...]:
+    """What was asked and answered for a round, where its planner asks a language model and keeps it."""
+    if not isinstance(planner, LLMPlanner):
+        return ()
+    place = (row["seed"], row["match"], row["round"])
+    return tuple(attempt for attempt in planner.transcript.attempts() if attempt.where[:3] == place)
+
+
+def _play(table: MatchBatch, seed: int | None) -> tuple[Row, Recording]:
+    begin(table, seeds=seed)
+    recording = Recording(table.duel.batch)
+    play_round(table, on_step=recording.add, begun=True)
+    return _row(table.duel, recording), recording
+
+
+def _row(duel: TwoPlayerBatch, recording: Recording) -> Row:
+    """A round's line: the plan, what it came to, and a hash of every step."""
+    plan = duel.plans[0]
+    assert plan is not None
+    row: Row = {"kind": ROUND, "seed": recording.seed, "match": recording.match, "round": recording.round}
+    row |= {"source": plan.source, "status": plan.status, "tokens": plan.tokens, "seconds": plan.seconds}
+    row["waypoints"] = duel.batch.waypoints[0].tolist()
+    row |= dict(zip(TALLY.names or (), duel.batch.tallies[0].item(), strict=True))
+    row["ally_points"], row["jam_points"] = duel.batch.histograms[0].tolist()
+    row["steps_sha256"] = hashlib.sha256(recording.frames.tobytes()).hexdigest()
+    return row
+
+
+RUN, ROUND = "run", "round"
+_TOLD = {"planner": str, "ally": str, "opponent": str, "seed": int, "scenario": dict, "scenario_hash": str}
+_SHOWN = 80  # characters of a value in an error
+_UNTIMED = "seconds"  # how long planning took is no part of what a replay repeats
+
+
+@dataclass(frozen=True)
+class Match:
+    """What is played.
+
+    Attributes:
+        planner, ally, opponent: who plans and who plays, by name.
+        scenario: where, and how many rounds.
+        seed: decides the match.
+        llm: model, server, prompt and control of a planner that asks a language model, else None.
+    """
+
+    planner: str
+    ally: str
+    opponent: str
+    scenario: Scenario
+    seed: int
+    llm: dict[str, Any] | None = None
+
+    @property
+    def rounds(self) -> int:
+        """How many rounds the match has."""
+        return self.scenario.rounds_per_match
+
+    def row(self) -> Row:
+        """The file's first line."""
+        scenario = {spec.name: getattr(self.scenario, spec.name) for spec in fields(self.scenario)}
+        row: Row = {"kind": RUN, "planner": self.planner, "ally": self.ally, "opponent": self.opponent}
+        row |= {"seed": self.seed, "rounds": self.rounds, "llm": self.llm, "versions": versions()}
+        row |= {"scenario": scenario, "scenario_hash": self.scenario.hash}
+        return _as_written(row)
+
+
+def versions() -> dict[str, str]:
+    """What a match is played with."""
+    return {"fpg_bench": __version__, "numpy": np.__version__, "python": platform.python_version()}
+
+
+class MatchFile:
+    """The append-only file of one match: its header, its rounds, and whatever lines a planner adds.
+
+    Args:
+        path: the file; it need not exist.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = RowFile(path)
+        self.locked = self._file.locked
+        self._versions = ""  # how those that wrote the file differ from the present ones
+
+    def begin(self, match: Match) -> list[Row]:
+        """Write the header, or check that it is this match's; gives the rounds that are there already.
+
+        Raises:
+            UserError: the file holds something else; the first difference is named.
+        """
+        rows = self._file.read()
+        if not rows:
+            self._file.append([match.row()])
+            return []
+        known, asked = self._header(rows), match.row()
+        if len(rows) == 1:  # nothing was played: a language model that could not be asked, for one
+            self.path.write_bytes(b"")
+            self._file.append([asked])
+            return []
+        difference = _difference(known, asked, but="versions")
+        if difference:
+            raise UserError(f"match {self.path}: is another match, {difference}; name another file or folder")
+        return self._rounds(rows)
+
+    def read(self) -> tuple[Match, list[Row]]:
+        """The match and all its rounds.
+
+        Raises:
+            UserError: no file of a match, or one whose rounds are not all there, which is named.
+        """
+        if self.path.is_dir():
+            raise UserError(f"match {self.path}: is a folder; name its match.jsonl")
+        if not self.path.is_file():
+            raise UserError(f"match {self.path}: no such file; plan run writes one")
+        rows = self._file.read()
+        match, rounds = self._match(self._header(rows)), self._rounds(rows)
+        if len(rounds) < match.rounds:
+            raise UserError(
+                f"match {self.path}: round {len(rounds)} is missing, or its line was cut off; the same "
+                "plan run again goes on with it"
+            )
+        return match, rounds
+
+    def add(self, row: Row) -> None:
+        """Keep a round."""
+        self._file.append([row])
+
+    def check(self, known: Row, played: Row) -> None:
+        """Check that a round was played as it stands in the file.
+
+        Raises:
+            UserError: it was not; the round and the first difference are named.
+        """
+        difference = _difference(known, _as_written(played), but=_UNTIMED)
+        if not isinstance(known.get(_UNTIMED), int | float):
+            difference = difference or f"{_UNTIMED} is {known.get(_UNTIMED)!r}"
+        if lacking := played.keys() - known.keys():
+            difference = difference or f"{min(lacking)} is missing"
+        if difference:
+            raise UserError(
+                f"match {self.path}: round {played['round']} differs: {difference}{self._versions}"
+            )
+
+    def _header(self, rows: list[Row]) -> Row:
+        head = rows[0] if rows else {}
+        if head.get("kind") != RUN or any(not isinstance(head.get(key), kind) for key, kind in _TOLD.items()):
+            raise UserError(f"match {self.path}: holds no match; name a file that plan run has written")
+        other = _difference(head.get("versions"), versions(), "versions")
+        self._versions = f"; {other}" if other else ""
+        return head
+
+    def _match(self, head: Row) -> Match:
+        try:
+            scenario = Scenario(**head["scenario"])
+        except (TypeError, UserError) as error:
+            raise UserError(f"match {self.path}: its scenario cannot be played: {error}") from error
+        if (scenario.hash, scenario.rounds_per_match) != (head["scenario_hash"], head.get("rounds")):
+            raise UserError(f"match {self.path}: its scenario is not the one it was played in")
+        named = {key: head[key] for key in ("planner", "ally", "opponent", "seed")}
+        return Match(scenario=scenario, llm=head.get("llm"), **named)
+
+    def _rounds(self, rows: list[Row]) -> list[Row]:
+        """The round lines, which stand in order from round 0."""
+        rounds = [row for row in rows if row.get("kind") == ROUND]
+        for index, row in enumerate(rounds):
+            if row.get("round") != index:
+                found = f"in its place stands round {row.get('round')}"
+                raise UserError(f"match {self.path}: round {index} is missing; {found}")
+        return rounds
+
+
+def _as_written(row: Row) -> Row:
+    """A row as a file gives it back: lists for tuples."""
+    return json.loads(json.dumps(row))
+
+
+def _difference(known: Any, now: Any, where: str = "", but: str = "") -> str:
+    """The first place in which a value of the file differs from the present one, and both; else nothing."""
+    if isinstance(known, dict) and isinstance(now, dict):
+        inner = [(f"{where}.{key}" if where else key, key) for key in {**now, **known} if key != but]
+        found = (_difference(known.get(key), now.get(key), name) for name, key in inner)
+        return next(filter(None, found), "")
+    if isinstance(known, list) and isinstance(now, list) and len(known) == len(now):
+        pairs = enumerate(zip(known, now, strict=True))
+        return next(filter(None, (_difference(*pair, f"{where}[{i}]") for i, pair in pairs)), "")
+    return "" if known == now else f"{where} is {_short(known)} in the file, {_short(now)} now"
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]} ..."
+
+
+def planner_of(
+    spec: Any, scenario: Scenario, path: Path | None, options: Mapping[str, Any]
+) -> tuple[Any, dict[str, Any] | None]:
+    """A match's planner, and what its file tells of the language model that it asks, if it asks one.
+
+    Args:
+        spec: a planner, by the grammar of :func:`fpg_bench.planning.as_planner`.
+        scenario: what is played.
+        path: the match's file, which is the language model's transcript too; None: none is kept.
+        options: of the language model's planner, and ``server``, the profile of its endpoint.
+
+    Raises:
+        UserError: an unknown planner or option, options for one that asks no language model, or no endpoint.
+    """
+    if asks_llm(spec):
+        return _llm_planner(spec, scenario, path, dict(options))
+    if options:
+        raise UserError(f"{next(iter(options))}: is for the planner 'llm', not for {spec!r}")
+    planner = as_planner(spec, scenario)
+    if path is not None and asks_llm(getattr(planner, "name", "")):
+        raise UserError(
+            "planner: name it 'llm' and give its options beside it; its file tells all of it then"
+        )
+    return planner, None
+
+
+def replayed_planner(name: str, told: dict[str, Any] | None, scenario: Scenario, path: Path) -> Any:
+    """The planner of a match that is repeated from its file, which calls nobody.
+
+    Raises:
+        UserError: an unknown planner, or a language model of which the file does not tell enough.
+    """
+    if not asks_llm(name):
+        return as_planner(name, scenario)
+    try:
+        prompt, control = Prompt(**told["prompt"]), str(told["control"])  # type: ignore[index]
+        unchanged = prompt.hash == told["prompt_hash"]  # type: ignore[index]
+    except (TypeError, KeyError) as error:
+        raise UserError(f"match {path}: does not tell the prompt and control of its planner") from error
+    if not unchanged:
+        raise UserError(f"match {path}: its prompt is not the one that was recorded")
+    return replaying(scenario, prompt, {**(told or {}), "control": control}, path)
+
+
+def replaying(
+    scenario: Scenario, prompt: Prompt, told: Mapping[str, Any], transcript: Path, chain: str | None = None
+) -> LLMPlanner:
+    """A language model's planner that takes its answers from a transcript; nobody is asked.
+
+    Args:
+        scenario: what is played.
+        prompt: that it was recorded with.
+        told: ``model``, ``prompt_hash`` and ``control``, with which every attempt must have been made.
+        transcript: the file.
+        chain: where the chain of hashes through it begins; None: it has none.
+
+    Raises:
+        UserError: an attempt was made otherwise.
+    """
+    recorded: dict[str, Any] = {"transcript": transcript, "mode": "replay", "chain": chain}
+    planner = LLMPlanner(scenario, prompt=prompt, control=told["control"], **recorded)
+    planner.transcript.check_told(told)
+    return planner
+
+
+def asks_llm(spec: Any) -> bool:
+    """Whether a planner's name is that of one which asks a language model."""
+    return isinstance(spec, str) and spec in LLM_CONTROLS
+
+
+def _llm_planner(
+    name: str, scenario: Scenario, path: Path | None, options: dict[str, Any]
+) -> tuple[Any, dict[str, Any]]:
+    options = {"control": LLM_CONTROLS[name], **options}
+    endpoint = endpoint_from_environment(options.pop("server", None))
+    planner = LLMPlanner(scenario, endpoint, transcript=path, **options)
+    sampled: dict[str, Any] = {
+        name: options[name] for name in ("temperature", "sampling_seed") if name in options
+    }
+    told: dict[str, Any] = {
+        "model": endpoint.model,
+        "server": endpoint.server.name,
+        "control": planner.control,
+    }
+    return planner, {**told, **sampled, "prompt": asdict(planner.prompt), "prompt_hash": planner.prompt.hash}

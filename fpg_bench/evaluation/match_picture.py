@@ -1,0 +1,123 @@
+"""A match to be looked at: as one picture, and as one page whose rounds can be watched."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from fpg_bench.common.files import write_whole
+from fpg_bench.evaluation.match import Round
+from fpg_bench.planning.llm.attempt import Attempt
+from fpg_bench.rendering.arena_panel import ALLY, GREY, GROUND, INK, OPPONENT, PALE, bezier_curve
+from fpg_bench.rendering.replay import write_replay
+
+MOST = 40  # panels; of a longer match evenly spaced rounds are drawn
+_ACROSS = 5
+_MARGIN = 0.02  # around the box, for waypoints on its walls
+
+
+def draw_match(rounds: Sequence[Round], path: Path, title: str) -> None:
+    """Draw a panel per round into a PNG file.
+
+    From above: the ally's curve (dotted) and what it flew of it, the opponent's path and its waypoints.
+    Below: both heights over the round.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    shown = [rounds[i] for i in np.unique(np.linspace(0, len(rounds) - 1, MOST).round().astype(int))]
+    across = min(_ACROSS, len(shown))
+    down = -(-len(shown) // across)
+    figure = Figure(figsize=(2.6 * across + 0.4, 3.7 * down + 0.7), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2 * down, across, squeeze=False, height_ratios=[3, 1] * down)
+    for panel in axes.flat:
+        panel.set_axis_off()
+    for index, played in enumerate(shown):
+        row, column = divmod(index, across)
+        _draw_above(axes[2 * row, column], played)
+        _draw_heights(axes[2 * row + 1, column], played, labelled=column == 0)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
+    figure.suptitle(title, fontsize=11)
+    image = io.BytesIO()
+    figure.savefig(image, format="png")
+    write_whole(path, image.getvalue())
+
+
+def _draw_above(axes: Axes, played: Round) -> None:
+    recording, s = played.recording, played.recording.scenario
+    _frame(axes, s.box_m[0], s.box_m[1])
+    axes.set_aspect("equal")
+    axes.set_title(_heading(played), size=8, color=INK)
+    axes.plot(
+        *bezier_curve(recording.control_points)[:, :2].T, color=ALLY, lw=1, ls=":", label="ally's curve"
+    )
+    waypoints = played.recording.waypoints
+    if waypoints is not None:
+        axes.plot(*waypoints[:, :2].T, "+-", color=OPPONENT, ms=6, lw=0.4, alpha=0.8, label="waypoints")
+    axes.plot(*s.base_station_m[:2], "^", color=GREY, ms=5, label="base station")
+    for side, colour, marker in (("ally", ALLY, "o"), ("opponent", OPPONENT, "D")):
+        track = recording.frames[f"{side}_position"]
+        axes.plot(*track[:, :2].T, color=colour, lw=1.4, label=side)
+        axes.plot(*track[-1, :2], marker, color=colour, ms=5, mec="white", mew=0.8)
+
+
+def _draw_heights(axes: Axes, played: Round, labelled: bool) -> None:
+    frames, s = played.recording.frames, played.recording.scenario
+    _frame(axes, s.steps_per_round, s.box_m[2])
+    for side, colour in (("ally", ALLY), ("opponent", OPPONENT)):
+        axes.plot(frames["step"], frames[f"{side}_position"][:, 2], color=colour, lw=1.2)
+    if labelled:
+        axes.set_ylabel(f"height, {s.box_m[2]:g} m", size=7, color=GREY)
+        axes.set_xlabel(f"{s.steps_per_round} s", size=7, color=GREY, labelpad=1)
+
+
+def _frame(axes: Axes, width: float, height: float) -> None:
+    """Bare axes of a ground of this size."""
+    axes.set_axis_on()
+    axes.set_xlim(-_MARGIN * width, (1 + _MARGIN) * width)
+    axes.set_ylim(-_MARGIN * height, (1 + _MARGIN) * height)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.set_facecolor(GROUND)
+    for spine in axes.spines.values():
+        spine.set_color(PALE)
+
+
+def _heading(played: Round) -> str:
+    row = played.row
+    told = "" if row["status"] == "ok" else f"\n{row['status']}, {row['source']}"
+    return f"round {row['round']}: {played.reward_per_step:+.1f} a step{told}"
+
+
+def write_match_replay(rounds: Sequence[Round], path: Path, title: str, ally: str, opponent: str) -> None:
+    """Write the replay of a match as one HTML file, whole.
+
+    Args:
+        rounds: at least one.
+        path: the file; it is replaced.
+        title: the page's heading.
+        ally, opponent: what the players are called.
+    """
+    talks = [
+        {
+            "status": played.row["status"],
+            "talk": [{"who": who, "text": text} for each in played.talk for who, text in said_in(each)],
+        }
+        for played in rounds
+    ]
+    write_replay([played.recording for played in rounds], path, title, ally, opponent, talks)
+
+
+def said_in(attempt: Attempt) -> Iterator[tuple[str, str]]:
+    """Who said what in an attempt at a plan: the request's messages, then the answer or what went wrong."""
+    for message in (attempt.request or {}).get("messages", []):
+        yield str(message.get("role")), str(message.get("content"))
+    cost = f"{attempt.status}, {attempt.seconds:.1f} s, {attempt.tokens_out or 0} tokens"
+    yield f"{attempt.model or 'no answer'} ({cost})", attempt.text or attempt.detail

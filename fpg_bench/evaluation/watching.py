@@ -1,0 +1,183 @@
+"""Watching one pairing: as text, as an interactive page, or as a film."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.common.checks import whole
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.extras import need
+from fpg_bench.envs.two_player import make_duel
+from fpg_bench.evaluation.rounds import MatchBatch, begin, make_match, play_round
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.players.registry import player_name
+from fpg_bench.rendering.recording import Recording
+
+SUFFIXES = (".html", ".gif", ".mp4")
+Echo = Callable[[str], Any]
+_HEADING = (
+    " step  distance    ally    known  age  jamming        centre    SNR  clean  flags     ally  opponent",
+    "    s         m     MHz      MHz    s                    MHz     dB     dB         reward    reward",
+)
+_FLAGS = "flags: C covered, O outage, H hop, S spreading, check + heard or - not heard"
+_CLOSING = (  # measure, what the closing line calls it, its format
+    ("jamming_success_rate", "jammed", ".1%"),
+    ("outage", "outage", ".1%"),
+    ("overlap_ratio", "overlap", ".1%"),
+    ("detection_rate", "heard", ".1%"),
+    ("hop_rate", "hops", ".1%"),
+    ("spread_ratio", "spreading", ".1%"),
+    ("near_ratio", "near", ".1%"),
+    ("snr_db", "SNR/dB", ".1f"),
+    ("ally_return", "ally", "+.1f"),
+    ("opponent_return", "opponent", "+.1f"),
+)
+
+
+def watch(
+    ally: Any = "expert",
+    opponent: Any = "adaptive",
+    *,
+    seed: int = 0,
+    rounds: int = 1,
+    out: str | Path | None = None,
+    every: int = 1,
+    overwrite: bool = False,
+    echo: Echo = print,
+    **game: Any,
+) -> list[dict[str, float | None]]:
+    """Play one pairing and show it.
+
+    Without ``out`` every step is a line of text, under a heading and over a closing line of measures.
+    With it the rounds are played first and then written: ``.html`` is an interactive replay in one file,
+    ``.gif`` and ``.mp4`` are films, which need the extra ``video``; the closing lines and
+    the file's name are echoed.
+
+    Args:
+        ally, opponent: players, by the grammar of :func:`fpg_bench.players.registry.as_player`.
+        seed: of the match; a whole number in [0, 2^63).
+        rounds: how many are played, one after the other; after a match's last one its seed's next match.
+        out: the file to write, or None for text.
+        every: of the lines or a film's frames, show each n-th and the last; a replay keeps all steps.
+        overwrite: whether a file of that name may be replaced.
+        echo: called with each line of text.
+        **game: ``scenario``, ``path``, ``planner``, ``knowledge``, ``jamming_types``: those of
+            :func:`fpg_bench.envs.two_player.make_duel`.
+
+    Returns:
+        The measures of each round, by the names of :func:`fpg_bench.game.measures.measures`.
+
+    Raises:
+        UserError: an unknown player, option or suffix, a number out of range, a file that is there
+            already or cannot be written, or an extra that is not installed. Nothing has been played then.
+        OSError: the file cannot be written.
+    """
+    for name, value in (("rounds", rounds), ("every", every)):
+        whole(value, name)
+    target = None if out is None else _checked_target(Path(out), overwrite)
+    duel = make_duel(**game)
+    names = {"ally": player_name(ally), "opponent": player_name(opponent)}
+    table = make_match(duel, ally, opponent)
+    recordings, found = [], []
+    for index in range(rounds):
+        shown = echo if target is None else None
+        recordings.append(_play(table, seed if index == 0 else None, names, every, shown))
+        found.append(duel.measures(0))
+        echo(_closing_line(recordings[-1], found[-1]))
+    if target is not None:
+        _write(recordings, target, names, every)
+        echo(f"wrote {target}")
+    return found
+
+
+def _checked_target(path: Path, overwrite: bool) -> Path:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise UserError(f"out: unknown suffix {path.suffix!r} of {str(path)!r}{nearest(suffix, SUFFIXES)}")
+    if path.is_dir():
+        raise UserError(f"out: {path} is a folder")
+    if path.exists() and not overwrite:
+        raise UserError(f"out: {path} is there already; choose another name, or allow overwriting")
+    if suffix != ".html":
+        need("video", "matplotlib", "PIL")
+    if suffix == ".mp4":
+        from fpg_bench.rendering.film import check_mp4
+
+        check_mp4()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path.parent):
+            return path
+    except OSError as error:
+        raise UserError(f"out: {path} cannot be written: {error.strerror}") from error
+
+
+def _play(
+    table: MatchBatch, seed: int | None, names: dict[str, str], every: int, echo: Echo | None
+) -> Recording:
+    """Play a round to its end; with ``echo``, say what happens."""
+    begin(table, seeds=seed)
+    recording, game = Recording(table.duel.batch), table.duel.batch.games[0]
+    heading = (_title(names), f"{_which(recording)}, path {recording.path}", _FLAGS, *_HEADING)
+    for line in heading if echo is not None else ():
+        echo(line)  # type: ignore[misc]
+
+    def show() -> None:
+        recording.add()
+        if echo is not None and (game["step"] % every == 0 or game["truncated"]):
+            echo(_step_line(recording.frames[-1], recording.scenario))
+
+    play_round(table, on_step=show, begun=True)
+    return recording
+
+
+def _title(names: dict[str, str]) -> str:
+    return f"{names['ally']} against {names['opponent']}"
+
+
+def _which(recording: Recording) -> str:
+    return f"seed {recording.seed}, match {recording.match}, round {recording.round}"
+
+
+def _step_line(frame: np.void, scenario: Scenario) -> str:
+    check = {1: "+", -1: "-"}[int(frame["last_check"])] if frame["checked"] else "."
+    flags = (
+        (frame["covered"], "C"),
+        (frame["snr_db"] < scenario.snr_threshold_db, "O"),
+        (frame["hopped"], "H"),
+        (frame["spreading"], "S"),
+    )
+    return (
+        f"{frame['step']:5d}{frame['distance_m']:10.1f}{frame['frequency_mhz']:8.2f}"
+        f"{frame['known_mhz']:9.2f}{frame['age_s']:5d}  {JAMMING_TYPES[frame['jamming_type']]:<10}"
+        f"{frame['jamming_mhz']:11.2f}{frame['snr_db']:7.1f}{frame['clean_snr_db']:7.1f}  "
+        f"{''.join(sign if on else '.' for on, sign in flags)}{check}"
+        f"{frame['ally_reward']:9.2f}{frame['opponent_reward']:10.2f}"
+    )
+
+
+def _closing_line(recording: Recording, measures: dict[str, float | None]) -> str:
+    told = (
+        f"{name} {'none' if measures[key] is None else format(measures[key], style)}"
+        for key, name, style in _CLOSING
+    )
+    return f"{_which(recording)}: {', '.join(told)}"
+
+
+def _write(recordings: Sequence[Recording], path: Path, names: dict[str, str], every: int) -> None:
+    title = _title(names)
+    if path.suffix.lower() == ".html":
+        from fpg_bench.rendering.replay import write_replay
+
+        write_replay(recordings, path, title, names["ally"], names["opponent"])
+    else:
+        from fpg_bench.rendering.film import write_gif, write_mp4
+
+        write = write_gif if path.suffix.lower() == ".gif" else write_mp4
+        write(recordings, path, title, every)

@@ -1,0 +1,265 @@
+"""The only door into the rules: N games, stepped at once."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.common.checks import whole
+from fpg_bench.common.errors import UserError
+from fpg_bench.game import step as kernel
+from fpg_bench.game.flight import LEARNED, PURSUIT
+from fpg_bench.game.rules import rules_record
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.state import ACTION_SIZE, GAME, OBSERVATION_SIZE, TALLY
+
+_GAMES_WORTH_A_THREAD = 512
+MAX_SEED = 2**63 - 1
+
+
+class ActionError(UserError):
+    """An action that cannot be played; the message names the side and the game."""
+
+
+class GameBatch:
+    """N games of one scenario.
+
+    The attributes are buffers that every call reuses; whoever keeps them must copy.
+
+    Attributes:
+        games: ``(N,)`` records of dtype ``state.GAME``: the full state.
+        tallies: ``(N,)`` records of dtype ``state.TALLY``: what the present round adds up to.
+        histograms: ``(N, 2, points)`` int32, steps per frequency point: the ally's centre, the jammer's.
+        segments: ``(N, waypoints, 4)`` float64: per part of the round, the opponent's position in m in
+            its middle and its mean reward; what a path planner may learn from.
+        waypoints: ``(N, waypoints, 3)`` float64 in m, flown where the path is ``waypoints``.
+        ally_observations, opponent_observations: ``(N, 15)`` float32 in [-1, 1].
+        flown_m: ``(N, T + 1, 3)`` float64, where each ally is after each second of its round; None unless
+            :meth:`keep_flown` was called.
+
+    Args:
+        scenario: what is played.
+        games: how many games, N.
+        threads: how many threads step a large batch; results do not depend on it. Default: two where
+            the machine has them.
+    """
+
+    def __init__(self, scenario: Scenario, games: int = 1, threads: int | None = None) -> None:
+        threads = min(2, os.cpu_count() or 1) if threads is None else threads
+        for name, value in (("games", games), ("threads", threads)):
+            whole(value, name)
+        self.scenario = scenario
+        self.count = int(games)
+        self.threads = int(threads)
+        self._rules = rules_record(scenario)
+        self.games = np.zeros(self.count, GAME)
+        self.tallies = np.zeros(self.count, TALLY)
+        self.histograms = np.zeros((self.count, 2, scenario.frequency_points), np.int32)
+        self.segments = np.zeros((self.count, scenario.waypoints, 4))
+        self.waypoints = np.zeros((self.count, scenario.waypoints, 3))
+        self.ally_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
+        self.opponent_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
+        self._ally_actions = np.zeros((self.count, ACTION_SIZE), np.float32)
+        self._opponent_actions = np.zeros((self.count, ACTION_SIZE), np.float32)
+        self.flown_m: np.ndarray | None = None
+        self._pool: ThreadPoolExecutor | None = None
+        self._begun = False
+        self._bind()
+
+    def _bind(self) -> None:
+        """The kernel's arguments, gathered once: a call is a few hundred nanoseconds."""
+        self._arguments: tuple[Any, ...] = (
+            self.games,
+            self.tallies,
+            self.histograms,
+            self.segments,
+            self.waypoints,
+            self._ally_actions,
+            self._opponent_actions,
+            self.ally_observations,
+            self.opponent_observations,
+            self._rules,
+        )
+
+    def reset(
+        self,
+        mask: np.ndarray | None = None,
+        seeds: Any = None,
+        horizons: np.ndarray | None = None,
+        new_match: bool = False,
+    ) -> None:
+        """Begin rounds: new matches where ``seeds`` are given, else the next round of each match.
+
+        After a match's last round the game goes on with the next match of its own seed.
+
+        Args:
+            mask: ``(N,)`` bool, the games to begin; None: all.
+            seeds: None, or ``(N,)`` whole numbers in [0, 2^63); those of masked games are read.
+            horizons: ``(N,)`` whole numbers: the step at which this round is cut; None: the scenario's.
+            new_match: without ``seeds``: leave the present match and begin the seed's next one.
+
+        Raises:
+            UserError: a seed or horizon out of range, a mask of another shape, or a first call that has no
+                seeds or leaves games out.
+        """
+        mask = np.ones(self.count, bool) if mask is None else np.asarray(mask, bool)
+        self.check_reset(mask, horizons)
+        if not self._begun and not (mask.all() and seeds is not None):
+            raise UserError("the first reset of an arena begins every game and needs seeds")
+        games = self.games
+        if seeds is not None:
+            games["seed"][mask] = check_seeds(seeds, self.count)[mask]
+            games["match"][mask] = 0
+            games["round"][mask] = 0
+        else:
+            games["round"][mask] += 1
+            over = mask & (new_match | (games["round"] >= self.scenario.rounds_per_match))
+            games["match"][over] += 1
+            games["round"][over] = 0
+        games["horizon"][mask] = (
+            self.scenario.steps_per_round if horizons is None else np.asarray(horizons)[mask]
+        )
+        self.tallies[mask] = np.zeros((), TALLY)
+        self.histograms[mask] = 0
+        self._begun = True
+        kernel.begin(
+            games, mask, self.ally_observations, self.opponent_observations, self.segments, self._rules
+        )
+        self._note_flown()
+
+    def check_reset(self, mask: np.ndarray, horizons: np.ndarray | None) -> None:
+        """Raise UserError where a mask has another shape or a horizon lies outside the round."""
+        if mask.shape != (self.count,):
+            raise UserError(f"reset: expected a mask of shape ({self.count},), got {mask.shape}")
+        longest = self.scenario.steps_per_round
+        if horizons is not None and not (np.min(horizons) >= 1 and np.max(horizons) <= longest):
+            raise UserError(f"reset: expected horizons of 1 to {longest} steps, got {horizons!r}")
+
+    def step(self, ally_actions: np.ndarray, opponent_actions: np.ndarray) -> None:
+        """Play one step of every game whose round is not over; the others stay as they are.
+
+        Args:
+            ally_actions, opponent_actions: ``(N, 9)`` floats, clipped to [-1, 1].
+
+        Raises:
+            ActionError: a wrong shape or dtype, or NaN or infinity; nothing has been played then.
+            UserError: no round was ever begun.
+        """
+        if not self._begun:
+            raise UserError("an arena is reset before its first step")
+        self._load(self._ally_actions, ally_actions, "ally")
+        self._load(self._opponent_actions, opponent_actions, "opponent")
+        if self.threads < 2 or self.count < 2 * _GAMES_WORTH_A_THREAD:
+            kernel.play(0, self.count, *self._arguments)
+        else:
+            self._step_in_threads()
+        self._note_flown()
+
+    def keep_flown(self) -> None:
+        """Keep from now on where each ally is after each second of its round."""
+        self.flown_m = np.zeros((self.count, self.scenario.steps_per_round + 1, 3))
+
+    def _note_flown(self) -> None:
+        if self.flown_m is not None:
+            self.flown_m[np.arange(self.count), self.games["step"]] = self.games["ally_position"]
+
+    def _step_in_threads(self) -> None:
+        """Split the games; the calling thread takes the last part."""
+        if self._pool is None:
+            kernel.play(0, 0, *self._arguments)  # compile before the threads meet
+            self._pool = ThreadPoolExecutor(self.threads - 1, thread_name_prefix="arena")
+        cuts = [self.count * part // self.threads for part in range(self.threads + 1)]
+        parts = [
+            self._pool.submit(kernel.play, low, high, *self._arguments) for low, high in pairwise(cuts[:-1])
+        ]
+        kernel.play(cuts[-2], cuts[-1], *self._arguments)
+        for part in parts:
+            part.result()
+
+    def _load(self, target: np.ndarray, actions: np.ndarray, side: str) -> None:
+        if not isinstance(actions, np.ndarray) or actions.dtype.kind != "f" or actions.shape != target.shape:
+            expected = f"expected a float array of shape {target.shape}"
+            raise ActionError(f"{side} actions: {expected}, got {described(actions)}")
+        target[...] = actions
+        if not kernel.clip_actions(target.ravel()):
+            target[...] = actions
+            bad, index = np.argwhere(~np.isfinite(target))[0]
+            where = f" of game {bad}" if self.count > 1 else ""
+            raise ActionError(f"{side} action{where}: index {index} is {target[bad, index]}")
+
+    def set_waypoints(self, game: int, waypoints: np.ndarray) -> None:
+        """Give one game the waypoints that its opponent flies where the path is ``waypoints``.
+
+        Args:
+            game: its index.
+            waypoints: ``(waypoints, 3)`` in m, point i due at (i + 1) T / n.
+
+        Raises:
+            UserError: another shape, not finite, or outside the box.
+        """
+        waypoints = np.asarray(waypoints, float)
+        if waypoints.shape != self.waypoints.shape[1:]:
+            raise UserError(
+                f"waypoints: expected the shape {self.waypoints.shape[1:]}, got {waypoints.shape}"
+            )
+        inside = (waypoints >= 0) & (waypoints <= np.asarray(self.scenario.box_m))
+        if not inside.all():
+            index = int(np.argwhere(~inside)[0, 0])
+            found = waypoints[index].tolist()
+            raise UserError(f"waypoint {index}: {found} lies outside the box {self.scenario.box_m}")
+        self.waypoints[game] = waypoints
+
+    def pursue(self, mask: np.ndarray) -> None:
+        """Let opponents that fly themselves pursue the ally in this round, as the path ``pursuit`` has it.
+
+        Call it before the round's first step; other paths stay as they are.
+
+        Args:
+            mask: ``(N,)`` bool, the games.
+        """
+        self.games["path"][mask & (self.games["path"] == LEARNED)] = PURSUIT
+
+    def ally_path(self, game: int) -> np.ndarray:
+        """Where one game's ally is after each second of its round if it flies at full speed.
+
+        Returns:
+            ``(steps_per_round + 1, 3)`` in m, its start first.
+        """
+        path = np.empty((self.scenario.steps_per_round + 1, 3))
+        kernel.trace_ally(path, self.games[game : game + 1].copy(), self._rules)
+        return path
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_pool": None, "_arguments": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._bind()
+
+
+def described(actions: Any) -> str:
+    """What was handed over instead of actions, for an error: dtype and shape, else the type."""
+    is_array = isinstance(actions, np.ndarray)
+    return f"{actions.dtype} {actions.shape}" if is_array else type(actions).__name__
+
+
+def check_seeds(seeds: Any, count: int) -> np.ndarray:
+    """``(count,)`` seeds as uint64: from one whole number s (s, s + 1, ...) or one per game.
+
+    Raises:
+        UserError: not whole, out of [0, 2^63), or another number of them.
+    """
+    if isinstance(seeds, int | np.integer) and not isinstance(seeds, bool):
+        seeds = [int(seeds) + i for i in range(count)]
+    array = np.asarray(seeds)
+    if array.shape != (count,) or not all(
+        isinstance(s, int | np.integer) and not isinstance(s, bool | np.bool_) for s in list(seeds)
+    ):
+        raise UserError(f"seed: expected a whole number or {count} of them, got {seeds!r}")
+    if any(not 0 <= int(s) <= MAX_SEED for s in seeds):
+        raise UserError(f"seed: expected whole numbers in [0, 2^63), got {seeds!r}")
+    return array.astype(np.uint64)

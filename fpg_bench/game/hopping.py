@@ -1,0 +1,93 @@
+"""Which frequency point the ally hops to: its own preference, or the expert knowledge base."""
+
+from __future__ import annotations
+
+import math
+
+from fpg_bench.game import rng
+from fpg_bench.game.compiling import compiled
+from fpg_bench.game.jamming import footprint_distance_mhz
+from fpg_bench.game.sensing import SENSED_CENTRE, SENSED_TYPE
+from fpg_bench.game.state import TYPES
+
+PREFERENCE, KNOWLEDGE_GATE, STRATEGY_SCORES = 3, 4, 5
+
+
+@compiled
+def point_mhz(point, rules):
+    """The frequency of a point."""
+    return rules.band_low + point * rules.point_spacing
+
+
+@compiled
+def choose_point(point, observation, action, key, step, rules):
+    """The point to hop to. ``observation`` is the ally's own, the only thing the knowledge base reads."""
+    if rules.knowledge and (rules.always_hops or action[KNOWLEDGE_GATE] > 0.0):
+        return _expert_point(point, observation, action, key, step, rules)
+    return math.floor((action[PREFERENCE] + 1.0) / 2.0 * (rules.points - 1) + 0.5)
+
+
+@compiled
+def _expert_point(point, observation, action, key, step, rules):
+    strategy = _choose_strategy(observation, action)
+    centre = rules.band_middle + observation[SENSED_CENTRE] * rules.band_half
+    free = 0
+    for candidate in range(rules.points):
+        free += _is_free(candidate, point, strategy, centre, rules)
+    if free == 0:  # a guard wider than the band: any other point
+        other = rng.integer(key, step, rng.KNOWLEDGE_POINT, rules.points - 1)
+        return other + (other >= point)
+    keep = rules.strategy_candidates[strategy]
+    if keep == 0 or keep > free:
+        keep = free
+    chosen = rng.integer(key, step, rng.KNOWLEDGE_POINT, keep)
+    if rules.strategy_candidates[strategy] == 0:
+        return _nth_free(chosen, point, strategy, centre, rules)
+    return _nth_farthest(chosen, point, strategy, centre, rules)
+
+
+@compiled
+def _choose_strategy(observation, action):
+    """The strategy of the highest score: 1 for the sensed type's, plus actions 5-8; ties to the lowest."""
+    best, best_score = 0, -math.inf
+    for strategy in range(TYPES):
+        score = observation[SENSED_TYPE + strategy] + action[STRATEGY_SCORES + strategy]
+        if score > best_score:
+            best, best_score = strategy, score
+    return best
+
+
+@compiled
+def _is_free(candidate, point, strategy, centre, rules):
+    """Whether a point is not the current one and lies outside the strategy's footprint and guard."""
+    offset = footprint_distance_mhz(point_mhz(candidate, rules) - centre, rules.strategy_spacing[strategy])
+    return (candidate != point) & (offset > rules.strategy_half_width[strategy])
+
+
+@compiled
+def _nth_free(n, point, strategy, centre, rules):
+    for candidate in range(rules.points):
+        if _is_free(candidate, point, strategy, centre, rules):
+            if n == 0:
+                return candidate
+            n -= 1
+    return point
+
+
+@compiled
+def _nth_farthest(n, point, strategy, centre, rules):
+    """The n-th of the free points in falling distance from the centre, ties to the lowest point."""
+    last_distance, last_point = math.inf, -1
+    for _ in range(n + 1):
+        best, best_distance = point, -1.0
+        for candidate in range(rules.points):
+            distance = abs(point_mhz(candidate, rules) - centre)
+            after_last = distance < last_distance or (distance == last_distance and candidate > last_point)
+            if (
+                after_last
+                and distance > best_distance
+                and _is_free(candidate, point, strategy, centre, rules)
+            ):
+                best, best_distance = candidate, distance
+        last_distance, last_point = best_distance, best
+    return last_point

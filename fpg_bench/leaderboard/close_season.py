@@ -1,0 +1,506 @@
+"""Close a season: draw recipes, train candidates, let all entries play them, and select the season suite.
+
+All draws follow from the season's seed by SHA-256, so they are the same on every machine and version.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+import statistics
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_json, read_yaml, write_whole
+from fpg_bench.common.ids import policy_env
+from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.seeds import PROTOCOL
+from fpg_bench.evaluation.suite import Rival, Suite
+from fpg_bench.game.scenario import STANDARD, as_scenario
+from fpg_bench.jobs.folders import folder_job
+from fpg_bench.jobs.job import Job, check_all_done
+from fpg_bench.jobs.run import run_jobs
+from fpg_bench.leaderboard.season import (
+    FILE,
+    OTHER,
+    Recipe,
+    Season,
+    SeasonEntry,
+    SeasonMember,
+    entries_of_side,
+    read_entries,
+    season_seed,
+    write_season,
+    write_suites,
+)
+from fpg_bench.players.player import SIDES, Player
+from fpg_bench.training.config import GameOptions, RunConfig
+from fpg_bench.training.run_folder import RunFolder
+from fpg_bench.training.train import train
+
+CANDIDATES, SIZE, ROUNDS = 24, 12, 60
+PROFILE, PLAN = "profile.jsonl", "plan.yml"
+
+# Rewards of candidates. An ally that is rewarded for spending little never hops, as the script idle.
+REWARDS = {
+    "opponent": ("zero_sum", "jamming", "overlap", "own", "ally_cost"),
+    "ally": ("zero_sum", "jamming", "own", "overlap"),
+}
+# TD3 twice: it finds opponents that herd, which beat most entries and which PPO seldom finds on this budget.
+ALGORITHMS = ("td3", "ppo", "td3", "ppo-stack8")
+STEPS = {
+    "ppo": (500_000, 250_000),
+    "ppo-stack8": (500_000, 250_000),
+    "td3": (40_000,),
+}
+GAMMAS = (0.9, 0.95, 0.8)
+# PPO's initial spread decides what an opponent learns: with a wide one, it learns to jam broadly.
+LOG_STDS = {"opponent": (-2.5, -1.5, -3.5), "ally": (-0.2, -1.0)}
+TARGETS = (1, 3, 1, 5)  # number of entries that a candidate is trained against
+FIRST_SEED, SEEDS = 300_000, 700_000  # training seeds reserved for candidates
+_PPO = {
+    "policy": "MlpPolicy",
+    "n_envs": 128,
+    "n_steps": 64,
+    "batch_size": 4096,
+    "n_epochs": 4,
+    "learning_rate": 0.002,
+    "gae_lambda": 0.8,
+    "normalize": {"norm_obs": False, "norm_reward": True},
+}
+_TD3 = {
+    "policy": "MlpPolicy",
+    "n_envs": 8,
+    "learning_starts": 2000,
+    "buffer_size": 100_000,
+    "batch_size": 256,
+    "train_freq": 1,
+    "gradient_steps": 1,
+    "learning_rate": 0.002,
+    "tau": 0.01,
+    "noise_type": "normal",
+    "noise_std": 0.1,
+    "normalize": {"norm_obs": False, "norm_reward": True},
+}
+T = TypeVar("T")
+
+
+def draw_number(below: int, *key: object) -> int:
+    """Draw a whole number in [0, below) from the hash of a key."""
+    return int(_digest(*key), 16) % below
+
+
+def shuffled(items: Sequence[T], *key: object) -> list[T]:
+    """Return the items in an order drawn from a key."""
+    order = sorted(range(len(items)), key=lambda i: _digest(*key, i))
+    return [items[i] for i in order]
+
+
+def dealt(levels: Sequence[T], count: int, *key: object) -> list[T]:
+    """Deal levels evenly over ``count`` places in a drawn order; the first levels once more if necessary."""
+    return shuffled([levels[i % len(levels)] for i in range(count)], *key)
+
+
+def _digest(*key: object) -> str:
+    return hashlib.sha256("/".join(map(str, key)).encode()).hexdigest()
+
+
+def draw_recipes(
+    seed: str, side: str, count: int, entries: Sequence[SeasonEntry], scale: float = 1.0
+) -> list[Recipe]:
+    """Draw the recipes of a side's candidates.
+
+    Algorithms take turns. All other properties are dealt evenly over the candidates of an algorithm, so the
+    seed decides only their combinations.
+
+    Args:
+        seed: the season's seed.
+        side: the candidates' side.
+        count: number of candidates.
+        entries: entries of the other side, to be trained against.
+        scale: factor on all training budgets.
+
+    Raises:
+        UserError: no entries to train against.
+    """
+    if not entries:
+        raise UserError(f"season: there is no entry that candidates of the {side} could be trained against")
+    algorithms = [ALGORITHMS[i % len(ALGORITHMS)] for i in range(count)]
+
+    def deal(name: str, levels_of: Mapping[str, Sequence[T]] | Sequence[T]) -> list[T]:
+        """Deal a property's levels, which may depend on the algorithm, over each algorithm's candidates."""
+        hands = {}
+        for algorithm, number in Counter(algorithms).items():
+            levels = levels_of[algorithm] if isinstance(levels_of, Mapping) else levels_of
+            hands[algorithm] = iter(dealt(levels, number, seed, side, name, algorithm))
+        return [next(hands[algorithm]) for algorithm in algorithms]
+
+    rewards, gammas, steps = deal("reward", REWARDS[side]), deal("gamma", GAMMAS), deal("steps", STEPS)
+    log_stds = deal("log_std", LOG_STDS[side])
+    targets = _draw_targets(seed, side, deal("size", TARGETS), entries)
+    return [
+        Recipe(
+            name=f"{side[0]}{i:02d}",
+            side=side,
+            algorithm=algorithm,
+            steps=round(scale * steps[i]),
+            reward=rewards[i],
+            gamma=gammas[i],
+            log_std=None if algorithm == "td3" else log_stds[i],
+            targets=targets[i][0],
+            path=targets[i][1],
+            training_seed=FIRST_SEED + draw_number(SEEDS, seed, side, "seed", i),
+        )
+        for i, algorithm in enumerate(algorithms)
+    ]
+
+
+def _draw_targets(
+    seed: str, side: str, sizes: Sequence[int], entries: Sequence[SeasonEntry]
+) -> list[tuple[tuple[str, ...], str]]:
+    """Draw the players that each candidate is trained against, and the opponent's path.
+
+    The first target is a trained entry where there is one; each of them comes first equally often. Opponents
+    with different paths are never mixed; scripts go with either path.
+    """
+    trained = [entry for entry in entries if not entry.is_script] or list(entries)
+    targets = []
+    for i, (first, size) in enumerate(
+        zip(dealt(trained, len(sizes), seed, side, "first"), sizes, strict=True)
+    ):
+        flight = None if first.is_script else first.flight
+        others = [e for e in entries if e.name != first.name and (e.is_script or e.flight in (None, flight))]
+        chosen = [first, *shuffled(others, seed, side, "mixture", i)[: size - 1]]
+        players = tuple(
+            e.players[draw_number(len(e.players), seed, side, "player", i, e.name)] for e in chosen
+        )
+        targets.append((players, flight or "pursuit"))
+    return targets
+
+
+def hyperparameters(recipe: Recipe) -> dict[str, Any]:
+    """Return a recipe's hyperparameters for :class:`fpg_bench.training.config.RunConfig`."""
+    policy_kwargs: dict[str, Any] = {"net_arch": [64, 64]}
+    own = {"n_timesteps": recipe.steps, "gamma": recipe.gamma, "policy_kwargs": policy_kwargs}
+    if recipe.algorithm == "td3":
+        policy_kwargs["optimizer_kwargs"] = {"fused": True}
+        return _TD3 | own
+    policy_kwargs |= {"activation_fn": "ReLU", "log_std_init": recipe.log_std}
+    return _PPO | own
+
+
+def train_candidate(recipe: Recipe, folder: Path) -> None:
+    """Train a candidate and keep only its agent and its run's records.
+
+    A finished run is not trained again; an unfinished one starts anew, so the result is always the same.
+
+    Raises:
+        UserError: the folder holds an unfinished run of another kind, or training diverged.
+    """
+    run = RunConfig(
+        recipe.algorithm,
+        policy_env(recipe.side).id,
+        recipe.training_seed,
+        recipe.steps,
+        hyperparameters(recipe),
+        against=list(recipe.targets),
+        game=GameOptions(reward=recipe.reward, path=recipe.path),
+    )
+    if not RunFolder(folder).is_finished():
+        train(run, folder, evaluations=0, progress=False, restart=True)
+    for path in folder.iterdir():
+        if path.name not in ("agent", "run.json", "evaluations.jsonl"):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+def select_representative(returns: np.ndarray, size: int) -> list[int]:
+    """Select a season suite: entries earn against it about what they earn against all candidates.
+
+    Starts with the strongest candidate, against which entries earn least. Each next one brings the suite's
+    mean returns nearest to those of all candidates.
+
+    Args:
+        returns: return per step of each entry against each candidate, ``(entries, candidates)``.
+        size: number of candidates to select.
+
+    Returns:
+        Their indices in the order of selection.
+
+    Raises:
+        UserError: too few candidates, or returns that are not finite.
+    """
+    selected = _strongest(returns, size)
+    overall = returns.mean(axis=1)
+    while len(selected) < size:
+        sums = returns[:, selected].sum(axis=1)[:, None] + returns
+        distances = np.linalg.norm(sums / (len(selected) + 1) - overall[:, None], axis=0)
+        distances[selected] = np.inf
+        selected.append(int(distances.argmin()))
+    return selected
+
+
+def select_diverse(returns: np.ndarray, size: int) -> list[int]:
+    """Select a training population: entries fare differently against each member.
+
+    Starts with the strongest candidate; each next one has the profile of returns farthest from all selected
+    (greedy max-min distance). Arguments, result and errors are those of :func:`select_representative`.
+    """
+    selected = _strongest(returns, size)
+    distances = np.linalg.norm(returns[:, :, None] - returns[:, None, :], axis=0)
+    while len(selected) < size:
+        nearest = distances[:, selected].min(axis=1)
+        nearest[selected] = -1.0
+        selected.append(int(nearest.argmax()))
+    return selected
+
+
+def _strongest(returns: np.ndarray, size: int) -> list[int]:
+    count = returns.shape[1]
+    if size > count:
+        raise UserError(f"season: a suite of {size} needs as many candidates, got {count}")
+    if not np.isfinite(returns).all():
+        raise UserError("season: a return of an entry is not a number")
+    return [int(returns.mean(axis=0).argmin())]
+
+
+@dataclass(frozen=True)
+class Closing:
+    """A season that is being closed.
+
+    Attributes:
+        name: the season suite's name, such as ``season-1``.
+        number: the season's number; None for a training population.
+        entries: the entries it is closed over.
+        work: folder of the candidates; it is kept, so that a stopped closing can be resumed.
+        candidates, size: trained and selected candidates per side.
+        rounds: rounds of each entry against each candidate.
+        scale: factor on all training budgets; 1 except in tests.
+    """
+
+    name: str
+    number: int | None
+    entries: tuple[SeasonEntry, ...]
+    work: Path
+    candidates: int = CANDIDATES
+    size: int = SIZE
+    rounds: int = ROUNDS
+    scale: float = 1.0
+
+    @property
+    def seed(self) -> str:
+        """The season's seed; a training population's follows from its name instead of a number."""
+        return season_seed(PROTOCOL, self.name if self.number is None else self.number, self.entries)
+
+    def rival_entries(self, side: str) -> list[SeasonEntry]:
+        """Return the entries that play against the candidates of a side."""
+        return entries_of_side(self.entries, OTHER[side])
+
+    def recipes(self, side: str) -> list[Recipe]:
+        """Return the recipes of a side's candidates."""
+        return draw_recipes(self.seed, side, self.candidates, self.rival_entries(side), self.scale)
+
+    def folder(self, recipe: Recipe) -> Path:
+        """Return the folder of a candidate."""
+        return self.work / recipe.side / recipe.name
+
+
+def make_closing(
+    name: str,
+    board: str | Path,
+    work: Path,
+    candidates: int = CANDIDATES,
+    size: int = SIZE,
+    rounds: int = ROUNDS,
+    scale: float = 1.0,
+) -> Closing:
+    """Return the closing of a season (by number) or a training population (by name) over a board.
+
+    Args:
+        name: the number or name.
+        board: the leaderboard's folder.
+        work, candidates, size, rounds, scale: see :class:`Closing`.
+
+    Raises:
+        UserError: an invalid name, or an invalid entry.
+    """
+    if not re.fullmatch(r"[1-9]\d{0,3}|[a-z][a-z0-9-]{0,39}", name) or name.startswith("season"):
+        raise UserError(f"season: expected a number, or a word for a training population, got {name!r}")
+    number = int(name) if name.isdigit() else None
+    entries = tuple(read_entries(board))
+    return Closing(
+        f"season-{name}" if number else name, number, entries, work, candidates, size, rounds, scale
+    )
+
+
+def close_season(
+    closing: Closing,
+    out: Path,
+    sides: Sequence[str] = SIDES,
+    *,
+    workers: int = 2,
+    backend: str = "loky",
+    address: str | None = None,
+    say: Callable[[str], None] = print,
+) -> Season | None:
+    """Close a season, or resume its closing with the same result.
+
+    Args:
+        closing: what to close.
+        out: the season's folder; ``season.yml`` is written last.
+        sides: train the candidates of these sides only; the season is closed once both are there.
+        workers, backend, address: see :func:`fpg_bench.jobs.run.run_jobs`.
+        say: called with a line per candidate that starts or ends.
+
+    Returns:
+        The season; None while candidates of the other side are missing.
+
+    Raises:
+        UserError: the season is closed already, a side without entries, a folder with candidates of another
+            closing, a candidate that failed, or one whose actions are not numbers.
+        KeyboardInterrupt: stopped by the user.
+    """
+    if (out / FILE).exists():
+        raise UserError(f"season: {out} is closed already; the next one has another number")
+    _check_plan(closing)
+    jobs = [_candidate_job(closing, recipe) for side in sides for recipe in closing.recipes(side)]
+    done = sum(job.done() for job in jobs)
+    say(f"{closing.name}, seed {closing.seed[:16]}: {len(jobs)} candidates, {done} of them done")
+    check_all_done(run_jobs(jobs, workers, backend, address, say))
+    missing = [
+        side
+        for side in SIDES
+        if not all(_candidate_job(closing, recipe).done() for recipe in closing.recipes(side))
+    ]
+    if missing:
+        say(f"{closing.name}: candidates of the {' and '.join(missing)} are not there yet; it is not closed")
+        return None
+    return _publish(closing, out, {side: _select_members(closing, side) for side in SIDES})
+
+
+def _check_plan(closing: Closing) -> None:
+    """Store the plan in the working folder; raise UserError where the folder belongs to another closing."""
+    file = closing.work / PLAN
+    plan = {
+        "seed": closing.seed,
+        "candidates": closing.candidates,
+        "rounds": closing.rounds,
+        "scale": closing.scale,
+    }
+    if not file.exists():
+        write_whole(file, "".join(f"{key}: {value}\n" for key, value in plan.items()))
+    stored = read_yaml(file, "closing")
+    for key, value in plan.items():
+        if stored.get(key) != value:
+            raise UserError(
+                f"season: {closing.work} holds candidates of another closing ({key}: {stored.get(key)}, "
+                f"now {value}; a seed changes with the entries); choose another folder"
+            )
+
+
+def _candidate_job(closing: Closing, recipe: Recipe) -> Job:
+    folder = closing.folder(recipe)
+    players = [
+        (entry.name, recipe.path if recipe.side == "opponent" else entry.path, player)
+        for entry in closing.rival_entries(recipe.side)
+        for player in entry.players
+    ]
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    make = partial(_make_candidate, recipe, players, closing.seed, closing.rounds)
+    return folder_job(
+        f"{recipe.side}/{recipe.name}", folder, make, partial(_is_complete, folder, len(players))
+    )
+
+
+def _make_candidate(
+    recipe: Recipe, players: list[tuple[str, str, str]], seed: str, rounds: int, folder: Path
+) -> None:
+    """Train a candidate and play all entries against it; finished parts are kept."""
+    train_candidate(recipe, folder)
+    file = RowFile(folder / PROFILE)
+    played = {row["player"] for row in file.read()}
+    for entry, path, player in players:
+        if player not in played:
+            returns = play_pair(player, OTHER[recipe.side], str(folder / "agent"), path, seed, rounds)
+            file.append([{"entry": entry, "player": player, "n": rounds, **returns}])
+
+
+def _is_complete(folder: Path, n_players: int) -> bool:
+    return RunFolder(folder).is_finished() and len(RowFile(folder / PROFILE).read()) == n_players
+
+
+def play_pair(
+    player: str | Player, side: str, other: str, path: str, season: str, rounds: int = ROUNDS
+) -> dict[str, float]:
+    """Play a player against one of the other side.
+
+    Args:
+        player: a name, or an object with ``predict``.
+        side: its side.
+        other: the name of its rival.
+        path: the opponent's path.
+        season: the season's seed, which gives the evaluation seeds.
+        rounds: number of rounds.
+
+    Returns:
+        Mean return per step of both sides, by side.
+
+    Raises:
+        UserError: an unknown player, one of the wrong side, or actions that are not numbers.
+    """
+    rival = Rival("season", (other,), as_scenario(STANDARD, opponent_path=path))
+    suite = Suite("season", side, STANDARD, rounds, (rival,), season=season)
+    try:
+        record = play(player_entry(player), suite, rival)
+    except UserError as error:
+        raise UserError(f"{player} against {other}: {error}") from error
+    return {name: round(record.tally[f"{name}_return"] / record.tally["steps"], 6) for name in SIDES}
+
+
+def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
+    recipes = closing.recipes(side)
+    profiles = [RowFile(closing.folder(recipe) / PROFILE).read() for recipe in recipes]
+    returns = np.array([[row[OTHER[side]] for row in profile] for profile in profiles]).T
+    select = select_diverse if closing.number is None else select_representative
+    members = []
+    for index in select(returns, min(closing.size, len(recipes))):
+        about = read_json(closing.folder(recipes[index]) / "agent" / "agent.json", "agent")
+        earn = round(statistics.fmean(returns[:, index]), 3)
+        member = dict(recipes[index]) | {"policy_sha256": about["policy_sha256"], "entries_earn": earn}
+        members.append(SeasonMember(**member))
+    return tuple(members)
+
+
+def _publish(closing: Closing, out: Path, members: dict[str, tuple[SeasonMember, ...]]) -> Season:
+    """Copy the members, write the suites of a season's tracks, and ``season.yml`` last."""
+    first = closing.folder(members["opponent"][0])
+    season = Season(
+        folder=out,
+        name=closing.name,
+        number=closing.number,
+        protocol=PROTOCOL,
+        seed=closing.seed,
+        candidates=dict.fromkeys(SIDES, closing.candidates),
+        entries={entry.name: list(entry.hashes) for entry in closing.entries},
+        members=members,
+        versions=read_json(first / "run.json", "run")["versions"],
+    )
+    for side in SIDES:
+        shutil.rmtree(out / side, ignore_errors=True)  # left by a closing that was killed here
+    for side, member in season.all_members():
+        for file in ("agent.json", "policy.onnx"):
+            data = (closing.folder(member) / "agent" / file).read_bytes()
+            write_whole(season.agent(side, member) / file, data)
+    if closing.number is not None:
+        write_suites(season, closing.number)
+    write_season(season)
+    return season

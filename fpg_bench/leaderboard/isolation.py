@@ -1,0 +1,195 @@
+"""Walls around this process: namespaces, an empty root, Landlock, refused calls; as many as the kernel has.
+
+Each wall is tried for itself, and which of them stand is told: a machine that lacks one is said to.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import enum
+import os
+import signal
+import struct
+
+
+class Wall(enum.IntFlag):
+    """What stands around a process."""
+
+    NAMESPACES = 1  # its own users, mounts, network, processes
+    EMPTY_ROOT = 2  # a root folder that holds nothing and cannot be written
+    LANDLOCK = 4  # no file is opened; no signal and no look at processes outside
+    CALLS = 8  # no socket, no file, no process: the kernel refuses the calls
+
+
+# What is shut out, and by which walls, one of which is enough.
+_SHUT_OUT = {
+    "files": Wall.EMPTY_ROOT | Wall.LANDLOCK | Wall.CALLS,
+    "the network": Wall.NAMESPACES | Wall.CALLS,
+    "other processes": Wall.NAMESPACES | Wall.LANDLOCK | Wall.CALLS,
+}
+
+_NEW_USER, _NEW_REST = 0x10000000, 0x00020000 | 0x08000000 | 0x04000000 | 0x20000000 | 0x40000000
+_PRIVATE, _TMPFS, _READ_ONLY = 0x4000 | 0x40000, 0x2 | 0x4 | 0x8, 0x20 | 0x1
+_NOBODY = 65534
+_DEATH_SIGNAL, _NO_NEW_PRIVILEGES = 1, 38
+_CREATE_RULESET, _RESTRICT_SELF = 444, 446  # of Landlock, on every kind of machine
+_ALLOW, _REFUSE = 0x7FFF0000, 0x00050000 | 1
+# Refused: what reaches another process, a file, a device or the network, and what would take a wall down.
+_REFUSED = """
+accept accept4 acct add_key bind bpf chdir chmod chown chroot clone clone3 connect creat delete_module
+execve execveat fanotify_init fchmod fchmodat fchown fchownat finit_module fork ftruncate init_module
+inotify_init1 io_uring_enter io_uring_register io_uring_setup ioperm iopl kcmp kexec_file_load kexec_load
+keyctl kill lchown link linkat listen lookup_dcookie memfd_create mkdir mkdirat mknod mknodat mount
+mount_setattr move_mount msgget name_to_handle_at open open_by_handle_at open_tree openat openat2
+perf_event_open personality pidfd_getfd pidfd_open pidfd_send_signal pivot_root process_madvise
+process_vm_readv process_vm_writev ptrace quotactl readlink readlinkat reboot rename renameat renameat2
+request_key rmdir rt_sigqueueinfo seccomp semget setdomainname sethostname setns setgid setgroups setregid
+setresgid setresuid setreuid setuid shmget socket socketpair swapoff swapon symlink symlinkat sync syslog
+tkill truncate umount2 unlink unlinkat unshare userfaultfd utimensat vfork vhangup
+"""
+
+
+def missing(walls: Wall) -> list[str]:
+    """What the walls that stand do not shut out; none where all is well."""
+    return [name for name, any_of in _SHUT_OUT.items() if not walls & any_of]
+
+
+def isolate() -> tuple[Wall, int]:
+    """Go on in namespaces of this process' own, where the kernel allows them; it must have one thread.
+
+    To be the first of its own processes it becomes another one. This one stands for it, and ends as it ends.
+
+    Returns:
+        The walls that stand now, and the process as those outside know it.
+    """
+    if not _unshared():
+        return Wall(0), os.getpid()
+    reading, writing = os.pipe()
+    if inner := os.fork():
+        os.write(writing, struct.pack("<I", inner))
+        _stand_for(inner)
+    _libc().prctl(_DEATH_SIGNAL, signal.SIGKILL)
+    (outside,) = struct.unpack("<I", os.read(reading, 4))
+    os.close(reading)
+    os.close(writing)
+    return Wall.NAMESPACES, outside
+
+
+def shut(walls: Wall) -> Wall:
+    """Take away all that is left, once everything is loaded; gives the walls that stand then."""
+    filters = _filter_library()  # while there are files
+    if walls & Wall.NAMESPACES and _empty_root():
+        walls |= Wall.EMPTY_ROOT
+    _drop_capabilities()
+    with contextlib.suppress(OSError, AttributeError):
+        _check(_libc().prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0))
+        if _landlocked():
+            walls |= Wall.LANDLOCK
+        if filters is not None and _calls_refused(filters):
+            walls |= Wall.CALLS
+    return walls
+
+
+def _libc() -> ctypes.CDLL:
+    return ctypes.CDLL(None, use_errno=True)
+
+
+def _check(result: int) -> int:
+    """Raise OSError where a call of the C library failed."""
+    if result < 0:
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+    return result
+
+
+def _unshared() -> bool:
+    """Whether this process has namespaces of its own now, and is nobody in them."""
+    user, group = os.getuid(), os.getgid()
+    try:
+        _check(_libc().unshare(_NEW_USER | _NEW_REST))
+    except (OSError, AttributeError):  # refused, or no Linux
+        return False
+    with contextlib.suppress(OSError):
+        for name, text in (
+            ("setgroups", "deny"),
+            ("uid_map", f"{_NOBODY} {user} 1"),
+            ("gid_map", f"{_NOBODY} {group} 1"),
+        ):
+            with open(f"/proc/self/{name}", "w") as file:
+                file.write(text)
+    return True
+
+
+def _stand_for(inner: int) -> None:
+    """Wait for the process inside, and end as it ends."""
+    os.closerange(3, 256)  # its socket, most of all
+    _, status = os.waitpid(inner, 0)
+    if os.WIFSIGNALED(status):
+        with contextlib.suppress(OSError):  # SIGKILL has no other meaning
+            signal.signal(os.WTERMSIG(status), signal.SIG_DFL)
+        os.kill(os.getpid(), os.WTERMSIG(status))
+    os._exit(os.waitstatus_to_exitcode(status))
+
+
+def _empty_root() -> bool:
+    """Make the present folder, emptied and closed for writing, the root of all that this process sees."""
+    libc = _libc()
+    here = os.fsencode(os.getcwd())
+    try:
+        _check(libc.mount(None, b"/", None, _PRIVATE, None))
+        _check(libc.mount(b"none", here, b"tmpfs", _TMPFS, b"size=4k,mode=755"))
+        os.chdir(here)
+        _check(libc.mount(b"none", here, b"tmpfs", _TMPFS | _READ_ONLY, None))
+        os.chroot(".")
+        os.chdir("/")
+    except OSError:
+        return False
+    return True
+
+
+def _drop_capabilities() -> None:
+    """Give up what root may do that others may not; of no effect for anybody else."""
+    head, none = struct.pack("<Ii", 0x20080522, 0), bytes(24)
+    with contextlib.suppress(OSError, AttributeError):
+        _check(_libc().capset(head, none))
+
+
+def _landlocked() -> bool:
+    """Whether Landlock keeps this process from all files, and from what lies outside as far as it can."""
+    libc = _libc()
+    version = libc.syscall(_CREATE_RULESET, None, 0, 1)
+    if version < 1:
+        return False
+    files = (1 << {1: 13, 2: 14}.get(version, 15 if version < 5 else 16)) - 1
+    words = [files, *([3] if version >= 4 else []), *([3] if version >= 6 else [])]
+    rules = struct.pack(f"<{len(words)}Q", *words)
+    try:
+        ruleset = _check(libc.syscall(_CREATE_RULESET, rules, len(rules), 0))
+        _check(libc.syscall(_RESTRICT_SELF, ruleset, 0))
+        os.close(ruleset)
+    except OSError:
+        return False
+    return True
+
+
+def _filter_library() -> ctypes.CDLL | None:
+    """libseccomp, which nearly every Linux has: it knows the numbers of calls on each kind of machine."""
+    try:
+        return ctypes.CDLL("libseccomp.so.2")
+    except OSError:
+        return None
+
+
+def _calls_refused(library: ctypes.CDLL) -> bool:
+    """Whether the kernel refuses the calls that a policy has no need of."""
+    library.seccomp_init.restype = ctypes.c_void_p
+    rules = ctypes.c_void_p(library.seccomp_init(ctypes.c_uint32(_ALLOW)))
+    if not rules:
+        return False
+    for name in _REFUSED.split():
+        number = library.seccomp_syscall_resolve_name(name.encode())
+        if number >= 0:  # this kind of machine has it
+            library.seccomp_rule_add_array(rules, ctypes.c_uint32(_REFUSE), number, 0, None)
+    loaded: int = library.seccomp_load(rules)
+    library.seccomp_release(rules)
+    return loaded == 0

@@ -1,0 +1,53 @@
+"""Where a process for somebody's bytes begins: it takes limits, goes inside walls, and greets."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import resource
+import socket
+import sys
+
+from fpg_bench.leaderboard import isolation as walls
+from fpg_bench.leaderboard.sandbox import HELLO
+
+
+class SandboxChild:
+    """The socket to whoever started the process, and the walls around it.
+
+    Args:
+        connection: the socket.
+        standing: the walls that stand already.
+        outside: the process as those outside know it.
+    """
+
+    def __init__(self, connection: socket.socket, standing: walls.Wall, outside: int) -> None:
+        self.connection = connection
+        self._standing, self._outside = standing, outside
+
+    def lock_down(self) -> None:
+        """Open no file and start no process any more, once all is loaded; then greet who is outside."""
+        for kind in (resource.RLIMIT_FSIZE, resource.RLIMIT_NPROC):
+            _limit(kind, 0)
+        self._standing = walls.shut(self._standing)
+        self.connection.sendall(HELLO.pack(self._outside, int(self._standing)))
+
+
+def main() -> None:
+    """Take the limits, go inside the walls, then do what a module does: ``MODULE SOCKET MEMORY CPU``."""
+    module, *numbers = sys.argv[1:]
+    number, memory_bytes, cpu_s = map(int, numbers)
+    _limit(resource.RLIMIT_AS, memory_bytes)
+    _limit(resource.RLIMIT_CPU, cpu_s)
+    _limit(resource.RLIMIT_CORE, 0)
+    standing, outside = walls.isolate()
+    importlib.import_module(module).main(SandboxChild(socket.socket(fileno=number), standing, outside))
+
+
+def _limit(kind: int, value: int) -> None:
+    with contextlib.suppress(ValueError, OSError):  # macOS knows no limit of the address space
+        resource.setrlimit(kind, (value, value))
+
+
+if __name__ == "__main__":
+    main()

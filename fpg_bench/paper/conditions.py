@@ -1,0 +1,159 @@
+"""Under which conditions the paper's experiments are run: what differs from its game, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import Scenario, as_scenario
+
+ROUNDS_PER_MATCH = 10
+BASE = "planned"
+FIXED_PATHS = ("triangle", "circle", "rectangle")
+PLANNERS = ("hill-climb", "cma-es", "optimised")
+NO_PLANNER, NO_KNOWLEDGE = "no-planner", "no-knowledge"
+LLM, LONG = "llm", "planned-long"
+LONG_IN = "paper"  # one run of ten budgets is a check, of the paper's own game
+SHORT_SEEDS = 5  # of conditions that no claim rests on
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One way in which both sides learn.
+
+    Attributes:
+        name: what rows and figures call it.
+        about: what it is, for the report.
+        options: those of :func:`fpg_bench.envs.two_player.make_duel`: ``planner``, ``path``.
+        changes: fields of the scenario that are other ones.
+        algorithm: hyper-parameters of MADDPG that are other ones.
+        tested: whether a claim rests on it, so that it needs all seeds.
+        budgets: how many times the budget of the others it is trained.
+        swaps: paths on which the trained pair is played once more, with nothing else exchanged.
+    """
+
+    name: str
+    about: str
+    options: Mapping[str, Any] = field(default_factory=lambda: {"planner": "interceptor"})
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    algorithm: Mapping[str, Any] = field(default_factory=dict)
+    tested: bool = False
+    budgets: int = 1
+    swaps: tuple[str, ...] = ()
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """What rows call its runs: by its name, and by that of each swap."""
+        return self.name, *(swapped(self.name, path) for path in self.swaps)
+
+    def scenario(self, preset: str) -> Scenario:
+        """What is played: a preset with this condition's changes, in matches of ten rounds at least."""
+        rounds = max(ROUNDS_PER_MATCH, as_scenario(preset).rounds_per_match)
+        return as_scenario(preset, **{"rounds_per_match": rounds, **self.changes})
+
+
+_MAIN = (
+    Condition(
+        BASE,
+        "path planned between rounds (interceptor), all jamming types",
+        tested=True,
+        swaps=FIXED_PATHS,
+    ),
+    *(Condition(path, f"fixed path: {path}", {"path": path}, tested=True) for path in FIXED_PATHS),
+    *(Condition(name, f"path planned by {name}", {"planner": name}) for name in PLANNERS),
+    *(
+        Condition(kind, f"{kind} jamming alone", changes={"jamming_types": (kind,)}, tested=True)
+        for kind in JAMMING_TYPES
+    ),
+    Condition(NO_PLANNER, "no planner: the opponent learns to fly, too", {"path": "learned"}, tested=True),
+    Condition(
+        NO_KNOWLEDGE,
+        "no knowledge base: the ally chooses by itself",
+        changes={"knowledge": "none"},
+        tested=True,
+    ),
+    Condition(LONG, "as planned, with ten times the budget", budgets=10),
+)
+# k as a factor of the power in mW, not of its level in dBm: 20 dBm + 10 lg k, as a multiple of 20 dBm.
+POWER_FACTORS = (1.088046, 1.03959, 0.801030, 0.951545)
+_VISIBLE = {"first_check_s": (5, 5), "check_interval_s": (5, 5)}
+HIDDEN = {"first_check_s": (1, 5), "check_interval_s": (4, 6), "check_scale_s": 6.0}
+_TWICE = ("Eq. 2 and 3 to the letter: interference counts twice", {"snr_model": "paper"})
+_OTHERWISE: dict[str, dict[str, tuple[str, dict[str, Any]]]] = {
+    "paper": {
+        "hidden-checks": ("the time of the next check is hidden (every 4 to 6 s)", HIDDEN),
+        "interference-once": ("interference counts once, beside the noise", {"snr_model": "sinr"}),
+        "own-receiver": ("the opponent hears by its own receiver", {"detection": "emission"}),
+    },
+    "standard": {
+        "visible-checks": ("checks come every 5 s, and both sides may know", _VISIBLE),
+        "interference-twice": _TWICE,
+        "blinded": ("the opponent hears by the ally's SNR, which its jamming lowers", {"detection": "link"}),
+    },
+    "figures": {  # what it settles otherwise than the letter, taken back one by one
+        "interference-twice": _TWICE,
+        "gated-hops": ("the ally learns when to hop (Eq. 5)", {"hopping": "gated"}),
+        "match-memory": (
+            "the planner remembers the ten rounds of a match",
+            {"rounds_per_match": ROUNDS_PER_MATCH},
+        ),
+    },
+}
+_HOP_COSTS = {"paper": (0, 200), "standard": (0, 200), "figures": (100,)}  # beside the preset's own
+
+
+def sensitivity(preset: str) -> tuple[Condition, ...]:
+    """What the paper leaves open, settled otherwise than the scenario does, one thing at a time."""
+    others = {
+        "k-power": ("k is a factor of the power, not of the dBm", {"jamming_coefficients": POWER_FACTORS}),
+        **_OTHERWISE[preset],
+        **{
+            f"hop-cost-{cost}": (f"a hop costs H = {cost}", {"hop_cost": cost}) for cost in _HOP_COSTS[preset]
+        },
+    }
+    return tuple(Condition(name, about, changes=changes) for name, (about, changes) in others.items())
+
+
+# What each figure is made of.
+TARGETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "fig3": (BASE, *FIXED_PATHS, *PLANNERS),
+        "fig4": (BASE,),
+        "fig5": (BASE,),
+        "fig6": (BASE, *JAMMING_TYPES),
+        "fig7": (BASE, NO_PLANNER, NO_KNOWLEDGE),
+        "tables": (),
+    }
+)
+ALL = "all"
+
+
+def swapped(condition: str, path: str) -> str:
+    """What rows call a condition's trained pairs on another path."""
+    return f"{condition}@{path}"
+
+
+def conditions_of(target: str, preset: str, full: bool) -> list[Condition]:
+    """The conditions to be run for a figure, or for all of them.
+
+    Args:
+        target: ``fig3`` to ``fig7``, ``tables`` or ``all``.
+        preset: ``paper``, ``standard`` or ``figures``.
+        full: whether the sensitivity study and, in the paper's game, the long run belong to ``all``.
+
+    Raises:
+        UserError: another target or preset.
+    """
+    if preset not in _OTHERWISE:
+        known = ", ".join(_OTHERWISE)
+        raise UserError(f"scenario: expected one of {known}, got {preset!r}{nearest(preset, _OTHERWISE)}")
+    if target == ALL:
+        found = [c for c in _MAIN if c.name != LONG or (full and preset == LONG_IN)]
+        return [*found, *(sensitivity(preset) if full else ())]
+    if target not in TARGETS:
+        raise UserError(f"unknown target {target!r}{nearest(target, [*TARGETS, ALL])}")
+    return [c for c in _MAIN if c.name in TARGETS[target]]

@@ -1,0 +1,216 @@
+"""The paper's experiment: both sides learn by MADDPG under a condition (Algorithm 1, Table 3)."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.logger import configure
+
+from fpg_bench.common.ids import DUEL
+from fpg_bench.envs.sb3_vec_env import FPGVecEnv
+from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
+from fpg_bench.paper.conditions import Condition, swapped
+from fpg_bench.paper.keeping import Checkpoint
+from fpg_bench.paper.recorded import Recorded
+from fpg_bench.paper.runs import Run
+from fpg_bench.paper.windows import FINAL, window_row, windows_of
+from fpg_bench.players.player import SIDES
+from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
+from fpg_bench.training.language_model import training_planner
+from fpg_bench.training.maddpg.multi_seed import MultiSeedTrainer
+from fpg_bench.training.models import make_model
+from fpg_bench.version import __version__
+
+ALGORITHM = "maddpg"
+_POSITIONS = 50  # of a round that is drawn
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How long a run trains.
+
+    Attributes:
+        name: what folders call it.
+        steps: game steps, over all games.
+        games: how many at once.
+        train_freq, gradient_steps: so many updates after so many steps of all games.
+        seeds: how many runs each condition that a claim rests on has, where nothing else is said.
+    """
+
+    name: str
+    steps: int
+    games: int
+    train_freq: int
+    gradient_steps: int
+    seeds: int
+
+    def updates(self) -> int:
+        """About how many updates a run makes."""
+        return self.steps // self.games // self.train_freq * self.gradient_steps
+
+
+BUDGETS: Mapping[str, Budget] = MappingProxyType(
+    {
+        "quick": Budget("quick", 192_000, 64, 15, 15, 2),  # 3 * 10^3 updates
+        "full": Budget("full", 1_000_000, 64, 5, 16, 10),  # 5 * 10^4 updates
+        "hundredth": Budget("hundredth", 1_000_000, 64, 5, 32, 10),  # 10^5 updates
+        # An update after each step, as in Algorithm 1, and a tenth of the paper's steps or all of them.
+        "tenth": Budget("tenth", 1_000_000, 64, 1, 64, 10),
+        "paper": Budget("paper", 10_000_000, 64, 1, 64, 3),
+    }
+)
+
+
+def hyperparameters(budget: Budget, **others: Any) -> Hyperparameters:
+    """Table 3, what the shipped file says where the paper says nothing, and what is another one."""
+    shipped = load_hyperparameters(ALGORITHM, DUEL)
+    rhythm = {"train_freq": budget.train_freq, "gradient_steps": budget.gradient_steps}
+    return dataclasses.replace(shipped, n_envs=budget.games, algorithm=shipped.algorithm | rhythm | others)
+
+
+def run_experiment(
+    condition: Condition,
+    preset: str,
+    budget: Budget,
+    seeds: Iterable[int],
+    place: Path,
+    llm: Mapping[str, Any] | None = None,
+    learner: str = "torch",
+) -> list[Run]:
+    """Train both sides under a condition, and play the last policies without noise.
+
+    All seeds are trained in turns, each with its own games and random numbers, so that the others make no
+    difference to it. Every ten minutes all is kept in the
+    user's cache, and what came out at the end; a run that was killed goes on from there, and gives what it
+    would have given. Who has written down what came out removes :func:`checkpoint_of` it.
+
+    Args:
+        condition: under which.
+        preset: the scenario, ``paper`` or ``standard``.
+        budget: how long.
+        seeds: of training. The same seed begins with the same networks and matches under every condition.
+        place: a folder for the transcripts of a language model.
+        llm: options of a language model's planner, and ``transcript`` to replay one.
+        learner: who updates the networks; see :class:`fpg_bench.training.maddpg.multi_seed.MultiSeedTrainer`.
+
+    Returns:
+        What happened under each seed.
+
+    Raises:
+        UserError: a checkpoint that cannot be read.
+    """
+    torch.set_num_threads(1)
+    seeds, steps = list(seeds), condition.budgets * budget.steps
+    about = _about(condition, preset, seeds, learner)
+    checkpoint = checkpoint_of(condition, preset, budget, seeds, place, learner)
+    begun = time.monotonic()
+    state = checkpoint.read()
+    if isinstance(state, list):  # at its end
+        return state
+    if state is None:
+        runs = {
+            seed: _Training(condition, preset, budget, seed, place / f"seed_{seed}", llm) for seed in seeds
+        }
+        state = runs, MultiSeedTrainer({seed: run.model for seed, run in runs.items()}, steps, learner), 0.0
+    runs, together, spent_s = state
+    while not together.is_done:
+        together.step()
+        if condition.options.get("planner") != "llm":  # it goes on by its transcript
+            checkpoint.keep((runs, together, spent_s + time.monotonic() - begun))
+    finals = {seed: played_without_noise(run.model, run.games(None)) for seed, run in runs.items()}
+    about["seconds"] = round((spent_s + time.monotonic() - begun) / len(runs))
+    told = []
+    for seed, run in runs.items():
+        made = f"{budget.name}, {steps} steps, {run.model.n_updates} updates"
+        made_so = about | {"budget": made}
+        rows = [*windows_of(run.core.rounds, steps), window_row(FINAL, steps, *finals[seed])]
+        told.append(Run(condition.name, seed, made_so, rows))
+        for path in condition.swaps:
+            on_it = played_without_noise(run.model, run.games(None, path=path, planner=None))
+            row = window_row(FINAL, steps, *on_it)
+            told.append(Run(swapped(condition.name, path), seed, made_so, [row]))
+    checkpoint.keep(told, now=True)
+    return told
+
+
+def checkpoint_of(
+    condition: Condition, preset: str, budget: Budget, seeds: Iterable[int], place: Path, learner: str
+) -> Checkpoint:
+    """Where :func:`run_experiment` keeps what it is asked for in these words."""
+    about = _about(condition, preset, list(seeds), learner)
+    return Checkpoint(about | {"condition": condition.name, "budget": repr(budget), "place": str(place)})
+
+
+def _about(condition: Condition, preset: str, seeds: list[int], learner: str) -> dict[str, Any]:
+    return {
+        "scenario": f"{preset}, {condition.scenario(preset).hash}",
+        "trained at once": ", ".join(map(str, seeds)),
+        "versions": _versions(learner),
+    }
+
+
+def _versions(learner: str) -> str:
+    """Of what the numbers hang on."""
+    names = ("torch", "numpy", *(["jax"] if learner == "jax" else []))
+    return ", ".join([f"fpg-bench {__version__}", *(f"{name} {version(name)}" for name in names)])
+
+
+class _Training:
+    """One training seed under a condition: its games, which keep what was played, and its model."""
+
+    def __init__(
+        self,
+        condition: Condition,
+        preset: str,
+        budget: Budget,
+        seed: int,
+        place: Path,
+        llm: Mapping[str, Any] | None,
+    ) -> None:
+        self.scenario, options = condition.scenario(preset), dict(condition.options)
+        words = dict(llm or {}) if options.get("planner") == "llm" else {}
+        options["planner"] = training_planner(
+            options.get("planner"), place, words.pop("transcript", None), words
+        )
+        self._make = partial(Recorded, budget.games, scenario=self.scenario, **options)
+        games = self.games(training_seed(seed))
+        self.core: Recorded = games.core  # type: ignore[assignment]
+        self.model: Any = make_model(ALGORITHM, games, hyperparameters(budget, **condition.algorithm), seed)
+        self.model.set_logger(configure(None, []))
+
+    def games(self, first_seed: int | None, **instead: Any) -> FPGVecEnv:
+        """Games to train in, whose rounds end at different times; without a seed: to be played together."""
+        return FPGVecEnv(self._make(**instead), first_seed, stagger=first_seed is not None)
+
+
+def played_without_noise(
+    model: BaseAlgorithm, games: FPGVecEnv
+) -> tuple[list[tuple[np.void, np.ndarray]], np.ndarray]:
+    """Play a match in every game, on evaluation seeds.
+
+    Returns:
+        Each round's tally and histogram, and both sides' ``(2, n, 3)`` positions in m, in the last round of
+        the first game's match, every few steps.
+    """
+    core: Any = games.core
+    scenario, state = core.scenario, core.duel.batch.games
+    core.reset(seeds=np.array(evaluation_seeds(games.num_envs)))
+    flown = []
+    for _ in range(scenario.rounds_per_match * scenario.steps_per_round):
+        flown.append([state[f"{side}_position"][0].copy() for side in SIDES])
+        core.step(model.predict(core.observations, deterministic=True)[0])
+        if core.truncated.any():
+            core.reset(core.truncated.copy())
+    last = np.array(flown[-scenario.steps_per_round :: max(scenario.steps_per_round // _POSITIONS, 1)])
+    return [(tally, histogram) for _, tally, histogram in core.rounds], last.transpose(1, 0, 2)

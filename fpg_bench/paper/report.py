@@ -1,0 +1,206 @@
+"""The report: what the paper states, what was measured, and whether it holds; as Markdown and HTML."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.common.files import write_whole
+from fpg_bench.evaluation.statistics import student_half
+from fpg_bench.paper.claims import CLAIMS, HOLDS, NOT_RUN, Comparison, compare, verdict
+from fpg_bench.paper.conditions import BASE, LLM, LONG, conditions_of, sensitivity
+from fpg_bench.paper.experiment import Budget
+from fpg_bench.paper.paired import Paired
+from fpg_bench.paper.runs import Results
+from fpg_bench.paper.tables import tables
+from fpg_bench.paper.windows import FIFTH, FINAL, STAGES, WINDOWS
+
+Lines = list[list[str]]  # of a table; the first holds the headings
+_TEMPLATE = Path(__file__).with_name("report.md.j2")
+_PAPERS_OVERLAP = {"early": "54.46 %", "middle": "54.39 %", "late": "53.69 %"}
+_LEVELS = (  # heading, column, factor, decimals
+    ("ally's reward", "ally_reward", 1, 1),
+    ("opponent's reward", "opponent_reward", 1, 1),
+    ("overlap %", "overlap_ratio", 100, 1),
+    ("jammed %", "jamming_success_rate", 100, 2),
+    ("hops %", "hop_rate", 100, 1),
+    ("spreading %", "spread_ratio", 100, 1),
+    ("within 30 m %", "near_ratio", 100, 1),
+)
+_STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
+table { border-collapse: collapse; display: block; overflow-x: auto; margin: 1rem 0; font-size: 0.9rem; }
+th, td { border-bottom: 1px solid #d0d0d0; padding: 0.3rem 0.6rem; text-align: left; vertical-align: top; }
+img { max-width: 100%; }
+"""
+
+
+def write_report(
+    results: Results, preset: str, budget: Budget, drawn: Iterable[str], folder: Path, command: str
+) -> list[Path]:
+    """Write ``report-<scenario>.md`` and ``.html``.
+
+    Args:
+        results: the runs that are there.
+        preset, budget: what they are of.
+        drawn: the names of the figures that lie in the folder's ``figures/``.
+        folder: where to.
+        command: what makes all of it again.
+
+    Returns:
+        Both files.
+    """
+    text = _rendered(_content(results, preset, budget, drawn) | {"command": command})
+    paths = [folder / f"report-{preset}{suffix}" for suffix in (".md", ".html")]
+    write_whole(paths[0], text)
+    write_whole(paths[1], _html(text, f"The paper, reproduced: {preset}"))
+    return paths
+
+
+def _content(results: Results, preset: str, budget: Budget, drawn: Iterable[str]) -> dict[str, Any]:
+    comparisons = compare(results)
+    verdicts = {name: verdict([each for each in comparisons if each.claim == name]) for name in CLAIMS}
+    names = [condition.name for condition in conditions_of("all", preset, full=True)]
+    trained = [results.about.get(name, {}) for name in (LLM, *names)]  # not those on swapped paths
+    headings = [heading for by_seed in trained for heading in by_seed.values()]
+    pairs = sorted({each.found.pairs for each in comparisons})
+    return {
+        "preset": preset,
+        "budget": budget,
+        "base": BASE,
+        "long": LONG if LONG in results.runs else None,
+        "llm": LLM in results.runs,
+        "claims": _claims(verdicts),
+        "missed": [name for name, found in verdicts.items() if found not in (HOLDS, NOT_RUN)],
+        "tests": _tests(comparisons),
+        "pairs": " or ".join(map(str, pairs)),
+        "figures": list(drawn),
+        "overlap": _overlap(results),
+        "spread": _spread(results),
+        "fifths": _fifths(results),
+        "levels": _levels(results, [LLM, *names], STAGES["late"]),
+        "finals": _levels(results, [LLM, *names], (FINAL,)),
+        "otherwise": _otherwise(results, preset),
+        "tables": tables(budget),
+        "runs": len(headings),
+        "minutes": sum(float(heading["seconds"]) for heading in headings) / 60,
+        "versions": "; ".join(sorted({heading["versions"] for heading in headings})) or "no runs",
+    }
+
+
+def _claims(verdicts: Mapping[str, str]) -> Lines:
+    lines = [["claim", "the paper", "verdict"]]
+    return lines + [[name, said, f"**{verdicts[name]}**"] for name, said in CLAIMS.items()]
+
+
+def _tests(comparisons: Sequence[Comparison]) -> Lines:
+    lines = [["claim", "claimed to be positive", "measured", "95 % interval", "d_z", "p", "p (Holm)"]]
+    lines[0] += ["with noise", "by itself"]
+    for each in comparisons:
+        found = each.found
+        effect = "-" if found.effect is None else f"{round(found.effect, 1) + 0.0:.1f}"
+        check = "-" if each.check is None else f"{_number(each.check.mean)} {_interval(each.check)}"
+        measured = [_number(found.mean), _interval(found), effect, f"{found.p:.3f}", f"{each.p:.3f}", check]
+        lines.append([each.claim, each.statement, *measured, each.verdict])
+    return lines
+
+
+def _overlap(results: Results) -> Lines:
+    lines = [["stage", "the paper", "spectrum overlap", "overlap ratio"]]
+    seeds = results.seeds(BASE)
+    for stage, windows in STAGES.items() if seeds else ():
+        pooled = results.overlap(BASE, stage, seeds)
+        share = results.mean(BASE, "overlap_ratio", windows, seeds)
+        lines.append(
+            [stage, _PAPERS_OVERLAP[stage], *(f"{_around(each, 100, 1)} %" for each in (pooled, share))]
+        )
+    return lines
+
+
+def _spread(results: Results) -> str:
+    seeds = results.seeds(BASE)
+    if len(seeds) < 2:
+        return "not known from a single run"
+    early, late = (results.overlap(BASE, stage, seeds) for stage in ("early", "late"))
+    return f"{100 * (late - early).std(ddof=1):.1f} points"
+
+
+def _fifths(results: Results) -> Lines:
+    """The base condition over training, and the long run over its own."""
+    shown = [each for each in _LEVELS if each[0] in ("overlap %", "jammed %", "hops %", "spreading %")]
+    lines = [["condition", "of training", *(heading for heading, *_ in shown)]]
+    for name in (BASE, LONG):
+        seeds = results.seeds(name)
+        for start in range(0, WINDOWS, FIFTH) if seeds else ():
+            windows = range(start, start + FIFTH)
+            cells = [_around(results.mean(name, column, windows, seeds), *form) for _, column, *form in shown]
+            lines.append([name, f"{100 * start // WINDOWS} to {100 * (start + FIFTH) // WINDOWS} %", *cells])
+    return lines
+
+
+def _levels(results: Results, names: Iterable[str], windows: Iterable[int]) -> Lines:
+    lines = [["condition", "seeds", *(heading for heading, *_ in _LEVELS)]]
+    for name in names:
+        if seeds := results.seeds(name):
+            cells = [
+                _around(results.mean(name, column, windows, seeds), *form) for _, column, *form in _LEVELS
+            ]
+            lines.append([name, str(len(seeds)), *cells])
+    return lines
+
+
+def _otherwise(results: Results, preset: str) -> Lines:
+    """What changes where an open point is settled otherwise, against the same seeds of the base."""
+    lines = [["settled otherwise", "seeds", *(heading for heading, *_ in _LEVELS)]]
+    for condition in sensitivity(preset):
+        if seeds := results.seeds(BASE, condition.name):
+            cells = []
+            for _, column, *form in _LEVELS:
+                here, there = (results.level(name, column, seeds) for name in (condition.name, BASE))
+                cells.append(_around(here - there, *form))
+            lines.append([f"`{condition.name}`: {condition.about}", str(len(seeds)), *cells])
+    return lines
+
+
+def _around(values: np.ndarray, factor: float, digits: int) -> str:
+    """The mean over seeds, and how far its 95 % interval reaches (Student's t)."""
+    said = f"{factor * values.mean() + 0.0:.{digits}f}"
+    return said if len(values) < 2 else f"{said} ± {factor * student_half(values):.{digits}f}"
+
+
+def _interval(found: Paired) -> str:
+    return f"[{_number(found.low)}, {_number(found.high)}]"
+
+
+def _number(value: float) -> str:
+    """Two decimals, and more of what is small."""
+    return f"{value + 0.0:.2f}" if abs(value) >= 1 else f"{value + 0.0:.2g}"
+
+
+def _rendered(content: Mapping[str, Any]) -> str:
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
+    environment.filters["table"] = markdown_table
+    return environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(content)
+
+
+def markdown_table(lines: Lines) -> str:
+    """A table in Markdown."""
+    head, *rest = lines
+    rows = [head, ["---"] * len(head), *rest]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in rows)
+
+
+def _html(text: str, title: str) -> str:
+    from markdown_it import MarkdownIt
+
+    body = MarkdownIt("commonmark").enable("table").render(text)
+    return (
+        f'<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n<title>{html.escape(title)}</title>\n'
+        f'<meta name="viewport" content="width=device-width">\n<style>{_STYLE}</style>\n{body}</html>\n'
+    )

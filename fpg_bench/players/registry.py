@@ -1,0 +1,62 @@
+"""One grammar names a player everywhere: a script, an oracle, an agent, a folder, or an object."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.imports import import_object
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.players.oracles import ORACLES, OracleAlly, OracleOpponent
+from fpg_bench.players.player import Player
+from fpg_bench.players.scripted import SCRIPTED, Scripted
+
+
+def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
+    """The player that ``spec`` names.
+
+    Args:
+        spec: a script (``expert``), ``oracle``, a shipped agent (``ally-scripted/ppo/seed_0``), an agent
+            folder, a member of a field (``suite:NAME/MEMBER``), ``package.module:object`` (a player, or a
+            class or function that makes one, told the scenario if it takes an argument), or any object with
+            ``predict``.
+        side: ``ally`` or ``opponent``.
+        scenario: what is played.
+
+    Raises:
+        UserError: no such player, one that cannot be made, or not one of this side.
+    """
+    if not isinstance(spec, str | os.PathLike):
+        if callable(getattr(spec, "predict", None)):
+            return spec
+        raise UserError(f"{side}: expected a player's name or an object with predict, got {spec!r}")
+    name = os.fspath(spec)
+    if name in SCRIPTED[side]:
+        return Scripted(side, name, scenario)
+    if name in ORACLES:
+        return OracleAlly(scenario) if side == "ally" else OracleOpponent(scenario)
+    if name.startswith("suite:"):
+        from fpg_bench.players.population import load_member
+
+        return load_member(name, side)
+    if ":" in name:
+        return import_object(name, side, ("predict",), scenario)
+    if "/" in name or (name and Path(name).is_dir()):
+        from fpg_bench.players.agent import load_agent
+
+        return load_agent(name, side)
+    raise UserError(f"unknown {side} {name!r}{nearest(name, [*SCRIPTED[side], *ORACLES])}")
+
+
+def policy_hash(player: Player) -> str | None:
+    """SHA-256 of an agent's policy; None for a player that is no agent."""
+    about = getattr(player, "about", None)
+    found = about.get("policy_sha256") if isinstance(about, dict) else None
+    return None if found is None else str(found)
+
+
+def player_name(spec: Any) -> str:
+    """What rows and tables call a player: its own word, or its class."""
+    return os.fspath(spec) if isinstance(spec, str | os.PathLike) else type(spec).__name__

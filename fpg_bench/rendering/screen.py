@@ -1,0 +1,118 @@
+"""What a view shows of its game: pictures, a window, or nothing and at no cost."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.extras import has, need
+from fpg_bench.game.batch import GameBatch
+from fpg_bench.rendering.recording import Recording
+
+FRAMES_PER_SECOND = 10  # of windows and films
+RENDER_MODES = {"rgb_array": ("matplotlib",), "human": ("matplotlib", "pygame")}  # and what each needs
+
+
+@functools.cache  # looking for packages takes as long as the rest of a view's making
+def offered_modes() -> tuple[str, ...]:
+    """The render modes that the installed packages can show, which is what a made view's metadata names."""
+    return tuple(mode for mode, packages in RENDER_MODES.items() if all(map(has, packages)))
+
+
+class Screen:
+    """The rendering of one game in a view's render mode.
+
+    Args:
+        arena: the games; the first one is shown.
+        mode: None (nothing is recorded), ``rgb_array`` or ``human``.
+
+    Raises:
+        UserError: another mode, or the extra ``video`` is not installed.
+    """
+
+    _recording: Recording | None = None
+    _picture: Any = None
+    _window: Window | None = None
+
+    def __init__(self, batch: GameBatch, mode: str | None) -> None:
+        if mode is not None and mode not in RENDER_MODES:
+            raise UserError(f"render_mode: expected None, 'rgb_array' or 'human', got {mode!r}")
+        if mode is not None:
+            need("video", *RENDER_MODES[mode])
+        self._batch, self._mode = batch, mode
+
+    def record(self, begin: bool = False) -> None:
+        """Take the present step down, after a reset (``begin``) and after each step."""
+        if self._mode is None:
+            return
+        if begin or self._recording is None:
+            self._recording, self._picture = Recording(self._batch), None
+        else:
+            self._recording.add()
+        if self._mode == "human":
+            self._window = self._window or Window()
+            if self._window.is_open:
+                self._window.show(self.draw())
+
+    def draw(self) -> np.ndarray:
+        """The picture of the round so far, ``(640, 1120, 3)`` uint8, the caller's own."""
+        if self._picture is None:
+            from fpg_bench.rendering.picture import Picture
+
+            self._picture = Picture(self._recording)  # type: ignore[arg-type]
+        drawn: np.ndarray = self._picture.draw()
+        return drawn
+
+    def picture(self) -> np.ndarray | None:
+        """The present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``; else None."""
+        return self.draw() if self._mode == "rgb_array" and self._recording else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+        self._recording = self._picture = self._window = None
+
+
+class Window:
+    """Opens with the first picture and is closed by the user or by :meth:`close`."""
+
+    def __init__(self) -> None:
+        import pygame
+
+        self._pygame = pygame
+        self._screen: Any = None
+        self.is_open = True
+
+    def show(self, picture: np.ndarray) -> None:
+        """Show a picture ``(height, width, 3)`` uint8 and wait until the next one is due."""
+        pygame = self._pygame
+        height, width = picture.shape[:2]
+        if self._screen is None:
+            self._open(width, height)
+        surface = pygame.image.frombuffer(np.ascontiguousarray(picture), (width, height), "RGB")
+        self._screen.blit(surface, (0, 0))
+        pygame.display.flip()
+        self._clock.tick(FRAMES_PER_SECOND)
+        if any(event.type == pygame.QUIT for event in pygame.event.get()):
+            self.close()
+
+    def _open(self, width: int, height: int) -> None:
+        pygame = self._pygame
+        pygame.display.init()
+        pygame.display.set_caption("Frequency point game")
+        try:
+            self._screen = pygame.display.set_mode((width, height))
+        except pygame.error as error:
+            raise UserError(f"render_mode 'human' needs a screen: {error}") from error
+        self._clock = pygame.time.Clock()
+
+    def close(self) -> None:
+        """Close the window; pictures shown after that are an error of the caller."""
+        if self._screen is not None:
+            self._pygame.display.quit()
+            self._screen = None
+        self.is_open = False

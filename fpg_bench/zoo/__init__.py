@@ -1,1 +1,0 @@
-"""The zoo of trained agents: its contents, and its committed scores."""

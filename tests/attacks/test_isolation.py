@@ -1,0 +1,135 @@
+"""A process that reads somebody's bytes reaches no file, no network, no other process and no key."""
+
+import json
+import os
+import socket
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from fpg_bench.cli import app
+from fpg_bench.leaderboard import sandbox
+from fpg_bench.leaderboard.isolation import Wall, missing
+from fpg_bench.leaderboard.playing import OPEN
+from fpg_bench.leaderboard.sandbox import Limits, Sandbox
+from fpg_bench.leaderboard.verify import verify
+from tests.attacks.prisoner import escapes
+from tests.leaderboard.entering import enter
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the walls are Linux's")
+
+
+@pytest.fixture
+def open_doors(monkeypatch):
+    """What there is to reach outside: a port, a name and this process' environment."""
+    server, named = socket.create_server(("127.0.0.1", 0)), socket.socket(socket.AF_UNIX)
+    name = f"fpg-bench-test-{os.getpid()}"
+    named.bind(f"\0{name}")
+    named.listen()
+    found = {"OPEN_PORT": str(server.getsockname()[1]), "OPEN_NAME": name, "PARENT": str(os.getpid())}
+    kept = sandbox._environment
+    monkeypatch.setattr(sandbox, "_environment", lambda: kept() | found)
+    with server, named:
+        yield found
+
+
+def test_nothing_gets_out(open_doors):
+    prison = Sandbox("tests.attacks.prisoner", Limits())
+    with prison.within(60):
+        (size,) = struct.unpack("<I", prison.receive(4))
+        found = json.loads(prison.receive(size))
+    prison.close()
+    assert found.keys() == escapes(0).keys()
+    assert [name for name, became in found.items() if became == "out"] == []
+    assert sandbox.missing_here() == []
+
+
+ALONE = """
+import json, os, sys
+from fpg_bench.leaderboard import isolation as walls
+from tests.attacks.prisoner import attempted
+kept = walls.{kept}
+for name in ("_landlocked", "_calls_refused", "_empty_root"):
+    if name != "{kept}":
+        setattr(walls, name, lambda *library: False)
+standing = walls.shut(walls.Wall(0))
+print(json.dumps([int(standing), attempted(int(os.environ["PARENT"]))]))
+"""
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("kept", "wall", "open_still"),
+    [
+        (
+            "_landlocked",
+            Wall.LANDLOCK,
+            {"fork", "listen", "send", "new users", "another name", "leave the root", "connect"},
+        ),
+        ("_calls_refused", Wall.CALLS, set()),
+    ],
+)
+def test_each_wall_stands_where_the_others_cannot_be_had(open_doors, kept, wall, open_still):
+    done = subprocess.run(
+        [sys.executable, "-c", ALONE.format(kept=kept)],
+        env=os.environ | open_doors | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    standing, found = json.loads(done.stdout)
+    if not standing & wall:
+        pytest.skip("this kernel does not have it")
+    assert {name for name, became in found.items() if became == "out"} <= open_still
+
+
+def test_what_could_not_be_had_is_named():
+    assert missing(Wall(0)) == ["files", "the network", "other processes"]
+    assert missing(Wall.LANDLOCK) == ["the network"]
+    assert missing(Wall.CALLS) == missing(Wall.NAMESPACES | Wall.EMPTY_ROOT) == []
+
+
+def test_and_said_in_the_verdict(board, in_process, monkeypatch):
+    monkeypatch.setattr("fpg_bench.leaderboard.playing.missing_here", lambda: ["files", "the network"])
+    enter(board, "ally", "linear", seeds=(0,))
+    enter(board, "ally", "wise", script="expert")
+    records = {verdict.name: verdict.record for verdict in verify(board, say=lambda record: None)}
+    assert records["ally/linear"].endswith("; this machine cannot keep a policy from files, the network")
+    assert "cannot" not in records["ally/wise"]
+    assert OPEN not in (board / "results/ally/linear.jsonl").read_text()
+
+
+FORGETS = """
+import os
+from pathlib import Path
+from fpg_bench.leaderboard.secrets import forget_keys
+print(*sorted(forget_keys()))
+print(dict(os.environ), Path("/proc/self/environ").read_bytes())
+"""
+
+
+@pytest.mark.process
+def test_keys_are_forgotten_before_anything_is_played():
+    secrets = {
+        "FPG_LLM_API_KEY": "sk-first-secret",
+        "MY_TOKEN": "second-secret",
+        "DB_PASSWORD": "third-secret",
+    }
+    env = {"PATH": os.environ["PATH"], "PYTHONPATH": os.pathsep.join(sys.path), "SHOWN": "this", **secrets}
+    told = subprocess.check_output([sys.executable, "-c", FORGETS], env=env, text=True)
+    names, left = told.splitlines()
+    assert set(names.split()) == secrets.keys()
+    assert "secret" not in left
+    assert left.count("SHOWN") == 2
+
+
+def test_the_verbs_that_play_forget_them(monkeypatch, tmp_path):
+    for words in (["submit", "check", str(tmp_path)], ["leaderboard", "build", "--folder", str(tmp_path)]):
+        monkeypatch.setenv("FPG_LLM_API_KEY", "sk-0123456789")
+        CliRunner().invoke(app, words)
+        assert "FPG_LLM_API_KEY" not in os.environ
+    assert Path(tmp_path).exists()

@@ -1,0 +1,233 @@
+"""A match of a language model: repeated without it, going on without asking twice, what its file tells."""
+
+from __future__ import annotations
+
+import fcntl
+import gc
+import json
+import os
+
+import pytest
+from planning.llm.fault_server import FaultServer, close_socket, ok, refusal, status
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.match import replay_match
+from fpg_bench.planning.llm.llm_planner import LLMPlanner
+
+from .matching import SHORT, lines, play, write
+
+KEY = "sk-not-to-be-seen-5093"
+
+
+def path_text(x: int) -> str:
+    """An answer of a language model, told apart by its x."""
+    return json.dumps({"waypoints": [{"x": x, "y": 700 + i, "z": 300} for i in range(16)]})
+
+
+BEHAVIOURS = (
+    ok(path_text(100)),
+    ok("I would rather not say."),
+    ok(path_text(300)),
+    status(500),
+    refusal(),
+    close_socket(),
+    ok(path_text(700)),
+)
+STATUSES = ["ok", "reasked", "fallback-http", "fallback-refused", "fallback-http", "ok"]
+
+
+@pytest.fixture
+def environment(monkeypatch):
+    """An environment in which a server of language models can be configured."""
+    for name in os.environ:
+        if name.startswith("FPG_LLM_"):
+            monkeypatch.delenv(name)
+
+    def configure(server):
+        monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
+        monkeypatch.setenv("FPG_LLM_MODEL", "some-model")
+        monkeypatch.setenv("FPG_LLM_API_KEY", KEY)
+
+    return configure
+
+
+@pytest.fixture(autouse=True, scope="module")
+def no_open_sockets():
+    """Planners leave their connections to the garbage collector; other tests make its warnings errors."""
+    yield
+    gc.collect()
+
+
+def ask(file, **changes):
+    return play(file, "llm", rounds=len(STATUSES), **changes)
+
+
+def test_a_language_models_match_is_repeated_without_it(environment, file, monkeypatch):
+    with FaultServer(BEHAVIOURS) as server:
+        environment(server)
+        played = ask(file)
+        assert len(server.requests) == len(BEHAVIOURS)
+    monkeypatch.delenv("FPG_LLM_BASE_URL")
+    monkeypatch.delenv("FPG_LLM_MODEL")
+    before = file.read_bytes()
+    _, again = replay_match(file)
+    assert [x.row for x in again] == [x.row for x in played]
+    assert [x.row["status"] for x in played] == STATUSES
+    assert [x.row["waypoints"][0][0] for x in played] == [100, 300, 300, 300, 300, 700]
+    assert file.read_bytes() == before
+    assert KEY.encode() not in before
+
+
+@pytest.mark.parametrize("stop_at", range(1, 6))
+def test_going_on_asks_nothing_twice(stop_at, environment, file, tmp_path):
+    def stop(index, played):
+        if (index, played) == (stop_at, None):
+            raise KeyboardInterrupt
+
+    with FaultServer(BEHAVIOURS) as server:
+        environment(server)
+        with pytest.raises(KeyboardInterrupt):
+            ask(file, progress=stop)
+        asked = len(server.requests)
+        assert 0 < asked < len(BEHAVIOURS)
+        ask(file)
+        assert len(server.requests) == len(BEHAVIOURS)
+        ask(file)
+        assert len(server.requests) == len(BEHAVIOURS)
+    _, again = replay_match(file)
+    assert [x.row["status"] for x in again] == STATUSES
+
+
+@pytest.mark.parametrize("planner", ["circle", "llm"])
+def test_a_match_that_ends_lets_go_of_its_file(planner, environment, file):
+    def hold(index, played):
+        if index == 1:
+            with file.open() as other, pytest.raises(BlockingIOError):
+                fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    with FaultServer([ok(path_text(100))]) as server:
+        environment(server)
+        play(file, planner, progress=hold)
+    with file.open() as other:
+        fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def attempts(rows):
+    return [row for row in rows if row["kind"] == "attempt"]
+
+
+def reply_digit(rows):
+    row = attempts(rows)[0]
+    row["text"] = row["text"].replace('"y": 701', '"y": 702')
+    assert "702" in row["text"]
+
+
+def reply_and_path_digit(rows):
+    reply_digit(rows)
+    attempts(rows)[0]["waypoints"][1][1] = 702.0
+
+
+def reply_raw_and_path_digit(rows):
+    reply_and_path_digit(rows)
+    attempts(rows)[0]["raw"]["choices"][0]["message"]["content"] = attempts(rows)[0]["text"]
+
+
+def another_model(rows):
+    rows[0]["llm"]["model"] = "a-better-model"
+
+
+def question_digit(rows):
+    row = attempts(rows)[1]
+    message = row["request"]["messages"][-1]
+    assert "1500" in message["content"]
+    message["content"] = message["content"].replace("1500", "1501")
+
+
+def lost_attempt(rows):
+    rows.remove(attempts(rows)[2])
+
+
+@pytest.mark.parametrize(
+    ("tamper", "named"),
+    [
+        (reply_digit, "round 0, attempt 0"),
+        (reply_and_path_digit, "round 0, attempt 0 is changed: its text is not what its raw reply says"),
+        (reply_raw_and_path_digit, "round 0 differs"),
+        (another_model, "round 0, attempt 0 was recorded with model some-model, and not a-better-model"),
+        (question_digit, "round 1, attempt 0"),
+        (lost_attempt, "round 1, attempt 1 is missing"),
+    ],
+)
+def test_a_changed_or_missing_attempt_is_named(tamper, named, environment, file):
+    with FaultServer(BEHAVIOURS) as server:
+        environment(server)
+        ask(file)
+    rows = lines(file)
+    tamper(rows)
+    write(file, rows)
+    with pytest.raises(UserError, match=named):
+        replay_match(file)
+
+
+def test_the_file_holds_a_prompt_of_ones_own(environment, file, tmp_path):
+    prompt = tmp_path / "mine.yml"
+    prompt.write_text(
+        "about: mine\nuser: 'Fly from ($x, $y, $z). $history'\nrow: '$x $y $z $reward'\n"
+        "rounds: {first: 1, best: 1, latest: 1}\n"
+    )
+    with FaultServer([ok(path_text(100))]) as server:
+        environment(server)
+        play(file, "llm-no-history", llm={"prompt": str(prompt)})
+        text = server.requests[-1].body["messages"][-1]["content"]
+        assert text.startswith("Fly from (")
+    prompt.unlink()
+    match, _ = replay_match(file)
+    assert match.planner == "llm-no-history"
+    rows = lines(file)
+    rows[0]["llm"]["prompt"]["user"] = "Fly! $history"
+    write(file, rows)
+    with pytest.raises(UserError, match="its prompt is not the one that was recorded"):
+        replay_match(file)
+    for broken in ({**rows[0]["llm"], "prompt": {}}, {**rows[0]["llm"], "prompt": 3}, {}, None, "llm"):
+        write(file, [{**rows[0], "llm": broken}, *rows[1:]])
+        with pytest.raises(UserError, match="does not tell the prompt"):
+            replay_match(file)
+
+
+def test_another_model_does_not_go_on(environment, file, monkeypatch):
+    with FaultServer(BEHAVIOURS) as server:
+        environment(server)
+        ask(file)
+        monkeypatch.setenv("FPG_LLM_MODEL", "another-model")
+        with pytest.raises(UserError, match=r"llm\.model is 'some-model' in the file, 'another-model' now"):
+            ask(file)
+        assert len(server.requests) == len(BEHAVIOURS)
+
+
+def test_what_is_missing_in_the_environment_is_said_before_anything_is_written(environment, file):
+    with pytest.raises(UserError, match="FPG_LLM_BASE_URL"):
+        ask(file)
+    assert not file.exists()
+
+
+def test_a_planner_whose_file_would_not_tell_all_is_refused(environment, file):
+    with FaultServer(BEHAVIOURS) as server:
+        environment(server)
+        planner = LLMPlanner(SHORT)
+        with pytest.raises(UserError, match="name it 'llm'"):
+            play(file, planner)
+        assert play(None, planner, rounds=1)[0].row["status"] == "ok"
+
+
+@pytest.mark.slow
+def test_a_server_that_is_of_no_use_ends_the_match_which_then_goes_on(environment, file, monkeypatch):
+    with FaultServer([status(404)]) as server:
+        environment(server)
+        monkeypatch.setenv("FPG_LLM_MODEL", "mistyped-model")
+        with pytest.raises(UserError, match=r"HTTP 404, no such address or model.* fpg-bench plan probe"):
+            ask(file)
+        assert [row["kind"] for row in lines(file)] == ["run"]
+        server.behaviours = list(BEHAVIOURS)
+        server.requests.clear()
+        environment(server)
+        assert [x.row["status"] for x in ask(file)] == STATUSES

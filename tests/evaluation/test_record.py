@@ -1,0 +1,154 @@
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.record import TALLIES, Plans, Record, pool, read_record, read_records
+
+TALLY = dict.fromkeys(TALLIES, 0.0) | {"steps": 600.0, "ally_return": 30.0}
+
+
+def record(**changes):
+    found = Record(
+        suite="mine",
+        suite_hash="0123456789abcdef",
+        entry="ppo",
+        training_seed=0,
+        fingerprint="fedcba9876543210",
+        rival="tone/pursuit",
+        returns=(10.0, 20.0),
+        tally=TALLY,
+        ally_points=(400, 200),
+        jam_points=(0, 600),
+        lost=0,
+        rounds_sha256="ab" * 32,
+    )
+    return dataclasses.replace(found, **changes)
+
+
+PLANS = Plans({"ok": 3, "fallback-http": 1}, tokens=40, seconds=0.5)
+
+
+@pytest.mark.parametrize("plans", [None, PLANS])
+def test_a_line_is_read_as_it_was_written(plans):
+    row = json.loads(json.dumps(record(plans=plans).row()))
+    assert ("plans" in row) == (plans is not None)
+    assert read_record(row, "lines") == record(plans=plans)
+
+
+def test_pooled_are_sums_and_the_longest_outage_is_the_greatest():
+    one = record(tally=TALLY | {"longest_outage": 4.0, "jammed": 60.0})
+    other = record(
+        training_seed=1,
+        tally=TALLY | {"longest_outage": 18.0, "jammed": 0.0, "steps": 300.0},
+        returns=(5.0,),
+        lost=1,
+    )
+    found = pool([one, other])
+    assert (found.rounds, found.lost) == (3, 1)
+    assert found.measures["outage_longest_s"] == 18.0
+    assert found.measures["jamming_success_rate"] == 60 / 900  # of all steps, no mean of shares
+    assert found.measures["ally_return"] == 60 / 3
+    assert found.histogram.tolist() == [[800, 400], [0, 1200]]
+    assert found.plans is None
+
+
+def test_the_order_of_lines_does_not_matter():
+    rng = np.random.default_rng(1)
+    records = [record(training_seed=k, tally=TALLY | {"snr_db": rng.normal() * 1e3}) for k in range(20)]
+    assert pool(records).tally == pool(records[::-1]).tally
+
+
+def test_plans_are_counted_together():
+    found = pool([record(plans=PLANS), record(plans=Plans({"ok": 4}, tokens=20, seconds=1.0))]).plans
+    assert found == Plans({"fallback-http": 1, "ok": 7}, tokens=60, seconds=1.5)
+    signs = [Plans({"ok": 4}, 20, 1.0, useless) for useless in ({"still": 1}, {}, {"still": 2, "example": 1})]
+    every = pool([record(plans=plans) for plans in signs]).plans
+    assert (every.useless, every.valid_but_useless) == ({"example": 1, "still": 3}, 1 / 3)
+    assert PLANS.valid_but_useless is None
+    for plans in (PLANS, signs[0], signs[1]):
+        assert read_record(json.loads(json.dumps(record(plans=plans).row())), "here").plans == plans
+    assert found.valid == pytest.approx(7 / 8)
+
+
+@pytest.mark.parametrize(
+    ("statuses", "tokens", "valid"),
+    [
+        ({"ok": 4}, 40, 1),
+        ({"ok": 1, "fallback-http": 3}, 0, 0.25),
+        ({"fallback-timeout": 2}, None, 0),
+        ({"ok": 4}, None, None),
+        ({}, None, None),
+    ],
+)
+def test_only_language_models_have_a_valid_share(statuses, tokens, valid):
+    assert Plans(statuses, tokens).valid == valid
+
+
+def test_the_seconds_of_planning_do_not_make_another_line():
+    slow = record(plans=dataclasses.replace(PLANS, seconds=9.0))
+    assert slow.same_as(record(plans=PLANS))
+    assert not slow.same_as(record(plans=dataclasses.replace(PLANS, tokens=41)))
+    assert not record().same_as(record(returns=(10.0, 20.001)))
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"entry": 5},
+        {"entry": "x" * 500},
+        {"entry": "two\nlines"},
+        {"training_seed": -1},
+        {"training_seed": True},
+        {"training_seed": "0"},
+        {"returns": []},
+        {"returns": [1.0, NAN]},
+        {"returns": [1.0, 1e300]},
+        {"returns": [1.0, None]},
+        {"returns": 3.0},
+        {"lost": 3},
+        {"lost": -1},
+        {"lost": 0.5},
+        {"ally_points": [1, -2]},
+        {"ally_points": [1, 2, 3]},
+        {"jam_points": ["1", "2"]},
+        {"tally": [1.0]},
+        {"tally": {"steps": 1.0}},
+        {"tally": TALLY | {"steps": 0.0}},
+        {"tally": TALLY | {"snr_db": float("inf")}},
+        {"tally": TALLY | {"snr_db": "low"}},
+        {"tally": TALLY | {"more": 1.0}},
+        {"more": 1},
+    ],
+)
+def test_forged_lines_are_one_clear_error(change):
+    with pytest.raises(UserError, match=r"^lines it: line 2 is no line of a rival$"):
+        read_records([record().row(), record().row() | change], "lines it")
+
+
+@pytest.mark.parametrize("key", [spec.name for spec in dataclasses.fields(Record) if spec.name != "plans"])
+def test_a_line_lacks_nothing(key):
+    row = record().row()
+    del row[key]
+    with pytest.raises(UserError, match="is no line of a rival"):
+        read_record(row, "this")
+
+
+@pytest.mark.parametrize(
+    ("plans", "message"),
+    [
+        (5, "does not tell of its plans"),
+        ({"statuses": {"ok": 1}}, "does not tell of its plans"),
+        ({"statuses": {"ok": -1}, "tokens": None, "seconds": 0.0}, "does not tell of its plans"),
+        ({"statuses": {"ok": 1}, "tokens": None, "seconds": NAN}, "does not tell of its plans"),
+        ({"statuses": {"ok": 1}, "tokens": 1.5, "seconds": 0.0}, "tokens: expected a whole number, got 1.5"),
+    ],
+)
+def test_forged_plans_are_one_clear_error(plans, message):
+    with pytest.raises(UserError, match=message):
+        read_record(record().row() | {"plans": plans}, "this")

@@ -1,0 +1,64 @@
+"""The one loop that plays rounds."""
+
+import numpy as np
+import pytest
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.envs.two_player import make_duel
+from fpg_bench.evaluation.rounds import begin, make_match, play_round
+from fpg_bench.game.scenario import as_scenario
+
+SHORT = as_scenario(None, steps_per_round=20, rounds_per_match=3)
+
+
+def table(ally="expert", opponent="adaptive", games=4):
+    return make_match(make_duel(games, scenario=SHORT), ally, opponent)
+
+
+def played(table, **options):
+    play_round(table, **options)
+    return table.duel.batch.tallies.copy()
+
+
+def test_a_round_is_played_to_its_end_and_each_step_is_told():
+    games, steps = table(), []
+    play_round(games, seeds=1, on_step=lambda: steps.append(games.duel.batch.games["step"].copy()))
+    assert [step.tolist() for step in steps] == [[k] * 4 for k in range(1, 21)]
+    assert games.duel.batch.games["truncated"].all()
+
+
+def test_without_seeds_it_is_the_next_round_of_each_match():
+    games = table()
+    rounds = []
+    for number in range(4):
+        play_round(games, seeds=5 if number == 0 else None)
+        rounds.append(games.duel.batch.games["round"][0])
+    assert rounds == [0, 1, 2, 0]
+
+
+def test_the_same_seeds_give_the_same_round_begun_before_or_not():
+    whole, begun = table("random", "random"), table("random", "random")
+    begin(begun, seeds=7)
+    assert (played(whole, seeds=7) == played(begun, begun=True)).all()
+    assert (played(whole, seeds=8) != played(begun, seeds=9)).any()
+
+
+def test_tables_are_played_together_as_they_would_be_alone():
+    one, other = table("idle"), table("always-hop")
+    play_round(one, other, seeds=3)
+    assert (one.duel.batch.tallies == played(table("idle"), seeds=3)).all()
+    assert (other.duel.batch.tallies == played(table("always-hop"), seeds=3)).all()
+
+
+def test_of_several_players_one_is_drawn_for_each_round():
+    tallies = played(table("idle", ["tone", "comb"], games=32), seeds=2)
+    assert ((tallies["tone"] > 0) ^ (tallies["comb"] > 0)).all()
+    assert 0 < np.count_nonzero(tallies["tone"]) < 32
+
+
+@pytest.mark.parametrize(
+    ("ally", "opponent"), [("tone", "adaptive"), ("expert", "expert"), ("expert", "nobody")]
+)
+def test_players_of_the_wrong_side_get_no_runner(ally, opponent):
+    with pytest.raises(UserError, match="unknown"):
+        table(ally, opponent)

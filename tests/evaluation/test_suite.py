@@ -1,0 +1,188 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.play import match_of, rounds
+from fpg_bench.evaluation.suite import Scale, load_suite, side_suite, suite_of
+from fpg_bench.game.scenario import STANDARD, as_scenario
+from fpg_bench.players.agent import suites_folder
+from fpg_bench.players.scripted import SCRIPTED
+
+PUBLIC = sorted(path.stem for path in suites_folder().glob("*-v1.yml"))
+CONTENT = """\
+side: ally
+scenario: standard
+matches: 10
+rivals:
+  - {opponent: tone, path: pursuit}
+"""
+PLANNED = """\
+side: planner
+scenario: standard
+rounds_per_match: 4
+matches: 5
+opponent: adaptive
+last_rounds: 2
+rivals: [{ally: idle}, {ally: expert}]
+"""
+
+
+def written(tmp_path, content):
+    path = tmp_path / "mine.yml"
+    path.write_text(content)
+    return str(path)
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_public_fields_have_a_scale_and_rivals_that_can_be_had(name):
+    suite = load_suite(name)
+    assert suite.scale != Scale()
+    assert suite.scale.score(suite.scale.zero) == 0
+    assert suite.scale.score(suite.scale.top) == pytest.approx(100)
+    assert suite.scale.reward(50) == pytest.approx((suite.scale.zero + suite.scale.top) / 2)
+
+
+@pytest.mark.parametrize(
+    ("env_id", "options", "name"),
+    [
+        ("FPG/AllyVsScripted-v0", {}, "ally-v1"),
+        ("FPG/AllyVsPlanner-v0", {}, "ally-planner-v1"),
+        ("FPG/OpponentVsScripted-v0", {}, "opponent-v1"),
+        ("FPG/OpponentVsScripted-v0", {"path": "learned"}, "opponent-learned-v1"),
+        ("FPG/OpponentVsPolicy-v0", {"path": None}, "opponent-v1"),
+    ],
+)
+def test_every_view_has_its_field(env_id, options, name):
+    assert suite_of(env_id, options) == name
+    assert load_suite(name).side in env_id.lower()
+
+
+def test_a_side_has_its_suite_in_every_scenario():
+    assert side_suite("ally", STANDARD).name == "ally-v1"
+    assert side_suite("opponent", as_scenario(None, opponent_path="learned")).name == "opponent-learned-v1"
+
+
+def test_the_planners_suite_plays_matches_on_planned_paths_against_scripted_allies_at_full_speed():
+    suite = load_suite("planner-v1")
+    assert {c.scenario.opponent_path for c in suite.rivals} == {"waypoints"}
+    assert (suite.rounds_per_match, suite.matches, suite.last_rounds) == (10, 100, 3)
+    assert suite.counted == slice(7, None)
+    assert {c.name for c in suite.rivals} == set(SCRIPTED["ally"]) - {"random"}
+
+
+def test_a_suite_of_ones_own(tmp_path):
+    suite = load_suite(written(tmp_path, PLANNED))
+    assert (suite.name, suite.rounds_per_match, suite.matches, suite.rounds) == ("mine", 4, 5, 20)
+    assert [c.players for c in suite.rivals] == [("idle",), ("expert",)]
+    assert (suite.other_side, suite.returned) == ("ally", "opponent_return")
+    assert suite.named("idle") is suite.rivals[0]
+    with pytest.raises(UserError, match="no rival 'idel'; did you mean 'idle'"):
+        suite.named("idel")
+
+
+def test_rivals_have_names_changes_and_several_players(tmp_path):
+    changed = "{opponent: [tone, comb], path: circle, name: both, changes: {hop_cost: 10}}"
+    suite = load_suite(written(tmp_path, CONTENT + f"  - {changed}\n"))
+    one, both = suite.rivals
+    assert (one.name, both.name, both.players) == ("tone/pursuit", "both", ("tone", "comb"))
+    assert (both.scenario.hop_cost, both.scenario.opponent_path) == (10, "circle")
+    assert one.scenario.hop_cost == STANDARD.hop_cost
+    table = match_of("idle", suite, both, matches=8)
+    list(rounds(table, dataclasses.replace(suite, matches=8)))
+    tallies = table.duel.batch.tallies
+    assert ((tallies["tone"] > 0) != (tallies["comb"] > 0)).all()  # one of them plays a round
+    assert (tallies["tone"] > 0).any()
+    assert (tallies["comb"] > 0).any()
+
+
+def test_returns_a_step_are_those_of_the_rounds_that_count(tmp_path):
+    suite = load_suite(written(tmp_path, PLANNED))
+    returns = np.array([0, 0, 300, 600, 0, 0, 0, 0])  # of two matches of four rounds, 300 steps each
+    assert suite.rewards(returns).tolist() == [1.5, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("side: ally", "side: referee", "side: expected ally, opponent or planner, got 'referee'"),
+        ("side: ally", "side: [ally", "not valid YAML"),
+        ("matches: 10", "matches: 0", "matches: expected a whole number above 0, got 0"),
+        ("matches: 10", "matches: true", "matches: expected a whole number"),
+        ("matches: 10", "match: 10", "unknown key 'match'; did you mean 'matches'"),
+        ("matches: 10", "matches: 10\nrounds_per_mach: 2", "did you mean 'rounds_per_match'"),
+        ("matches: 10", "matches: 10\nrounds_per_match: none", "rounds_per_match: expected a whole number"),
+        ("matches: 10", "matches: 10\nlast_rounds: 2", "last_rounds: at most the match's 1 rounds"),
+        ("matches: 10\n", "", "lacks matches$"),
+        ("matches: 10", "matches: 10\nscale: {zero: 3, top: 3}", "top must lie above zero"),
+        ("matches: 10", "matches: 10\nscale: {zero: 3}", "scale: expected zero and top"),
+        ("matches: 10", "matches: 10\nscale: {zero: a, top: b}", "scale: expected zero and top"),
+        ("opponent: tone", "ally: tone", "expected mappings with opponent"),
+        ("path: pursuit", "path: pursuit, planner: circle", "path or planner"),
+        ("path: pursuit", "planner: circel", "did you mean 'circle'"),
+        ("path: pursuit", "path: persuit", "did you mean 'pursuit'"),
+        ("path: pursuit", "paht: pursuit", "unknown key 'paht'; did you mean 'path'"),
+        ("path: pursuit", "changes: {hop_csot: 1}", "did you mean 'hop_cost'"),
+        ("path: pursuit", "changes: hop_cost", "changes: expected a mapping"),
+        ("path: pursuit", "changes: {steps_per_round: 10}", "is the same for all rivals"),
+        ("{opponent: tone, path: pursuit}", "tone", "expected mappings with opponent"),
+        ("  - {opponent: tone, path: pursuit}", "  {}", "rivals: expected a list"),
+        ("opponent: tone", "opponent: tonne", "did you mean 'tone'"),
+        ("pursuit}", "pursuit}\n  - {opponent: tone, path: pursuit}", "'tone/pursuit' stands there twice"),
+        ("scenario: standard", "scenario: standrad", "did you mean 'standard'"),
+    ],
+)
+def test_bad_suite_files(tmp_path, old, new, message):
+    assert old in CONTENT
+    with pytest.raises(UserError, match=message):
+        load_suite(written(tmp_path, CONTENT.replace(old, new)))
+
+
+def test_an_unknown_suite_suggests_and_a_missing_file_is_said():
+    with pytest.raises(UserError, match="did you mean 'ally-v1'"):
+        load_suite("aly-v1")
+    with pytest.raises(UserError, match=r"^suite nope\.yml: cannot be read: No such file or directory$"):
+        load_suite("nope.yml")
+
+
+def test_a_suite_of_another_side_names_the_command_that_plays_it():
+    with pytest.raises(UserError, match=r"measures the planner, not the ally; write fpg-bench plan compare"):
+        load_suite("planner-v1", side="ally")
+    with pytest.raises(UserError, match=r"measures the ally, not the planner; write fpg-bench evaluate"):
+        load_suite("ally-v1", side="planner")
+
+
+def test_the_hash_speaks_of_everything_that_decides():
+    suite = load_suite("planner-v1")
+    first, *others = suite.rivals
+    harder = dataclasses.replace(first.scenario, hop_cost=41)
+    changes = [
+        {"side": "opponent"},
+        {"matches": 99},
+        {"season": "1"},
+        {"opponent": "sweep"},
+        {"last_rounds": 2},
+        {"scale": Scale(0.0, 30.0)},
+        {"rivals": tuple(others)},
+        {"rivals": (dataclasses.replace(first, players=("random",)), *others)},
+        {"rivals": (dataclasses.replace(first, planner="circle"), *others)},
+        {"rivals": (dataclasses.replace(first, scenario=harder), *others)},
+    ]
+    hashes = {suite.hash, *(dataclasses.replace(suite, **change).hash for change in changes)}
+    assert len(hashes) == len(changes) + 1
+    assert dataclasses.replace(suite, name="same").hash == suite.hash
+
+
+def test_an_agent_counts_by_its_policy_and_not_by_its_name(tmp_path, monkeypatch):
+    from tests.training.making import make_agent, make_zoo
+
+    member = make_zoo(tmp_path).members()[0]
+    hashes = set()
+    for folder, seed in (("one", 1), ("two", 1), ("three", 2)):
+        agent = make_agent(member, tmp_path / folder, seed=seed)
+        content = (
+            f"side: opponent\nscenario: standard\nmatches: 2\ncounterparts: [{{ally: {agent}, name: it}}]"
+        )
+        hashes.add((seed, load_suite(written(tmp_path, content)).hash))
+    assert len(hashes) == 2

@@ -1,0 +1,102 @@
+"""Best responses to a small board's entries: rows, agents and suites, made once."""
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.suite import identity, load_suite
+from fpg_bench.leaderboard.tracks import TRACKS
+from fpg_bench.leaderboard.verify import verify
+from tests.leaderboard.entering import enter
+
+pytestmark = pytest.mark.slow
+
+SCRIPT = Path(__file__).parents[2] / "scripts" / "exploit_zoo.py"
+
+
+@pytest.fixture
+def script(board, in_process, tmp_path, monkeypatch):
+    """The script's main on a board of an ally of two training seeds, an opponent, and scripts."""
+    spec = importlib.util.spec_from_file_location("board_best_responses", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, "board_best_responses", module)
+    spec.loader.exec_module(module)
+    monkeypatch.setattr(module, "run_jobs", lambda jobs, workers, say: run(jobs, say))
+    enter(board, "ally", "linear", seeds=(3, 1))
+    enter(board, "ally", "wise", script="expert")
+    enter(board, "opponent", "flying", seeds=(5,), path="learned")
+
+    def call(*words):
+        monkeypatch.setattr(
+            sys, "argv", ["exploit_zoo.py", "--board", str(board), "--runs", str(tmp_path), *words]
+        )
+        return module.main()
+
+    return call
+
+
+def run(jobs, say):
+    """All that is not done yet, in this process."""
+    for job in jobs:
+        if not job.done():
+            say(f"{job.name}: begins")
+            job.keep(job.run())
+    return {}
+
+
+def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board, small_suites, capsys):
+    words = ("--recipe", "ppo:400", "--recipe", "ppo:800", "--seeds", "1")
+    assert script(*words) == 0
+    said = capsys.readouterr().out
+    assert [record for record in said.splitlines() if "begins" in record] == [
+        "ally/linear: begins",
+        "opponent/flying: begins",
+    ]
+    rows = [
+        json.loads(record) for record in (board / "results/best_responses.jsonl").read_text().splitlines()
+    ]
+    assert [(row["track"], row["slug"], row["steps"], row["training_seed"]) for row in rows] == [
+        ("ally", "linear", 400, 0),
+        ("ally", "linear", 800, 0),
+        ("opponent-learned", "flying", 400, 0),
+        ("opponent-learned", "flying", 800, 0),
+    ]
+    assert all(row["agent"].endswith("seed_1") for row in rows[:2])
+    assert all(0 <= row["jammed"] <= 1 for row in rows)
+    suite = load_suite("ally-responses-v1")
+    assert suite == TRACKS["ally"].suites()["responses"]
+    (met,) = suite.rivals
+    assert (met.name, met.players) == ("response to linear", ("responses-v1/ally/linear",))
+    assert (met.scenario.opponent_path, suite.scale) == ("pursuit", TRACKS["ally"].suite.scale)
+    assert len(identity(met.players[0])) == 64
+    (other,) = load_suite("opponent-learned-responses-v1").rivals
+    assert other.scenario.opponent_path == "learned"
+    assert not (small_suites / "suites/opponent-responses-v1.yml").exists()
+    assert script(*words) == 0
+    assert "begins" not in capsys.readouterr().out
+    assert script(*words, "--recipe", "ppo:1200", "--only", "ally/linear") == 0
+    assert capsys.readouterr().out.count("begins") == 1
+    assert len((board / "results/best_responses.jsonl").read_text().splitlines()) == 5
+
+
+def test_the_strongest_of_an_entry_s_responses_is_met_by_all(script, board, small_suites):
+    script("--recipe", "ppo:400", "--seeds", "2", "--only", "ally/linear")
+    rows = [
+        json.loads(record) for record in (board / "results/best_responses.jsonl").read_text().splitlines()
+    ]
+    strongest = min(rows, key=lambda row: row["return"])
+    about = json.loads((small_suites / "suites/responses-v1/ally/linear/agent.json").read_text())
+    assert about["training_seed"] == strongest["training_seed"]
+    verdicts = verify(board, ["ally/wise"], say=lambda record: None)
+    assert verdicts[0].good
+    head = json.loads((board / "results/ally/wise.jsonl").read_text().splitlines()[0])
+    assert head["summary"]["worst"]["responses"]["against"] == "response to linear"
+
+
+def test_what_is_no_recipe_is_told(script):
+    with pytest.raises(UserError, match="recipe 'ppo': expected algorithm:steps, as ppo:500000"):
+        script("--recipe", "ppo")

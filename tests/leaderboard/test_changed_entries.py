@@ -1,0 +1,234 @@
+"""What is new since a trusted revision is played by who verifies, and nothing of it is believed."""
+
+import dataclasses
+import json
+import shutil
+import subprocess
+
+import pytest
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.cases import make_case, result_file
+from fpg_bench.leaderboard.changed_entries import Changes, changed_entries, pairs_at
+from fpg_bench.leaderboard.crossplay import crossplay_file, play_missing
+from fpg_bench.leaderboard.result import read_result, verified_result, write_result
+from fpg_bench.leaderboard.verify import verify
+from tests.leaderboard.entering import enter
+
+
+def git(board, *words):
+    identity = ("-c", "user.name=x", "-c", "user.email=x@example.org")
+    subprocess.run(["git", "-C", str(board), *identity, *words], check=True, capture_output=True)
+
+
+@pytest.fixture
+def trusted(board, in_process):
+    """A board with one honest entry of each side, its results and pairs, all committed."""
+    enter(board, "ally", "honest", seeds=(0, 1))
+    enter(board, "opponent", "script", script="adaptive")
+    assert all(verdict.good for verdict in verify(board, say=lambda record: None))
+    play_missing(board, rounds=4, say=lambda record: None)
+    git(board, "init", "--quiet")
+    git(board, "add", "--all")
+    git(board, "commit", "--quiet", "--message", "as it was")
+    return board
+
+
+def forged(board, name):
+    """The result of an entry with every return a little higher, and all else that follows from it."""
+    case = make_case(board, board / "submissions" / name)
+    kept = read_result(case.path, case.suites)
+    records = [
+        dataclasses.replace(record, returns=tuple(x + 9.0 for x in record.returns)) for record in kept.records
+    ]
+    result = verified_result(kept.slug, case.submission.track, kept.fingerprint, records, case.suites)
+    write_result(case.path, result)
+    return kept, case
+
+
+def test_nothing_has_changed_where_nothing_was_touched(trusted):
+    assert changed_entries(trusted, "HEAD") == Changes()
+
+
+def test_new_and_changed_entries_are_found(trusted):
+    enter(trusted, "ally", "newcomer", seeds=(0,))
+    forged(trusted, "ally/honest")
+    assert changed_entries(trusted, "HEAD") == Changes(frozenset({"ally/honest", "ally/newcomer"}))
+
+
+def test_the_lines_of_who_verifies_take_the_place_of_forged_ones(trusted):
+    kept, case = forged(trusted, "ally/honest")
+    assert read_result(case.path, case.suites).records != kept.records
+    (verdict,) = verify(trusted, ["ally/honest"], sample=0.01, since="HEAD", say=lambda record: None)
+    assert not verdict.good
+    assert verdict.record.startswith("replaced: the result that came along does not hold: ")
+    assert "; commit this one: verified: known " in verdict.record
+    assert read_result(case.path, case.suites).records == kept.records
+
+
+def test_a_result_that_can_not_even_be_read_is_replaced(trusted):
+    case = make_case(trusted, trusted / "submissions" / "ally/honest")
+    whole = case.path.read_text()
+    case.path.write_text("[" * 500)
+    (verdict,) = verify(trusted, ["ally/honest"], since="HEAD", say=lambda record: None)
+    assert verdict.record.startswith("replaced: the result that came along is none of this entry's, or was")
+    assert case.path.read_text() == whole
+
+
+def test_an_honest_result_that_came_along_is_good(trusted):
+    enter(trusted, "ally", "newcomer", seeds=(2,))
+    (first,) = verify(trusted, ["ally/newcomer"], say=lambda record: None)
+    before = result_file(trusted, "ally", "newcomer").read_bytes()
+    (verdict,) = verify(trusted, ["ally/newcomer"], since="HEAD", say=lambda record: None)
+    assert (verdict.good, verdict.record) == (True, first.record)
+    assert result_file(trusted, "ally", "newcomer").read_bytes() == before
+
+
+def test_what_was_claimed_is_not_forgotten_when_playing_is_broken_off(trusted, monkeypatch):
+    forged(trusted, "ally/honest")
+    with monkeypatch.context() as broken:
+        broken.setattr("fpg_bench.leaderboard.verify.run_quietly", lambda *how: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            verify(trusted, since="HEAD", say=lambda record: None)
+    verdicts = {v.name: v for v in verify(trusted, since="HEAD", say=lambda record: None)}
+    assert verdicts["ally/honest"].record.startswith("replaced: ")
+    assert verdicts["opponent/script"].good
+
+
+def test_the_result_of_an_entry_that_breaks_the_contract_goes(trusted):
+    result = result_file(trusted, "ally", "honest")
+    (trusted / "submissions/ally/honest/seed_0/policy.onnx").write_bytes(b"nothing")
+    found = {v.name: v.good for v in verify(trusted, since="HEAD", say=lambda record: None)}
+    assert found == {"ally/honest": False, "opponent/script": True}
+    assert not result.exists()
+    said = []
+    assert [entry.slug for entry in make_board(trusted, said.append).tracks[0].entries] == []
+
+
+@pytest.mark.parametrize("with_result", [True, False])
+def test_a_rival_that_is_gone_is_told(trusted, with_result):
+    shutil.rmtree(trusted / "submissions/ally/honest")
+    if with_result:
+        result_file(trusted, "ally", "honest").unlink()
+    found = {v.name: v for v in verify(trusted, since="HEAD", say=lambda record: None)}
+    assert not found["ally/honest"].good
+    assert "gone" in found["ally/honest"].record
+    assert found["opponent/script"].good
+
+
+@pytest.mark.parametrize("slug", ["aaa", "zzz"])
+def test_who_comes_later_has_not_the_name_of_who_was_there(trusted, slug):
+    enter(trusted, "ally", slug, seeds=(2,), name="Ноnest")
+    verdicts = {v.name: v for v in verify(trusted, since="HEAD", say=lambda record: None)}
+    assert "is that of 'honest', too" in verdicts[f"ally/{slug}"].record
+    assert verdicts["ally/honest"].good
+    assert [entry.slug for entry in make_board(trusted).tracks[0].entries] == ["honest"]
+    with pytest.raises(UserError, match="is that of 'honest', too"):
+        make_case(trusted, trusted / "submissions/ally" / slug)
+
+
+def test_a_forged_name_and_result_show_nobody_twice(trusted):
+    """Of two that both have a result the first stays; what came since a revision is never the first."""
+    folder = enter(trusted, "ally", "zzz", seeds=(2,))
+    assert verify(trusted, ["ally/zzz"], say=lambda record: None)[0].good
+    (folder / "submission.yaml").write_text((folder / "submission.yaml").read_text().replace("Zzz", "Honest"))
+    said = []
+    assert [entry.slug for entry in make_board(trusted, said.append).tracks[0].entries] == ["honest"]
+    assert any("ally/zzz: left out: " in record for record in said)
+
+
+def test_bytes_count_and_not_what_git_is_told_of_them(trusted):
+    """Neither the index, nor attributes, nor a list of files to overlook hides a change."""
+    file = trusted / "submissions/ally/honest/submission.yaml"
+    git(trusted, "update-index", "--assume-unchanged", str(file))
+    file.write_text(file.read_text() + "description: other\n")
+    (trusted / ".gitattributes").write_text("*.yaml text eol=crlf\n* -diff\n")
+    (trusted / ".gitignore").write_text("*\n")
+    enter(trusted, "ally", "newcomer", script="expert")
+    found = changed_entries(trusted, "HEAD")
+    assert found.entries == {"ally/honest", "ally/newcomer"}
+
+
+LINKS = ("submissions", "submissions/ally", "results", "results/ally")
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_a_link_on_the_way_to_entries_is_refused(trusted, name, tmp_path):
+    (trusted / name).rename(tmp_path / "elsewhere")
+    (trusted / name).symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(UserError, match="is a link; put the folder itself there"):
+        changed_entries(trusted, "HEAD")
+
+
+def test_a_board_that_is_a_link_or_a_submodule_is_refused(trusted, tmp_path):
+    whole = tmp_path / "whole"
+    git(tmp_path, "init", "--quiet", str(whole))
+    git(whole, "-c", "protocol.file.allow=always", "submodule", "--quiet", "add", str(trusted), "inner")
+    with pytest.raises(UserError, match="lies in a submodule"):
+        changed_entries(whole / "inner", "HEAD")
+    (whole / "real").mkdir()
+    (whole / "other").symlink_to("real")
+    with pytest.raises(UserError, match="is a link"):
+        changed_entries(whole / "other", "HEAD")
+
+
+def test_an_entry_that_is_a_link_has_changed(trusted, tmp_path):
+    (trusted / "submissions/ally/honest").rename(tmp_path / "elsewhere")
+    (trusted / "submissions/ally/honest").symlink_to(tmp_path / "elsewhere")
+    assert changed_entries(trusted, "HEAD").entries == {"ally/honest"}
+    verdicts = {v.name: v.good for v in verify(trusted, since="HEAD", say=lambda record: None)}
+    assert verdicts == {"ally/honest": False, "opponent/script": True}
+
+
+def test_changes_of_other_files_are_named_and_refused_until_they_are_known(trusted):
+    (trusted / "season.yml").write_text("entries: {}")
+    (trusted / "results/best_responses.jsonl").write_text("")
+    said = (
+        "since: 2 files of no entry are not as they were: results/best_responses.jsonl, season.yml; read them"
+    )
+    with pytest.raises(UserError, match=said):
+        verify(trusted, since="HEAD", say=lambda record: None)
+    assert all(v.good for v in verify(trusted, since="HEAD", changes_known=True, say=lambda record: None))
+
+
+def test_a_link_or_a_repository_that_came_is_named_wherever_it_lies(trusted):
+    """Each could bring a module or a season along, whose files lie in an entry or in no commit at all."""
+    (trusted / "numpy.py").symlink_to("submissions/ally/honest/submission.yaml")
+    (trusted / "lost.py").symlink_to("nowhere")
+    (trusted / "other").mkdir()
+    git(trusted / "other", "init", "--quiet")
+    (trusted / "other" / "numpy.py").write_text("")
+    assert changed_entries(trusted, "HEAD").others == ("lost.py", "numpy.py", "other/")
+    (trusted / "module").mkdir()
+    commit = f"160000,{'1' * 40},module"
+    git(trusted, "update-index", "--add", "--cacheinfo", commit)
+    assert "module" in changed_entries(trusted, "HEAD").others
+
+
+def test_forged_pairs_are_dropped_and_played_again(trusted):
+    file = crossplay_file(trusted)
+    row = json.loads(file.read_text())
+    file.write_text(json.dumps(row | {"jamming_success_rate": 0.0}) + "\n")
+    found = play_missing(trusted, rounds=4, trusted=pairs_at(trusted, "HEAD"), say=lambda record: None)
+    assert any("jammed" in record and record.endswith("; replaced, commit this one") for record in found)
+    assert json.loads(file.read_text()) == row
+
+
+def test_trusted_pairs_and_honest_ones_stay(trusted):
+    for trust in (pairs_at(trusted, "HEAD"), []):
+        before = crossplay_file(trusted).read_bytes()
+        assert play_missing(trusted, rounds=4, trusted=trust, say=lambda record: None) == []
+        assert crossplay_file(trusted).read_bytes() == before
+
+
+@pytest.mark.parametrize("revision", ["nothing", "--output=x", ""])
+def test_what_is_no_revision_is_refused_in_a_line(trusted, revision):
+    for read in (changed_entries, pairs_at):
+        with pytest.raises(UserError, match="since: "):
+            read(trusted, revision)
+
+
+def test_a_board_outside_of_git_is_refused(board):
+    with pytest.raises(UserError, match="since: "):
+        changed_entries(board, "HEAD")

@@ -1,0 +1,248 @@
+"""Closing a season, from entries to a folder that others can check."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+
+import pytest
+import yaml
+
+from fpg_bench import UserError
+from fpg_bench.leaderboard.audit_season import audit_season, check_entries, describe_season, late_entries
+from fpg_bench.leaderboard.close_season import PROFILE, make_closing, play_pair
+from fpg_bench.leaderboard.season import FILE, load_season, read_entries, season_seed
+from fpg_bench.players.agent import load_agent
+from tests.leaderboard.closing import TINY, close_tiny, in_this_process, make_board
+from tests.leaderboard.making import model, node, weights
+from tests.programs import fpg
+
+
+@pytest.fixture(scope="module")
+def board(tmp_path_factory):
+    return make_board(tmp_path_factory.mktemp("board"))
+
+
+@pytest.fixture(scope="module")
+def closed(board, tmp_path_factory):
+    """A closed season and the folder that its candidates were trained in."""
+    folder = tmp_path_factory.mktemp("closed")
+    season, _ = close_tiny(board, folder / "work", folder / "season-1")
+    return season, folder / "work"
+
+
+@pytest.fixture
+def copied(closed, tmp_path):
+    """A copy of both, to be spoiled."""
+    season, work = closed
+    shutil.copytree(season.folder, tmp_path / "season-1")
+    shutil.copytree(work, tmp_path / "work")
+    return tmp_path
+
+
+def policies(season):
+    return [(side, member.name, member.policy_sha256) for side, member in season.all_members()]
+
+
+@pytest.mark.slow
+def test_a_season_has_members_of_both_sides_with_their_recipes(closed):
+    season, _ = closed
+    found = load_season(season.folder)
+    assert found == season
+    assert found.hash == season.hash
+    assert {side: len(members) for side, members in found.members.items()} == {"ally": 2, "opponent": 2}
+    for side, member in found.all_members():
+        agent = load_agent(found.agent(side, member), side)
+        assert agent.about["training_seed"] == member.training_seed
+        assert agent.about["options"]["reward"] == member.reward
+
+
+@pytest.mark.slow
+def test_finished_candidates_are_not_trained_again(closed, board, copied):
+    season, _ = closed
+    shutil.rmtree(copied / "season-1")
+    again, said = close_tiny(board, copied / "work", copied / "season-1")
+    assert policies(again) == policies(season)
+    assert said == [f"season-1, seed {season.seed[:16]}: 4 candidates, 4 of them done"]
+
+
+@pytest.mark.slow
+def test_a_killed_candidate_is_trained_again_with_the_same_result(closed, board, copied):
+    season, _ = closed
+    (copied / "season-1" / FILE).unlink()  # killed while it was published
+    run = copied / "work" / "opponent" / "o00"
+    about = json.loads((run / "run.json").read_text())
+    (run / "run.json").write_text(json.dumps(about | {"finished": False}))
+    shutil.rmtree(run / "agent")
+    (run / PROFILE).unlink()
+    rows = copied / "work" / "ally" / "a01" / PROFILE
+    rows.write_text(rows.read_text()[:-20])  # killed while it was met
+    again, said = close_tiny(board, copied / "work", copied / "season-1")
+    assert policies(again) == policies(season)
+    assert (again.folder / FILE).read_text() == (season.folder / FILE).read_text()
+    told = {record.split(":")[0] for record in said[1:]} - {"under way"}  # on a slow machine
+    assert told == {"opponent/o00", "ally/a01"}
+
+
+@pytest.mark.slow
+def test_one_side_can_be_trained_first(closed, board, copied):
+    (copied / "season-1" / FILE).unlink()
+    shutil.rmtree(copied / "work" / "ally")
+    season, said = close_tiny(board, copied / "work", copied / "season-1", sides=["opponent"])
+    assert season is None
+    assert said[-1] == "season-1: candidates of the ally are not there yet; it is not closed"
+
+
+@pytest.mark.slow
+def test_a_season_is_closed_once(closed, board):
+    season, work = closed
+    with pytest.raises(UserError, match="is closed already; the next one has another number"):
+        close_tiny(board, work, season.folder)
+
+
+@pytest.mark.slow
+def test_candidates_of_another_closing_are_not_taken(closed, board, tmp_path):
+    _, work = closed
+    with pytest.raises(UserError, match=r"holds candidates of another closing .seed"):
+        close_tiny(board, work, tmp_path / "season-2", name="2")
+
+
+@pytest.mark.parametrize("name", ["0", "season-1", "Mine", "../x", ""])
+def test_invalid_names_of_closings_are_refused(board, tmp_path, name):
+    with pytest.raises(UserError, match="expected a number, or a word for a training population"):
+        make_closing(name, board, tmp_path)
+
+
+def test_the_seed_follows_from_all_entries_in_any_order(board):
+    entries = read_entries(board)
+    seed = season_seed("1", 1, entries)
+    assert season_seed("1", 1, entries[::-1]) == seed
+    others = [season_seed("1", 2, entries), season_seed("2", 1, entries)]
+    others += [season_seed("1", 1, entries[:i] + entries[i + 1 :]) for i in range(len(entries))]
+    assert len({seed, *others}) == len(others) + 1
+
+
+def test_a_board_without_entries_is_refused(tmp_path):
+    with pytest.raises(UserError, match="holds no submissions"):
+        read_entries(tmp_path)
+
+
+def test_an_invalid_entry_is_named(board, tmp_path):
+    shutil.copytree(board, tmp_path / "board")
+    (tmp_path / "board/submissions/opponent/tone/submission.yaml").write_text("name: x\n")
+    with pytest.raises(UserError, match=r"entry opponent/tone: submission.yaml: lacks"):
+        read_entries(tmp_path / "board")
+
+
+@pytest.mark.slow
+def test_an_entry_that_is_missing_or_came_later_is_named(closed, board):
+    season, _ = closed
+    entries = read_entries(board)
+    check_entries(season, entries)
+    assert late_entries(season, entries) == []
+    with pytest.raises(UserError, match="over the entry ally/expert, which is missing"):
+        check_entries(season, [entry for entry in entries if entry.name != "ally/expert"])
+    del season.entries["ally/expert"]
+    try:
+        assert late_entries(season, entries) == ["ally/expert"]
+        with pytest.raises(UserError, match="its seed does not follow from its entries"):
+            check_entries(season, entries)
+    finally:
+        season.entries["ally/expert"] = ["script ally expert"]
+
+
+@pytest.mark.slow
+def test_a_policy_that_is_another_or_missing_is_named(copied):
+    policy = copied / "season-1" / "opponent" / "o00" / "policy.onnx"
+    policy.write_bytes(policy.read_bytes()[:-1])
+    with pytest.raises(UserError, match=r"member o00: .*policy.onnx is not the file of season.yml"):
+        load_season(copied / "season-1")
+    policy.unlink()
+    with pytest.raises(UserError, match=r"member o00: .*policy.onnx is missing"):
+        load_season(copied / "season-1")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda content: content.pop("seed"), "season.yml: lacks seed"),
+        (
+            lambda content: content["members"].pop("ally"),
+            "members: expected members of ally and opponent, got opponent",
+        ),
+        (
+            lambda content: content["members"]["ally"][0].update(more=1),
+            r"members.ally\[0\]: unknown key 'more'",
+        ),
+    ],
+)
+def test_an_invalid_season_file_is_one_line(copied, change, message):
+    file = copied / "season-1" / FILE
+    content = yaml.safe_load(file.read_text())
+    change(content)
+    file.write_text(yaml.safe_dump(content))
+    with pytest.raises(UserError, match=message) as found:
+        load_season(copied / "season-1")
+    assert "\n" not in str(found.value)
+
+
+def test_an_unknown_season_is_refused():
+    with pytest.raises(UserError, match="season: no 'season-99'; closed are:"):
+        load_season("season-99")
+
+
+@pytest.mark.slow
+def test_a_member_that_answers_nan_is_named(closed, tmp_path):
+    season, _ = closed
+    member = season.members["opponent"][0]
+    shutil.copytree(season.agent("opponent", member), tmp_path / "agent")
+    policy = model([node("MatMul", ["observation", "w"], ["action"])], [weights(scale=float("nan"))])
+    (tmp_path / "agent" / "policy.onnx").write_bytes(policy)
+    about = json.loads((tmp_path / "agent" / "agent.json").read_text())
+    about["policy_sha256"] = hashlib.sha256(policy).hexdigest()
+    (tmp_path / "agent" / "agent.json").write_text(json.dumps(about))
+    with pytest.raises(UserError, match=r"expert against .*agent: opponent action of game 0: index 0 is nan"):
+        play_pair("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed", 2)
+
+
+@pytest.mark.slow
+def test_a_season_is_described_in_words(closed, board):
+    season, _ = closed
+    text = "\n".join(describe_season(season.folder, board))
+    assert season.hash in text
+    assert "Opponents, rivals of allies: 2, selected from 2 candidates" in text
+    assert "No entry of the board came after it was closed." in text
+    for _, member in season.all_members():
+        assert re.search(rf"{member.name} +{member.reward} +{member.algorithm} ", text)
+
+
+@pytest.mark.slow
+def test_an_audit_trains_a_member_again(closed, board, tmp_path, monkeypatch):
+    season, _ = closed
+    monkeypatch.setattr("fpg_bench.leaderboard.audit_season.run_jobs", in_this_process)
+    (audited,) = audit_season(season, read_entries(board), tmp_path, ["o00"], rounds=TINY["rounds"])
+    assert (audited.side, audited.name, audited.is_same, audited.difference) == ("opponent", "o00", True, 0.0)
+    with pytest.raises(UserError, match="has no member 'o99'"):
+        audit_season(season, read_entries(board), tmp_path, ["o99"])
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_the_verbs_answer_in_lines(closed, board, tmp_path):
+    season, work = closed
+    shown = fpg("season", "show", season.folder, "--board", board)
+    assert shown.returncode == 0, shown.stderr
+    assert f"season-1: season 1 of protocol {season.protocol}, hash {season.hash}" in shown.stdout
+    refused = [
+        (("close", "1", "--board", board, "--work", work, "--out", season.folder), "is closed already"),
+        (("audit", season.folder, "--work", tmp_path, "--board", tmp_path), "holds no submissions"),
+        (("show", "season-99"), "no 'season-99'"),
+    ]
+    for words, message in refused:
+        found = fpg("season", *words)
+        assert found.returncode == 2
+        assert message in found.stderr
+        assert found.stderr.count("\n") == 1

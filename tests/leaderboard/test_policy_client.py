@@ -1,0 +1,204 @@
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from onnx import TensorProto
+
+from fpg_bench.evaluation.entry import Entry, Same
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.suite import Rival, Suite
+from fpg_bench.game.scenario import STANDARD
+from fpg_bench.leaderboard.policy_client import Limits, PolicyClient, PolicyFailed
+from fpg_bench.leaderboard.sandbox import Sandbox
+from fpg_bench.leaderboard.smoke_test import trial
+from fpg_bench.players.agent import OnnxPlayer
+from tests.leaderboard.making import as_policy, model, node, policy, through, value, weights, whole
+from tests.players.test_agent import model_bytes
+
+ADAPTIVE = Rival("adaptive", ("adaptive",), STANDARD)
+SUITE = Suite("small", "ally", STANDARD, 3, (ADAPTIVE,))
+MEMORY = model_bytes(state=3, noise=2)
+# Four gigabytes, where the contract did not see them coming.
+GIGABYTES = model(
+    [
+        node("ConstantOfShape", ["size"], ["much"]),
+        node("Cast", ["observation"], ["drawn"], to=TensorProto.FLOAT),
+        node("ReduceSum", ["drawn"], ["seen"]),
+        node("Add", ["much", "seen"], ["more"]),
+        node("ReduceSum", ["more"], ["one"], keepdims=0),
+        node("MatMul", ["observation", "w"], ["x"]),
+        node("Add", ["x", "one"], ["action"]),
+    ],
+    [whole([10**9], "size"), weights()],
+)
+
+
+def observations(steps, games, seed=0):
+    return np.random.default_rng(seed).uniform(-1, 1, (steps, games, 15)).astype(np.float32)
+
+
+def record_of(player):
+    return play(Entry("mine", 0, "0" * 64, Same(player)), SUITE, ADAPTIVE)
+
+
+def played(player, seen, restarts=()):
+    player.reset(np.ones(seen.shape[1], bool), np.arange(seen.shape[1], dtype=np.uint64))
+    state, actions = None, []
+    for step, observation in enumerate(seen):
+        starts = np.full(seen.shape[1], step == 0)
+        starts[list(restarts) if step == 5 else []] = True
+        action, state = player.predict(observation, state, starts)
+        actions.append(action)
+    return np.array(actions)
+
+
+@pytest.fixture(scope="module")
+def host():
+    with PolicyClient(as_policy(MEMORY)) as host:
+        yield host
+
+
+@pytest.mark.slow
+def test_a_policy_plays_as_it_does_without_a_host(host):
+    for games in (1, 7):
+        seen = observations(12, games)
+        expected = played(OnnxPlayer(MEMORY, {}), seen, [0])
+        expected[(np.abs(expected) > 1).any(axis=2)] = 0  # its noise leaves the range now and then
+        assert (played(host, seen, [0]) == expected).all()
+        assert np.ptp(expected[..., 2]) > 0.1
+
+
+def test_a_single_observation_is_answered_with_a_single_action(host):
+    host.reset(np.ones(1, bool), np.zeros(1, np.uint64))
+    assert host.predict(np.zeros(15, np.float32))[0].shape == (9,)
+
+
+def test_the_memory_of_another_batch_is_refused(host):
+    _, first = host.predict(np.zeros((2, 15), np.float32))
+    host.predict(np.zeros((3, 15), np.float32))
+    with pytest.raises(ValueError, match="one batch"):
+        host.predict(np.zeros((2, 15), np.float32), first)
+
+
+@pytest.mark.parametrize(
+    ("data", "lost"),
+    [
+        (through("Sqrt"), [False, True, False]),  # NaN of a negative number
+        (through("Reciprocal"), [False, False, True]),  # infinite of zero
+        (through("Ceil", scale=0.1), [False, False, False]),
+        (through("Ceil", scale=2.0), [True, True, False]),  # outside the range
+    ],
+    ids=["nan", "infinite", "valid", "outside"],
+)
+def test_answers_that_are_none_lose_the_rounds_of_their_games_alone(data, lost):
+    seen = np.zeros((3, 15), np.float32)
+    seen[:, 0] = [1, -1, 0]
+    with PolicyClient(as_policy(data)) as host:
+        host.reset(np.ones(3, bool), np.zeros(3, np.uint64))
+        actions, state = host.predict(seen, None, np.ones(3, bool))
+        assert host.invalid.tolist() == lost
+        assert (actions[lost] == 0).all()
+        host.predict(np.abs(seen) + 0.0, state, np.zeros(3, bool))
+        assert host.invalid[lost].all()  # to the round's end
+        host.reset(np.array([False, True, False]), np.zeros(3, np.uint64))
+        assert not host.invalid[1]
+
+
+def test_an_answer_of_another_shape_loses_every_round():
+    nodes = [node("MatMul", ["observation", "w"], ["x"]), node("Concat", ["x", "x"], ["action"], axis=0)]
+    with PolicyClient(as_policy(model(nodes, [weights()]))) as host:
+        host.reset(np.ones(4, bool), np.zeros(4, np.uint64))
+        actions, _ = host.predict(observations(1, 4)[0])
+        assert host.invalid.all()
+        assert actions.shape == (4, 9)
+        assert not actions.any()
+
+
+def test_a_next_state_of_another_shape_loses_every_round():
+    nodes = [
+        node("MatMul", ["observation", "w"], ["action"]),
+        node("Concat", ["state", "state"], ["next_state"], axis=0),
+    ]
+    inputs, outputs = [value("observation"), value("state", 2)], [value("action", 9), value("next_state", 2)]
+    with PolicyClient(as_policy(model(nodes, [weights(scale=0.01)], inputs, outputs))) as host:
+        state = None
+        for _ in range(3):
+            _, state = host.predict(np.zeros((4, 15), np.float32), state)
+        assert host.invalid.all()
+
+
+def test_gigabytes_of_memory_end_the_policy_alone():
+    with pytest.raises(PolicyFailed, match="more memory than it may use"), PolicyClient(as_policy(GIGABYTES)):
+        pass
+
+
+def test_a_policy_that_never_answers_is_given_up():
+    with PolicyClient(as_policy(policy(0)), Limits(call_s=0.2)) as host:
+        os.kill(host.pid, signal.SIGSTOP)
+        with pytest.raises(PolicyFailed, match=r"no answer within 0\.2 s"):
+            host.predict(np.zeros((2, 15), np.float32))
+
+
+def test_a_policy_that_is_slow_in_all_is_given_up():
+    with PolicyClient(as_policy(policy(0))) as host:
+        host._sandbox._left_s = 0.0
+        with pytest.raises(PolicyFailed, match="all its answers"):
+            host.predict(np.zeros((2, 15), np.float32))
+
+
+def test_a_policy_that_dies_in_a_match_says_so_itself():
+    with PolicyClient(as_policy(policy(0))) as host:
+        os.kill(host.pid, signal.SIGKILL)
+        with pytest.raises(PolicyFailed, match=r"its process died \(SIGKILL\)"):
+            record_of(host)
+
+
+def test_what_onnxruntime_cannot_read_is_told():
+    with pytest.raises(PolicyFailed, match="is no ONNX file"), PolicyClient(as_policy(b"nonsense")):
+        pass
+
+
+def test_a_line_is_that_of_the_agent_without_a_host():
+    data = policy(3)
+    with PolicyClient(as_policy(data)) as host:
+        hosted = record_of(host)
+    assert hosted == record_of(OnnxPlayer(data, {}))
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="reads what Linux says of a process")
+def test_its_process_knows_no_key_has_no_files_and_ends_with_its_host(monkeypatch):
+    monkeypatch.setenv("FPG_LLM_API_KEY", "very-secret")
+    with PolicyClient(as_policy(policy(0))) as host:
+        known = Path(f"/proc/{host.pid}/environ").read_bytes()
+        place, pid = Path(os.readlink(f"/proc/{host.pid}/cwd")), host.pid
+        limits = Path(f"/proc/{host.pid}/limits").read_text()
+        assert os.listdir(place) == []
+    assert b"secret" not in known
+    assert b"PATH" in known
+    for record in ("Max file size             0 ", "Max core file size        0 "):
+        assert record in limits
+    assert not place.exists()
+    assert not Path(f"/proc/{pid}").exists()
+
+
+def test_an_answer_that_is_announced_as_huge_is_not_waited_for(monkeypatch):
+    with PolicyClient(as_policy(policy(0))) as host:
+        monkeypatch.setattr("fpg_bench.leaderboard.sandbox.LARGEST_ANSWER", 10)
+        with pytest.raises(PolicyFailed, match="answers with"):
+            host.predict(np.zeros((2, 15), np.float32))
+
+
+def test_a_process_that_cannot_begin_is_told():
+    sandbox = Sandbox("fpg_bench.no_such_module", Limits())
+    with pytest.raises(PolicyFailed, match="ended by itself"), sandbox.within(60):
+        sandbox.receive(1)
+    sandbox.close()
+
+
+@pytest.mark.slow
+def test_a_trial_says_what_would_go_wrong():
+    assert trial(as_policy(policy(0))) == []
+    assert "loses rounds" in trial(as_policy(through("Sqrt")))[0]
+    assert "more memory" in trial(as_policy(GIGABYTES))[0]

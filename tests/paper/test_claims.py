@@ -1,0 +1,82 @@
+"""Verdicts on runs whose outcome is known."""
+
+from dataclasses import replace
+
+import pytest
+
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.paper.claims import CLAIMS, Comparison, compare, verdict
+from fpg_bench.paper.conditions import BASE
+from fpg_bench.paper.experiment import BUDGETS
+from fpg_bench.paper.paired import Paired, holm
+from fpg_bench.paper.report import write_report
+from tests.paper.made_up import LEVELS, results
+
+
+def by_claim(found):
+    comparisons = compare(found)
+    return {claim: verdict([c for c in comparisons if c.claim == claim]) for claim in CLAIMS}
+
+
+def test_claims_that_are_true_hold_with_ten_seeds():
+    assert by_claim(results()) == dict.fromkeys(CLAIMS, "holds")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("levels", "first"),
+    [(LEVELS, "- The paper trains"), (LEVELS | {"tone": 9.0}, "- D3 of the paper's claims did not")],
+)
+def test_what_did_not_come_out_is_said_first(tmp_path, levels, first):
+    path, _ = write_report(results(levels), "paper", BUDGETS["full"], [], tmp_path, "fpg-bench reproduce all")
+    text = path.read_text()
+    assert text.split("## What could not be reproduced\n\n")[1].startswith(first)
+
+
+def test_the_opposite_is_told_as_such():
+    found = by_claim(results(LEVELS | {"tone": 9.0, "broadband": 3.0, BASE: 1.0}, rising=-1.0))
+    assert "the opposite" in found["D1"]
+    assert "the opposite" in found["D2"]
+    assert "the opposite" in found["D3"]
+    assert "1 of 2 parts hold" in found["D4"]
+
+
+def test_five_seeds_can_show_nothing():
+    assert by_claim(results(seeds=range(5))) == {
+        claim: f"not shown (0 of {parts} parts hold)"
+        for claim, parts in zip(CLAIMS, (3, 3, 3, 9, 2), strict=True)
+    }
+
+
+def test_only_what_was_run_is_tested():
+    found = compare(results({BASE: 10.0, "circle": 5.0}))
+    assert {each.claim for each in found} == {"D1", "D2"}
+    assert verdict([]) == "not run"
+
+
+def test_single_types_are_each_compared_with_the_ally():
+    found = compare(results(LEVELS | {"tone": 25.0}))
+    alone = {c.statement.split()[0]: c.verdict for c in found if "alone" in c.statement}
+    assert alone == dict.fromkeys(JAMMING_TYPES, "holds") | {"tone": "the opposite"}
+
+
+def test_a_difference_with_noise_stands_beside():
+    (first, *_) = compare(results())
+    assert first.check is not None
+    assert first.check.mean == pytest.approx(5, abs=0.2)
+
+
+def test_a_claim_whose_parts_all_hold_uncorrected_holds():
+    """Nine parts of p = 0.01 each: none of them stands alone, and the claim does."""
+    one = Paired(1.0, 0.5, 1.5, 1.0, 0.01, 10)
+    parts = [Comparison("D3", "a part", one, None, p) for p in holm([one.p] * 9)]
+    assert [part.verdict for part in parts] == ["not shown"] * 9
+    assert verdict(parts) == "holds"
+    assert "not shown" in verdict([*parts, Comparison("D3", "another", replace(one, p=0.06), None, 0.5)])
+
+
+def test_a_part_is_corrected_for_the_parts_of_its_own_claim_alone():
+    found = compare(results())
+    for claim in CLAIMS:
+        family = [each for each in found if each.claim == claim]
+        assert [each.p for each in family] == pytest.approx(holm([each.found.p for each in family]))

@@ -1,0 +1,214 @@
+"""The committed reports: made of the committed runs, all of them, by the code as it is."""
+
+from pathlib import Path
+
+import pytest
+
+from fpg_bench.paper.cells import CELLS, every_condition
+from fpg_bench.paper.cells_report import write_cells
+from fpg_bench.paper.claims import CLAIMS, compare, verdict
+from fpg_bench.paper.conditions import ALL, FIXED_PATHS, conditions_of
+from fpg_bench.paper.experiment import BUDGETS
+from fpg_bench.paper.figures import FIGURES
+from fpg_bench.paper.readings import as_reading, every_reading
+from fpg_bench.paper.report import write_report
+from fpg_bench.paper.runs import RunFile, read_results
+from fpg_bench.paper.screen import ASKING, NOT_ASKING, play_pair
+from fpg_bench.paper.screen_report import by_setting, read_screen, write_screen
+
+COMMITTED = Path(__file__).parents[2] / "docs/reproduction"
+RUNS = Path(__file__).parents[2] / "results/reproduction"
+FULL = BUDGETS["full"]
+BOTH = ("paper", "standard")
+
+
+@pytest.fixture(scope="module", params=BOTH)
+def committed(request):
+    """A scenario and its committed runs."""
+    preset = request.param
+    wanted = {condition.name: range(FULL.seeds) for condition in conditions_of(ALL, preset, full=True)}
+    return preset, read_results(RunFile(RUNS, preset, FULL.name), wanted)
+
+
+def test_every_condition_was_run_as_often_as_announced_and_in_the_game_as_it_is(committed):
+    preset, results = committed
+    for condition in conditions_of(ALL, preset, full=True):
+        wanted = 1 if condition.budgets > 1 else FULL.seeds if condition.tested else 5
+        assert results.seeds(condition.name) == list(range(wanted)), condition.name
+        for heading in results.about[condition.name].values():
+            assert heading["scenario"] == f"{preset}, {condition.scenario(preset).hash}", condition.name
+
+
+def test_the_report_is_what_the_runs_say(committed, tmp_path):
+    preset, results = committed
+    command = f"fpg-bench reproduce all --scenario {preset} --budget full --seeds {FULL.seeds}"
+    made, _ = write_report(results, preset, FULL, FIGURES, tmp_path, command)
+    assert made.read_text() == (COMMITTED / made.name).read_text()
+    for figure in FIGURES:
+        for form in ("png", "svg"):
+            assert (COMMITTED / f"figures/{figure}-{preset}.{form}").is_file()
+
+
+@pytest.mark.parametrize(
+    ("preset", "name", "seeds"),
+    [
+        ("paper", "paper", range(300, 303)),
+        ("figures", "tenth", range(200, 210)),
+        ("figures", "tenth", range(400, 410)),
+    ],
+)
+def test_the_page_says_what_runs_of_more_updates_say(preset, name, seeds, tmp_path):
+    budget = BUDGETS[name]
+    results = _results(preset, budget, seeds)
+    (condition,) = conditions_of("fig4", preset, full=False)
+    assert results.seeds(condition.name) == list(seeds)
+    known = {each.name: each for each in conditions_of(ALL, preset, full=True)}
+    for run, headings in results.about.items():
+        game = known[run.split("@")[0]].scenario(preset)
+        for heading in headings.values():
+            assert heading["scenario"] == f"{preset}, {game.hash}"
+            assert heading["budget"].startswith(f"{name}, {budget.steps} steps, ")
+    made, _ = write_report(results, preset, budget, ["fig5"], tmp_path, "fpg-bench reproduce fig4")
+    lines = [line for line in made.read_text().splitlines() if line.startswith("| planned |")]
+    page = (COMMITTED.parent / "reproduction.md").read_text()
+    assert len(fifths := [line for line in lines if "to" in line.split("|")[2]]) == 5
+    assert [line for line in fifths if line not in page] == []
+
+
+def test_the_report_of_figures_is_what_its_runs_say_on_fresh_seeds(tmp_path):
+    budget = BUDGETS["hundredth"]
+    file = RunFile(RUNS, "figures", budget.name)
+    there = file.read()
+    seeds = sorted({seed for _, seed in there})
+    assert min(seeds) >= 100  # those below were looked at before this reading was chosen
+    results = read_results(file, {name: seeds for name, _ in there})
+    report = (COMMITTED / "report-figures.md").read_text()
+    (command,) = [line for line in report.splitlines() if line.startswith("fpg-bench reproduce")]
+    assert f"--seeds {len(seeds)} --first-seed {min(seeds)}" in command
+    drawn = [name for name in FIGURES if f"figures/{name}-figures.png" in report]
+    made, _ = write_report(results, "figures", budget, drawn, tmp_path, command)
+    assert made.read_text() == report
+    for name in drawn:
+        assert (COMMITTED / f"figures/{name}-figures.png").is_file()
+    for (name, _), run in there.items():
+        known = {c.name: c for c in conditions_of(ALL, "figures", full=True)}[name.split("@")[0]]
+        assert run.about["scenario"] == f"figures, {known.scenario('figures').hash}"
+
+
+def test_the_page_of_the_cells_is_what_their_runs_say_on_fresh_seeds(tmp_path):
+    budget, seeds = BUDGETS["hundredth"], range(100, 110)
+    there = RunFile(RUNS, "cells", budget.name).read()
+    every = {name: condition for condition in every_condition() for name in condition.runs}
+    assert set(there) == {(name, seed) for name, _ in there for seed in seeds}
+    for (name, _), run in there.items():
+        assert run.about["scenario"] == f"paper, {every[name].scenario('paper').hash}"
+    first, cells = (_results(name, budget, seeds) for name in ("figures", "cells"))
+    words = "--budget hundredth --seeds 10 --first-seed 100 --learner jax"
+    commands = [f"fpg-bench reproduce {part} {words}" for part in ("all --scenario figures", "cells")]
+    *_, page = write_cells(first, cells, seeds, budget, tmp_path, commands)
+    assert page.read_text() == (COMMITTED / "cells.md").read_text()
+    for form in ("png", "svg"):
+        assert (COMMITTED / f"figures/cells.{form}").is_file()
+
+
+@pytest.fixture(scope="module")
+def again():
+    """Runs that no report is made of, by what they are: pairs on all paths, and cells."""
+    hundredth, fresh = BUDGETS["hundredth"], range(100, 110)
+    cells = _results("cells", hundredth, fresh)
+    return {
+        **{f"{preset}, first look": _results(preset, FULL, range(10), RUNS / "frozen") for preset in BOTH},
+        "standard": _results("standard", hundredth, fresh),
+        **{
+            f"figures, more updates, from {first}": _results(
+                "figures", BUDGETS["tenth"], range(first, first + 10)
+            )
+            for first in (200, 400)
+        },
+        **{cell.name: cell.results(cells) for cell in CELLS},
+    }
+
+
+def told(results, tmp_path):
+    """The lines on tests in the report of some runs."""
+    report, _ = write_report(results, "paper", BUDGETS["hundredth"], [], tmp_path, "fpg-bench reproduce")
+    return [line for line in report.read_text().splitlines() if line.startswith("| D")]
+
+
+def test_pairs_that_play_on_all_paths_were_trained_in_the_game_as_it_is():
+    for preset, budget, first, place in (
+        *((preset, FULL, 0, "frozen") for preset in BOTH),
+        ("standard", BUDGETS["hundredth"], 100, "."),
+    ):
+        seeds = range(first, first + 10)
+        results = _results(preset, budget, seeds, RUNS / place)
+        (base,) = conditions_of("fig4", preset, full=False)
+        for name in base.runs:
+            assert results.seeds(name) == list(seeds)
+            for heading in results.about[name].values():
+                assert heading["scenario"] == f"{preset}, {base.scenario(preset).hash}"
+
+
+@pytest.mark.parametrize("name", ["paper, first look", "standard, first look", "letter", "standard"])
+def test_the_page_on_paths_says_what_a_pair_earns_on_each_of_them(name, again, tmp_path):
+    lines = [line for line in told(again[name], tmp_path) if line.startswith("| D1 frozen | opponent")]
+    page = (COMMITTED / "question-paths.md").read_text().splitlines()
+    assert len(lines) == len(FIXED_PATHS)
+    assert [line for line in lines if line not in page] == []
+
+
+def test_the_docs_state_the_verdicts_of_the_reports_and_of_pairs_on_all_paths(again):
+    page = (COMMITTED.parent / "reproduction.md").read_text()
+    for place, preset, name in ((-2, "paper", "letter"), (-1, "standard", "standard")):
+        report = (COMMITTED / f"report-{preset}.md").read_text()
+        found, stated = _verdicts(report, -1), _verdicts(page, place)
+        frozen = [each for each in compare(again[name]) if each.claim == "D1 frozen"]
+        found["D1 frozen"] = f"{verdict(frozen)}, fresh seeds"
+        assert set(found) == set(CLAIMS)
+        assert stated == found
+
+
+@pytest.mark.slow
+def test_the_screens_page_is_what_its_rows_say(tmp_path):
+    rows = read_screen(RUNS)
+    assert [row["reading"] for row in rows] == [reading.name for reading in every_reading()]
+    *_, page = write_screen(rows, tmp_path)
+    assert page.read_text() == (COMMITTED / "screen.md").read_text()
+    for form in ("png", "svg"):
+        assert (COMMITTED / f"figures/screen.{form}").is_file()
+    assert by_setting(rows) in (COMMITTED.parent / "open_points.md").read_text()
+
+
+@pytest.mark.parametrize("name", ["paths", "overlap", "types", "knowledge"])
+def test_the_page_of_a_question_quotes_the_tests_as_they_are(name, again, tmp_path):
+    reports = [(COMMITTED / f"report-{preset}.md").read_text().splitlines() for preset in (*BOTH, "figures")]
+    lines = {line for each in (*reports, *(told(runs, tmp_path) for runs in again.values())) for line in each}
+    page = (COMMITTED / f"question-{name}.md").read_text()
+    quoted = [line for line in page.splitlines() if line.startswith("| D")]
+    assert len(quoted) >= 4
+    assert [line for line in quoted if line not in lines] == []
+
+
+def test_a_row_of_the_screen_is_what_the_game_gives():
+    (row,) = [row for row in read_screen(RUNS) if row["reading"] == "letter"]
+    levels = [part for part in row["parts"] if part["claim"] == "D3 order"]
+    letter = as_reading("letter")
+    best = {}
+    for kind in ("broadband", "tone"):
+        plays = [
+            play_pair(letter, ally, kind, row["games"], path="circle") for ally in (*ASKING, *NOT_ASKING)
+        ]
+        best[kind] = max(plays, key=lambda played: played.ally.mean()).opponent.mean()
+    (part,) = [part for part in levels if part["statement"].endswith("broadband - tone")]
+    assert best["broadband"] - best["tone"] == pytest.approx(part["mean"], rel=1e-4)
+
+
+def _results(preset, budget, seeds, folder=RUNS):
+    file = RunFile(folder, preset, budget.name)
+    return read_results(file, {name: seeds for name, _ in file.read()})
+
+
+def _verdicts(text: str, place: int) -> dict[str, str]:
+    """By claim, what stands at a place of its line in the first table that has one."""
+    lines = [line.strip("| ").split(" | ") for line in reversed(text.splitlines()) if line.startswith("| D")]
+    return {line[0]: line[place].strip("*") for line in lines}

@@ -1,0 +1,263 @@
+"""The paper's experiments with a tiny budget: what is run, kept, drawn, written, and gone on with."""
+
+import gzip
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fpg_bench.paper.reproduce as reproducing
+from fpg_bench.common.errors import UserError
+from fpg_bench.game.scenario import PAPER, STANDARD
+from fpg_bench.paper.claims import compare
+from fpg_bench.paper.conditions import ALL, BASE, FIXED_PATHS, LONG, TARGETS, conditions_of, sensitivity
+from fpg_bench.paper.experiment import BUDGETS, Budget, run_experiment
+from fpg_bench.paper.recorded import Recorded
+from fpg_bench.paper.report import write_report
+from fpg_bench.paper.reproduce import reproduce
+from fpg_bench.paper.runs import RunFile
+from fpg_bench.paper.tables import tables
+from fpg_bench.paper.windows import FINAL, STAGES, WINDOWS, windows_of
+from tests.programs import fpg
+
+# Enough for a round in each of the forty windows, and for some updates.
+TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder in which Fig. 7 was made, and the lines that were said."""
+    out = tmp_path_factory.mktemp("reproduced")
+    said: list[str] = []
+    written = reproduce("fig7", out, budget=TINY, workers=1, say=said.append)
+    return out, written, said
+
+
+@pytest.mark.slow
+def test_runs_become_rows_figures_and_a_report(made):
+    out, written, _ = made
+    names = [path.name for path in written]
+    assert names == [
+        *(
+            f"{figure}-paper.{form}"
+            for figure in ("fig4", "fig5", "fig7", "paths")
+            for form in ("png", "svg")
+        ),
+        "report-paper.md",
+        "report-paper.html",
+    ]
+    assert all(path.stat().st_size > 500 for path in written)
+    text = (out / "report-paper.md").read_text()
+    for link in (line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")):
+        assert (out / link).is_file(), link
+    assert "was **not run**" in text  # the language model, said before anything else
+    assert text.index("could not be reproduced") < text.index("What holds")
+    assert "<table>" in (out / "report-paper.html").read_text()
+
+
+@pytest.mark.slow
+def test_pairs_on_the_other_paths_come_to_the_report_and_are_no_runs_of_their_own(monkeypatch, tmp_path):
+    seen = []
+    monkeypatch.setattr(reproducing, "write_report", lambda results, *_: seen.append(results) or [])
+    monkeypatch.setattr(reproducing, "draw", lambda *_: {})
+    budget = replace(TINY, steps=2_000)
+    (short,) = [
+        replace(each, changes={"rounds_per_match": 4}) for each in conditions_of("fig4", "paper", False)
+    ]
+    monkeypatch.setattr(reproducing, "_conditions", lambda *words: [short])
+    reproduce("fig4", tmp_path, budget=budget, seeds=2, workers=1, say=lambda line: None)
+    frozen = [each for each in compare(seen[0]) if each.claim == "D1 frozen"]
+    assert [each.statement.split()[4] for each in frozen] == [f"{path}," for path in FIXED_PATHS]
+    report, _ = write_report(seen[0], "paper", budget, [], tmp_path, "made so")
+    assert "2 runs of the budget `tiny`" in report.read_text()
+
+
+@pytest.mark.slow
+def test_a_run_says_how_it_was_made_and_what_happened(made):
+    out, *_ = made
+    run = RunFile(out, "paper", "tiny").read()[BASE, 0]
+    assert run.about["scenario"].startswith("paper, ")
+    assert run.about["budget"].startswith("tiny, 8000 steps, ")
+    rows = run.rows
+    assert [row["window"] for row in rows] == [*range(WINDOWS), FINAL]
+    assert rows[-1]["rounds"] == 8 * 10
+    for row in rows:
+        shares = [row[f"share_{kind}"] for kind in ("tone", "narrowband", "broadband", "comb")]
+        assert sum(shares) == pytest.approx(1, abs=1e-3)
+        shown = row["window"] == FINAL or any(row["window"] in stage for stage in STAGES.values())
+        assert len(row["ally_points"]) == (15 if shown else 0)
+    for side in ("ally", "opponent"):
+        assert not any(row[f"{side}_path"] for row in rows[:-1])
+        flown = np.reshape(rows[-1][f"{side}_path"], (-1, 3))
+        moved = np.linalg.norm(np.diff(flown, axis=0), axis=1)
+        assert len(flown) == 50  # of the round's hundred steps of a second, every other one
+        assert 0 < moved.max() <= 2 * PAPER.opponent_speed_m_s + 2  # whole metres
+
+
+@pytest.mark.slow
+def test_what_was_run_is_not_run_again(made, monkeypatch):
+    monkeypatch.setattr(reproducing, "draw", lambda *_: {})
+    out, _, first = made
+    assert sum("begins" in line for line in first) == 3
+    said: list[str] = []
+    reproduce("fig5", out, budget=TINY, workers=1, say=said.append)
+    assert said == []
+
+
+@pytest.mark.slow
+def test_rows_of_another_game_are_not_gone_on_with(made, tmp_path):
+    out, *_ = made
+    other = RunFile(tmp_path, "standard", "tiny")
+    other.add(RunFile(out, "paper", "tiny").read().values())
+    with pytest.raises(UserError, match="planned, seed 0, played another game than standard is now"):
+        reproduce("fig4", tmp_path, scenario="standard", budget=TINY, seeds=1, workers=1)
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_rows(made, cache, tmp_path):
+    out, *_ = made
+    (base,) = conditions_of("fig4", "paper", full=False)
+    again = RunFile(tmp_path, "paper", "tiny")
+    again.add(run_experiment(base, "paper", TINY, [0], tmp_path))
+    assert again.read()[BASE, 0].rows == RunFile(out, "paper", "tiny").read()[BASE, 0].rows
+
+
+@pytest.mark.slow
+def test_runs_are_added_beside_those_that_are_there(made, tmp_path):
+    out, *_ = made
+    there, file = RunFile(out, "paper", "tiny").read(), RunFile(tmp_path, "paper", "tiny")
+    for run in reversed(there.values()):
+        file.add([run])
+    assert file.path.read_bytes() == RunFile(out, "paper", "tiny").path.read_bytes()
+
+
+@pytest.mark.slow
+def test_a_file_that_was_cut_off_is_named(made, tmp_path):
+    out, *_ = made
+    whole = RunFile(out, "paper", "tiny").path.read_bytes()
+    lines = gzip.decompress(whole).splitlines()
+    other = lines[0].replace(b'"rounds":[', b'"rounds":["many",', 1)
+    short = lines[0].replace(b'"window":[0,', b'"window":[', 1)
+    broken = RunFile(tmp_path, "paper", "tiny")
+    for data in (
+        whole[: len(whole) // 2],
+        b"no gzip",
+        *map(gzip.compress, (b"{}", b"no JSON", other, short)),
+    ):
+        broken.path.write_bytes(data)
+        with pytest.raises(UserError, match=r"paper-tiny\.jsonl\.gz"):
+            broken.read()
+
+
+def test_the_ally_asks_the_knowledge_base_where_it_is():
+    hops = np.zeros((4, 18), np.float32)
+    hops[:, 0] = 1  # hop gate on; preference 0 means the middle point
+    hops[:, 4] = -1  # knowledge gate off, as a policy might say
+    points = {}
+    for knowledge in ("expert", "none"):
+        games = Recorded(4, scenario="paper", path="circle", knowledge=knowledge)
+        games.reset(seeds=0)
+        games.step(hops)
+        points[knowledge] = set(games.duel.batch.games["point"].tolist())
+    assert points["none"] == {7}
+    assert points["expert"] != {7}
+    assert hops[0, 4] == -1  # what the learner keeps is its own
+
+
+def test_rounds_are_counted_into_the_window_in_which_they_end():
+    games = Recorded(2, scenario="paper", path="circle")
+    games.reset(seeds=0)
+    still = np.zeros((2, 18), np.float32)
+    for _ in range(300):
+        games.step(still)
+        if games.truncated.any():
+            games.reset(games.truncated.copy())
+    assert [played for played, *_ in games.rounds] == [200, 200, 400, 400, 600, 600]
+    rows = windows_of(games.rounds, 8_000)
+    assert [(row["window"], row["rounds"]) for row in rows] == [(0, 2), (1, 2), (2, 2)]
+
+
+def test_every_target_names_conditions_and_all_has_them_all():
+    for preset in ("paper", "standard"):
+        every = {c.name for c in conditions_of(ALL, preset, full=True)}
+        assert len(every) == len(conditions_of(ALL, preset, full=True))
+        assert set().union(*TARGETS.values()) <= every
+        for condition in conditions_of(ALL, preset, full=True):
+            condition.scenario(preset)  # can be played
+    hashes = [c.scenario("paper").hash for c in sensitivity("paper")]
+    assert len(set(hashes)) == len(hashes)
+    assert PAPER.hash not in hashes
+
+
+def test_k_as_a_power_factor_is_what_it_says():
+    k_power = next(c for c in sensitivity("standard") if c.name == "k-power").scenario("standard")
+    levels = np.array(k_power.jamming_coefficients) * k_power.opponent_power_dbm
+    milliwatts = 100 * np.array(STANDARD.jamming_coefficients)  # 20 dBm are 100 mW
+    assert levels == pytest.approx(10 * np.log10(milliwatts), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "steps", "updates"),
+    [("full", 10**6, 50_000), ("tenth", 10**6, 10**6), ("paper", 10**7, 10**7)],
+)
+def test_budgets_are_the_announced_ones(name, steps, updates):
+    budget = BUDGETS[name]
+    assert (budget.steps, budget.games, budget.updates()) == (steps, 64, updates)
+
+
+@pytest.mark.parametrize("preset", ["paper", "standard"])
+def test_stages_hold_whole_matches_of_the_full_budget(preset):
+    full = BUDGETS["full"]
+    scenario = conditions_of("fig4", preset, full=True)[0].scenario(preset)
+    match = full.games * scenario.steps_per_round * scenario.rounds_per_match
+    for windows in STAGES.values():
+        matches = len(windows) * full.steps / WINDOWS / match
+        assert round(matches) >= 1
+        assert matches == pytest.approx(round(matches), rel=0.05)
+
+
+def test_one_run_is_ten_times_as_long_in_the_papers_game():
+    longer = {
+        (preset, condition.name)
+        for preset in ("paper", "standard")
+        for condition in conditions_of(ALL, preset, full=True)
+        if condition.budgets > 1
+    }
+    assert longer == {("paper", LONG)}
+
+
+def test_tables_speak_of_what_is_in_use():
+    (_, jamming), (_, environment), (_, algorithm) = tables()
+    assert [line[2] for line in jamming[1:]] == ["1.5", "1.2", "0.4", "0.8"]
+    assert ["M (dB)", "8", "8", "8", ""] in environment
+    assert [line[2] for line in algorithm if line[0] == "batch size"] == ["32"]
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["fig8"], "did you mean 'fig"),
+        (["fig3", "--scenario", "papr"], "expected one of paper, standard, figures"),
+        (["fig3", "--budget", "ful"], "full"),
+    ],
+)
+def test_the_verb_refuses_what_it_does_not_know(words, said, tmp_path):
+    found = fpg("reproduce", *words, "--out", tmp_path)
+    assert found.returncode == 2
+    assert said in found.stderr
+    assert len(found.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.process
+def test_the_verb_writes_the_tables_at_once(tmp_path):
+    found = fpg("reproduce", "tables", "--out", tmp_path)
+    assert found.returncode == 0, found.stderr
+    headings = re.findall("^## (.+)$", (tmp_path / "report-paper.md").read_text(), re.MULTILINE)
+    assert [heading.partition(":")[0] for heading in headings] == [
+        "Table 1",
+        "Table 2",
+        "Table 3",
+        "How it was made",
+    ]

@@ -1,0 +1,65 @@
+import pytest
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.training.zoo import load_zoo
+from tests.training.making import ZOO, make_agent
+
+
+@pytest.fixture
+def zoo(tmp_path):
+    (tmp_path / "zoo.yml").write_text(ZOO)
+    return load_zoo(tmp_path)
+
+
+def test_members_by_view_algorithm_and_seed(zoo):
+    names = [member.name for member in zoo.members()]
+    assert names == [f"small/{algorithm}/seed_{k}" for algorithm in ("ppo", "td3") for k in (0, 1, 2)]
+    assert [m.steps for m in zoo.members("small/td3")] == [1000] * 3
+    assert [m.name for m in zoo.members("small/ppo/seed_2")] == ["small/ppo/seed_2"]
+    assert zoo.members("small/") == zoo.members()
+
+
+@pytest.mark.parametrize(
+    ("only", "hint"),
+    [("smal", "did you mean 'small'"), ("small/pp", "'small/ppo'"), ("small/ppo/seed_9", "'small/ppo'")],
+)
+def test_unknown_members_suggest(zoo, only, hint):
+    with pytest.raises(UserError, match=hint):
+        zoo.members(only)
+
+
+def test_an_agent_is_shipped_once_it_lies_there_and_whole_while_its_policy_is_the_one(zoo):
+    member = zoo.members()[0]
+    assert not member.shipped
+    make_agent(member)
+    assert member.shipped
+    assert member.is_whole()
+    (member.folder / "policy.onnx").write_bytes(b"torn")
+    assert not member.is_whole()
+    (member.folder / "policy.onnx").unlink()
+    assert not member.is_whole()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("seeds: [0, 1, 2]", "seeds: 5", "seeds: expected a list"),
+        ("seeds: [0, 1, 2]", "seeds: [0, true]", r"seeds\[1\]: expected a whole number"),
+        ("seeds:", "seed:", "unknown key 'seed'; did you mean 'seeds'"),
+        ("views:", "groups: 3\nview:", "unknown key 'view'"),
+        ("AllyVsScripted", "AlyVsScripted", "did you mean 'FPG/AllyVsScripted-v0'"),
+        ("    suites: [FIELD]\n", "", "small: lacks suites"),
+        ("suites: [FIELD]", "suites: FIELD", "suites: expected a list"),
+        ("steps: {ppo: 2000", "step: {ppo: 2000", "did you mean 'steps'"),
+        ("ppo: 2000", "ppo: 2M", "steps.ppo: expected a whole number above 0"),
+        ("options: {path: [pursuit, circle]}", "options: circle", "options: expected a mapping"),
+    ],
+)
+def test_bad_zoo_files(tmp_path, old, new, message):
+    assert old in ZOO
+    (tmp_path / "zoo.yml").write_text(ZOO.replace(old, new))
+    with pytest.raises(UserError, match=message):
+        load_zoo(tmp_path)
+    (tmp_path / "zoo.yml").unlink()
+    with pytest.raises(UserError, match="cannot be read"):
+        load_zoo(tmp_path)
