@@ -224,8 +224,8 @@ def _play_files(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
     entries = {(track.key, entry.slug): (track, entry) for track in board.tracks for entry in track.entries}
     for (key, slug), policy in submitted.items():
         track, entry = entries[key, slug]
-        about = {"name": entry.name, "side": track.side, "flies": key.endswith("-learned")}
-        agents.append((about | {"kind": "submitted", "file": _submitted_file(key, slug)}, policy))
+        submission: Row = {"name": entry.name, "side": track.side, "flies": key.endswith("-learned")}
+        agents.append((submission | {"kind": "submitted", "file": _submitted_file(key, slug)}, policy))
     for name, (about, policy) in zoo.items():
         agents.append(({"name": name, **about, "kind": "zoo", "file": _agent_file(name)}, policy))
     scenario = Scenario()

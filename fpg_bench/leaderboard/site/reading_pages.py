@@ -52,7 +52,8 @@ def _render(text: str) -> str:
             token.attrSet("tabindex", "0")
     for token in tokens:
         _restrict_links(token.children or [])
-    return markdown.renderer.render(tokens, markdown.options, {})
+    html: str = markdown.renderer.render(tokens, markdown.options, {})
+    return html
 
 
 def _restrict_links(tokens: Sequence[Token]) -> None:
