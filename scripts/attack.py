@@ -28,7 +28,7 @@ from fpg_bench.leaderboard.onnx_contract import check_policies
 from fpg_bench.leaderboard.smoke_test import trial
 from fpg_bench.leaderboard.submission_file import plain, read_fields
 from fpg_bench.leaderboard.tracks import TRACKS
-from fpg_bench.planning.llm.replies import ERRORS, MOST_TOKENS, Received, read_reply
+from fpg_bench.planning.llm.client import ERRORS, MOST_TOKENS, read_reply
 from fpg_bench.players.agent import OnnxPlayer
 from tests.attacks.json_texts import hostile_texts
 from tests.attacks.kills import VERBS, Killed
@@ -126,7 +126,7 @@ def servers(count: int, seed: int) -> Found:
 
 
 def _answered(answer) -> str:
-    reply = read_reply(Received(answer.status, answer.body), KEY, ())
+    reply = read_reply(answer.status, answer.body, KEY, ())
     kept = json.dumps(reply.raw, allow_nan=False) + (reply.text or "") + reply.detail + (reply.model or "")
     joined = kept.replace('", "', "").replace('"}, {"type": "text", "text": "', "")
     if KEY in kept or KEY in joined:

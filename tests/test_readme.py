@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from fpg_bench.planning.llm.local.models import SMOLLM2
+from fpg_bench.planning.llm.local_server import SMOLLM2
 from fpg_bench.players.agent import baselines_folder
 from tests.pages import Reader, blocks, broken_links, small, small_baselines
 from tests.planning.llm.fault_server import FaultServer, answer

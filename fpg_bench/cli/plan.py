@@ -137,22 +137,18 @@ def probe(
     need("llm", "openai")
     from rich.console import Console
 
-    from fpg_bench.planning.llm import probe as probing
+    from fpg_bench.planning.llm.probe import probe as findings_of
     from fpg_bench.planning.llm.servers import endpoint_from_environment
 
     endpoint = endpoint_from_environment(server)
     console = Console(soft_wrap=True, highlight=False)
     console.print(f"{endpoint.model} at {endpoint.base_url}, profile {endpoint.server.name}", markup=False)
     signs = {True: "yes", False: "no", None: "-"}
-    findings = probing.probe(
-        endpoint,
-        deadline,
-        lambda found: console.print(
-            printable(f"{found.what:24} {signs[found.ok]:4} {found.detail}"), markup=False
-        ),
-    )
-    if not findings[0].ok:
-        raise UserError(f"nothing answers at {endpoint.base_url}: {findings[0].detail}")
+    for finding in findings_of(endpoint, deadline):
+        line = f"{finding.subject:24} {signs[finding.ok]:4} {finding.detail}"
+        console.print(printable(line), markup=False)
+        if finding.subject == "answer" and not finding.ok:
+            raise UserError(f"nothing answers at {endpoint.base_url}: {finding.detail}")
 
 
 @app.command()

@@ -75,7 +75,7 @@ class _Planning:
 
     def line(self) -> str | None:
         """How it stands; None where nothing is waited for."""
-        from fpg_bench.planning.llm.local.server import tokens_under_way
+        from fpg_bench.planning.llm.local_server import tokens_under_way
 
         if not self._waiting:
             return None

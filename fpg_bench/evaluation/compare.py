@@ -19,11 +19,10 @@ from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, load_suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.planning.llm.budget import Budget
-from fpg_bench.planning.llm.chain import chain_start
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.prompts import load_prompt, prompt_file
 from fpg_bench.planning.llm.servers import endpoint_from_environment
-from fpg_bench.planning.llm.transcript import Transcript
+from fpg_bench.planning.llm.transcript import Transcript, chain_start
 
 ALL = "all"
 TRANSCRIPTS = "transcripts"  # of language models, in a results folder

@@ -7,7 +7,7 @@ import hashlib
 import json
 import platform
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +21,10 @@ from fpg_bench.game.batch import check_seeds
 from fpg_bench.game.measures import measures
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import TALLY
-from fpg_bench.planning.llm.attempt import Attempt
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.prompts import Prompt
 from fpg_bench.planning.llm.servers import endpoint_from_environment
+from fpg_bench.planning.llm.transcript import Attempt
 from fpg_bench.planning.registry import LLM_CONTROLS, as_planner
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.registry import as_player, player_name
@@ -390,7 +390,7 @@ def replayed_planner(name: str, told: dict[str, Any] | None, scenario: Scenario,
     try:
         prompt, control = Prompt(**told["prompt"]), str(told["control"])  # type: ignore[index]
         unchanged = prompt.hash == told["prompt_hash"]  # type: ignore[index]
-    except (TypeError, KeyError) as error:
+    except (TypeError, KeyError, ValueError) as error:
         raise UserError(f"match {path}: does not tell the prompt and control of its planner") from error
     if not unchanged:
         raise UserError(f"match {path}: its prompt is not the one that was recorded")
@@ -437,4 +437,5 @@ def _llm_planner(
         "server": endpoint.server.name,
         "control": planner.control,
     }
-    return planner, {**told, **sampled, "prompt": asdict(planner.prompt), "prompt_hash": planner.prompt.hash}
+    prompt = {"prompt": planner.prompt.model_dump(), "prompt_hash": planner.prompt.hash}
+    return planner, {**told, **sampled, **prompt}

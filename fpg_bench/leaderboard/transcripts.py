@@ -17,10 +17,8 @@ from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.leaderboard.folder import names
 from fpg_bench.leaderboard.tracks import PUBLIC, TRACKS
-from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Where
-from fpg_bench.planning.llm.chain import chain_start, follows
-from fpg_bench.planning.llm.packed import packed_rows
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt
+from fpg_bench.planning.llm.transcript import FIRST, LAST, Attempt, Where, chain_start, follows, packed_rows
 
 FOLDER = "transcripts"
 LARGEST_FOLDER = 10_000_000  # bytes, as it lies in the repository; a terse model's is 1 MB

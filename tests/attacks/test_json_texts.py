@@ -68,6 +68,5 @@ def test_nothing_else_reads_json():
     assert found <= {
         "plain_json.py",
         "planning/llm/answers.py",
-        "planning/llm/replies.py",
         "matches/match.py",
     }

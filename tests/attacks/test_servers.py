@@ -2,17 +2,16 @@
 
 import json
 import tracemalloc
-from dataclasses import replace
 
 import pytest
 
 from fpg_bench.common.errors import printable
+from fpg_bench.planning.llm.client import ERRORS, MOST_TOKENS, read_completion, read_reply
 from fpg_bench.planning.llm.probe import probe
-from fpg_bench.planning.llm.replies import ERRORS, MOST_TOKENS, Received, read_body, read_reply
 from fpg_bench.planning.llm.servers import Endpoint, load_server
 from tests.attacks.servers import PAINT, hostile_answers
-from tests.planning.llm.asking import KEY, ask, client
 from tests.planning.llm.fault_server import FaultServer, completion, json_body
+from tests.planning.llm.playing import KEY, ask, client
 
 ANSWERS = list(hostile_answers(160, KEY))
 MOST_BYTES = 40_000_000
@@ -31,7 +30,7 @@ def said(reply):
 def test_what_is_kept_of_an_answer_is_harmless(number):
     kind, answer = ANSWERS[number]
     tracemalloc.start()
-    reply = read_reply(Received(answer.status, answer.body), KEY, ("content_filter",))
+    reply = read_reply(answer.status, answer.body, KEY, ("content_filter",))
     assert tracemalloc.get_traced_memory()[1] < MOST_BYTES, kind
     tracemalloc.stop()
     assert (reply.error is None) == (reply.text is not None)
@@ -42,14 +41,14 @@ def test_what_is_kept_of_an_answer_is_harmless(number):
         assert count is None or 0 <= count <= MOST_TOKENS
     if reply.text is not None:
         reply.text.encode()
-        assert read_body(reply.raw).text == reply.text  # as a transcript is checked
+        assert read_completion(reply.raw).text == reply.text  # as a transcript is checked
 
 
 @pytest.mark.parametrize(("number", "kind"), [(k, kind) for k, (kind, _) in enumerate(ANSWERS[:32])])
 def test_a_hostile_server_is_read_to_a_bound(number, kind):
     with FaultServer([played(ANSWERS[number][1])]) as server:
         tracemalloc.start()
-        reply = ask(client(server.url))
+        reply = ask(client(server.url, deadline_s=60.0))
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     assert peak < MOST_BYTES
@@ -60,14 +59,14 @@ def test_a_hostile_server_is_read_to_a_bound(number, kind):
 def test_a_key_in_two_parts_of_a_content_is_struck_out_of_what_is_joined():
     parts = [{"type": "text", "text": f"It is {KEY[:7]}"}, {"type": "text", "text": f"{KEY[7:]}."}]
     body = completion(None, choices=[{"message": {"content": parts}}])
-    reply = read_reply(Received(200, json.dumps(body).encode()), KEY, ())
+    reply = read_reply(200, json.dumps(body).encode(), KEY, ())
     assert reply.text == "It is ***."
     assert KEY[7:] not in json.dumps(reply.raw)
 
 
 def test_a_key_in_pieces_elsewhere_leaves_nothing():
     body = {"error": {"message": "no", "param": [KEY[:9], KEY[9:]]}}
-    reply = read_reply(Received(401, json.dumps(body).encode()), KEY, ())
+    reply = read_reply(401, json.dumps(body).encode(), KEY, ())
     assert (reply.error, reply.raw) == ("invalid", None)
 
 
@@ -77,15 +76,15 @@ def test_probe_ends_with_findings_that_a_terminal_may_show(content, model):
     body = completion(content, model=model)
     with FaultServer([json_body(body)]) as server:
         endpoint = Endpoint(server.url, "some-model", KEY, load_server("generic"))
-        findings = probe(replace(endpoint), deadline_s=5.0)
-    assert len(findings) > 5
+        findings = list(probe(endpoint))
+    assert len(findings) == 6
     for finding in findings:
         assert printable(finding.detail) == finding.detail
 
 
 def test_counts_of_tokens_never_end_a_run():
     body = json.dumps(completion("x")).replace('"completion_tokens": 7', f'"completion_tokens": {"9" * 4000}')
-    reply = read_reply(Received(200, body.encode()), KEY, ())
+    reply = read_reply(200, body.encode(), KEY, ())
     assert reply.error == "invalid"
     body = json.dumps(completion("x")).replace('"completion_tokens": 7', f'"completion_tokens": {10**20}')
-    assert read_reply(Received(200, body.encode()), KEY, ()).tokens_out is None
+    assert read_reply(200, body.encode(), KEY, ()).tokens_out is None

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.planning.llm.attempt import Attempt
+from fpg_bench.planning.llm.transcript import Attempt
 from tests.attacks.json_texts import hostile_texts
 from tests.leaderboard.recording import rows_of, write_chained
 

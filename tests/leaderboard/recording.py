@@ -12,8 +12,7 @@ from typing import Any
 from unittest import mock
 
 from fpg_bench.evaluation.compare import compare
-from fpg_bench.planning.llm.attempt import Attempt
-from fpg_bench.planning.llm.chain import KEY, chain_start, linked
+from fpg_bench.planning.llm.transcript import KEY, Attempt, chain_start, linked
 from tests.planning.llm.fault_server import FaultServer, answer
 
 PLANNER_SUITE = """\

@@ -9,7 +9,7 @@ import yaml
 
 from fpg_bench.leaderboard.tracks import TRANSCRIPT_MATCHES
 from fpg_bench.leaderboard.transcripts import LARGEST_FOLDER
-from fpg_bench.planning.llm import packed
+from fpg_bench.planning.llm.transcript import MOST_BYTES
 from tests.pages import Reader, blocks, broken_links
 from tests.planning.llm.fault_server import FaultServer, answer
 from tests.programs import ROOT
@@ -44,7 +44,7 @@ def test_every_command_works_in_the_order_of_the_page(tmp_path):
 def test_the_page_s_numbers_are_the_code_s():
     assert f"--matches {TRANSCRIPT_MATCHES}" in PAGE
     assert f"first {TRANSCRIPT_MATCHES} matches" in PAGE
-    assert f"{LARGEST_FOLDER // 10**6} MB in all, {packed.MOST_BYTES // 10**6} MB a transcript" in PAGE
+    assert f"{LARGEST_FOLDER // 10**6} MB in all, {MOST_BYTES // 10**6} MB a transcript" in PAGE
     (told,) = [code for language, code in blocks(PAGE) if language == "yaml"]
     assert yaml.safe_load(told)["track"] == "planner"
 

@@ -17,8 +17,7 @@ from fpg_bench.leaderboard import transcripts
 from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.leaderboard.transcripts import check_transcripts
-from fpg_bench.planning.llm import packed
-from fpg_bench.planning.llm.chain import linked
+from fpg_bench.planning.llm.transcript import MOST_BYTES, linked
 
 from .recording import PLANNER_SUITE, PLANS, enter, record, rows_of, write_rows
 
@@ -257,7 +256,7 @@ def test_bytes_that_are_no_transcript(entry, check, spoil, message, pack):
         (lambda data: b"text " + data, "cannot be unpacked"),
         (lambda data: data[:50] + b"????" + data[54:], "cannot be unpacked"),
         (
-            lambda data: gzip.compress(bytes(packed.MOST_BYTES + 1), 9),
+            lambda data: gzip.compress(bytes(MOST_BYTES + 1), 9),
             "is longer than 16,000,000 bytes, unpacked",
         ),
     ],

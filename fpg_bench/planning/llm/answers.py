@@ -1,8 +1,8 @@
-"""Reading waypoints out of whatever a language model writes, without inventing any.
+"""Parsing of a language model's answers into waypoints, without inventing any.
 
-A ladder: strict JSON, the text after the last ``Next directions:``, bracketed triples anywhere. The first
-rung that finds points decides; they are then checked, and the answer says which rule was broken. Nothing
-here backtracks far: every pattern reads a text of any kind in time that grows with its length.
+Three parsers are tried in turn: strict JSON, the text after the last ``Next directions:``, and bracketed
+triples anywhere. The first that yields points decides; they are then checked, and the answer names the rule
+that was broken. No pattern backtracks far: each reads any text in time linear in its length.
 """
 
 from __future__ import annotations
@@ -10,33 +10,41 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fpg_bench.planning.planner import Limits
+from fpg_bench.planning.planner import Array, Limits, Request
 
 READ_CHARS = 200_000  # about 2000 waypoints as indented JSON; a longer answer is not read
-BOX_SLACK = 0.05  # of the box's side: a point this far outside is moved in
+BOX_SLACK = 0.05  # by the box's side: a point this far outside is moved in
 
-Point = tuple[float, ...] | None  # three numbers, or None: something else stood in a point's place
+# Signs that a valid path is of no use
+EXAMPLE, STILL, UNFLYABLE, REPEATED = "example", "still", "unflyable", "repeated"
+STILL_M = 10.0  # largest distance to its middle of a path that stands still
+SAME_M = 1.0  # a point this near to another is a copy of it: prompts hold whole metres
+_MOST = 0.75  # share of a path's points from which most of them are copies
+_FAR = 1.01  # a leg longer than this factor times what can be flown is too long: points are whole metres
+
+Point = tuple[float, ...] | None  # three numbers, or None: something else in a point's place
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What was read.
+    """A parsed answer.
 
     Attributes:
         waypoints: ``(n, 3)`` in m, inside the box; None: no valid path.
-        rung: what read it: ``json``, ``directions``, ``triples``, or ``none``: no points at all.
-        repaired: points too many were left out, or points just outside the box moved in.
+        rung: the parser: ``json``, ``directions``, ``triples``, or ``none``: no points at all.
+        repaired: surplus points were left out, or points just outside the box moved in.
         problem: the rule that was broken, for the model to mend; None where the path is valid.
-        refused: there are no points, and it sounds like a refusal.
+        refused: there are no points, and the text reads like a refusal.
     """
 
-    waypoints: np.ndarray | None
+    waypoints: Array | None
     rung: str
     repaired: bool = False
     problem: str | None = None
@@ -46,28 +54,28 @@ class Answer:
 def read_answer(text: str, limits: Limits) -> Answer:
     """Read the waypoints in a model's answer; never raises, whatever the text.
 
-    Thinking between ``<think>`` tags is left out first. What remains is read up to ``READ_CHARS``
-    characters; a longer one is not valid.
+    Text between ``<think>`` tags is left out first. A remainder of more than ``READ_CHARS`` characters is
+    not valid.
     """
-    said = _without_thoughts(text).translate(_ASCII).strip()
-    if len(said) > READ_CHARS:
-        problem = f"the answer has {len(said)} characters, but at most {READ_CHARS} are read"
+    answer = _without_thoughts(text).translate(_ASCII).strip()
+    if len(answer) > READ_CHARS:
+        problem = f"the answer has {len(answer)} characters, but at most {READ_CHARS} are read"
         return Answer(None, "none", problem=problem)
-    for rung, read in _RUNGS.items():
-        points = read(said)
+    for rung, parse in _PARSERS.items():
+        points = parse(answer)
         if points is not None:
             return _checked(points, rung, limits)
     problem = f"no points found, expected {limits.waypoints}"
-    return Answer(None, "none", problem=problem, refused=bool(_REFUSAL.search(said)))
+    return Answer(None, "none", problem=problem, refused=bool(_REFUSAL.search(answer)))
 
 
-def points_in(text: str) -> np.ndarray:
-    """``(m, 3)``: all points in brackets that stand in a text, whether they make a path or not."""
+def points_in(text: str) -> Array:
+    """Return all points in brackets of a text, ``(m, 3)``, whether they make a path or not."""
     return np.array(_triples(text) or np.zeros((0, 3)), float)
 
 
 def answer_schema(limits: Limits) -> dict[str, Any]:
-    """The JSON schema of an answer: objects {x, y, z} of whole metres inside the box, exactly n of them.
+    """Return the JSON schema of an answer: exactly n objects {x, y, z} of whole metres inside the box.
 
     Flat, with integers: servers that enforce a schema do not enforce the bounds of other numbers.
     """
@@ -88,7 +96,7 @@ def _object(properties: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-# Before the ladder
+# Before the parsers
 
 _THINK = re.compile(r"<(/?)think(?:ing)?>", re.IGNORECASE)
 
@@ -99,9 +107,9 @@ _ASCII = {code: code - 0xFEE0 for code in range(0xFF01, 0xFF5F)} | str.maketrans
 
 
 def _without_thoughts(text: str) -> str:
-    """The text outside think blocks.
+    """Return the text outside think blocks.
 
-    An end without a start closes what was thought before it, a start without an end goes on to the end.
+    An end tag without a start closes all text before it; a start tag without an end goes on to the end.
     """
     kept: list[str] = []
     start, thinking = 0, False
@@ -114,11 +122,11 @@ def _without_thoughts(text: str) -> str:
     return " ".join(kept if thinking else [*kept, text[start:]])  # a space: digits must not join
 
 
-# The rungs: each gives the points that it found, or None for the next rung to try
+# The parsers: each returns points, or None for the next one to try
 
 
 def _from_json(text: str) -> list[Point] | None:
-    """The whole text as JSON, in a code fence or not: the schema's object, or its list alone."""
+    """Parse the complete text as JSON, in a code fence or not: the schema's object, or its list alone."""
     fenced = _FENCE.fullmatch(text)
     try:
         # Whole numbers as floats, too: Python refuses to read an int of more than 4300 digits
@@ -142,11 +150,10 @@ def _after_directions(text: str) -> list[Point] | None:
 
 
 def _triples(text: str) -> list[Point] | None:
-    found = [tuple(float(part) for part in match.groups() if part) for match in _TRIPLE.finditer(text)]
-    return list(found) or None
+    return [tuple(float(part) for part in match.groups() if part) for match in _TRIPLE.finditer(text)] or None
 
 
-_RUNGS: dict[str, Callable[[str], list[Point] | None]] = {
+_PARSERS: dict[str, Callable[[str], list[Point] | None]] = {
     "json": _from_json,
     "directions": _after_directions,
     "triples": _triples,
@@ -171,7 +178,7 @@ _REFUSAL = re.compile(
 )
 
 
-# After the ladder
+# After the parsers
 
 
 def _checked(points: list[Point], rung: str, limits: Limits) -> Answer:
@@ -197,3 +204,45 @@ def _problem(point: Point, limits: Limits) -> str | None:
         if not -BOX_SLACK * side <= value <= (1 + BOX_SLACK) * side:
             return f"{axis} = {value:g} lies outside the box, 0 to {side:g}"
     return None
+
+
+# Use of a valid path
+
+
+def uselessness(waypoints: Array, request: Request, example: Array, past: Iterable[Array]) -> str:
+    """Return the first sign that a valid path is of no use: a model may keep to the form and say nothing.
+
+    Args:
+        waypoints: ``(n, 3)`` in m, the path.
+        request: that it answers.
+        example: ``(m, 3)`` in m, the points of the prompt's example.
+        past: ``(n, 3)`` in m each, the match's earlier paths.
+
+    Returns:
+        ``example``: more than one of its points is one of the example's; ``still``: all its points lie
+        within 10 m of their middle; ``unflyable``: more than half of its legs are longer than the opponent
+        flies in their time; ``repeated``: three quarters of its points are those of one path before, or of
+        one past round as the history shows it. Empty: none of these.
+    """
+    if sum(_near(waypoints, point).any() for point in example) > 1:
+        return EXAMPLE
+    if (np.linalg.norm(waypoints - waypoints.mean(axis=0), axis=1) <= STILL_M).all():
+        return STILL
+    if _too_long(waypoints, request).mean() > 0.5:
+        return UNFLYABLE
+    earlier = [*past, *request.history[..., :3]]
+    return REPEATED if any(_near(waypoints, path).mean() >= _MOST for path in earlier) else ""
+
+
+def _near(waypoints: Array, other: Array) -> NDArray[np.bool_]:
+    """Return for each point ``(n,)`` whether it is that of another path, or a given point."""
+    is_near: NDArray[np.bool_] = np.abs(waypoints - other).max(axis=1) <= SAME_M
+    return is_near
+
+
+def _too_long(waypoints: Array, request: Request) -> NDArray[np.bool_]:
+    """Return for each leg ``(n,)`` whether it is longer than what can be flown in its time."""
+    due_s = np.diff(request.limits.due_s(), prepend=0.0)
+    legs_m = np.linalg.norm(np.diff(waypoints, axis=0, prepend=request.current_position[None]), axis=1)
+    is_too_long: NDArray[np.bool_] = legs_m > _FAR * request.limits.speed_m_s * due_s
+    return is_too_long

@@ -1,4 +1,4 @@
-"""Planning beside the game, for training with a slow planner: the plan that is ready is flown."""
+"""Planning beside the game, for training with a slow planner: each round flies the latest finished plan."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from fpg_bench.planning.planner import BatchPlanner, Plan, Request, plan_all
 
 
 class BackgroundPlanner(BatchPlanner):
-    """Lets a planner plan in a thread of its own, while the game goes on.
+    """Runs a planner in a thread of its own, while the game goes on.
 
-    When a round starts, a game flies the plan that has come in for its match since the last round; if there
-    is none, its present path again, and the circle while its match has had no plan at all (status ``held``).
-    The next plan is made from what the game shows at that moment. A game has at most one request waiting,
-    the newest; the planner takes the game that has waited longest first.
+    At the start of a round, a game flies the plan that was finished for its match since the last round; if
+    there is none, its present path again, and the circle before its match has had any plan (status
+    ``held``). The next plan is then requested from the game's present history. A game has at most one waiting
+    request, the newest; the planner takes the game that has waited longest first.
 
-    How far a plan is behind depends on how fast it was made, so such a run cannot be repeated live
-    (``repeatable`` is False). A planner with a transcript notes there which plan each round flew; with that
-    transcript in mode ``replay`` the same is flown, without a thread.
+    The delay of a plan depends on the planner's speed, so a live run cannot be repeated (``repeatable`` is
+    False). A planner with a transcript notes there which plan each round flew; a replay of that transcript
+    flies the same, without a thread.
 
-    It serves one batch of games. A copy begins with nothing planned.
+    It serves one batch of games. A copy begins without any plan.
 
     Args:
-        planner: who plans, by ``plan`` or ``plan_batch``.
+        planner: with ``plan`` or ``plan_batch``.
         scenario: what is played; None: the planner's own.
 
     Attributes:
-        flown: how many rounds were flown on a plan of each status.
+        flown: number of rounds flown on a plan of each status.
 
     Raises:
         UserError: no scenario.
@@ -56,17 +56,17 @@ class BackgroundPlanner(BatchPlanner):
         self._circle = Patrol("circle", played)
         self.flown: Counter[str] = Counter()
         self._games: dict[int, _Game] = {}
-        self._lock = threading.Lock()  # guards what the thread and the caller share, which is:
+        self._lock = threading.Lock()  # guards the state shared with the thread:
         self._waiting: dict[int, Request] = {}  # by game, the one that has waited longest first
         self._ready: dict[int, tuple[Request, Plan]] = {}
-        self._working = False
+        self._is_working = False
         self._error: Exception | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         return BackgroundPlanner, (self.planner, self.scenario)
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
-        """What each game flies now; gives an answer at once.
+        """Return the path that each game flies now, without waiting.
 
         Raises:
             UserError: the planner has failed since the last call, or its transcript does not fit.
@@ -79,19 +79,19 @@ class BackgroundPlanner(BatchPlanner):
         new: list[tuple[Request, Row]] = []
         for request in requests:
             game = self._game(request)
-            plan = self._noted(game, request)
+            plan = self._recorded(game, request)
             if plan is None:
-                plan, line = self._newest(game, request)
-                new.append((request, line))
-            game.path, game.planned = plan.waypoints, game.planned or plan.status != "held"
+                plan, row = self._newest(game, request)
+                new.append((request, row))
+            game.path, game.is_planned = plan.waypoints, game.is_planned or plan.status != "held"
             plans.append(plan)
         self.flown.update(plan.status for plan in plans)
-        self._transcript.add_flown([line for _, line in new])
+        self._transcript.add_flown([row for _, row in new])
         self._submit([request for request, _ in new])
         return plans
 
     def _game(self, request: Request) -> _Game:
-        """The game of a request; one whose match begins has the circle before it."""
+        """Return the game of a request; one whose match begins starts with the circle."""
         match = (request.seed, request.match)
         game = self._games.get(request.game)
         if game is None or game.match != match or request.round == 0:
@@ -99,18 +99,16 @@ class BackgroundPlanner(BatchPlanner):
             game = self._games[request.game] = _Game(match, circle)
         return game
 
-    # Live
-
     def _newest(self, game: _Game, request: Request) -> tuple[Plan, Row]:
-        """The plan that has come in, else the present path; and the line that notes it."""
+        """Return the finished plan, else the present path, and the row that notes it."""
         with self._lock:
             asked, plan = self._ready.pop(request.game, (None, None))
         seed, match, number = place_of(request)
-        line: Row = {"seed": seed, "match": match, "round": number}
+        row: Row = {"seed": seed, "match": match, "round": number}
         if asked is None or plan is None or (asked.seed, asked.match) != game.match or asked.round >= number:
             held = game.held()
-            return held, {**line, "plan": held.source, "planned_round": None}
-        return plan, {**line, "plan": self._key(asked), "planned_round": asked.round}
+            return held, {**row, "plan": held.source, "planned_round": None}
+        return plan, {**row, "plan": self._key(asked), "planned_round": asked.round}
 
     def _submit(self, requests: Sequence[Request]) -> None:
         with self._lock:
@@ -119,8 +117,8 @@ class BackgroundPlanner(BatchPlanner):
                     self._waiting[request.game] = request
                 else:
                     self._waiting.pop(request.game, None)  # no round is left that could fly it
-            if self._waiting and not self._working:
-                self._working = True
+            if self._waiting and not self._is_working:
+                self._is_working = True
                 # A daemon: a call that is under way does not hold up the end of the program
                 threading.Thread(target=self._work, name=self.name, daemon=True).start()
 
@@ -133,49 +131,47 @@ class BackgroundPlanner(BatchPlanner):
                     self._ready |= {request.game: (request, plan) for request, plan in pairs}
         except Exception as error:
             with self._lock:
-                self._error, self._working = error, False
+                self._error, self._is_working = error, False
 
     def _next(self) -> list[Request]:
-        """As many requests as the planner plans at once; none: the thread ends."""
+        """Return as many requests as the planner takes at once; with none, the thread ends."""
         with self._lock:
             count = getattr(self.planner, "concurrency", len(self._waiting))
             taken = [self._waiting.pop(game) for game in list(itertools.islice(self._waiting, count))]
-            self._working = bool(taken)
+            self._is_working = bool(taken)
             return taken
 
-    # From a transcript
-
-    def _noted(self, game: _Game, request: Request) -> Plan | None:
-        """What the transcript says that the round flew; None: it says nothing."""
-        line = self._transcript.flown(request)
-        if line is None:
+    def _recorded(self, game: _Game, request: Request) -> Plan | None:
+        """Return the plan that the round flew according to the transcript; None: it does not say."""
+        row = self._transcript.flown(request)
+        if row is None:
             return None
         game.past[request.round] = request
-        asked = game.past.get(line["planned_round"])
+        asked = game.past.get(row["planned_round"])
         plan: Plan | None = game.held()
         key: str | None = game.held().source
-        if line["planned_round"] is not None:
+        if row["planned_round"] is not None:
             key = None if asked is None else self._key(asked)
             plan = None if asked is None or key is None else plan_all(self.planner, [asked])[0]
-        if plan is None or line["plan"] != key:
-            what = f"flew the plan {line['plan']} of round {line['planned_round']}, which is not there"
-            raise UserError(self._transcript.complaint(place_of(request), what))
+        if plan is None or row["plan"] != key:
+            problem = f"flew the plan {row['plan']} of round {row['planned_round']}, which is not there"
+            raise UserError(self._transcript.complaint(place_of(request), problem))
         return plan
 
     def _key(self, request: Request) -> str | None:
-        """The key of the attempt that decided a request's plan, None where no transcript holds it."""
+        """Return the key of the attempt that decided a request's plan, None where no transcript holds it."""
         attempt = self._transcript.decided(request)
         return None if attempt is None else attempt.key
 
 
 @dataclass
 class _Game:
-    """What a game flies in its present match, and its requests so far in rounds that a transcript knows."""
+    """A game's path in its present match, and its requests in rounds that a transcript knows."""
 
     match: tuple[int, int]
     path: np.ndarray
-    planned: bool = False
+    is_planned: bool = False
     past: dict[int, Request] = field(default_factory=dict)
 
     def held(self) -> Plan:
-        return Plan(self.path.copy(), "held" if self.planned else "circle", "held")
+        return Plan(self.path.copy(), "held" if self.is_planned else "circle", "held")

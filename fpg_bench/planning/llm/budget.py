@@ -1,4 +1,4 @@
-"""What a run may spend on a language model, and when to stop asking a server that fails."""
+"""Budget of a run with a language model, and a circuit breaker for a server that fails."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.planning.llm.attempt import UNANSWERED, Attempt
+from fpg_bench.planning.llm.transcript import UNANSWERED, Attempt
 
-CALLS = 20_000  # two for each plan of a comparison, and some
+CALLS = 20_000  # two for each plan of a comparison, with some reserve
 TOKENS = 200_000_000
 SECONDS = 7 * 86_400.0
 FAILURES_IN_A_ROW = 5
@@ -21,15 +21,15 @@ _LOG = logging.getLogger(__name__)
 
 
 class Budget:
-    """Caps on calls, tokens and time, and a circuit that opens after five failures in a row.
+    """Caps on calls, tokens and time, and a circuit breaker that opens after five failures in a row.
 
-    Once it is spent or open it stays so: the rest of the run is flown without calls, and a log says so
-    once. Copies of a planner spend from one budget.
+    Once spent or open it stays so: the rest of the run is flown without calls, which is logged once. Copies
+    of a planner share one budget.
 
     Args:
-        calls: at most so many.
-        tokens: no call after so many, as the server counts them.
-        seconds: no call after so much time in calls.
+        calls: largest number of calls.
+        tokens: no call is made after this many, as the server counts them.
+        seconds: no call is made after this much time in calls.
 
     Raises:
         UserError: a cap is no positive number.
@@ -42,24 +42,24 @@ class Budget:
                 raise UserError(f"budget: {name} is {cap!r}; expected a positive number")
         self.spent: dict[str, float] = dict.fromkeys(self.caps, 0)
         self.failures = 0
-        self._resumed = self._said = False
+        self._is_resumed = self._is_reported = False
 
     def __deepcopy__(self, memo: Any) -> Budget:
         return self
 
     def resume(self, attempts: Iterable[Attempt], where: str) -> None:
-        """Count, once, what a transcript holds from before: a run that goes on is the same run.
+        """Count the attempts of a resumed run once.
 
-        Its failures are forgiven, since whoever goes on may have mended the server. Plans that got no answer
-        stay as they were flown; a log says how many.
+        Its failures in a row are reset, since the server may have been repaired. Plans without an answer stay
+        as they were flown; their number is logged.
 
         Args:
-            attempts: what the transcript holds.
+            attempts: of the transcript.
             where: the transcript's name for the log.
         """
-        if self._resumed:
+        if self._is_resumed:
             return
-        self._resumed, lost = True, Counter[str]()
+        self._is_resumed, lost = True, Counter[str]()
         for attempt in attempts:
             self.spend(attempt)
             lost[attempt.error or ""] += attempt.error in UNANSWERED
@@ -70,14 +70,14 @@ class Budget:
             _LOG.warning("%s: plans without an answer: %d (%s); %s", where, lost.total(), why, stay)
 
     def refusal(self, under_way: int = 0) -> str | None:
-        """Why no further call may be made, None if one may.
+        """Return the reason that no further call may be made, None if one may.
 
         Args:
             under_way: calls that are decided on but not spent yet.
         """
         why = self._why(under_way)
-        if why is not None and not self._said:
-            self._said = True
+        if why is not None and not self._is_reported:
+            self._is_reported = True
             _LOG.warning("%s; the rest of the run is flown without calls", why)
         return why
 

@@ -1,22 +1,42 @@
-"""Asking a server of a language model, with a deadline that holds and errors that are told, not raised."""
+"""Client of OpenAI-compatible servers: the ``openai`` package, with the limits that hostile servers need.
+
+Retries of passing errors and the errors of connections are the package's own. Added here are a deadline for
+the complete question, a bound on the bytes that are read, and the removal of the key from everything that is
+kept. No redirect is followed, and no header is sent beyond those that a request needs.
+"""
 
 from __future__ import annotations
 
 import asyncio
-import dataclasses
+import functools
+import importlib
+import json
 import logging
+import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
-from urllib.parse import urlsplit
 
-from fpg_bench.planning.llm.connection import Connection, background_loop
-from fpg_bench.planning.llm.local.server import brought_back
-from fpg_bench.planning.llm.replies import Received, Reply, error_text, one_line, read_reply, without
+from fpg_bench.common.errors import printable
+from fpg_bench.common.extras import need
+from fpg_bench.common.strict_json import read_plain
 from fpg_bench.planning.llm.servers import Endpoint
 
-_LOOKING_S = 1.0
-_LOG = logging.getLogger(__name__)
+ERRORS = ("timeout", "http", "refused", "invalid")
+LONGEST_BODY = 1_000_000  # bytes of a body that are read
+MOST_TOKENS = 10**9  # of one answer; a server that reports more is wrong
+SHORTEST_SECRET = 8  # shorter keys are words such as "none" and "x", which stand in any text
+RETRIES = 2  # after a lost connection, or a status such as 429 and 503
+_LONGEST_RAW = 10_000  # characters kept of a body that is no JSON
+_LONGEST_DETAIL = 200
+_LASTING = (401, 403, 404, 405)  # statuses that asking again cannot mend; redirects are not followed either
+_ADVICE = {
+    401: ", the key is refused (FPG_LLM_API_KEY)",
+    403: ", the key is refused (FPG_LLM_API_KEY)",
+    404: ", no such address or model (FPG_LLM_BASE_URL, FPG_LLM_MODEL)",
+}
+_WEB_PAGE = "a web page"
 
 # Fields that a server may refuse, and the words by which its error names each. The temperature is left out
 # only where it is named.
@@ -25,40 +45,81 @@ _OPTIONAL = {
     "seed": ("seed",),
     "temperature": ("temperature",),
 }
-_UNNAMED = ("response_format", "seed")
 _REFUSING = (400, 422, 500, 501)
+
+# All headers that are sent. The package would add the kind of machine, and whatever OPENAI_* variables say;
+# the last of these makes it hand out the body unread.
+_HEADERS = {
+    "accept", "accept-encoding", "connection", "content-length", "content-type", "host", "user-agent",
+    "x-stainless-raw-response",
+}  # fmt: skip
+_WIRE_LOGS = ("openai", "httpx", "httpx2", "httpcore", "httpcore2")
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Reply:
+    """Answer of a language model, or the error in its place. It never holds the key.
+
+    Attributes:
+        text: what the model wrote; None where ``error`` is set.
+        error: None, or one of ``ERRORS``: the deadline passed; no connection, or an error of the server;
+            the model or a filter refused to answer; a reply that is no chat completion.
+        detail: one line about the error, and about fields that were left out.
+        raw: the body, as JSON; text, cut, where it is none; None where none came.
+        model: the model that answered, as the server reports it.
+        tokens_in, tokens_out: as the server counts them.
+        seconds: from the question to the answer.
+        sent: the body of the request, as it was last sent.
+        dropped: the fields that were left out of it because the server refuses them.
+        calls: number of requests.
+        hopeless: asking again cannot mend it: nobody listens, the key or the address is refused, or a web
+            page stands in place of an answer.
+    """
+
+    text: str | None = None
+    error: str | None = None
+    detail: str = ""
+    raw: Any = None
+    model: str | None = None
+    tokens_in: int | None = None
+    tokens_out: int | None = None
+    seconds: float = 0.0
+    sent: dict[str, Any] = field(default_factory=dict)
+    dropped: tuple[str, ...] = ()
+    calls: int = 1
+    hopeless: bool = False
 
 
 class Client:
     """Asks the model behind an endpoint. It may be copied and pickled.
 
     Args:
-        endpoint: whom to ask.
-        deadline_s: how long a question may take, with all that is tried again for it; None: as the
-            endpoint says.
+        endpoint: the server and the model.
+        deadline_s: for a question with all its retries; None: the endpoint's.
 
     Attributes:
-        dropped: the fields that this server was found to refuse; they are not sent again.
+        dropped: the fields that this server refused; they are not sent again.
 
     Raises:
         UserError: the ``openai`` package is not installed.
     """
 
     def __init__(self, endpoint: Endpoint, deadline_s: float | None = None) -> None:
+        need("llm", "openai")
+        _tls_context()  # imports the package, which takes a second that no deadline should have to cover
         self.endpoint, self.deadline_s = endpoint, deadline_s or endpoint.deadline_s
-        self.connection = Connection(endpoint, self.deadline_s)
         self.dropped: set[str] = set()
-        self.suspected: set[str] = set()  # by one error of no clear cause
 
     def request_body(
         self, messages: Sequence[dict[str, str]], seed: int, schema: dict[str, Any] | None = None
     ) -> dict[str, Any]:
-        """The body of a request; it depends on the arguments and the server's profile alone.
+        """Return the body of a request; it depends on the arguments and the server's profile alone.
 
         Args:
-            messages: the talk, each with ``role`` and ``content``.
+            messages: the chat, each with ``role`` and ``content``.
             seed: sent where the profile says that the server knows seeds.
-            schema: the JSON schema of the answer, sent in the form that the profile says.
+            schema: the JSON schema of the answer, sent in the profile's form.
         """
         server = self.endpoint.server
         body = {
@@ -74,27 +135,27 @@ class Client:
         return body
 
     async def complete(self, body: dict[str, Any]) -> Reply:
-        """Ask once. Whatever the server does, this gives a reply within the deadline.
+        """Ask a question; return a reply within the deadline, whatever the server does.
 
-        A field that the server refuses is left out, now and from now on. A 429 that names a time to wait
-        which fits the deadline is waited for, once.
+        A field that the server refuses is left out, now and from now on.
         """
         start = time.perf_counter()
-        talk = _Talk(self, body, start + self.deadline_s)
+        question = _Question(self, body)
         try:
-            reply = await asyncio.wait_for(talk.reply(), self.deadline_s)
+            reply = await asyncio.wait_for(question.ask(), self.deadline_s)
         except TimeoutError:
-            there = await _lateness(self.endpoint)
-            reply = Reply(error="timeout", detail=f"no answer within {self.deadline_s:g} s{there}")
-        if talk.dropped:
-            talk.notes.append(f"sent without {', '.join(sorted(talk.dropped))}")
-        return dataclasses.replace(
+            last = f", HTTP {question.status} before" if question.status else ""
+            late = f"no answer within {self.deadline_s:g} s{last}; --deadline allows more"
+            reply = Reply(error="timeout", detail=late)
+        dropped = tuple(sorted(question.dropped))
+        left_out = f"sent without {', '.join(dropped)}" if dropped else ""
+        return replace(
             reply,
-            detail="; ".join(filter(None, (reply.detail, *talk.notes))),
+            detail="; ".join(filter(None, (reply.detail, left_out))),
             seconds=time.perf_counter() - start,
-            sent=talk.sent,
-            dropped=tuple(sorted(talk.dropped)),
-            calls=talk.calls,
+            sent=question.sent,
+            dropped=dropped,
+            calls=question.calls,
         )
 
     def complete_all(
@@ -103,126 +164,305 @@ class Client:
         concurrency: int = 1,
         keep: Callable[[int, Reply], Any] = lambda index, reply: None,
     ) -> list[Reply]:
-        """Ask several times, and wait for all; from any thread, and beside a running event loop.
+        """Ask several questions and wait for all; from any thread, and beside a running event loop.
 
         Args:
-            bodies: what to send.
-            concurrency: how many questions may be under way at once.
-            keep: told each reply as soon as it is there, with its index in ``bodies``; in another thread.
+            bodies: of the requests.
+            concurrency: number of questions under way at once.
+            keep: called in another thread with each reply as soon as it arrives, and its index in ``bodies``.
 
         Returns:
             The replies in the order of ``bodies``.
         """
-        work = self._gathered(bodies, concurrency, keep)
-        future = asyncio.run_coroutine_threadsafe(work, background_loop())
+        future = asyncio.run_coroutine_threadsafe(self._gather(bodies, concurrency, keep), _event_loop())
         try:
             return future.result()
-        except BaseException:  # Ctrl-C: what is under way is given up
+        except BaseException:  # Ctrl-C: give up what is under way
             future.cancel()
             raise
 
-    async def _gathered(
+    async def _gather(
         self, bodies: Sequence[dict[str, Any]], concurrency: int, keep: Callable[[int, Reply], Any]
     ) -> list[Reply]:
-        places = asyncio.Semaphore(max(concurrency, 1))
+        slots = asyncio.Semaphore(max(concurrency, 1))
 
-        async def placed(index: int, body: dict[str, Any]) -> Reply:
-            async with places:
+        async def ask(index: int, body: dict[str, Any]) -> Reply:
+            async with slots:
                 reply = await self.complete(body)
             keep(index, reply)
             return reply
 
-        return list(await asyncio.gather(*(placed(*pair) for pair in enumerate(bodies))))
+        return list(await asyncio.gather(*(ask(*pair) for pair in enumerate(bodies))))
 
 
-class _Talk:
-    """All that is sent for one question, until there is a reply."""
+class _Question:
+    """All requests for one question, until there is a reply."""
 
-    def __init__(self, client: Client, body: dict[str, Any], until: float) -> None:
-        self.client, self.body, self.until = client, body, until
+    def __init__(self, client: Client, body: dict[str, Any]) -> None:
+        self.client, self.body = client, body
         self.dropped = {name for name in client.dropped if name in body}
         self.sent: dict[str, Any] = {}
         self.calls = 0
-        self.waited = False
-        self.certain = True
-        self.notes: list[str] = []
+        self.status: int | None = None  # of the last response
 
-    async def reply(self) -> Reply:
+    async def ask(self) -> Reply:
+        import openai
+
         endpoint = self.client.endpoint
-        while True:
-            self.sent = {name: value for name, value in self.body.items() if name not in self.dropped}
-            self.calls += 1
-            try:
-                received = await self.client.connection.send(self.sent)
-            except Exception as error:  # whatever a server makes the packages below raise
-                if await asyncio.to_thread(brought_back, endpoint.base_url):
-                    self.notes.append("the server had ended, and was started again")
+        async with self._connection() as api:
+            while True:
+                self.sent = {name: value for name, value in self.body.items() if name not in self.dropped}
+                try:
+                    response = await api.chat.completions.with_raw_response.create(**self.sent)
+                    status, data = response.status_code, response.content
+                except openai.APIStatusError as error:
+                    status, data = error.status_code, error.response.content
+                except openai.APITimeoutError:
+                    raise TimeoutError from None
+                except Exception as error:  # anything that a server makes the packages below raise
+                    return _unreached(endpoint, error)
+                reply = read_reply(status, data, endpoint.key, endpoint.server.refusal_codes)
+                if reply.error == "http" and status in _REFUSING and self._drop(error_text(reply.raw)):
                     continue
-                return self._unreached(error)
-            reply = read_reply(received, endpoint.key, endpoint.server.refusal_codes)
-            if reply.error == "http" and (await self._waits(received) or self._drops(received, reply)):
-                continue
-            if reply.error is None:
-                self._remember()
-            return reply
+                if reply.error is None:
+                    self._remember()
+                return reply
 
-    def _unreached(self, error: Exception) -> Reply:
-        if isinstance(error, TimeoutError):
-            return Reply(error="timeout", detail=f"no answer within {self.client.deadline_s:g} s")
-        cause = error.__cause__ or error
-        kind = type(cause).__name__
-        said = without(self.client.endpoint.key, f"{kind}: {cause}".rstrip(": "))
-        detail = one_line(f"no answer from {self.client.endpoint.base_url}: {said}")
-        return Reply(error="http", detail=detail, hopeless=kind == "ConnectError")
+    def _connection(self) -> Any:
+        """Return the package's client, which takes nothing from the environment but proxies."""
+        import openai
 
-    async def _waits(self, received: Received) -> bool:
-        """Wait as a 429 asks, once, where that leaves time for an answer."""
-        wait = received.retry_after_s
-        if received.status != 429 or wait is None or self.waited:
-            return False
-        if time.perf_counter() + wait >= self.until:
-            return False
-        self.waited = True
-        await asyncio.sleep(wait)
-        return True
+        for name in _WIRE_LOGS:  # they show headers that a server sends back, and it may send back the key
+            logging.getLogger(name).setLevel(logging.WARNING)
+        endpoint, timeout_s = self.client.endpoint, self.client.deadline_s
+        http = openai.DefaultAsyncHttpxClient(
+            event_hooks={"request": [self._restrict], "response": [self._read]},
+            follow_redirects=False,  # the key goes to the server that it is for, and to no other
+            trust_env=not endpoint.on_this_machine,  # a proxy has no way back to this machine
+            timeout=timeout_s,
+            verify=_tls_context(),
+        )
+        return openai.AsyncOpenAI(
+            base_url=endpoint.base_url,
+            api_key="none",
+            max_retries=RETRIES,
+            timeout=timeout_s,
+            http_client=http,
+        )
 
-    def _drops(self, received: Received, reply: Reply) -> bool:
+    async def _restrict(self, request: Any) -> None:
+        """Count a request, and keep to the headers that it needs."""
+        self.calls += 1
+        for name in list(request.headers):
+            if name.lower() not in _HEADERS:
+                del request.headers[name]
+        request.headers["Connection"] = "close"  # answers take seconds, and no socket is left open
+        request.headers["Accept-Encoding"] = "identity"  # what is unpacked has no bound
+        if self.client.endpoint.key:
+            request.headers["Authorization"] = f"Bearer {self.client.endpoint.key}"
+
+    async def _read(self, response: Any) -> None:
+        """Read no more than ``LONGEST_BODY`` bytes of a response, and unpack nothing."""
+        self.status, data = response.status_code, bytearray()
+        async for part in response.stream:
+            data += part[: LONGEST_BODY - len(data)]
+            if len(data) >= LONGEST_BODY:
+                break
+        await response.stream.aclose()
+        response.headers.pop("content-encoding", None)
+        response.stream = _http_package().ByteStream(bytes(data))
+
+    def _drop(self, message: str) -> bool:
         """Leave out the next field that the server may have refused, the one that it names first."""
-        if received.status not in _REFUSING:
-            return False
-        said = error_text(reply.raw)
         left = [name for name in _OPTIONAL if name in self.sent]
-        named = [name for name in left if any(word in said for word in _OPTIONAL[name])]
-        unnamed = [name for name in left if name in _UNNAMED]
-        self.dropped.update((named or unnamed)[:1])
-        self.certain &= bool(named) or received.status < 500
-        return bool(named or unnamed)
+        named = [name for name in left if any(word in message for word in _OPTIONAL[name])]
+        suspects = named or [name for name in left if name != "temperature"]
+        self.dropped.update(suspects[:1])
+        return bool(suspects)
 
     def _remember(self) -> None:
-        """Note what the server answers without; a 500 may be a passing one, so there at the second time."""
-        client, new = self.client, self.dropped - self.client.dropped
-        if not self.certain:
-            new, suspected = new & client.suspected, new
-            client.suspected |= suspected
-        for name in new:
-            client.dropped.add(name)
-            _LOG.warning("%s refuses %s; it is left out", client.endpoint.base_url, name)
+        for name in self.dropped - self.client.dropped:
+            self.client.dropped.add(name)
+            _LOG.warning("%s refuses %s; it is left out", self.client.endpoint.base_url, name)
 
 
-async def _lateness(endpoint: Endpoint) -> str:
-    """Whether a server of this machine that did not answer in time is slow, or gone."""
-    if not endpoint.on_this_machine:
-        return ""
-    url = urlsplit(endpoint.base_url)
-    try:
-        _, out = await asyncio.wait_for(asyncio.open_connection(url.hostname, url.port or 80), _LOOKING_S)
-    except (OSError, TimeoutError):
-        return ": the server is gone"
-    out.close()
-    return ": the server is there, but slow; --deadline gives it longer"
+def _http_package() -> Any:
+    """Return the HTTP package that ``openai`` stands on, which depends on its version."""
+    import openai
+
+    bases = openai.DefaultAsyncHttpxClient.__mro__
+    module = next(base.__module__ for base in bases if base.__name__ == "AsyncClient")
+    return importlib.import_module(module.partition(".")[0])
+
+
+@functools.cache
+def _tls_context() -> Any:
+    """Return the TLS settings of all connections, which take a while to load."""
+    importlib.import_module("openai.resources.chat")
+    return _http_package().create_ssl_context()
+
+
+def _unreached(endpoint: Endpoint, error: Exception) -> Reply:
+    cause = error.__cause__ or error
+    kind = type(cause).__name__
+    message = without(endpoint.key, f"{kind}: {cause}".rstrip(": "))
+    detail = one_line(f"no answer from {endpoint.base_url}: {message}")
+    return Reply(error="http", detail=detail, hopeless=kind == "ConnectError")
 
 
 def _response_format(form: str, schema: dict[str, Any]) -> dict[str, Any]:
     if form == "json_schema":
         return {"type": form, "json_schema": {"name": "plan", "strict": True, "schema": schema}}
     return {"type": "json_object", **({"schema": schema} if form == "json_object_with_schema" else {})}
+
+
+# One daemon thread with an event loop for all questions of a process: it does not hold up the process's end
+
+_STARTING = threading.Lock()
+_LOOP: tuple[asyncio.AbstractEventLoop, threading.Thread] | None = None
+
+
+def _event_loop() -> asyncio.AbstractEventLoop:
+    global _LOOP
+    with _STARTING:
+        if _LOOP is None or not _LOOP[1].is_alive():  # a forked process has its parent's loop, not its thread
+            loop = asyncio.new_event_loop()
+            thread = threading.Thread(target=loop.run_forever, name="fpg-bench-llm", daemon=True)
+            thread.start()
+            _LOOP = (loop, thread)
+        return _LOOP[0]
+
+
+# Reading of responses, good and bad
+
+
+def read_reply(status: int, data: bytes, secret: str | None, refusal_codes: tuple[int | str, ...]) -> Reply:
+    """Read a response of any kind.
+
+    Args:
+        status: of HTTP.
+        data: the body.
+        secret: the key, which must not stand in the reply.
+        refusal_codes: the codes of errors that mean a refusal.
+    """
+    body = _read_body(data[:LONGEST_BODY].decode("utf-8", "replace"), secret)
+    texts = "".join(_texts(body))
+    if without(secret, texts) != texts:
+        return Reply(error="invalid", detail="the reply holds the key in pieces; nothing of it is kept")
+    if status >= 300:
+        reply = _failed(body, f"HTTP {status}{_ADVICE.get(status, '')}", refusal_codes)
+        return replace(reply, hopeless=(status in _LASTING or status < 400) and reply.error == "http")
+    if not isinstance(body, dict):
+        kind = _kind(data) if isinstance(body, str) else "other JSON"
+        detail = f"the reply is no chat completion but {kind}"
+        return Reply(error="invalid", detail=detail, raw=body, hopeless=kind == _WEB_PAGE)
+    if not body.get("choices"):
+        if body.get("error") or body.get("code"):
+            return _failed(body, "an error in place of an answer", refusal_codes)
+        return Reply(error="invalid", detail="the reply holds no choices", raw=body)
+    return read_completion(body)
+
+
+def read_completion(body: dict[str, Any]) -> Reply:
+    """Read a chat completion: the first choice's text, or the reason that it has none."""
+    choices, usage = body.get("choices"), _object(body.get("usage"))
+    choice = _object(choices[0] if isinstance(choices, list) else None)
+    message, finish = _object(choice.get("message")), choice.get("finish_reason")
+    model = body.get("model")
+    reply = Reply(
+        raw=body,
+        model=one_line(model) if isinstance(model, str) and model else None,
+        tokens_in=_count(usage.get("prompt_tokens")),
+        tokens_out=_count(usage.get("completion_tokens")),
+    )
+    if message.get("refusal") or finish == "content_filter":
+        refusal = message.get("refusal") or "the server's filter held the answer back"
+        return replace(reply, error="refused", detail=one_line(str(refusal)))
+    text = _content(message.get("content"))
+    if not text.strip():
+        why = " (cut off at max_tokens)" if finish == "length" else ""
+        return replace(reply, error="invalid", detail=f"the reply holds no text{why}")
+    return replace(reply, text=text)
+
+
+def without(secret: str | None, text: str) -> str:
+    """Return a text with the key struck out, as it is and as JSON writes it; very short keys are left."""
+    if secret is None or len(secret) < SHORTEST_SECRET:
+        return text
+    return text.replace(secret, "***").replace(json.dumps(secret)[1:-1], "***")
+
+
+def one_line(text: str) -> str:
+    """Return a text on one line, cut where it is long, without control characters of a terminal."""
+    line = printable(" ".join(text[: 4 * _LONGEST_DETAIL].split()))
+    return line if len(line) <= _LONGEST_DETAIL else f"{line[: _LONGEST_DETAIL - 1]}…"
+
+
+def error_text(body: Any) -> str:
+    """Return a server's error message, from any of the common forms."""
+    if not isinstance(body, dict):
+        return "" if str(body).lstrip()[:1] == "<" else str(body or "")
+    message = body.get("error") or body.get("detail") or body
+    if isinstance(message, dict):
+        message = message.get("message") or message
+    return message if isinstance(message, str) else json.dumps(message)
+
+
+def _read_body(text: str, secret: str | None) -> Any:
+    """Return a body as JSON, else as text, without the key."""
+    try:
+        body = read_plain(text, halves=True)
+        choices = _object(body).get("choices")
+        for choice in choices if isinstance(choices, list) else ():
+            message = _object(_object(choice).get("message"))
+            if isinstance(message.get("content"), list):
+                message["content"] = _content(message["content"])
+        # Written and read again: finds a key that is escaped, or whose parts were joined
+        plain = json.dumps(body, ensure_ascii=False).encode("utf-8", "replace").decode()
+        return read_plain(without(secret, plain))
+    except ValueError:
+        return without(secret, text)[:_LONGEST_RAW]
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Yield all texts in JSON in their order, keys included."""
+    if isinstance(value, str):
+        yield value
+    for part in value if isinstance(value, list) else _object(value).items():
+        yield from _texts(list(part) if isinstance(part, tuple) else part)
+
+
+def _failed(body: Any, problem: str, refusal_codes: tuple[int | str, ...]) -> Reply:
+    message = error_text(body)
+    error = "refused" if _codes(body) & set(refusal_codes) else "http"
+    return Reply(error=error, detail=one_line(f"{problem}: {message}" if message else problem), raw=body)
+
+
+def _codes(body: Any) -> set[int | str]:
+    """Return the codes of an error object, wherever they stand; numbers written as words are numbers."""
+    outer = _object(body)
+    codes = [str(part.get(key)) for part in (outer, _object(outer.get("error"))) for key in ("code", "type")]
+    return {int(code) if code.isdecimal() and len(code) < 10 else code for code in codes}
+
+
+def _kind(data: bytes) -> str:
+    if len(data) >= LONGEST_BODY:
+        return f"more than {LONGEST_BODY} bytes"
+    if data.lstrip()[:1] == b"<":
+        return _WEB_PAGE
+    return "cut or broken JSON" if data.strip() else "empty"
+
+
+def _content(content: Any) -> str:
+    """Return a message's content: a string, or the texts among its parts, without halves of letters."""
+    if isinstance(content, list):
+        content = "".join(str(part.get("text", "")) for part in content if isinstance(part, dict))
+    return content.encode("utf-8", "replace").decode() if isinstance(content, str) else ""
+
+
+def _count(value: Any) -> int | None:
+    return value if type(value) is int and 0 <= value <= MOST_TOKENS else None
+
+
+def _object(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}

@@ -1,4 +1,4 @@
-"""The planner that asks a large language model, by any OpenAI-compatible server."""
+"""The planner that asks a large language model behind any OpenAI-compatible server."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -17,14 +17,21 @@ import numpy as np
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.planning.llm.answers import answer_schema, points_in, read_answer
-from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where, judge
+from fpg_bench.planning.llm.answers import answer_schema, points_in, read_answer, uselessness
 from fpg_bench.planning.llm.budget import CALLS, SECONDS, TOKENS, Budget
 from fpg_bench.planning.llm.client import Client, Reply
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt, reask
-from fpg_bench.planning.llm.servers import Endpoint, at_temperature, endpoint_from_environment
-from fpg_bench.planning.llm.transcript import Transcript, place_of
-from fpg_bench.planning.llm.useless import why_useless
+from fpg_bench.planning.llm.servers import Endpoint, endpoint_from_environment
+from fpg_bench.planning.llm.transcript import (
+    FIRST,
+    LAST,
+    Attempt,
+    Body,
+    Transcript,
+    Where,
+    judge,
+    place_of,
+)
 from fpg_bench.planning.patterns import Patrol
 from fpg_bench.planning.planner import BatchPlanner, Limits, Plan, Request
 from fpg_bench.version import __version__
@@ -33,34 +40,33 @@ _RAW_CHARS = 10_000
 
 
 class LLMPlanner(BatchPlanner):
-    """Asks a language model for each path; where it gives no valid one, the last valid path is flown again.
+    """Asks a language model for each path; without a valid answer, the last valid path is flown again.
 
     An answer that breaks a rule is sent back once, with the rule. After that, or where the call fails, the
-    match's last valid path is held, and the circle before there is any. A plan's status tells: ``ok``;
-    ``repaired`` (points too many or just outside the box); ``reasked`` (valid at the second attempt);
-    ``fallback-`` with what went wrong: ``invalid``, ``refused``, ``timeout``, ``http``, or ``budget``: no
-    call was made, since the budget is spent or the server failed five times in a row. A wrong key or address,
-    of which asking again makes nothing better, ends the run with an error while no call has been answered.
+    match's last valid path is held, or the circle before there is any. A plan's status is ``ok``;
+    ``repaired`` (surplus points, or points just outside the box); ``reasked`` (valid at the second attempt);
+    or ``fallback-`` and the reason: ``invalid``, ``refused``, ``timeout``, ``http``, or ``budget``: no call
+    was made, since the budget is spent or the server failed five times in a row. A wrong key or address,
+    which asking again cannot mend, ends the run with an error while no call has been answered.
 
     The planner can be copied and pickled. A pickle holds no key: it is read from the environment again.
 
     Args:
         scenario: what is played.
-        endpoint: the server and the model; None: as the environment says. A replay needs none.
+        endpoint: the server and the model; None: the environment's. A replay needs none.
         prompt: a prompt profile, its name or a YAML file of one; None: the server's, in a replay the
             transcript's.
-        control: ``none``, or what the model is kept from: ``shuffled-rewards``, ``no-history``.
-        transcript: the file that keeps what was asked and answered. Each match in it needs a seed of its
-            own.
-        mode: ``live`` (no transcript), ``record`` (an attempt that is in the transcript is used and not
-            made again, the others are added) or ``replay`` (from the transcript alone, without a server);
-            None: ``record`` where there is a transcript.
-        chain: where the chain of hashes through the transcript begins; None: it has none.
-        calls, tokens, seconds: caps on the whole run (see :class:`fpg_bench.planning.llm.budget.Budget`).
-        deadline_s: for each call; None: as the endpoint says.
-        concurrency: how many games are asked for at once. Caps may be overrun by the calls under way.
-        temperature: what the server is sent; None: as its profile says.
-        sampling_seed: the seeds that the server is sent follow from it: another number, another run.
+        control: ``none``, or what is withheld from the model: ``shuffled-rewards``, ``no-history``.
+        transcript: the file of requests and answers. Each match in it needs a seed of its own.
+        mode: ``live`` (no transcript), ``record`` (attempts in the transcript are used, all others are made
+            and added) or ``replay`` (from the transcript alone, without a server); None: ``record`` where
+            there is a transcript.
+        calls, tokens, seconds: caps on the complete run (see :class:`fpg_bench.planning.llm.budget.Budget`).
+        deadline_s: for each call; None: the endpoint's.
+        concurrency: number of games asked for at once. Calls under way may exceed the caps.
+        chain: the start of the transcript's chain of hashes; None: it has none.
+        temperature: of sampling; None: the server profile's.
+        sampling_seed: determines the seeds that the server is sent.
 
     Raises:
         UserError: no endpoint, an unknown prompt, control or mode, a cap or deadline that is no positive
@@ -104,20 +110,21 @@ class LLMPlanner(BatchPlanner):
         self.budget = Budget(calls, tokens, seconds)
         self.concurrency, self.sampling_seed = concurrency, whole(sampling_seed, "sampling_seed", 0)
         self._circle = Patrol("circle", scenario)
-        self._answered = False  # whether any call of this planner was
+        self._is_answered = False  # any call of this planner
         self._client: Client | None = None
         if self.transcript.mode != "replay":
-            asked = at_temperature(endpoint or endpoint_from_environment(), temperature)
+            asked = endpoint or endpoint_from_environment()
+            asked = replace(asked, server=asked.server.at_temperature(temperature))
             self._client = Client(asked, deadline_s)
             prompt = prompt or asked.server.prompt
-        prompt = prompt or self.transcript.prompt
+        prompt = prompt or self.transcript.first_prompt()
         self.prompt = prompt if isinstance(prompt, Prompt) else load_prompt(prompt)
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
-        """The plans of some games; what is made of an answer does not depend on ``concurrency``.
+        """Return the plans of some games; an answer's plan does not depend on ``concurrency``.
 
         Raises:
-            UserError: the transcript does not fit, or the server is of no use; see above.
+            UserError: the transcript does not fit, or the server cannot be used; see above.
             OSError: the transcript cannot be written.
         """
         if self.transcript.mode == "record":
@@ -131,30 +138,30 @@ class LLMPlanner(BatchPlanner):
         return plans
 
     def _ask(self, talks: Sequence[_Talk], number: int) -> None:
-        """Make an attempt for each talk: from the transcript, by a call, or none if the budget is spent."""
+        """Make an attempt for each talk: from the transcript, by a call, or without one (budget spent)."""
         bodies: dict[int, Body] = {}
         for index, talk in enumerate(talks):
             body = self._body(talk, number)
-            known = self.transcript.find((*place_of(talk.request), number), body)
-            if known is not None:
-                talk.attempts.append(self._checked(known, talk.request.limits))
+            recorded = self.transcript.find((*place_of(talk.request), number), body)
+            if recorded is not None:
+                talk.attempts.append(self._checked(recorded, talk.request.limits))
             elif refusal := self.budget.refusal(len(bodies)):
-                none = Attempt(**self._judged(talk, number, None, "budget"), request=None, detail=refusal)
-                talk.attempts.append(self.transcript.add(none, self._circumstances()))
+                skipped = Attempt(**self._judged(talk, number, None, "budget"), request=None, detail=refusal)
+                talk.attempts.append(self.transcript.add(skipped, self._circumstances()))
             else:
                 bodies[index] = body
         self._call([(talks[index], body) for index, body in bodies.items()], number)
 
     def _call(self, talks: Sequence[tuple[_Talk, Body]], number: int) -> None:
-        """Call the server, and keep each reply as soon as it is there: a run may be killed at any time."""
+        """Call the server, and keep each reply as soon as it arrives: a run may be killed at any time."""
         if self._client is None or not talks:
             return
         made: dict[int, Attempt] = {}
         hopeless: dict[int, Reply] = {}
 
         def keep(index: int, reply: Reply) -> None:
-            self._answered |= reply.error is None
-            if reply.hopeless and not self._answered:
+            self._is_answered |= reply.error is None
+            if reply.hopeless and not self._is_answered:
                 hopeless[index] = reply
                 return
             attempt = self._attempt(talks[index][0], number, reply)
@@ -162,15 +169,13 @@ class LLMPlanner(BatchPlanner):
 
         self._client.complete_all([body for _, body in talks], self.concurrency, keep)
         for index, reply in hopeless.items():
-            if not self._answered:  # nothing of it is kept, so that the same run goes on once it is mended
+            if not self._is_answered:  # nothing is kept, so that the same run can go on once it is mended
                 mend = "mend the server or the FPG_LLM_ variables, and try fpg-bench plan probe"
                 raise UserError(f"planner {self.name}: {reply.detail}; {mend}")
             keep(index, reply)
         for index, (talk, _) in enumerate(talks):
             self.budget.spend(made[index])
             talk.attempts.append(made[index])
-
-    # What is asked
 
     def _body(self, talk: _Talk, number: int) -> Body:
         messages = self.prompt.messages(talk.request, self.control)
@@ -182,8 +187,6 @@ class LLMPlanner(BatchPlanner):
             return {"messages": messages}
         seed = server_seed((*place_of(talk.request), number), self.sampling_seed)
         return self._client.request_body(messages, seed, answer_schema(talk.request.limits))
-
-    # What comes of it
 
     def _attempt(self, talk: _Talk, number: int, reply: Reply) -> Attempt:
         return Attempt(
@@ -206,33 +209,32 @@ class LLMPlanner(BatchPlanner):
         }  # fmt: skip
 
     def _circumstances(self, reply: Reply | None = None) -> dict[str, Any]:
-        """What an attempt's line holds for a reader, and a replay does without."""
+        """Return the fields of an attempt's row for readers, which a replay does not need."""
         assert self._client is not None
         raw = None if reply is None else _bounded(reply.raw)
         server = self._client.endpoint.server.name
         return {"planner": self.name, "server": server, "versions": _versions(), "raw": raw}
 
     def _checked(self, attempt: Attempt, limits: Limits) -> Attempt:
-        """An attempt of the transcript, which must still be what its text says."""
+        """Return an attempt of the transcript whose fields still follow from its text."""
         for name, value in judge(attempt.text, attempt.error, limits).items():
             if getattr(attempt, name) != value:
-                what = f"is changed: its {name} are not what its text says"
-                raise UserError(self.transcript.complaint(attempt.where, what))
+                problem = f"is changed: its {name} are not what its text says"
+                raise UserError(self.transcript.complaint(attempt.where, problem))
         return attempt
 
     def _plan(self, talk: _Talk) -> Plan:
-        request, last = talk.request, talk.attempts[-1]
+        # Earlier paths come from the transcript, so that a resumed run and a replay hold the same
+        request, last, earlier = talk.request, talk.attempts[-1], self.transcript.valid_before(talk.request)
         if last.waypoints is not None:
             status, path = "reasked" if last.attempt == LAST else last.status, np.array(last.waypoints)
-            example = points_in(self.prompt.example)
-            useless = why_useless(path, request, example, self.transcript.paths(request))
+            past = [np.array(attempt.waypoints) for attempt in earlier]
+            useless = uselessness(path, request, points_in(self.prompt.example), past)
             return Plan(path, "llm", status, talk.tokens, talk.seconds, useless)
-        # From the transcript, so that a run that goes on, and a replay, hold the same
-        held = self.transcript.last_valid(request)
-        if held is None:
-            source, path = "circle", self._circle.plan_batch([request])[0].waypoints
+        if earlier:
+            source, path = "held", np.array(self._checked(earlier[-1], request.limits).waypoints)
         else:
-            source, path = "held", np.array(self._checked(held, request.limits).waypoints)
+            source, path = "circle", self._circle.plan_batch([request])[0].waypoints
         return Plan(path, source, f"fallback-{last.status}", talk.tokens, talk.seconds)
 
 
@@ -249,21 +251,21 @@ class _Talk:
 
     @property
     def tokens(self) -> int | None:
-        """None: calls were made, but the server counted nothing."""
+        """All tokens; None: calls were made, but the server counted none."""
         counts = [attempt.tokens for attempt in self.attempts if attempt.error != "budget"]
-        known = [count for count in counts if count is not None]
-        return sum(known) if known or not counts else None
+        reported = [count for count in counts if count is not None]
+        return sum(reported) if reported or not counts else None
 
 
 def server_seed(where: Where, sampling_seed: int = 0) -> int:
-    """The seed that is sent to a server: the same for the same attempt of the same sampling seed, 31 bits."""
-    words = (*where, sampling_seed) if sampling_seed else where
-    digest = hashlib.sha256(" ".join(map(str, words)).encode()).digest()
+    """Return the seed of 31 bits that is sent to a server with an attempt."""
+    numbers = (*where, sampling_seed) if sampling_seed else where
+    digest = hashlib.sha256(" ".join(map(str, numbers)).encode()).digest()
     return int.from_bytes(digest[:4], "big") >> 1
 
 
 def _bounded(raw: Any) -> Any:
-    """A raw reply, or the beginning of its text where it is long."""
+    """Return a raw reply, or the beginning of its text where it is long."""
     text = raw if isinstance(raw, str) else json.dumps(raw)
     return raw if len(text) <= _RAW_CHARS else text[:_RAW_CHARS]
 

@@ -1,4 +1,4 @@
-"""What a language model is asked: prompt profiles, which are data, filled in with a request."""
+"""Prompt profiles: YAML files with the texts that a language model is sent, filled in with a request."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ import hashlib
 import itertools
 import json
 import math
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from string import Template
 from typing import Any
 
-import numpy as np
+from pydantic import ValidationInfo, field_validator
 
-from fpg_bench.common.checks import check_keys, whole
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
-from fpg_bench.planning.planner import Limits, Request
+from fpg_bench.common.schema import NonNegativeInt, Strict, parse
+from fpg_bench.planning.planner import Array, Limits, Request
 
 PROMPT_FOLDER = Path(__file__).with_name("prompts")
 PROMPTS = ("brief", "paper", "standard")
@@ -25,9 +24,9 @@ CONTROLS = ("none", "shuffled-rewards", "no-history")
 
 _REPLY_CHARS = 4000  # of a broken reply, its end is shown to the model again
 
-# What each text of a profile may name
+# Placeholders of each text
 _SITUATION = ("box_x", "box_y", "box_z", "round_s", "part_s", "speed", "reach", "waypoints", "x", "y", "z")
-_NAMES = {
+_PLACEHOLDERS: dict[str | None, tuple[str, ...]] = {
     "system": (*_SITUATION, "history", "example"),
     "user": (*_SITUATION, "history", "example"),
     "history": ("rounds",),
@@ -36,54 +35,76 @@ _NAMES = {
     "example": (),
     "no_history": (),
 }
-_NEEDED = {"about", "user", "row", "rounds"}
 
 
-@dataclass(frozen=True)
-class Prompt:
-    """A prompt profile: texts with ``$placeholders``, and which past rounds are shown.
-
-    Attributes:
-        name, about: what it is called, and what it is.
-        user, system: the messages; an empty one is not sent.
-        history, no_history: what stands where the history does, and in its place where there is none.
-        heading, row: what stands above a past round, and a line of it; an empty heading is left out.
-        first, best, latest: how many rounds are shown: the first, those of the highest mean reward, the
-            latest.
-        rows: how many lines of a past round are shown, those of the highest rewards; 0: all.
-        example: of an answer; its points, in brackets, are not to be copied.
-    """
-
-    name: str
+class _Texts(Strict):
     about: str
     user: str
     row: str
-    first: int
-    best: int
-    latest: int
     system: str = ""
     history: str = "$rounds"
     heading: str = ""
     no_history: str = ""
-    rows: int = 0
+    rows: NonNegativeInt = 0
     example: str = ""
+
+    @field_validator("system", "user", "history", "heading", "row", "example", "no_history")
+    @classmethod
+    def _check_placeholders(cls, text: str, info: ValidationInfo) -> str:
+        if not Template(text).is_valid():
+            raise UserError("a $ without a name behind it; write $$ for a dollar sign")
+        known = _PLACEHOLDERS[info.suite_name]
+        for name in Template(text).get_identifiers():
+            if name not in known:
+                raise UserError(f"unknown placeholder ${name}{nearest(name, known)}")
+        return text
+
+
+class _Rounds(Strict):
+    first: NonNegativeInt
+    best: NonNegativeInt
+    latest: NonNegativeInt
+
+
+class _File(_Texts):
+    rounds: _Rounds
+
+
+class Prompt(_Texts):
+    """A prompt profile: texts with ``$placeholders``, and the choice of past rounds.
+
+    Attributes:
+        name, about: its name and description.
+        user, system: the messages; an empty one is not sent.
+        history, no_history: the text in place of ``$history``, with and without past rounds.
+        heading, row: the line above a past round (empty: none), and the line of one of its parts.
+        first, best, latest: number of rounds shown: the first, those of the highest mean reward, the
+            latest.
+        rows: number of parts shown of a past round, those of the highest rewards; 0: all.
+        example: of an answer; its points, in brackets, are not to be copied.
+    """
+
+    name: str
+    first: NonNegativeInt
+    best: NonNegativeInt
+    latest: NonNegativeInt
 
     @property
     def hash(self) -> str:
-        """SHA-256 of everything that decides what is asked, as 64 hexadecimal digits."""
-        content = {key: value for key, value in asdict(self).items() if key not in ("name", "about")}
-        for key in ("rows", "example"):  # profiles that lack them had their hashes before there were any
+        """SHA-256 of everything that decides the messages, as 64 hexadecimal digits."""
+        content = self.model_dump(exclude={"name", "about"})
+        for key in ("rows", "example"):  # added later: profiles without them keep their hashes
             if not content[key]:
                 del content[key]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def messages(self, request: Request, control: str = "none") -> list[dict[str, str]]:
-        """The chat messages of a request: the same for the same request, whose generator is left as it is.
+        """Return the chat messages of a request, which is left unchanged; equal requests give equal messages.
 
         Args:
-            request: what is asked; positions are written in whole metres, rewards with two decimals.
-            control: ``shuffled-rewards`` deals the rewards out anew among all past positions,
-                ``no-history`` shows none; ``none``: no control.
+            request: positions are written in whole metres, rewards with two decimals.
+            control: ``shuffled-rewards`` permutes the rewards among all past positions, ``no-history`` shows
+                no past round; ``none``: no control.
 
         Raises:
             UserError: no such control.
@@ -91,39 +112,38 @@ class Prompt:
         if control not in CONTROLS:
             raise UserError(f"unknown control {control!r}{nearest(control, CONTROLS)}")
         history = self._history(controlled(request, control), request.limits)
-        words = {**_situation(request), "history": history, "example": self.example.strip()}
-        texts = {"system": self.system, "user": self.user}
+        values = {**_situation(request), "history": history, "example": self.example.strip()}
         return [
-            {"role": role, "content": Template(text).substitute(words).strip()}
-            for role, text in texts.items()
+            {"role": role, "content": Template(text).substitute(values).strip()}
+            for role, text in (("system", self.system), ("user", self.user))
             if text
         ]
 
-    def _history(self, history: np.ndarray, limits: Limits) -> str:
+    def _history(self, history: Array, limits: Limits) -> str:
         if not len(history):
             return self.no_history.strip()
         means = [_reward(mean) for mean in history[..., 3].mean(axis=1)]
-        usual = float(history[..., 3].mean())
+        usual, seconds = float(history[..., 3].mean()), _middles_s(limits)
         heading, row, lines = Template(self.heading), Template(self.row), []
-        for k in self._shown(means):
+        for k in self._shown_rounds(means):
             if self.heading:
                 lines.append(heading.substitute(round=k + 1, mean_reward=means[k]))
-            seconds = _middles_s(limits)
-            for i in self._told(history[k]):
-                place, reward = _place(history[k, i, :3]), float(history[k, i, 3])
-                words = {"second": seconds[i], "part": i + 1, "reward": _reward(reward)}
-                lines.append(row.substitute(place, **words, gain=_reward(reward - usual, "+")))
+            for i in self._shown_parts(history[k]):
+                reward = float(history[k, i, 3])
+                values = {"second": seconds[i], "part": i + 1, "reward": _reward(reward)}
+                gain = _reward(reward - usual, "+")
+                lines.append(row.substitute(_place(history[k, i, :3]), **values, gain=gain))
         return Template(self.history).substitute(rounds="\n".join(lines)).strip()
 
-    def _told(self, parts: np.ndarray) -> list[int]:
-        """Which parts of a round are told, in the order in which they were flown."""
+    def _shown_parts(self, parts: Array) -> list[int]:
+        """Return the parts of a round that are shown, in the order of flight."""
         ranked = sorted(range(len(parts)), key=lambda i: -float(_reward(parts[i, 3])))
         return sorted(ranked[: self.rows or len(ranked)])
 
-    def _shown(self, means: list[str]) -> list[int]:
-        """The rounds that are shown, oldest first.
+    def _shown_rounds(self, means: list[str]) -> list[int]:
+        """Return the rounds that are shown, oldest first.
 
-        The best are found by the means as they are written, so that their last bits decide nothing.
+        Rounds are ranked by their means as written, so that the last bits of a mean decide nothing.
         """
         rounds = list(range(len(means)))
         ranked = sorted(rounds, key=lambda k: -float(means[k]))
@@ -132,41 +152,37 @@ class Prompt:
 
 
 def reask(messages: list[dict[str, str]], reply_text: str, problem: str) -> list[dict[str, str]]:
-    """The same talk with the broken reply and a message that names the rule it broke.
+    """Return the same chat, with the broken reply and a message that names the rule it broke.
 
     Args:
-        messages: what was asked.
+        messages: of the first attempt.
         reply_text: the reply, of which at most the last 4000 characters are repeated.
-        problem: the rule, as :class:`fpg_bench.planning.llm.answers.Answer` has it.
+        problem: the rule, from :class:`fpg_bench.planning.llm.answers.Answer`.
     """
     # Half a surrogate pair can be received, but not sent
-    said = reply_text[-_REPLY_CHARS:].encode("utf-8", "replace").decode().strip()
+    reply = reply_text[-_REPLY_CHARS:].encode("utf-8", "replace").decode().strip()
     rule = f"That answer breaks a rule: {problem}. Answer again: the whole path, in the form asked for."
     return [
         *messages,
-        {"role": "assistant", "content": said or "(nothing)"},
+        {"role": "assistant", "content": reply or "(nothing)"},
         {"role": "user", "content": rule},
     ]
 
 
 def load_prompt(name: str | Path) -> Prompt:
-    """A prompt profile by its name in ``PROMPTS``, or from a YAML file of the same form.
+    """Return a prompt profile by its name in ``PROMPTS``, or from a YAML file of the same form.
 
     Raises:
         UserError: no such profile or file, or a key, value or placeholder that cannot be used.
     """
     path = prompt_file(name)
-    content = read_yaml(path, "prompt")
-    check_keys(content, _NEEDED | set(_NAMES) | {"rows"}, f"prompt {path}", sorted(_NEEDED))
-    rounds = content.pop("rounds")
-    rows = whole(content.pop("rows", 0), f"prompt {path}: rows", 0)
-    for key, text in content.items():
-        _check_text(text, _NAMES.get(key), f"prompt {path}: {key}")
-    return Prompt(path.stem, **(content | _rounds(rounds, path)), rows=rows)
+    file = parse(_File, read_yaml(path, "prompt"), f"prompt {path}")
+    texts, rounds = file.model_dump(exclude={"rounds"}), file.rounds.model_dump()
+    return Prompt(name=path.stem, **texts, **rounds)
 
 
 def prompt_file(name: str | Path) -> Path:
-    """The YAML file of a prompt profile, by its name or as it is; raises as :func:`load_prompt` does."""
+    """Return the YAML file of a prompt profile; raises as :func:`load_prompt` does."""
     name = str(name)
     if name in PROMPTS:
         return PROMPT_FOLDER / f"{name}.yml"
@@ -175,35 +191,8 @@ def prompt_file(name: str | Path) -> Path:
     return Path(name)
 
 
-# Checks of a profile
-
-
-def _check_text(text: Any, names: tuple[str, ...] | None, where: str) -> None:
-    if not isinstance(text, str):
-        raise UserError(f"{where}: expected text, got {text!r}")
-    if names is None:
-        return
-    if not Template(text).is_valid():
-        raise UserError(f"{where}: a $ without a name behind it; write $$ for a dollar sign")
-    for found in Template(text).get_identifiers():
-        if found not in names:
-            raise UserError(f"{where}: unknown placeholder ${found}{nearest(found, names)}")
-
-
-def _rounds(content: Any, path: Path) -> dict[str, Any]:
-    keys = ("first", "best", "latest")
-    if not isinstance(content, dict) or set(content) != set(keys):
-        raise UserError(f"prompt {path}: rounds: expected the keys {', '.join(keys)}, got {content!r}")
-    for key, value in content.items():
-        whole(value, f"prompt {path}: rounds: {key}", 0)
-    return content
-
-
-# What a request is in words
-
-
-def controlled(request: Request, control: str) -> np.ndarray:
-    """The history ``(rounds, n, 4)`` that a control shows; the request and its generator stay as they are."""
+def controlled(request: Request, control: str) -> Array:
+    """Return the history ``(rounds, n, 4)`` that a control shows; the request stays as it is."""
     if control == "no-history":
         return request.history[:0]
     history = request.history.copy()
@@ -216,22 +205,19 @@ def controlled(request: Request, control: str) -> np.ndarray:
 def _situation(request: Request) -> dict[str, Any]:
     limits = request.limits
     part_s = limits.round_s / limits.waypoints
-    box = {f"box_{axis}": math.floor(side) for axis, side in zip("xyz", limits.box_m, strict=True)}
-    return (
-        box
-        | _place(request.current_position)
-        | {
-            "round_s": limits.round_s,
-            "part_s": f"{part_s:g}",
-            "speed": f"{limits.speed_m_s:g}",
-            "reach": math.floor(limits.speed_m_s * part_s),
-            "waypoints": limits.waypoints,
-        }
-    )
+    return {
+        **{f"box_{axis}": math.floor(side) for axis, side in zip("xyz", limits.box_m, strict=True)},
+        **_place(request.current_position),
+        "round_s": limits.round_s,
+        "part_s": f"{part_s:g}",
+        "speed": f"{limits.speed_m_s:g}",
+        "reach": math.floor(limits.speed_m_s * part_s),
+        "waypoints": limits.waypoints,
+    }
 
 
-def _place(position: np.ndarray) -> dict[str, int]:
-    """Whole metres, halves rounded down with some margin: a position's last bits must not decide."""
+def _place(position: Array) -> dict[str, int]:
+    """Return whole metres, halves rounded down with some margin: a position's last bits must not decide."""
     return {axis: round(float(value) - 1e-6) for axis, value in zip("xyz", position, strict=True)}
 
 
@@ -240,6 +226,6 @@ def _reward(value: float, sign: str = "") -> str:
 
 
 def _middles_s(limits: Limits) -> list[int]:
-    """The seconds at which the history's positions were taken, the middle of each part of the round."""
+    """Return the seconds of the history's positions, the middle of each part of the round."""
     edges = [-(-i * limits.round_s // limits.waypoints) for i in range(limits.waypoints + 1)]
     return [(start + end) // 2 + 1 for start, end in itertools.pairwise(edges)]

@@ -1,55 +1,259 @@
-"""The transcript of a language model that plans: one JSON line per attempt, so that anybody can replay it.
+"""Transcripts of a planning language model: one JSON row per attempt, so that anybody can replay a run.
 
-Only ever appended. Lines have a ``kind``: ``attempt`` (what was asked and answered), ``flown`` (which plan a
-round flew, where planning runs beside the game); others are left as they are.
+Files are append-only. Rows have a ``kind``: ``attempt`` (a request with its answer) or ``flown`` (the plan
+that a round flew, where planning runs beside the game); rows of other kinds are left as they are.
+
+A transcript may hold a chain of hashes: each row has a hash of itself and of the hash before it. A row cannot
+be changed, left out or inserted later without a new hash in every row after it, and rows of two runs do not
+go together. The chain does not prove authorship: a complete transcript can always be chained anew.
 """
 
 from __future__ import annotations
 
 import contextlib
 import copy
+import hashlib
+import json
 import logging
+import re
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import PACKED
+from fpg_bench.common.files import PACKED, read_bounded
 from fpg_bench.common.rows import Row, RowFile
-from fpg_bench.planning.llm.attempt import FIRST, LAST, Attempt, Body, Where, alike
-from fpg_bench.planning.llm.chain import KEY, follows, linked
-from fpg_bench.planning.llm.packed import packed_rows
+from fpg_bench.common.strict_json import read_object
+from fpg_bench.planning.llm.answers import read_answer
+from fpg_bench.planning.llm.client import read_completion
 from fpg_bench.planning.llm.prompts import PROMPTS
-from fpg_bench.planning.planner import Request
+from fpg_bench.planning.planner import Limits, Request
 
 MODES = ("live", "record", "replay")
-OPTIONAL = ("seed", "response_format")  # fields of a request that a server may refuse, and then go without
+UNANSWERED = ("timeout", "http", "budget")  # errors without any answer of the model
+FIRST, LAST = 0, 1  # the two attempts at a plan: the second one names the rule that the first broke
+TOLERANCE = 0.02  # numbers in a prompt: another machine's last bits may round a reward the other way
+KEY = "chain"  # a row's hash in the chain
 
-Place = tuple[int, int, int]  # seed, match, round
+# Bounds on transcripts of others
+MOST_BYTES = 16_000_000  # of one transcript, unpacked; that of 20 matches is about 1.4 MB
+MOST_LINES = 20_000
+LONGEST_LINE = 1_000_000  # bytes
+
+_OPTIONAL = ("seed", "response_format")  # fields of a request that a server may refuse
+_IN_RAW = ("text", "model", "tokens_in", "tokens_out")  # fields that an attempt's raw reply holds, too
+_NUMBERS = re.compile(r"([-+]?[0-9]++(?:\.[0-9]++)?)")
 _LOG = logging.getLogger(__name__)
+
+Body = dict[str, Any]  # a request without headers
+Where = tuple[int, int, int, int]  # seed, match, round, attempt
+Place = tuple[int, int, int]  # seed, match, round
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One attempt at the plan of one round.
+
+    Attributes:
+        seed, match, round, attempt: its place in the run.
+        request: the body that was sent; None: no call was made.
+        text: the model's answer; None: none.
+        error: of the call (see :class:`fpg_bench.planning.llm.client.Reply`), or ``budget``: no call was
+            made; None: the model answered.
+        detail: the error in words.
+        waypoints: ``(n, 3)`` in m, as read from the text; None: no valid path.
+        rung: the parser that read it.
+        status: ``ok``, ``repaired``, ``invalid``, ``refused``, ``timeout``, ``http`` or ``budget``.
+        prompt, prompt_hash, control: that the request was written with.
+        calls: number of requests, those that were tried again included.
+        seconds: duration of the calls.
+        tokens_in, tokens_out: as the server counts them; None: it does not.
+        model: the model that answered, as the server reports it; the one asked for is in the request.
+    """
+
+    seed: int
+    match: int
+    round: int
+    attempt: int
+    request: Body | None
+    text: str | None
+    error: str | None
+    detail: str
+    waypoints: list[list[float]] | None
+    rung: str
+    status: str
+    prompt: str
+    prompt_hash: str
+    control: str
+    calls: int = 0
+    seconds: float = 0.0
+    tokens_in: int | None = None
+    tokens_out: int | None = None
+    model: str | None = None
+
+    @classmethod
+    def of(cls, row: Row, where: str) -> Attempt:
+        """Return the attempt in a row.
+
+        Raises:
+            UserError: a field is missing, or of another kind; ``where`` begins the message.
+        """
+        for name, kind in _KINDS.items():
+            if name not in row or not isinstance(row[name], kind):
+                raise UserError(f"{where} is no attempt: {name} is missing or changed")
+        return cls(**{name: row[name] for name in _KINDS})
+
+    def row(self) -> Row:
+        """Return the row that :meth:`of` reads."""
+        return {"kind": "attempt", "key": self.key, **asdict(self)}
+
+    @property
+    def key(self) -> str:
+        """SHA-256 of the canonical request with seed, match, round and attempt."""
+        return _digest([self.request, *self.where])
+
+    @property
+    def where(self) -> Where:
+        """Seed, match, round and attempt."""
+        return self.seed, self.match, self.round, self.attempt
+
+    @property
+    def asks_again(self) -> bool:
+        """True where the broken rule is sent to the model for a second attempt."""
+        return self.attempt < LAST and self.error is None and self.waypoints is None
+
+    @property
+    def tokens(self) -> int | None:
+        """All tokens that the server counted; None: it counted none."""
+        counts = [count for count in (self.tokens_in, self.tokens_out) if count is not None]
+        return sum(counts) if counts else None
+
+    def unlike(self, raw: Any) -> str | None:
+        """Return the first field that differs from the raw reply, where that was kept completely."""
+        if self.text is None or not isinstance(raw, dict):
+            return None
+        reply = read_completion(raw)
+        return next((name for name in _IN_RAW if getattr(self, name) != getattr(reply, name)), None)
+
+
+_TYPES: dict[str, Any] = {"int": int, "str": str, "float": float | int, "Body | None": dict | None}
+_TYPES |= {"int | None": int | None, "str | None": str | None, "list[list[float]] | None": list | None}
+_KINDS = {field.name: _TYPES[str(field.type)] for field in fields(Attempt)}
+
+
+def judge(text: str | None, error: str | None, limits: Limits) -> dict[str, Any]:
+    """Return the fields ``waypoints``, ``rung`` and ``status`` of an attempt with this reply."""
+    if error is not None or text is None:
+        status = error if error in (*UNANSWERED, "refused") else "invalid"
+        return {"waypoints": None, "rung": "none", "status": status}
+    answer = read_answer(text, limits)
+    if answer.waypoints is None:
+        return {"waypoints": None, "rung": answer.rung, "status": "refused" if answer.refused else "invalid"}
+    status = "repaired" if answer.repaired else "ok"
+    return {"waypoints": answer.waypoints.tolist(), "rung": answer.rung, "status": status}
+
+
+def alike(asked: Any, recorded: Any) -> bool:
+    """Return whether two parts of requests agree: text exactly, numbers in it within ``TOLERANCE``."""
+    if type(asked) is not type(recorded):
+        return False
+    if isinstance(asked, dict):
+        return asked.keys() == recorded.keys() and all(alike(asked[name], recorded[name]) for name in asked)
+    if isinstance(asked, list):
+        return len(asked) == len(recorded) and all(map(alike, asked, recorded))
+    if not isinstance(asked, str) or asked == recorded:
+        return bool(asked == recorded)
+    x, y = _NUMBERS.split(asked), _NUMBERS.split(recorded)
+    if len(x) != len(y) or x[::2] != y[::2]:
+        return False
+    pairs = zip(x[1::2], y[1::2], strict=True)
+    return all(a == b or abs(float(a) - float(b)) <= TOLERANCE for a, b in pairs)
+
+
+# The chain of hashes
+
+
+def chain_start(header: Mapping[str, Any], name: str) -> str:
+    """Return the hash at which a transcript's chain begins: of its run's header and its own name."""
+    return _digest([dict(header), name])
+
+
+def linked(before: str, row: Row) -> Row:
+    """Return a row with its hash in the chain.
+
+    Args:
+        before: the hash of the row before, or the chain's start.
+        row: to be written; a hash that it holds already does not count.
+    """
+    content = {name: value for name, value in row.items() if name != KEY}
+    return content | {KEY: _digest([before, content])}
+
+
+def follows(before: str, row: Row, where: str) -> str:
+    """Return the hash of a row that was read.
+
+    Raises:
+        UserError: the row does not follow from the one before; ``where`` begins the message.
+    """
+    link = linked(before, row)[KEY]
+    if row.get(KEY) != link:
+        raise UserError(
+            f"{where} does not follow from the lines before it: one was changed, left out or put in, or the "
+            "lines are of several runs"
+        )
+    return str(link)
+
+
+def _digest(content: Any) -> str:
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def packed_rows(path: Path) -> list[Row]:
+    """Return all rows of somebody else's transcript; at most ``MOST_BYTES`` of it are held in memory.
+
+    Args:
+        path: the file, gzip-compressed where its name ends in ``.gz``.
+
+    Raises:
+        UserError: it cannot be read or unpacked, is too long, has a line that is too long or no row, or ends
+            in the middle of one.
+    """
+    data = read_bounded(path, "transcript", MOST_BYTES)
+    if data.count(b"\n") > MOST_LINES:
+        raise UserError(f"transcript {path}: has more than {MOST_LINES:,} lines")
+    *lines, rest = data.split(b"\n")
+    if rest:
+        raise UserError(f"transcript {path}: is cut off in its last line")
+    rows: list[Row] = []
+    for number, line in enumerate(lines, 1):
+        if len(line) > LONGEST_LINE:
+            raise UserError(f"transcript {path}: line {number} is longer than {LONGEST_LINE:,} bytes")
+        try:
+            rows.append(read_object(line))
+        except ValueError as error:
+            raise UserError(f"transcript {path}: line {number} is no row: {error}") from error
+    return rows
 
 
 def place_of(request: Request) -> Place:
-    """Which round of which match a request is for: seed, match and round."""
+    """Return a request's seed, match and round."""
     return request.seed, request.match, request.round
 
 
 class Transcript:
-    """The attempts at plans, kept in a file or (mode ``live``) nowhere.
+    """The attempts at plans, kept in a file or (mode ``live``) in memory.
 
-    A file is read when it is first needed; one that is written is held for this process from then on. A
-    copy shares its file; pickling keeps name and mode alone.
+    A file is read when it is first needed; one that is written is locked for this process from then on. A
+    copy shares its file; a pickle holds its name and mode alone.
 
     Args:
         path: the file; None in mode ``live``, and only there. One that is packed (``.gz``) can be replayed.
-        mode: ``live``; ``record``: what is in the file is used, the rest is asked for and added;
+        mode: ``live``; ``record``: attempts in the file are used, all others are made and appended;
             ``replay``: all must be in the file.
-        chain: where the chain of hashes through its lines begins (see :mod:`fpg_bench.planning.llm.chain`);
-            None: it has none.
+        chain: the start of its chain of hashes; None: it has none.
 
     Raises:
         UserError: an unknown mode, a path where none belongs or none where one does; on first use: no such
@@ -66,7 +270,7 @@ class Transcript:
         if mode == "record" and self._is_packed:
             raise UserError(f"transcript {path}: is packed, and can only be replayed; unpack it to go on")
         self.mode, self.chain = mode, chain
-        self._link = chain  # of the last line
+        self._link = chain  # of the last row
         self._attempts: dict[Where, Attempt] | None = None
         self._valid: dict[tuple[int, int], dict[int, Attempt]] = {}  # by seed and match, then by round
         self._flown: dict[Place, Row] = {}
@@ -84,7 +288,7 @@ class Transcript:
         return Transcript, (self.path, self.mode, self.chain)
 
     def close(self) -> None:
-        """Let other processes write the file; it is read again when it is next needed."""
+        """Release the file for other processes; it is read again when it is next needed."""
         with self._lock:
             self._held.close()
             self._attempts = None
@@ -92,38 +296,37 @@ class Transcript:
             self._flown.clear()
 
     def attempts(self) -> list[Attempt]:
-        """All attempts, in the order of the file."""
+        """Return all attempts, in the order of the file."""
         return list(self._read().values())
 
-    @property
-    def prompt(self) -> str:
-        """The profile by which the first attempt was made; ``standard`` where that is none of ours."""
-        used = next((attempt.prompt for attempt in self.attempts()), None)
-        return used if used in PROMPTS else "standard"
+    def first_prompt(self) -> str:
+        """Return the prompt profile of the first attempt; ``standard`` where it is none of the package's."""
+        name = next((attempt.prompt for attempt in self.attempts()), None)
+        return name if name in PROMPTS else "standard"
 
     def check_told(self, told: Mapping[str, Any]) -> None:
-        """Check that every attempt was made with the model, prompt and control that are told beside it.
+        """Check that every attempt was made with the model, prompt and control of the run's header.
 
         Args:
             told: ``model``, ``prompt_hash`` and ``control``.
 
         Raises:
-            UserError: one was not, by name.
+            UserError: the first attempt that was not.
         """
         for attempt in self.attempts():
             model = told.get("model") if attempt.request is None else attempt.request.get("model")
             made = {"model": model, "prompt_hash": attempt.prompt_hash, "control": attempt.control}
             for name, value in made.items():
                 if value != told.get(name):
-                    what = f"was recorded with {name} {value}, and not {told.get(name)} as is told of all"
-                    raise UserError(self.complaint(attempt.where, what))
+                    problem = f"was recorded with {name} {value}, and not {told.get(name)} as is told of all"
+                    raise UserError(self.complaint(attempt.where, problem))
 
     def find(self, where: Where, body: Body) -> Attempt | None:
-        """The attempt in the transcript, None if there is none yet.
+        """Return an attempt of the transcript, None if there is none yet.
 
         Args:
             where: seed, match, round and attempt.
-            body: what would be sent; in a replay the messages are enough. The fields that both have must
+            body: of the request; in a replay the messages are enough. The fields that both have must
                 agree: text outside numbers exactly, numbers within 0.02.
 
         Raises:
@@ -134,19 +337,20 @@ class Transcript:
             if self.mode == "replay":
                 raise UserError(self.complaint(where, "is missing"))
             return None
-        for name in sorted(body.keys() & (attempt.request or {}).keys() - {*OPTIONAL}):
-            if not alike(body[name], attempt.request[name]):  # type: ignore[index]
+        recorded = attempt.request or {}
+        for name in sorted(body.keys() & recorded.keys() - {*_OPTIONAL}):
+            if not alike(body[name], recorded[name]):
                 by = f"prompt {attempt.prompt!r}, control {attempt.control!r}"
                 raise UserError(self.complaint(where, f"was recorded with other {name} ({by})"))
         return attempt
 
-    def add(self, attempt: Attempt, more: Row) -> Attempt:
-        """Append an attempt, with more to keep in its line; gives the one that is kept.
+    def add(self, attempt: Attempt, extra: Row) -> Attempt:
+        """Append an attempt, with extra fields for its row; return the one that is kept.
 
-        Two games that are alike may ask for the same: the first answer counts.
+        Two games that are alike may make the same attempt: the first answer counts.
 
         Raises:
-            OSError: the line cannot be written; nothing that was there is lost.
+            OSError: the row cannot be written; the file stays as it was.
         """
         with self._lock:
             kept = self._read().get(attempt.where)
@@ -155,59 +359,51 @@ class Transcript:
             if self.path is None:
                 self._valid.pop((attempt.seed, attempt.match - 1), None)  # that match is over
             else:
-                self._append(self.path, [{**attempt.row(), **more}])
+                self._append(self.path, [{**attempt.row(), **extra}])
                 self._read()[attempt.where] = attempt
             self._note_path(attempt)
             return attempt
 
     def decided(self, request: Request) -> Attempt | None:
-        """The attempt that decided a request's plan; None: there is none, or it was cut short."""
+        """Return the attempt that decided a request's plan; None: there is none, or it was cut short."""
         attempts, place = self._read(), place_of(request)
         first = attempts.get((*place, FIRST))
         return attempts.get((*place, LAST)) if first is not None and first.asks_again else first
 
-    def last_valid(self, request: Request) -> Attempt | None:
-        """The latest attempt of a request's match, before its round, that came to a path; None: none did."""
-        valid = self._valid_before(request)
-        return valid[-1] if valid else None
-
-    def paths(self, request: Request) -> list[np.ndarray]:
-        """The valid paths, ``(n, 3)`` in m each, of a request's match before its round."""
-        return [np.array(attempt.waypoints) for attempt in self._valid_before(request)]
-
-    def _valid_before(self, request: Request) -> list[Attempt]:
+    def valid_before(self, request: Request) -> list[Attempt]:
+        """Return the attempts of a request's match with a valid path, before its round, oldest first."""
         with self._lock:
             self._read()
             valid = self._valid.get((request.seed, request.match), {})
             return [valid[k] for k in sorted(valid) if k < request.round]
 
     def flown(self, request: Request) -> Row | None:
-        """The line that says which plan the round of a request flew; None: there is none yet.
+        """Return the row of the plan that a request's round flew; None: there is none yet.
 
         Raises:
             UserError: there is none in a replay.
         """
         with self._lock:
             self._read()
-            line = self._flown.get(place_of(request))
-        if line is None and self.mode == "replay":
+            row = self._flown.get(place_of(request))
+        if row is None and self.mode == "replay":
             raise UserError(self.complaint(place_of(request), "has no line that says what was flown"))
-        return line
+        return row
 
     def add_flown(self, rows: Sequence[Row]) -> None:
-        """Append which plans some rounds flew; each row holds ``seed``, ``match`` and ``round``."""
+        """Append the plans that some rounds flew; each row holds ``seed``, ``match`` and ``round``."""
         with self._lock:
             self._read()
             if self.path is not None and rows:
                 self._append(self.path, [{"kind": "flown", **row} for row in rows])
                 self._flown |= {_place(row): row for row in rows}
 
-    def complaint(self, where: Sequence[int], what: str) -> str:
-        """An error's text that names an attempt of this transcript, or a round."""
+    def complaint(self, where: Sequence[int], problem: str) -> str:
+        """Return an error's text that names an attempt of this transcript, or a round."""
         names = ("seed", "match", "round", "attempt")
-        named = ", ".join(f"{name} {value}" for name, value in zip(names, where, strict=False))
+        place = ", ".join(f"{name} {value}" for name, value in zip(names, where, strict=False))
         mend = "repeat what was recorded" if self.mode == "replay" else "record into a new file"
-        return f"transcript {self.path}: {named} {what}; {mend}"
+        return f"transcript {self.path}: {place} {problem}; {mend}"
 
     @property
     def _is_packed(self) -> bool:
@@ -240,24 +436,25 @@ class Transcript:
             self._held.enter_context(RowFile(path).locked())
         elif not path.is_file():
             raise UserError(f"transcript {path}: no such file to replay")
-        found: dict[Where, Attempt] = {}
+        attempts: dict[Where, Attempt] = {}
         rows = packed_rows(path) if self._is_packed else RowFile(path).read()
         self._link = self.chain
         for number, row in enumerate(rows, 1):
+            where = f"transcript {path}: line {number}"
             if self._link is not None:
-                self._link = follows(self._link, row, f"transcript {path}: line {number}")
+                self._link = follows(self._link, row, where)
             if row.get("kind") == "flown":
-                self._flown[_checked_place(row, f"transcript {path}: line {number}")] = row
+                self._flown[_checked_place(row, where)] = row
             elif row.get("kind") == "attempt":
-                attempt = Attempt.of(row, f"transcript {path}: line {number}")
+                attempt = Attempt.of(row, where)
                 if name := attempt.unlike(row.get("raw")):
-                    what = f"is changed: its {name} is not what its raw reply says"
-                    raise UserError(self.complaint(attempt.where, what))
-                if found.setdefault(attempt.where, attempt) is attempt:
+                    problem = f"is changed: its {name} is not what its raw reply says"
+                    raise UserError(self.complaint(attempt.where, problem))
+                if attempts.setdefault(attempt.where, attempt) is attempt:
                     self._note_path(attempt)
                 if row.get("key") != attempt.key:
-                    _LOG.warning("transcript %s: line %d: not the key of its request", path, number)
-        return found
+                    _LOG.warning("%s: not the key of its request", where)
+        return attempts
 
 
 def _place(row: Row) -> Place:

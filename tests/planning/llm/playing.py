@@ -1,4 +1,4 @@
-"""Small hands for the tests of the LLM planner: short matches, texts that hold a path, requests."""
+"""Helpers of the language models' tests: clients, planners, short matches, paths as text."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import Limits, Plan, Request
+from fpg_bench.planning.llm.client import Client, Reply
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.servers import Endpoint, load_server
 
@@ -20,8 +21,22 @@ SHORT = dataclasses.replace(
     STANDARD, steps_per_round=STEPS, rounds_per_match=ROUNDS, opponent_path="waypoints"
 )
 LIMITS = Limits.of(SHORT)
-KEY = "sk-a-key-that-nobody-may-see"
+KEY = "sk-0123456789-a-key-that-nobody-may-see"
 BAD = "I would fly to the north."
+CHAT = [{"role": "user", "content": "Where to?"}]
+SCHEMA = {"type": "object", "properties": {"x": {"type": "integer"}}, "required": ["x"]}
+
+
+def client(url: str, server: str = "generic", deadline_s: float = 5.0, **settings) -> Client:
+    """A client of a URL; ``settings`` replace entries of the server's profile."""
+    profile = load_server(server).model_copy(update=settings)
+    return Client(Endpoint(url, "some-model", KEY, profile), deadline_s)
+
+
+def ask(asked: Client, seed: int = 7) -> Reply:
+    """The reply to one question."""
+    (reply,) = asked.complete_all([asked.request_body(CHAT, seed, SCHEMA)])
+    return reply
 
 
 def path(shift: int = 0) -> np.ndarray:
@@ -39,17 +54,17 @@ GOOD = ok(path_text())
 
 
 def endpoint(server, profile: str = "generic") -> Endpoint:
-    """Where a server answers; its model is called ``tiny``."""
+    """The endpoint of a test server; its model is called ``tiny``."""
     return Endpoint(server.url, "tiny", KEY, load_server(profile))
 
 
 def planner(server=None, **options) -> LLMPlanner:
-    """A planner that asks a server of the tests; None: that replays."""
+    """A planner that asks a test server; None: that replays."""
     return LLMPlanner(SHORT, None if server is None else endpoint(server), **options)
 
 
 def request(round: int = 0, seed: int = 1, match: int = 0, game: int = 0, reward: float = 0.5) -> Request:
-    """A request after so many rounds, all alike."""
+    """A request after some rounds, all alike."""
     history = np.zeros((round, 16, 4))
     history[..., :3], history[..., 3] = path(), reward
     rng = np.random.default_rng([seed, match, round])
@@ -70,12 +85,12 @@ def play(with_planner, rounds: int = ROUNDS, games: int = 1, seed: int = 5) -> t
 
 
 def statuses(plans: list[Plan]) -> list[str]:
-    """What became of the question of each plan."""
+    """The status of each plan."""
     return [plan.status for plan in plans]
 
 
 def assert_same(first: tuple[list[Plan], np.ndarray], second: tuple[list[Plan], np.ndarray]) -> None:
-    """Two matches are identical to the bit, and so is what is said of their plans."""
+    """Two matches are identical to the bit, and so are their plans."""
     assert np.array_equal(first[1], second[1])
     for x, y in zip(first[0], second[0], strict=True):
         assert np.array_equal(x.waypoints, y.waypoints)

@@ -13,7 +13,7 @@ import string
 import tempfile
 from pathlib import Path
 
-from fpg_bench.planning.llm.local.server import LocalServer
+from fpg_bench.planning.llm.local_server import LocalServer
 
 WIDTH, LAYERS, HEAD, FORWARD = 64, 2, 16, 128
 CONTEXT = 32768

@@ -124,16 +124,6 @@ def test_what_was_planned_for_a_match_that_has_ended_is_not_flown(change):
     slow.go.release()
 
 
-def test_a_plan_that_comes_after_its_match_is_not_flown():
-    slow = Slow()
-    beside = BackgroundPlanner(slow)
-    beside.plan_batch([request(0)])
-    finish(beside, slow)
-    (plan,) = beside.plan_batch([request(0, match=1)])
-    assert told(plan) == ("circle", "held")
-    slow.go.release()
-
-
 def test_nothing_is_asked_for_after_a_match_s_last_round():
     slow = Slow()
     beside = BackgroundPlanner(slow)

@@ -9,8 +9,8 @@ import math
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.planning.llm.attempt import Attempt
 from fpg_bench.planning.llm.budget import Budget
+from fpg_bench.planning.llm.transcript import Attempt
 
 CALLED = Attempt(
     *(0, 0, 0, 0, {}, "text", None, "", None, "none", "invalid", "standard", "", "none"),

@@ -1,30 +1,59 @@
-"""The client: what it sends, what it makes of every fault, its deadline, and where the key does not go."""
+"""The client: what it sends, its replies to every fault, its deadline, concurrency, and the key's safety."""
 
 from __future__ import annotations
 
+import asyncio
+import copy
 import json
 import logging
+import multiprocessing
+import pickle
+import signal
 import socket
+import subprocess
 import sys
+import threading
+import time
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.planning.llm.client import Client
+from fpg_bench.planning.llm.client import ERRORS, LONGEST_BODY, RETRIES, Client, read_reply
 from fpg_bench.planning.llm.servers import Endpoint, load_server
 
 from . import fault_server as faults
-from .asking import KEY, SCHEMA, TALK, ask, client
-from .fault_server import MODEL, FaultServer, ok
+from .fault_server import MODEL, FaultServer, completion, ok
+from .playing import CHAT, KEY, SCHEMA, ask, client
+
+SPARK_CODES = (10013, 10014, 10019)
+TRIED_AGAIN = 1 + RETRIES
 
 
 def reply_to(*behaviours, **options):
-    """The reply of a server that behaves so, and how many requests it saw."""
+    """The reply of a server that behaves so, and the number of requests that it saw."""
     with FaultServer(behaviours) as server:
         return ask(client(server.url, **options)), len(server.requests)
 
 
-# What is sent
+def read(body, status=200, codes=("content_filter", *SPARK_CODES)):
+    data = body if isinstance(body, bytes) else json.dumps(body).encode()
+    return read_reply(status, data, KEY, codes)
+
+
+def choice(**message):
+    return [{"index": 0, "message": {"role": "assistant", **message}}]
+
+
+def wait_for(condition):
+    end = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+# Requests
 
 
 @pytest.mark.parametrize(
@@ -44,20 +73,20 @@ def test_a_request_holds_what_the_profile_says_and_no_more(server, fields):
     assert request.path == "/v1/chat/completions"
     assert set(request.body) == {"model", "messages", "temperature", *fields}
     assert request.body == reply.sent
-    assert request.body["messages"] == TALK
+    assert request.body["messages"] == CHAT
     assert request.body.get("seed", 7) == 7
 
 
 def test_the_schema_is_sent_in_the_form_that_the_profile_says():
     def form(response_format):
         asked = client("http://127.0.0.1:1", response_format=response_format)
-        return asked.request_body(TALK, 0, SCHEMA).get("response_format")
+        return asked.request_body(CHAT, 0, SCHEMA).get("response_format")
 
     assert form("none") is None
     assert form("json_object") == {"type": "json_object"}
     assert form("json_object_with_schema") == {"type": "json_object", "schema": SCHEMA}
     assert form("json_schema")["json_schema"]["schema"] == SCHEMA
-    assert "response_format" not in client("http://127.0.0.1:1", "vllm").request_body(TALK, 0)
+    assert "response_format" not in client("http://127.0.0.1:1", "vllm").request_body(CHAT, 0)
 
 
 def test_nothing_of_the_environment_or_the_machine_is_sent(monkeypatch):
@@ -70,77 +99,13 @@ def test_nothing_of_the_environment_or_the_machine_is_sent(monkeypatch):
     monkeypatch.setenv("HTTP_PROXY", "http://127.0.0.1:1")  # a proxy has no way back to this machine
     with FaultServer([ok("Hello.")]) as fake:
         assert ask(client(fake.url)).text == "Hello."
-        Client(Endpoint(fake.url, "m")).complete_all([{"model": "m", "messages": TALK}])
+        Client(Endpoint(fake.url, "m")).complete_all([{"model": "m", "messages": CHAT}])
     with_key, without_key = (request.headers for request in fake.requests)
     assert with_key["authorization"] == f"Bearer {KEY}"
     assert "authorization" not in without_key
     assert "of-the-environment" not in str(with_key) + str(without_key)
     telling = [name for name in with_key if name.startswith(("x-stainless-", "openai-"))]
     assert telling == ["x-stainless-raw-response"]
-
-
-# What comes back
-
-
-def test_a_good_answer_is_told_with_its_model_tokens_and_time():
-    reply, _ = reply_to(faults.late(0.05, "Hello."))
-    assert (reply.text, reply.error, reply.detail) == ("Hello.", None, "")
-    assert (reply.model, reply.tokens_in, reply.tokens_out) == (MODEL, 11, 7)
-    assert 0.05 <= reply.seconds < 5
-    assert json.loads(json.dumps(reply.raw))["model"] == MODEL
-
-
-@pytest.mark.parametrize(
-    ("behaviour", "text"),
-    [(faults.bare("Hello."), "Hello."), (faults.think("Hello.", "Hm."), "<think>Hm.</think>\nHello.")],
-)
-def test_answers_of_other_forms_are_answers(behaviour, text):
-    reply, _ = reply_to(behaviour)
-    assert (reply.text, reply.error) == (text, None)
-
-
-@pytest.mark.parametrize(
-    ("behaviour", "error"),
-    [
-        (faults.status(401), "http"),
-        (faults.status(403), "http"),
-        (faults.status(404), "http"),
-        (faults.status(429), "http"),
-        (faults.status(500), "http"),
-        (faults.status(503), "http"),
-        (faults.status(302, {"Location": "/elsewhere"}), "http"),
-        (faults.status(429, {"Retry-After": "Wed, 21 Oct 2099 07:28:00 GMT"}), "http"),
-        (faults.status(429, {"Retry-After": "-1"}), "http"),
-        (faults.error_object(), "http"),
-        (faults.html(502), "http"),
-        (faults.close_socket(), "http"),
-        (faults.close_socket(after=20), "http"),
-        (lambda handler, body: handler.send(200, b"no gzip", {"Content-Encoding": "gzip"}), "invalid"),
-        (faults.html(), "invalid"),
-        (faults.empty_choices(), "invalid"),
-        (faults.ok(None), "invalid"),
-        (faults.cut_json(), "invalid"),
-        (lambda handler, body: handler.send(200, "x" * 3_000_000), "invalid"),
-        (faults.refusal(), "refused"),
-        (faults.content_filter(), "refused"),
-    ],
-)
-def test_a_fault_is_told_after_one_request(behaviour, error):
-    reply, requests = reply_to(behaviour)
-    assert (reply.text, reply.error) == (None, error)
-    assert reply.detail
-    assert "\n" not in reply.detail
-    assert requests == reply.calls == 1
-    assert len(str(reply.raw)) <= 10_000
-
-
-def test_a_server_that_is_not_there_is_told_with_its_address():
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        url = f"http://127.0.0.1:{free.getsockname()[1]}/v1"
-    reply = ask(client(url))
-    assert reply.error == "http"
-    assert url in reply.detail
 
 
 def test_a_redirect_is_not_followed():
@@ -150,74 +115,120 @@ def test_a_redirect_is_not_followed():
     assert not other.requests
 
 
+# Replies of a server
+
+
+def test_a_good_answer_comes_with_its_model_tokens_and_time():
+    reply, _ = reply_to(faults.late(0.05, "Hello."))
+    assert (reply.text, reply.error, reply.detail) == ("Hello.", None, "")
+    assert (reply.model, reply.tokens_in, reply.tokens_out) == (MODEL, 11, 7)
+    assert 0.05 <= reply.seconds < 5
+    assert json.loads(json.dumps(reply.raw))["model"] == MODEL
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "error", "calls"),
+    [
+        (faults.status(401), "http", 1),
+        (faults.status(404), "http", 1),
+        (faults.status(302, {"Location": "/elsewhere"}), "http", 1),
+        (faults.status(429), "http", TRIED_AGAIN),
+        (faults.status(429, {"Retry-After": "Wed, 21 Oct 2099 07:28:00 GMT"}), "http", 1),
+        (faults.status(503, {"Retry-After": "-1"}), "http", TRIED_AGAIN),
+        (faults.html(502), "http", TRIED_AGAIN),
+        (faults.close_socket(), "http", TRIED_AGAIN),
+        (faults.close_socket(after=20), "http", TRIED_AGAIN),
+        (faults.error_object(), "http", 1),
+        (lambda handler, body: handler.send(200, b"no gzip", {"Content-Encoding": "gzip"}), "invalid", 1),
+        (faults.html(), "invalid", 1),
+        (faults.empty_choices(), "invalid", 1),
+        (faults.ok(None), "invalid", 1),
+        (faults.cut_json(), "invalid", 1),
+        (lambda handler, body: handler.send(200, "x" * 3_000_000), "invalid", 1),
+        (faults.refusal(), "refused", 1),
+        (faults.content_filter(), "refused", 1),
+    ],
+)
+def test_a_fault_is_an_error_in_one_line(behaviour, error, calls):
+    reply, requests = reply_to(behaviour, deadline_s=30.0)
+    assert (reply.text, reply.error) == (None, error)
+    assert reply.detail
+    assert "\n" not in reply.detail
+    assert requests == reply.calls == calls
+    assert len(str(reply.raw)) <= 10_000
+
+
+@pytest.mark.parametrize("passing", [faults.status(503), faults.close_socket()])
+def test_a_passing_fault_is_tried_again(passing):
+    reply, requests = reply_to(passing, ok("Hello."), server="vllm", deadline_s=30.0)
+    assert (reply.text, reply.calls, requests, reply.dropped) == ("Hello.", 2, 2, ())
+
+
+def test_a_server_that_is_not_there_is_named_with_its_address():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        url = f"http://127.0.0.1:{free.getsockname()[1]}/v1"
+    reply = ask(client(url, deadline_s=30.0))
+    assert (reply.error, reply.hopeless) == ("http", True)
+    assert url in reply.detail
+
+
 # The deadline
 
 
 @pytest.mark.parametrize("behaviour", [faults.late(30, "late"), faults.trickle(30)])
 def test_the_deadline_holds_whatever_trickles_in(behaviour):
-    reply, _ = reply_to(behaviour, deadline_s=0.2)
+    with FaultServer([behaviour]) as fake:
+        asked = client(fake.url, deadline_s=0.5)
+        reply = ask(asked)
     assert (reply.text, reply.error) == (None, "timeout")
-    assert 0.2 <= reply.seconds < 5
+    assert 0.5 <= reply.seconds < 20
     assert reply.sent["model"] == "some-model"
+    assert "no answer within 0.5 s" in reply.detail
 
 
-def test_a_429_is_waited_for_once_where_that_fits_the_deadline():
-    limited = faults.status(429, {"Retry-After": "0.1"})
-    reply, requests = reply_to(limited, ok("Hello."))
+def test_a_429_is_waited_for_within_the_deadline():
+    reply, requests = reply_to(faults.status(429, {"Retry-After": "0.1"}), ok("Hello."), deadline_s=30.0)
     assert (reply.text, reply.calls, requests) == ("Hello.", 2, 2)
     assert reply.seconds >= 0.1
-    reply, requests = reply_to(limited, limited, ok("Hello."))
-    assert (reply.error, reply.calls, requests) == ("http", 2, 2)
-
-
-def test_a_429_that_asks_for_more_than_the_deadline_is_told_at_once():
-    reply, requests = reply_to(faults.status(429, {"Retry-After": "60"}), ok("Hello."))
-    assert (reply.error, requests) == ("http", 1)
-    assert reply.seconds < 5
+    reply, requests = reply_to(faults.status(429, {"Retry-After": "50"}), ok("Hello."), deadline_s=2.0)
+    assert (reply.error, requests) == ("timeout", 1)
+    assert reply.detail.startswith("no answer within 2 s, HTTP 429 before")
 
 
 # Fields that a server refuses
 
 
-@pytest.mark.parametrize("name", ["seed", "response_format", "temperature"])
-@pytest.mark.parametrize("code", [400, 422, 500])
-def test_a_field_that_the_server_names_is_left_out_from_then_on(name, code, caplog):
-    with FaultServer([faults.reject_field(name, "Hello.", code)]) as fake:
-        asked = client(fake.url, "vllm")
+def unnamed(code):
+    """Refuses the schema, and does not say so."""
+    bad = faults.status(code, body={"error": {"message": "bad request"}})
+    return lambda handler, body: (bad if "response_format" in body else ok("Hello."))(handler, body)
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "name", "calls"),
+    [
+        *[(faults.reject_field(name, "Hello.", 400), name, 2) for name in ("seed", "temperature")],
+        (faults.reject_field("response_format", "Hello.", 422), "response_format", 2),
+        (faults.reject_field("response_format", "Hello.", 500), "response_format", TRIED_AGAIN + 1),
+        (unnamed(400), "response_format", 2),
+        (unnamed(500), "response_format", TRIED_AGAIN + 1),
+    ],
+)
+def test_a_field_that_the_server_refuses_is_left_out_from_then_on(behaviour, name, calls, caplog):
+    with FaultServer([behaviour]) as fake:
+        asked = client(fake.url, "vllm", deadline_s=30.0)
         replies = [ask(asked), ask(asked)]
     assert [reply.text for reply in replies] == ["Hello.", "Hello."]
-    assert [reply.calls for reply in replies] == [2, 1]
+    assert [reply.calls for reply in replies] == [calls, 1]
     assert all(reply.dropped == (name,) and name in reply.detail for reply in replies)
     left = {"model", "messages", "temperature", "max_tokens", "seed", "response_format"} - {name}
-    assert set(replies[1].sent) == set(fake.requests[1].body) == left
-    assert name in asked.request_body(TALK, 7, SCHEMA)  # what is asked stays, whatever was found out
+    assert set(replies[1].sent) == set(fake.requests[-1].body) == left
+    assert name in asked.request_body(CHAT, 7, SCHEMA)  # the question itself stays the same
     assert len([record for record in caplog.records if name in record.message]) == 1
 
 
-def unnamed(name, code):
-    """Refuses a field, and does not say which."""
-    bad = faults.status(code, body={"error": {"message": "bad request"}})
-    return lambda handler, body: (bad if name in body else ok("Hello."))(handler, body)
-
-
-@pytest.mark.parametrize(("code", "calls"), [(400, [2, 1, 1]), (500, [2, 2, 1])])
-def test_an_error_that_names_nothing_is_tried_without_the_schema(code, calls):
-    with FaultServer([unnamed("response_format", code)]) as fake:
-        asked = client(fake.url, "vllm")
-        replies = [ask(asked) for _ in range(3)]
-    assert [reply.calls for reply in replies] == calls
-    assert all(reply.dropped == ("response_format",) for reply in replies)
-
-
-def test_a_passing_error_costs_no_field_for_good():
-    with FaultServer([faults.status(500), ok("Hello.")]) as fake:
-        asked = client(fake.url, "vllm")
-        first, second = ask(asked), ask(asked)
-    assert (first.text, second.text) == ("Hello.", "Hello.")
-    assert "response_format" in second.sent
-
-
-def test_a_lasting_error_is_told_when_nothing_is_left_to_leave_out():
+def test_a_lasting_error_is_returned_when_nothing_is_left_to_leave_out():
     reply, requests = reply_to(faults.status(400), server="vllm")
     assert (reply.error, reply.calls, requests) == ("http", 3, 3)
     reply, requests = reply_to(faults.status(400))
@@ -253,11 +264,33 @@ TRICKLE = faults.trickle(30)
 def test_the_key_is_in_no_reply_no_log_and_no_repr(behaviour, caplog):
     caplog.set_level(logging.DEBUG)
     with FaultServer([behaviour]) as fake:
-        asked = client(fake.url, deadline_s=0.5 if behaviour is TRICKLE else 3)
+        asked = client(fake.url, deadline_s=0.5 if behaviour is TRICKLE else 30)
         reply = ask(asked)
+        wait_for(lambda: fake.requests)
         assert fake.requests[0].headers["authorization"].endswith(KEY)
     assert KEY not in repr(reply) + repr(asked) + repr(vars(asked)) + caplog.text
     assert KEY not in repr([vars(record) for record in caplog.records])
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        completion(f"Your key is {KEY}."),
+        {"error": {"message": f"wrong key {KEY}"}},
+        f"wrong key, you said: {KEY}".encode(),
+        b'{"error": "wrong key ' + "".join(f"\\u{ord(letter):04x}" for letter in KEY).encode() + b'"}',
+    ],
+)
+@pytest.mark.parametrize("status", [200, 401])
+def test_a_key_that_a_server_repeats_is_struck_out(body, status):
+    reply = read(body, status)
+    assert KEY not in repr(reply)
+    assert "***" in repr(reply)
+
+
+def test_a_key_that_is_a_common_word_does_not_change_the_answer():
+    body = json.dumps(completion('{"waypoints": [{"x": 1}]}')).encode()
+    assert read_reply(200, body, "x", ()).text == '{"waypoints": [{"x": 1}]}'
 
 
 def test_without_the_package_one_line_says_what_to_install(monkeypatch):
@@ -266,20 +299,263 @@ def test_without_the_package_one_line_says_what_to_install(monkeypatch):
         client("http://127.0.0.1:1/v1")
 
 
+# Reading of bodies
+
+
+def test_a_completion_may_lack_everything_but_its_text():
+    reply = read({"choices": choice(content="Hello.")})
+    assert (reply.text, reply.error) == ("Hello.", None)
+    assert (reply.model, reply.tokens_in, reply.tokens_out) == (None, None, None)
+
+
+def test_the_parts_of_a_content_are_joined_without_halves_of_letters():
+    parts = [{"type": "text", "text": "Hel"}, {"type": "text", "text": "lo."}, "?"]
+    assert read({"choices": choice(content=parts)}).text == "Hello."
+    read(b'{"choices": [{"message": {"content": "a\\ud800b"}}]}').text.encode()
+
+
+@pytest.mark.parametrize(
+    "usage", [7, [], {"prompt_tokens": "7"}, {"prompt_tokens": True}, {"prompt_tokens": -1}]
+)
+def test_invalid_counts_of_tokens_are_left_out(usage):
+    reply = read(completion("Hello.", usage=usage))
+    assert (reply.error, reply.tokens_in, reply.tokens_out) == (None, None, None)
+
+
+@pytest.mark.parametrize(
+    ("body", "detail"),
+    [
+        (b"  ", "empty"),
+        (b"<!doctype html><p>It works", "a web page"),
+        (b'{"choices": [{"mess', "cut or broken JSON"),
+        (b"\xff\xfe\x00", "cut or broken JSON"),
+        (b"[1]", "other JSON"),
+        (b"x" * LONGEST_BODY, "more than 1000000 bytes"),
+        (b"[" * 100_000, "cut or broken JSON"),
+        (b'{"choices": ' + b"9" * 5000 + b"}", "cut or broken JSON"),
+        (b'{"choices": NaN}', "cut or broken JSON"),
+        ({"choices": []}, "no choices"),
+        ({"choices": 7}, "no text"),
+        ({"choices": [{"message": None}]}, "no text"),
+        ({"choices": choice(content=" \n")}, "no text"),
+        ({"choices": choice(content={"a": 1})}, "no text"),
+        ({"choices": [{"finish_reason": "length", "message": {"content": ""}}]}, "cut off at max_tokens"),
+    ],
+)
+def test_what_is_no_completion_is_invalid(body, detail):
+    reply = read(body)
+    assert (reply.text, reply.error) == (None, "invalid")
+    assert detail in reply.detail
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "error", "detail"),
+    [
+        ({"error": {"message": "out of quota", "code": "insufficient_quota"}}, 200, "http", "out of quota"),
+        ({"error": {"reason": 7}}, 200, "http", '{"reason": 7}'),
+        ({"code": 10007, "message": "traffic is limited", "sid": "cha"}, 200, "http", "traffic is limited"),
+        ({"choices": None, "error": {"message": "out of\nquota"}}, 200, "http", "out of quota"),
+        ({"error": {"message": "no"}}, 401, "http", "FPG_LLM_API_KEY"),
+        ({"detail": "Not Found"}, 404, "http", "FPG_LLM_MODEL"),
+        ({"detail": [{"loc": ["body", "seed"]}]}, 422, "http", "seed"),
+        (b"<html>Bad gateway</html>", 502, "http", "HTTP 502"),
+        (b"Internal Server Error", 500, "http", "Internal Server Error"),
+        (completion(None, choices=choice(content=None, refusal="I can't.")), 200, "refused", "I can't."),
+        ({"code": 10013, "message": "the question was held back"}, 200, "refused", "held back"),
+        ({"error": {"code": "10014", "message": "the answer was held back"}}, 200, "refused", "held back"),
+        ({"error": {"code": "content_filter", "message": "held back"}}, 400, "refused", "held back"),
+    ],
+)
+def test_errors_and_refusals_come_with_the_server_s_message(body, status, error, detail):
+    reply = read(body, status)
+    assert (reply.text, reply.error) == (None, error)
+    assert detail in reply.detail
+    assert "<html>" not in reply.detail
+
+
+def test_details_are_one_short_line():
+    reply = read({"error": {"message": "a\nb\r\n" * 1000}})
+    assert "\n" not in reply.detail
+    assert len(reply.detail) <= 200
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "hopeless"),
+    [
+        *[({"error": {"message": "no"}}, status, True) for status in (301, 308, 401, 403, 404, 405)],
+        *[({"error": {"message": "no"}}, status, False) for status in (400, 408, 422, 429, 500, 502, 503)],
+        ({"error": {"code": "content_filter"}}, 403, False),
+        (b"<html>It works", 200, True),
+        (b"<html>Bad gateway", 502, False),
+        (b'{"choices": [{"mess', 200, False),
+        ({"error": {"message": "out of quota"}}, 200, False),
+        ({"choices": []}, 200, False),
+        (completion("Hello."), 200, False),
+    ],
+)
+def test_errors_that_asking_again_cannot_mend_are_marked(body, status, hopeless):
+    assert read(body, status).hopeless is hopeless
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+    lambda inner: (
+        st.lists(inner)
+        | st.dictionaries(
+            st.sampled_from(["choices", "message", "content", "error", "code", "usage", "refusal", "detail"]),
+            inner,
+        )
+    ),
+)
+
+
+@given(st.binary() | json_values.map(lambda value: json.dumps(value).encode()), st.sampled_from([200, 400]))
+def test_anything_at_all_becomes_a_reply(body, status):
+    reply = read(body, status)
+    assert (reply.error is None) == (reply.text is not None)
+    assert reply.error is None or reply.error in ERRORS
+    json.dumps(reply.raw, allow_nan=False)
+
+
+# Many questions: threads, event loops, processes, copies
+
+
+@pytest.mark.parametrize("concurrency", [1, 4, 100])
+def test_replies_come_in_the_order_of_the_questions(concurrency):
+    with FaultServer([faults.answer(lambda body: f"seed {body['seed']}")]) as fake:
+        asked = client(fake.url, "vllm", deadline_s=30.0)
+        replies = asked.complete_all([asked.request_body(CHAT, seed) for seed in range(9)], concurrency)
+    assert [reply.text for reply in replies] == [f"seed {seed}" for seed in range(9)]
+    assert asked.complete_all([]) == []
+
+
+@pytest.mark.parametrize("concurrency", [1, 3])
+def test_no_more_questions_are_under_way_than_allowed(concurrency):
+    under_way, most, lock = 0, 0, threading.Lock()
+
+    def slow(handler, body):
+        nonlocal under_way, most
+        with lock:
+            under_way += 1
+            most = max(most, under_way)
+        handler.wait(0.1)
+        with lock:
+            under_way -= 1
+        ok("Hello.")(handler, body)
+
+    with FaultServer([slow]) as fake:
+        asked = client(fake.url, deadline_s=30.0)
+        asked.complete_all([asked.request_body(CHAT, 0)] * 9, concurrency)
+    assert most == concurrency
+
+
+def test_each_reply_is_kept_as_soon_as_it_arrives_and_an_error_of_that_is_raised():
+    def disk_full(index, reply):
+        raise OSError("no space left")
+
+    kept, last = [], threading.Event()
+
+    def answer(body):
+        return str(body["seed"] if body["seed"] else last.wait(30) and 0)
+
+    def keep(index, reply):
+        kept.append((index, reply.text))
+        if len(kept) == 2:
+            last.set()
+
+    with FaultServer([faults.answer(answer)]) as fake:
+        asked = client(fake.url, "vllm", deadline_s=60.0)
+        bodies = [asked.request_body(CHAT, seed) for seed in range(3)]
+        asked.complete_all(bodies, 3, keep)
+        with pytest.raises(OSError, match="no space left"):
+            asked.complete_all(bodies, 1, disk_full)
+    assert sorted(kept) == [(0, "0"), (1, "1"), (2, "2")]
+    assert kept[-1] == (0, "0")
+
+
+def test_it_works_beside_a_running_event_loop_in_threads_and_awaited():
+    with FaultServer([ok("Hello.")]) as fake:
+        asked = client(fake.url, deadline_s=30.0)
+        body = asked.request_body(CHAT, 0)
+
+        async def notebook():
+            return [*asked.complete_all([body]), await asked.complete(body)]
+
+        replies = asyncio.run(notebook()) + asyncio.run(notebook())
+        threads = [threading.Thread(target=lambda: replies.append(ask(asked))) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert [reply.text for reply in replies] == ["Hello."] * 8
+
+
+def test_it_can_be_copied_and_pickled_after_use(monkeypatch):
+    monkeypatch.setenv("FPG_LLM_API_KEY", "another-key")
+    with FaultServer([ok("Hello.")]) as fake:
+        asked = client(fake.url, deadline_s=30.0)
+        ask(asked)
+        assert KEY.encode() not in pickle.dumps(asked)
+        for other in (copy.deepcopy(asked), pickle.loads(pickle.dumps(asked))):
+            assert ask(other).text == "Hello."
+    keys = [request.headers["authorization"].removeprefix("Bearer ") for request in fake.requests]
+    assert keys == [KEY, KEY, "another-key"]
+
+
+@pytest.mark.process
+def test_it_works_in_a_forked_process():
+    with FaultServer([ok("Hello.")]) as fake:
+        asked = client(fake.url, deadline_s=30.0)
+        ask(asked)
+        context = multiprocessing.get_context("fork")
+        theirs, ours = context.Pipe()
+        process = context.Process(target=lambda: theirs.send(ask(asked).text), daemon=True)
+        process.start()
+        assert ours.poll(30)
+        assert ours.recv() == "Hello."
+        process.join()
+
+
+SLOW_CALL = """
+import sys, threading
+from fpg_bench.planning.llm.client import Client
+from fpg_bench.planning.llm.servers import Endpoint
+client = Client(Endpoint(sys.argv[1], "m"), 60)
+bodies = [client.request_body([{"role": "user", "content": "hi"}], 0)] * 3
+"""
+IN_A_THREAD = """
+threading.Thread(target=client.complete_all, args=[bodies], daemon=True).start()
+sys.stdin.readline()
+"""
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(("code", "interrupt"), [("client.complete_all(bodies)", True), (IN_A_THREAD, False)])
+def test_a_process_ends_at_once_while_a_call_is_under_way(code, interrupt):
+    # As in a terminal: a process that is started in the background may not hear the signal
+    hear = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731
+    pipes = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with FaultServer([faults.late(60, "late")]) as fake:
+        command = [sys.executable, "-c", SLOW_CALL + code, fake.url]
+        process = subprocess.Popen(command, **pipes, preexec_fn=hear)
+        wait_for(lambda: fake.requests)
+        if interrupt:
+            process.send_signal(signal.SIGINT)
+        _, errors = process.communicate("go\n", timeout=30)
+    assert ("KeyboardInterrupt" in errors) == interrupt == (process.returncode != 0)
+    assert len(fake.requests) == 1
+
+
 # A real server
 
 
-def test_free_text_of_a_real_server_is_told(llama_server):
-    reply = ask(client(llama_server.url, max_tokens=50))
+def test_a_real_server_answers_enforces_a_schema_and_repeats_a_seed(llama_server):
+    reply = ask(client(llama_server.url, deadline_s=60.0, max_tokens=50))
     assert reply.error is None
     assert reply.text
     assert reply.tokens_in > 0
     assert 0 < reply.tokens_out <= 50
-
-
-def test_a_real_server_enforces_a_schema_and_repeats_a_seed(llama_server):
-    endpoint = Endpoint(llama_server.url, llama_server.model, KEY, load_server("llama.cpp"))
-    asked = Client(endpoint, 20)
+    asked = Client(Endpoint(llama_server.url, llama_server.model, KEY, load_server("llama.cpp")), 60)
     bounds = {"type": "integer", "minimum": 0, "maximum": 1500}
     point = {
         "type": "object",
@@ -289,7 +565,7 @@ def test_a_real_server_enforces_a_schema_and_repeats_a_seed(llama_server):
     }
     points = {"type": "array", "items": point, "minItems": 4, "maxItems": 4}
     schema = {"type": "object", "properties": {"waypoints": points}, "required": ["waypoints"]}
-    bodies = [asked.request_body(TALK, seed, schema) for seed in (1, 1, 2)]
+    bodies = [asked.request_body(CHAT, seed, schema) for seed in (1, 1, 2)]
     first, again, other = (reply.text for reply in asked.complete_all(bodies))
     assert first == again != other
     for text in (first, other):

@@ -1,36 +1,35 @@
-"""The committed transcripts of the small model: replayed, they give the committed tables."""
-
-import shutil
+"""The committed transcripts of the small model: replayed, they give the committed table."""
 
 import pytest
 
-from scripts import measure_language_model as script
+from fpg_bench.evaluation.compare import compare
+from fpg_bench.evaluation.table import write_table
 from tests.programs import ROOT
 
 COMMITTED = ROOT / "results/language-model"
-TIMED = ("s per plan",)  # of planners that are no language models, measured anew
 
 
-def columns(text):
-    """The table's columns by their heads."""
-    head, _, *rows = [line for line in text.splitlines() if line.startswith("|")]
-    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in (head, *rows)]
-    return {name: cells for name, *cells in zip(*lines, strict=True) if name not in TIMED}
+def rows(text):
+    """The table's rows by their planners, without the times, which are measured anew."""
+    head, _, *lines = [line for line in text.splitlines() if line.startswith("|")]
+    names, *cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in (head, *lines)]
+    table = [dict(zip(names, row, strict=True)) for row in cells]
+    return {row["planner"]: {name: row[name] for name in names if name != "s per plan"} for row in table}
 
 
 @pytest.mark.slow
-def test_the_transcripts_give_the_tables(tmp_path, capsys):
-    shutil.copytree(COMMITTED / "transcripts", tmp_path / "transcripts")
-    script.table([], tmp_path, tmp_path, matches=4)
-    for name in ("differences.md", "speed.md"):
-        assert (tmp_path / name).read_text() == (COMMITTED / name).read_text()
-    found, known = (columns((folder / "table.md").read_text()) for folder in (tmp_path, COMMITTED))
-    assert found == known
+def test_the_transcripts_give_the_table(tmp_path):
+    field = str(ROOT / "scripts/planner-expert.yml")
+    compared = compare(["circle"], field, tmp_path, matches=4, transcripts=COMMITTED / "transcripts")
+    write_table(compared, compared[0].field, tmp_path)
+    committed = rows((COMMITTED / "table.md").read_text())
+    replayed = rows((tmp_path / "table.md").read_text())
+    assert len(replayed) > 5
+    assert {name: replayed[name] for name in replayed} == {name: committed[name] for name in replayed}
 
 
-def test_the_page_says_what_the_tables_say():
+def test_the_page_says_what_the_table_says():
     page = (ROOT / "docs/explanation/language-model.md").read_text()
-    told = columns((COMMITTED / "table.md").read_text())
-    missing = [score for score in told["score last 3"] if f" {score} [" not in page]
-    assert told["planner"]
-    assert missing == []
+    committed = rows((COMMITTED / "table.md").read_text())
+    assert committed
+    assert not [row for row in committed.values() if f" {row['score last 3']} [" not in page]

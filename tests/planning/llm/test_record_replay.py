@@ -36,7 +36,7 @@ from .playing import (
 def recorded(tmp_path):
     """A transcript of a match with good, repaired, bad and no answers, and the match."""
     file = tmp_path / "transcript.jsonl"
-    behaviours = [ok(BAD), ok(path_text(1)), ok(BAD), refusal(), status(500), ok(path_text(2) + "!")]
+    behaviours = [ok(BAD), ok(path_text(1)), ok(BAD), refusal(), status(400), ok(path_text(2) + "!")]
     with FaultServer(behaviours) as server:
         return file, play(planner(server, transcript=file))
 

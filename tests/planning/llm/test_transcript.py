@@ -11,9 +11,7 @@ import pickle
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.planning.llm.attempt import Attempt, alike
-from fpg_bench.planning.llm.chain import chain_start
-from fpg_bench.planning.llm.transcript import Transcript
+from fpg_bench.planning.llm.transcript import Attempt, Transcript, alike, chain_start
 from tests.programs import python
 
 from .playing import path, request
