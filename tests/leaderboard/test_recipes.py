@@ -1,4 +1,4 @@
-"""What the seed of a closing decides: recipes of candidates, and which of them are selected."""
+"""Recipes of candidates, which follow from the seed of a closing, and the selection of members."""
 
 from __future__ import annotations
 
