@@ -22,13 +22,12 @@ from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.ids import DUEL, sides_of
+from fpg_bench.common.parallel import Job, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.jobs.job import Job
-from fpg_bench.jobs.run import run_jobs
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.training.config import GameOptions, RunConfig

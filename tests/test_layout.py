@@ -30,7 +30,7 @@ FLOORS = {
     "plain_json": 0,
     "rows": 0,
     "schema": 0,
-    "jobs": 1,
+    "parallel": 1,
     "game": 1,
     "players": 2,
     "planning": 2,
@@ -125,7 +125,6 @@ def test_a_circle_that_a_function_hides_is_found():
     ("door", "home"),
     [
         ("numba.core", "game/compiling.py"),
-        ("joblib.externals", "jobs/local.py"),
         ("._trial_id", "training/tuning/storage.py"),
         ("._setup_learn", "training/maddpg.py"),
     ],
@@ -139,12 +138,10 @@ def test_a_private_door_of_another_package_is_opened_in_one_place(door, home):
 def test_the_private_doors_are_still_there():
     """Tells which one an upgrade has closed."""
     import optuna
-    from joblib.externals.loky import ProcessPoolExecutor
     from numba.core import event
     from stable_baselines3.common.base_class import BaseAlgorithm
 
     assert callable(event.register)
-    assert callable(ProcessPoolExecutor.submit)
     assert callable(BaseAlgorithm._setup_learn)
     trial = optuna.create_study().ask()
     assert isinstance(trial._trial_id, int)

@@ -252,7 +252,7 @@ def shown_progress() -> Iterator[Callable[[str], None]]:
     """Something to tell what is under way: it draws it on a terminal, and else prints it now and then."""
     from rich.progress import Progress
 
-    from fpg_bench.jobs.run import LINE_EVERY_S
+    from fpg_bench.common.parallel import LINE_EVERY_S
 
     told = time.monotonic()
     with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:

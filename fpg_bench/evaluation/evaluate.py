@@ -13,6 +13,7 @@ from typing import Any
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_json
+from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import Entry, check_kept, check_seeds, entries_of
 from fpg_bench.evaluation.play import play
@@ -20,8 +21,6 @@ from fpg_bench.evaluation.record import Record, read_records
 from fpg_bench.evaluation.suite import Rival, Suite, load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.evaluation.table import Results
-from fpg_bench.jobs.job import Job, check_all_done
-from fpg_bench.jobs.run import Workers, run_jobs
 
 RECORDS, ABOUT = "records.jsonl", "evaluation.json"  # the files of a results folder
 Progress = Callable[[Entry, Rival, int], None]  # told how many rounds of each match were played
@@ -52,7 +51,7 @@ def evaluate(
         progress: called before each meeting and after each of its rounds, where they are played one by one.
         say: told a line per meeting that begins or ends, where several are played at once.
         **workers: ``jobs``, how many meetings are played at once (the lines are the same, their order may
-            differ), ``backend`` and ``address``; see :class:`fpg_bench.jobs.run.Workers`.
+            differ), ``backend`` and ``address``; see :class:`fpg_bench.common.parallel.Workers`.
 
     Returns:
         The summaries of all entries in the folder, best first, with ``table()`` and ``dataframe()``.

@@ -11,10 +11,8 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_json
+from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.seeds import PROTOCOL
-from fpg_bench.jobs.folders import folder_job
-from fpg_bench.jobs.job import Job, check_all_done
-from fpg_bench.jobs.run import run_jobs
 from fpg_bench.leaderboard.close_season import ROUNDS, play_pair, shuffled, train_candidate
 from fpg_bench.leaderboard.season import (
     OTHER,

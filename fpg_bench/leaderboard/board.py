@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from fpg_bench.common.errors import nearest
+from fpg_bench.common.parallel import outcome_of
 from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey, current_season
 from fpg_bench.evaluation.statistics import (
     FEW_SEEDS,
@@ -25,7 +26,6 @@ from fpg_bench.evaluation.statistics import (
 from fpg_bench.evaluation.suite import Scale
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import learning_curve, over_rounds
-from fpg_bench.jobs.job import outcome_of
 from fpg_bench.leaderboard.cases import Case, case_of, entered, result_file, submission_folders
 from fpg_bench.leaderboard.crossplay import WITHIN
 from fpg_bench.leaderboard.folder import brief

@@ -21,15 +21,13 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, read_yaml, write_whole
 from fpg_bench.common.ids import policy_env
+from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.scenario import STANDARD, as_scenario
-from fpg_bench.jobs.folders import folder_job
-from fpg_bench.jobs.job import Job, check_all_done
-from fpg_bench.jobs.run import run_jobs
 from fpg_bench.leaderboard.season import (
     FILE,
     OTHER,
@@ -358,7 +356,7 @@ def close_season(
         closing: what to close.
         out: the season's folder; ``season.yml`` is written last.
         sides: train the candidates of these sides only; the season is closed once both are there.
-        workers, backend, address: see :func:`fpg_bench.jobs.run.run_jobs`.
+        workers, backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
         say: called with a line per candidate that starts or ends.
 
     Returns:

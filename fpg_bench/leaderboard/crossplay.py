@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.files import write_whole
+from fpg_bench.common.parallel import Workers, folder_job, run_jobs
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.play import LOST_SCORE
@@ -22,8 +23,6 @@ from fpg_bench.evaluation.rounds import make_match as match_of
 from fpg_bench.evaluation.rounds import play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.jobs.folders import folder_job
-from fpg_bench.jobs.run import Workers, run_quietly
 from fpg_bench.leaderboard.cases import at_work, check_share, work_folder
 from fpg_bench.leaderboard.pairs import (
     ROUNDS,
@@ -62,7 +61,7 @@ def play_missing(
         rounds: of each pair, dealt out evenly to the training seeds of both.
         trusted: the rows that are believed; all others are played again and replaced. None: all are.
         say: told how it goes.
-        **workers: how many allies play at once, and where; see :class:`fpg_bench.jobs.run.Workers`.
+        **workers: how many allies play at once, and where; see :class:`fpg_bench.common.parallel.Workers`.
 
     Returns:
         What could not be played, and which untrusted rows did not hold, one line each.
@@ -140,7 +139,7 @@ def _play(
         fill, done = partial(_fill, ally, others, rounds), partial(_is_done, folder, keys)
         jobs.append(folder_job(ally.slug, folder, fill, done))
         folders.append((folder, keys))
-    failed = run_quietly(jobs, workers)
+    failed = run_jobs(jobs, workers.jobs, workers.backend, workers.address, say=None)
     rows = [row for folder, keys in folders for row in _rows(folder) if row["key"] in keys]
     shutil.rmtree(work, ignore_errors=True)
     lost = [f"{row['ally']} - {row['opponent']}: {row[FAILED]}" for row in rows if FAILED in row]

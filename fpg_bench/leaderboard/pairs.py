@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.checks import is_whole
+from fpg_bench.common.parallel import outcome_of
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import Scale
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.jobs.job import outcome_of
 from fpg_bench.leaderboard.cases import Case, make_case, submission_folders
 from fpg_bench.leaderboard.playing import Part, parts_of
 from fpg_bench.leaderboard.tracks import PUBLIC

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from fpg_bench.common.parallel import outcome_of
 from fpg_bench.evaluation.record import Record
-from fpg_bench.jobs.job import outcome_of
 from fpg_bench.leaderboard.agreement import disagreements, same_to_the_bit
 from fpg_bench.leaderboard.cases import Case, again, result_at
 from fpg_bench.leaderboard.playing import failure_in, key_of, open_in, records_in

@@ -11,9 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError, meant, printable
-from fpg_bench.jobs.folders import folder_job
-from fpg_bench.jobs.job import Job, outcome_of
-from fpg_bench.jobs.run import Workers, run_quietly
+from fpg_bench.common.parallel import Job, Workers, folder_job, outcome_of, run_jobs
 from fpg_bench.leaderboard.cases import (
     Case,
     at_work,
@@ -59,7 +57,7 @@ def verify(
             came along as a result is compared with them.
         changes_known: that other files changed since, too, is known.
         say: told a line per submission as it ends.
-        **workers: how many policies are played at once, and where; see :class:`fpg_bench.jobs.run.Workers`.
+        **workers: how many policies are played at once, and where; see :class:`fpg_bench.common.parallel.Workers`.
 
     Returns:
         The verdicts, by track and name.
@@ -79,7 +77,8 @@ def verify(
         if not names:
             session.check_strays()
         jobs = [job for case in cases for job in session.jobs(case)]
-        session.failed |= run_quietly(jobs, Workers(**workers))
+        crew = Workers(**workers)
+        session.failed |= run_jobs(jobs, crew.jobs, crew.backend, crew.address, say=None)
         for case in cases:
             session.settle(case)
     return sorted(session.verdicts.values(), key=lambda verdict: verdict.name)

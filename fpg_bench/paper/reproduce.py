@@ -9,8 +9,7 @@ from typing import Any
 
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.jobs.job import Job, check_all_done
-from fpg_bench.jobs.run import run_jobs
+from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.paper.cells import PRESET, every_condition, names
 from fpg_bench.paper.cells_report import write_cells
 from fpg_bench.paper.conditions import LLM, LONG, SHORT_SEEDS, Condition, conditions_of
@@ -49,7 +48,7 @@ def reproduce(
             its planner; ``transcript``: replay that file. None: it is not run, and the report says so.
         learner: who updates the networks, ``torch`` or ``jax``, which takes less time and needs the
             extra ``fast``.
-        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`fpg_bench.jobs.run.run_jobs`.
+        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`fpg_bench.common.parallel.run_jobs`.
 
     Returns:
         The files written: figures, then the report.

@@ -20,13 +20,12 @@ from typing import Any
 import numpy as np
 from scipy.stats import ttest_ind
 
+from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.envs.core import JointGame
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.game.measures import spectrum_overlap
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.jobs.job import Job, check_all_done
-from fpg_bench.jobs.run import run_jobs
 from fpg_bench.paper.claims import STRONGER
 from fpg_bench.paper.conditions import FIXED_PATHS
 from fpg_bench.paper.readings import REMEMBERED, Reading
@@ -242,7 +241,7 @@ def screen_all(readings: Iterable[Reading], file: Path, games: int = 96, **where
         readings: which.
         file: of the rows.
         games: see :func:`screen`.
-        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`fpg_bench.jobs.run.run_jobs`.
+        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`fpg_bench.common.parallel.run_jobs`.
 
     Returns:
         The rows, in the order of the readings.

@@ -16,9 +16,9 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
+from fpg_bench.common.parallel import LINE_EVERY_S
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
-from fpg_bench.jobs.run import LINE_EVERY_S
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.checkpoint import save_checkpoint
 from fpg_bench.training.models import by_side

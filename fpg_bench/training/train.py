@@ -23,14 +23,12 @@ from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_whole
 from fpg_bench.common.ids import DUEL
+from fpg_bench.common.parallel import check_all_done, folder_job, run_jobs
 from fpg_bench.common.rows import Row
 from fpg_bench.envs.core import SingleAgentGame
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.game.scenario import STANDARD, Scenario
-from fpg_bench.jobs.folders import folder_job
-from fpg_bench.jobs.job import check_all_done
-from fpg_bench.jobs.run import run_jobs
 from fpg_bench.planning import LLM_CONTROLS
 from fpg_bench.rendering.canvas import SIDE_COLOURS, blank_figure
 from fpg_bench.training.algorithms import find_algorithm
@@ -153,7 +151,7 @@ def train_seeds(
         evaluations: number of evaluations during each training.
         restart: begin unfinished runs again, from the start; otherwise they are resumed.
         workers, backend, address: how many are trained at once, one thread each, and where; see
-            :func:`fpg_bench.jobs.run.run_jobs`.
+            :func:`fpg_bench.common.parallel.run_jobs`.
         say: called with a line per run that begins or ends.
 
     Raises:

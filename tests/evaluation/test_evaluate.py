@@ -11,6 +11,7 @@ import pytest
 
 import fpg_bench
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.parallel import Workers
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation import evaluate as evaluating
 from fpg_bench.evaluation.entry import Entry, entries_of, player_entry
@@ -18,7 +19,6 @@ from fpg_bench.evaluation.evaluate import evaluate, play_into, read_results
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.table import write_table
-from fpg_bench.jobs.run import Workers
 from fpg_bench.players.scripted import Scripted
 from tests.training.making import SUITE, make_agent, make_zoo
 

@@ -88,7 +88,7 @@ def test_an_honest_result_that_came_along_is_good(trusted):
 def test_what_was_claimed_is_not_forgotten_when_playing_is_broken_off(trusted, monkeypatch):
     forged(trusted, "ally/honest")
     with monkeypatch.context() as broken:
-        broken.setattr("fpg_bench.leaderboard.verify.run_quietly", lambda *how: 1 / 0)
+        broken.setattr("fpg_bench.leaderboard.verify.run_jobs", lambda *how, **more: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             verify(trusted, since="HEAD", say=lambda record: None)
     verdicts = {v.name: v for v in verify(trusted, since="HEAD", say=lambda record: None)}

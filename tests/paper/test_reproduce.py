@@ -99,7 +99,7 @@ def test_a_run_says_how_it_was_made_and_what_happened(made):
 def test_what_was_run_is_not_run_again(made, monkeypatch):
     monkeypatch.setattr(reproducing, "draw", lambda *_: {})
     out, _, first = made
-    assert sum("begins" in line for line in first) == 3
+    assert sum("done after" in line for line in first) == 3
     said: list[str] = []
     reproduce("fig5", out, budget=TINY, workers=1, say=said.append)
     assert said == []

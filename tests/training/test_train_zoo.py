@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.parallel import run_jobs
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
-from fpg_bench.jobs.run import Workers, run_jobs, run_quietly
 from fpg_bench.players.scripted import SCRIPTED
 from tests.training.making import (
     SUITE,
@@ -41,7 +41,7 @@ def zoo(tmp_path, monkeypatch):
 
 def run_in_turn(jobs, workers, say):
     """As ``run_jobs``, but one after the other, in this process."""
-    for name, error in run_quietly(jobs, Workers()).items():
+    for name, error in run_jobs(jobs, 1, say=None).items():
         say(f"{name}: failed: {error}")
 
 

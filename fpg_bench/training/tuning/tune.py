@@ -12,9 +12,7 @@ import optuna
 
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
-from fpg_bench.jobs.folders import mark, sees
-from fpg_bench.jobs.job import Job, check_all_done
-from fpg_bench.jobs.run import run_jobs
+from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.training.tuning.storage import open_storage
 from fpg_bench.training.tuning.study import finished, open_study
 from fpg_bench.training.tuning.task import make_task
@@ -113,7 +111,7 @@ def tune_together(
         env_id: as there.
         out: the study's folder.
         workers: how many; one whose process or machine is lost is begun again, and its trial is, too.
-        backend: ``loky`` or ``ray``; see :func:`fpg_bench.jobs.run.run_jobs`.
+        backend: ``loky`` or ``ray``; see :func:`fpg_bench.common.parallel.run_jobs`.
         address: of a Ray cluster.
         storage: a database's URL, which workers need who do not see the folder.
         say: prints a line, here and in the workers; can be pickled.
@@ -125,15 +123,13 @@ def tune_together(
     """
     open_storage(Path(out), storage, say=say)  # made once, before many want to
     folder = Path(out).absolute()
-    work = partial(_work, algorithm, env_id, folder, mark(folder), storage, words | {"say": say})
+    work = partial(_work, algorithm, env_id, folder, storage, words | {"say": say})
     jobs = [Job(f"worker {k}", work) for k in range(workers)]
     check_all_done(run_jobs(jobs, workers, backend, address, say))
 
 
-def _work(
-    algorithm: str, env_id: str, out: Path, marked: str, storage: str | None, words: dict[str, Any]
-) -> None:
-    if storage is None and not sees(out, marked):
+def _work(algorithm: str, env_id: str, out: Path, storage: str | None, words: dict[str, Any]) -> None:
+    if storage is None and not out.is_dir():
         raise UserError(
             f"{socket.gethostname()} does not see {out}, where the study lies; name a database by --storage"
         )

@@ -1,11 +1,8 @@
-"""What the jobs of the tests do: they leave a line or a file in a folder for all that happens to them."""
+"""Jobs for tests, which leave a line or a file in a folder for everything that happens to them."""
 
-import contextlib
 import os
 import signal
 import time
-
-from fpg_bench.common.errors import UserError
 
 
 def note(folder, name):
@@ -14,7 +11,7 @@ def note(folder, name):
 
 
 def begun(folder):
-    """The names of the jobs that began, once for each time."""
+    """Return the names of the jobs that began, once for each time."""
     file = folder / "begun"
     return sorted(file.read_text().split()) if file.exists() else []
 
@@ -35,7 +32,7 @@ def fail(error):
 
 
 def die(folder, name, times):
-    """Take the worker along, so many times."""
+    """Kill the worker, so many times."""
     note(folder, name)
     if begun(folder).count(name) <= times:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -43,7 +40,7 @@ def die(folder, name, times):
 
 
 def hold(folder, name):
-    """Run until the file ``go`` is there; what is stopped says so."""
+    """Run until the file ``go`` exists; save a file when interrupted."""
     note(folder, name)
     try:
         while not (folder / "go").exists():
@@ -55,20 +52,14 @@ def hold(folder, name):
     return name
 
 
-def finish(folder, name):
-    """Run until Ctrl-C comes, which is just too late."""
-    with contextlib.suppress(KeyboardInterrupt):
-        hold(folder, name)
-    return name
-
-
 def fill(content, folder):
-    """Fill a folder, unless told to fail in the middle."""
+    """Fill a folder, which may not exist."""
     (folder / "agent").mkdir(parents=True, exist_ok=True)
     (folder / "agent" / "policy").write_bytes(content)
-    if content == b"bad":
-        raise UserError("out of luck")
-    (folder / "run.json").write_text("{}")
+
+
+def fill_elsewhere(folder):
+    """Write nothing where this machine could see it."""
 
 
 def wait_for(condition, seconds=60):

@@ -1,0 +1,347 @@
+"""Lists of jobs, run by joblib on the processes of this machine or by Ray on a cluster."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import contextlib
+import functools
+import multiprocessing
+import os
+import signal
+import socket
+import threading
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.common.checks import whole
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.extras import need
+from fpg_bench.common.imports import reason
+
+BACKENDS = ("loky", "ray")
+LINE_EVERY_S = 30.0  # between two lines of progress, where there is no terminal
+TRIES = 3  # of jobs whose worker process is lost
+GRACE_S = 30.0  # for interrupted jobs to save their state
+_CONNECT_S = 5.0
+
+
+def _never() -> bool:
+    return False
+
+
+def _drop(result: Any) -> None:
+    """Keep nothing: the job has written its own files."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One entry of a list of jobs.
+
+    Attributes:
+        name: unique in its list; used in messages.
+        run: called in a worker without arguments; both it and its result must be picklable.
+        keep: called in this process with the result, as soon as the job has finished.
+        done: called in this process before the job starts; true if its result exists already.
+    """
+
+    name: str
+    run: Callable[[], Any]
+    keep: Callable[[Any], None] = _drop
+    done: Callable[[], bool] = _never
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of a call and the time it took, or one line that says why it failed."""
+
+    result: Any = None
+    error: str | None = None
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Number of workers and their backend; see :func:`run_jobs`."""
+
+    jobs: int = 1
+    backend: str = "loky"
+    address: str | None = None
+
+    @property
+    def alone(self) -> bool:
+        """True for a single local worker, which is this process."""
+        return self == Workers()
+
+
+def folder_job(name: str, folder: Path, run: Callable[[Path], Any], done: Callable[[], bool]) -> Job:
+    """Return a job that fills a folder, which its worker must see under the same path.
+
+    Args:
+        name: see :class:`Job`.
+        folder: the folder; its parent is created here.
+        run: called in a worker with the folder; its result is dropped.
+        done: true if all files are there.
+    """
+    folder = folder.absolute()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    return Job(name, functools.partial(_fill, run, folder), done=done)
+
+
+def run_jobs(
+    jobs: Iterable[Job],
+    workers: int = 2,
+    backend: str = "loky",
+    address: str | None = None,
+    say: Callable[[str], None] | None = print,
+) -> dict[str, str]:
+    """Run all jobs that are not done yet, several at once.
+
+    A job that fails does not hold up the others. If a worker process is lost (killed, out of memory, its
+    machine gone), the unfinished jobs are run again, up to three times in all.
+
+    Args:
+        jobs: started in this order.
+        workers: number of jobs that run at once, one thread each. A single local one runs in this process.
+        backend: ``loky`` for processes of this machine, ``ray`` for a Ray cluster.
+        address: of the cluster, ``host:port``. None: the environment's ``RAY_ADDRESS``; without that, Ray is
+            started on this machine for the duration of the jobs.
+        say: called with a line for each job that ends; None: silent.
+
+    Returns:
+        The errors of failed jobs by name, in the order of the jobs; empty on success.
+
+    Raises:
+        UserError: an unknown backend, or no cluster at the address.
+        KeyboardInterrupt: stopped by the user. Finished results are kept, and running jobs were given time
+            to save their state.
+    """
+    whole(workers, "jobs")
+    if backend not in BACKENDS:
+        raise UserError(f"backend: unknown {backend!r}{nearest(backend, BACKENDS)}")
+    if address is not None and backend != "ray":
+        raise UserError("address: is a Ray cluster's; say --backend ray, too")
+    say = say or (lambda line: None)
+    failed: dict[str, str] = {}
+    jobs = list(jobs)
+    waiting = {index: job for index, job in enumerate(jobs) if not job.done()}
+    if len(waiting) > 1:
+        say(f"{len(waiting)} jobs, {min(workers, len(waiting))} at a time")
+
+    def calls() -> _Calls:
+        for index, job in list(waiting.items()):
+            yield index, functools.partial(_attempt, job.run, os.getcwd())
+
+    for _ in range(TRIES):
+        if not waiting:
+            break
+        try:
+            with contextlib.closing(_start(calls(), workers, backend, address)) as outcomes:
+                for index, outcome in outcomes:
+                    job = waiting.pop(index)
+                    if outcome.error is None:
+                        job.keep(outcome.result)
+                    error = outcome.error or _missing(job, backend)
+                    if error is None:
+                        say(f"{job.name}: done after {outcome.seconds:.0f} s, {len(waiting)} to come")
+                    else:
+                        failed[job.name] = error
+                        say(f"{job.name}: failed: {error}")
+        except concurrent.futures.BrokenExecutor:
+            say("a worker process was lost (killed, or out of memory?)")
+            waiting = {index: job for index, job in waiting.items() if not job.done()}
+    failed |= {job.name: f"a worker process was lost {TRIES} times" for job in waiting.values()}
+    return {job.name: failed[job.name] for job in jobs if job.name in failed}
+
+
+def check_all_done(failed: Mapping[str, str]) -> None:
+    """Raise UserError with the first error, if :func:`run_jobs` returned any."""
+    if failed:
+        name, error = next(iter(failed.items()))
+        others = f" (and {len(failed) - 1} more failed)" if len(failed) > 1 else ""
+        raise UserError(f"{name}: {error}{others}")
+
+
+def outcome_of(run: Callable[[], Any]) -> Outcome:
+    """Call a function and return its result, or one line on the exception that it raised."""
+    start = time.perf_counter()
+    try:
+        return Outcome(run(), seconds=time.perf_counter() - start)
+    except UserError as error:
+        return Outcome(error=str(error))
+    except OSError as error:  # a full disk, most often
+        return Outcome(error=": ".join(filter(None, [error.filename, error.strerror or str(error)])))
+    except Exception as error:
+        return Outcome(error=f"a bug: {reason(error)}")
+
+
+_Call = Callable[[], Outcome]
+_Calls = Iterator[tuple[int, _Call]]
+_Outcomes = Generator[tuple[int, Outcome], None, None]
+
+
+def _start(calls: _Calls, workers: int, backend: str, address: str | None) -> _Outcomes:
+    """Return a generator of the outcomes of calls, in the order in which they finish."""
+    if backend == "ray":
+        return _on_ray(calls, workers, address)
+    if workers == 1:
+        return ((index, call()) for index, call in calls)
+    return _in_processes(calls, workers)
+
+
+def _attempt(run: Callable[[], Any], folder: str) -> Outcome:
+    """Run a job in a worker, in the driver's working directory if the machine has it."""
+    if os.path.isdir(folder):
+        os.chdir(folder)
+    return outcome_of(run)
+
+
+def _fill(run: Callable[[Path], Any], folder: Path) -> None:
+    if not folder.parent.is_dir():
+        raise UserError(
+            f"{socket.gethostname()} does not see {folder.parent}; the machines of a cluster have to share "
+            "the folder that results go to"
+        )
+    run(folder)
+
+
+def _missing(job: Job, backend: str) -> str | None:
+    """Return an error if the files of a job are missing here: the cluster's machines share no folder."""
+    if backend == "ray" and job.done is not _never and not job.done():
+        return "its files are not here; the machines of a cluster have to share their folder"
+    return None
+
+
+def _in_processes(calls: _Calls, workers: int) -> _Outcomes:
+    """Run calls in processes of this machine."""
+    need("evaluate", "joblib")
+    from joblib import Parallel, delayed, parallel_config
+    from joblib.externals.loky import get_reusable_executor
+
+    with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
+        parallel = Parallel(
+            return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1, max_nbytes=None
+        )
+    with _interrupts_passed_on() as stopped:
+        try:
+            results = parallel(delayed(_in_worker)(*call, os.getpid()) for call in calls)
+            yield from ((index, outcome) for index, outcome in results if outcome is not None)
+        except concurrent.futures.BrokenExecutor:
+            if not stopped.is_set():
+                raise
+        finally:
+            get_reusable_executor().shutdown(kill_workers=True)
+    if stopped.is_set():
+        raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def _interrupts_passed_on() -> Iterator[threading.Event]:
+    """Pass the first Ctrl-C on to the worker processes, which save their state; the second one is raised."""
+    stopped = threading.Event()
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or before == signal.SIG_IGN:
+        yield stopped
+        return
+
+    def pass_on(number: int, frame: Any) -> None:
+        signal.signal(signal.SIGINT, before)
+        stopped.set()
+        for process in multiprocessing.active_children():
+            if process.pid is not None:
+                os.kill(process.pid, signal.SIGINT)
+
+    signal.signal(signal.SIGINT, pass_on)
+    try:
+        yield stopped
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+_interrupted = threading.Event()  # in a worker: joblib has taken jobs ahead, which are not to start any more
+
+
+def _in_worker(index: int, call: _Call, driver: int) -> tuple[int, Outcome | None]:
+    """Run a call in a worker process; its outcome is None if it was interrupted.
+
+    The worker leaves the terminal's process group, so that Ctrl-C reaches it once, through the driver.
+    """
+    if os.getpgrp() != os.getpid():  # its first job
+        os.setpgrp()
+        threading.Thread(target=_stop_with, args=(driver,), daemon=True).start()
+    try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        return index, None if _interrupted.is_set() else call()
+    except KeyboardInterrupt:
+        _interrupted.set()
+        return index, None
+    finally:
+        signal.signal(signal.SIGINT, lambda number, frame: _interrupted.set())
+
+
+def _stop_with(driver: int) -> None:
+    """Interrupt this worker once its driver was killed, so that it saves its state and releases its locks."""
+    while os.getppid() == driver:
+        time.sleep(1)
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(GRACE_S)
+    os._exit(1)
+
+
+def _on_ray(calls: _Calls, workers: int, address: str | None) -> _Outcomes:
+    """Run calls on a Ray cluster, one CPU each; Ray itself repeats those whose worker is lost."""
+    need("ray", "ray")
+    import ray
+
+    is_ours = not ray.is_initialized()
+    if is_ours:
+        _join_cluster(ray, address or os.environ.get("RAY_ADDRESS"), workers)
+    remote = ray.remote(num_cpus=1, max_retries=TRIES - 1)(_run)
+    running: dict[Any, int] = {}
+    try:
+        while True:
+            for index, call in islice(calls, workers - len(running)):
+                running[remote.remote(call)] = index
+            if not running:
+                return
+            (ready, *_), _ = ray.wait(list(running))
+            index = running.pop(ready)
+            try:
+                outcome = ray.get(ready)
+            except ray.exceptions.RayError as error:
+                outcome = Outcome(error=f"its worker was lost {TRIES} times ({type(error).__name__})")
+            yield index, outcome
+    finally:
+        for call in running:
+            ray.cancel(call)
+        if running:
+            ray.wait(list(running), num_returns=len(running), timeout=GRACE_S)
+        if is_ours:
+            ray.shutdown()
+
+
+def _run(call: _Call) -> Outcome:
+    return call()
+
+
+def _join_cluster(ray: Any, address: str | None, workers: int) -> None:
+    """Join a cluster, or start one on this machine."""
+    if address is None:
+        ray.init(address="local", num_cpus=workers, include_dashboard=False, logging_level="ERROR")
+        return
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdigit():
+        raise UserError(f"address: expected host:port of a Ray cluster, got {address!r}")
+    try:  # Ray itself would wait for minutes
+        socket.create_connection((host, int(port)), timeout=_CONNECT_S).close()
+    except OSError as error:
+        raise UserError(
+            f"address: no Ray cluster answers at {address}; is it started there (ray start --head)?"
+        ) from error
+    try:
+        ray.init(address=address, logging_level="ERROR")
+    except (ConnectionError, RuntimeError, ValueError) as error:  # another version of Ray, most of all
+        raise UserError(f"Ray cluster {address}: {' '.join(str(error).split())}") from error

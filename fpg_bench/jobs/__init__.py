@@ -1,1 +1,0 @@
-"""Lists of jobs: the same list on local processes or on a Ray cluster."""

@@ -1,0 +1,261 @@
+"""Lists of jobs: on processes of this machine, from Python and from the command line."""
+
+import errno
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from fpg_bench.cli import app
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.parallel import TRIES, Job, check_all_done, folder_job, run_jobs
+from tests import working
+from tests.programs import fpg, python
+from tests.test_cli import TINY
+from tests.working import begun, wait_for
+
+pytestmark = pytest.mark.process
+
+TRAIN = ("train", "ppo", "FPG/AllyVsScripted-v0", "--hyperparams", "tiny.yml", "--evaluations", "0")
+LONG = ("--seeds", "0-2", "--jobs", "2", "--out", "runs", "--steps", "100000000")
+PAGE = (Path(__file__).parents[1] / "docs" / "cluster.md").read_text()
+BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL)
+
+
+def held(folder, name):
+    return Job(name, partial(working.hold, folder, name), done=(folder / f"finished_{name}").exists)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_jobs_run_and_results_are_kept(tmp_path, workers):
+    kept, lines = [], []
+    jobs = [Job(str(k), partial(working.square, tmp_path, k), kept.append) for k in range(4)]
+    assert run_jobs(jobs, workers, say=lines.append) == {}
+    assert sorted(kept) == [0, 1, 4, 9]
+    assert begun(tmp_path) == ["0", "1", "2", "3"]
+    assert lines[0] == f"4 jobs, {workers} at a time"
+    assert len(lines) == 5
+    assert lines[-1].endswith(": done after 0 s, 0 to come")
+
+
+def test_workers_have_one_thread_and_need_no_importable_module():
+    kept = []
+    jobs = [Job("threads", working.threads, kept.append), Job("here", lambda: -os.getpid(), kept.append)]
+    assert run_jobs(jobs, say=None) == {}
+    process, threads = sorted(kept)
+    assert (threads, process != -os.getpid()) == (1, True)
+
+
+def test_finished_jobs_are_not_run(tmp_path):
+    lines = []
+    jobs = [Job(str(k), partial(working.square, tmp_path, k), done=lambda k=k: k < 2) for k in range(3)]
+    run_jobs(jobs, say=lines.append)
+    assert begun(tmp_path) == ["2"]
+    run_jobs(jobs[:2], say=lines.append)
+    assert lines == ["2: done after 0 s, 0 to come"]
+
+
+def test_a_failed_job_is_reported_and_does_not_hold_up_the_others(tmp_path):
+    lines, kept = [], []
+    errors = {
+        "user": UserError("no such thing"),
+        "bug": ZeroDivisionError("by zero"),
+        "disk": OSError(errno.ENOSPC, "No space left on device", "there"),
+    }
+    jobs = [Job(name, partial(working.fail, error)) for name, error in errors.items()]
+    jobs.append(Job("good", partial(working.square, tmp_path, 3), kept.append))
+    failed = run_jobs(jobs, say=lines.append)
+    assert failed == {
+        "user": "no such thing",
+        "bug": "a bug: ZeroDivisionError: by zero",
+        "disk": "there: No space left on device",
+    }
+    assert kept == [9]
+    assert "user: failed: no such thing" in lines
+    with pytest.raises(UserError, match=r"user: no such thing \(and 2 more failed\)"):
+        check_all_done(failed)
+    check_all_done({})
+
+
+def test_jobs_of_a_killed_worker_run_again(tmp_path):
+    kept, lines = [], []
+    done = (tmp_path / "finished").exists
+    jobs = [
+        Job("wild", partial(working.die, tmp_path, "wild", 1), kept.append),
+        Job("late", partial(working.square, tmp_path, 3), kept.append, done),
+    ]
+    assert run_jobs(jobs, say=lines.append) == {}
+    assert sorted(map(str, kept)) == ["9", "wild"]
+    assert begun(tmp_path).count("wild") == 2
+    assert "a worker process was lost (killed, or out of memory?)" in lines
+
+
+def test_a_job_that_always_kills_its_worker_is_given_up(tmp_path):
+    jobs = [Job("wild", partial(working.die, tmp_path, "wild", 99))]
+    assert run_jobs(jobs, workers=2) == {"wild": f"a worker process was lost {TRIES} times"}
+    assert begun(tmp_path) == ["wild"] * TRIES
+
+
+def test_a_job_that_finished_before_its_worker_was_lost_is_not_run_again(tmp_path):
+    done = (tmp_path / "begun").exists
+    assert run_jobs([Job("wild", partial(working.die, tmp_path, "wild", 99), done=done)], workers=2) == {}
+    assert begun(tmp_path) == ["wild"]
+
+
+def test_ctrl_c_lets_jobs_save_and_the_next_call_resumes(tmp_path):
+    kept = []
+    quick = Job("quick", partial(working.square, tmp_path, 2), kept.append, done=lambda: bool(kept))
+    jobs = [held(tmp_path, "a"), quick, held(tmp_path, "b"), held(tmp_path, "c")]
+
+    def stop():
+        wait_for(lambda: begun(tmp_path) == ["2", "a", "b"] and kept)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        threading.Thread(target=stop).start()
+        with pytest.raises(KeyboardInterrupt):
+            run_jobs(jobs, workers=2)
+        assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert {path.name for path in tmp_path.glob("saved_*")} == {"saved_a", "saved_b"}
+    assert kept == [4]
+    (tmp_path / "go").touch()
+    assert run_jobs(jobs) == {}
+    assert begun(tmp_path) == ["2", "a", "a", "b", "b", "c"]
+
+
+DRIVER = """
+import sys
+from pathlib import Path
+from tests.test_parallel import held, run_jobs
+run_jobs([held(Path(sys.argv[1]), name) for name in "ab"])
+"""
+
+
+def test_a_killed_driver_leaves_no_worker_behind(tmp_path):
+    command = [sys.executable, "-c", DRIVER, str(tmp_path)]
+    (tmp_path / "finished_a").touch()
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    wait_for(lambda: begun(tmp_path) == ["b"])
+    process.kill()
+    process.wait()
+    wait_for((tmp_path / "saved_b").exists)
+    (tmp_path / "go").touch()
+    assert subprocess.run(command, capture_output=True).returncode == 0
+    assert begun(tmp_path) == ["b", "b"]
+
+
+def test_a_folder_job_fills_its_folder_if_its_worker_sees_it(tmp_path):
+    job = folder_job("job", tmp_path / "out" / "seed_0", partial(working.fill, b"policy"), done=bool)
+    assert job.run() is None
+    assert (tmp_path / "out" / "seed_0" / "agent" / "policy").read_bytes() == b"policy"
+    (tmp_path / "out").rename(tmp_path / "gone")
+    with pytest.raises(UserError, match=f"does not see {tmp_path}/out; the machines of a cluster have to"):
+        job.run()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"workers": 0}, "jobs: expected a whole number above 0, got 0"),
+        ({"backend": "loki"}, "unknown 'loki'; did you mean 'loky'"),
+        ({"address": "host:1"}, "say --backend ray, too"),
+    ],
+)
+def test_bad_options(options, message):
+    with pytest.raises(UserError, match=message):
+        run_jobs([Job("job", working.threads)], **options)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "tiny.yml").write_text(TINY)
+    return tmp_path
+
+
+def test_train_and_evaluate_from_the_command_line(folder):
+    result = fpg(*TRAIN, "--seeds", "0-1", "--jobs", 2, "--out", "runs", folder=folder)
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    assert "agents: runs/seed_*/agent" in result.stdout
+    agents = [f"runs/seed_{seed}/agent" for seed in (0, 1)]
+    result = fpg("evaluate", *agents, "idle", "--matches", 1, "--jobs", 2, "--out", "results", folder=folder)
+    assert result.returncode == 0, result.stderr
+    assert len((folder / "results" / "records.jsonl").read_text().splitlines()) == 30
+
+
+def test_ctrl_c_saves_all_runs(folder):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "fpg_bench.cli", *TRAIN, *LONG],
+        cwd=folder,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,  # a terminal's Ctrl-C reaches the whole group
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    wait_for(lambda: len(list(folder.glob("runs/*/events*"))) == 2, seconds=180)
+    os.killpg(process.pid, signal.SIGINT)
+    error = process.communicate(timeout=120)[1]
+    assert process.returncode == 130, error
+    assert error.splitlines()[-1] == "fpg-bench: stopped; what was finished is kept"
+    assert len(list(folder.glob("runs/*/checkpoints/*/model.zip"))) == 2
+    assert not (folder / "runs" / "seed_2").exists()
+    for file in folder.glob("runs/*/run.json"):
+        assert json.loads(file.read_text())["finished"] is False
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            ("--seeds", "0-1", "--address", "10.0.0.1:6379"),
+            "address: is a Ray cluster's; say --backend ray, too",
+        ),
+        (("--seeds", "4-1"), "seeds: each has to be named once, got '4-1'"),
+        (("--backend", "ray"), "backend, address: are for a list of runs; name its --seeds"),
+    ],
+)
+def test_bad_options_are_one_line(folder, options, message):
+    result = fpg(*TRAIN, "--out", "runs", *options, folder=folder)
+    assert result.returncode == 2
+    assert result.stderr == f"fpg-bench: {message}\n"
+
+
+def options_of(verb):
+    (command,) = [c for c in app.registered_commands if c.callback.__name__ == verb]
+    return {f"--{name.replace('_', '-')}" for name in command.callback.__annotations__}
+
+
+def test_commands_of_the_page_have_their_options():
+    code = "\n".join(code for language, code in BLOCKS if language == "bash").replace("\\\n", " ")
+    commands = [
+        line.split("fpg-bench ")[1].split() for line in code.splitlines() if "  fpg-bench " in f"  {line}"
+    ]
+    assert {words[0] for words in commands} == {"train", "tune", "evaluate"}
+    for verb, *words in commands:
+        assert {word for word in words if word.startswith("--")} <= options_of(verb)
+
+
+def test_shell_scripts_of_the_page_are_valid():
+    for language, code in BLOCKS:
+        if language == "bash":
+            subprocess.run(["bash", "-n"], input=code, text=True, check=True)
+
+
+def test_the_list_of_the_page_runs_once(tmp_path):
+    code = [code for language, code in BLOCKS if language == "python"][-1]
+    for count in (2, 0):
+        result = python("-c", code, folder=tmp_path)
+        assert result.returncode == 0, result.stderr
+        assert result.stdout.count("done after") == count
+    assert len((tmp_path / "records.jsonl").read_text().splitlines()) == 2
