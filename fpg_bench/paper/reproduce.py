@@ -48,7 +48,7 @@ def reproduce(
             its planner; ``transcript``: replay that file. None: it is not run, and the report says so.
         learner: who updates the networks, ``torch`` or ``jax``, which takes less time and needs the
             extra ``fast``.
-        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`fpg_bench.common.parallel.run_jobs`.
+        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`.run_jobs`.
 
     Returns:
         The files written: figures, then the report.

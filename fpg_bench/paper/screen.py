@@ -241,7 +241,7 @@ def screen_all(readings: Iterable[Reading], file: Path, games: int = 96, **where
         readings: which.
         file: of the rows.
         games: see :func:`screen`.
-        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`fpg_bench.common.parallel.run_jobs`.
+        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`.run_jobs`.
 
     Returns:
         The rows, in the order of the readings.

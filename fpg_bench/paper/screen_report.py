@@ -54,7 +54,7 @@ def reproduce_screen(out: Path, budget: str, points: Iterable[str] = POINTS, **w
             the readings, are in ``screen.jsonl.gz`` at the end.
         budget: ``quick`` plays few matches.
         points: which points differ.
-        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`fpg_bench.common.parallel.run_jobs`.
+        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`.run_jobs`.
 
     Returns:
         The files written.
