@@ -165,7 +165,8 @@ def _description(group: ZooGroup, suites: Sequence[Suite]) -> str:
         f"`{suite.name}` ({suite.hash[:12]}): {len(suite.rivals)} rivals, {suite.matches} matches each"
         for suite in suites
     )
-    return f"Trained on `{group.id}`{options}; evaluated on {suites}. {suites[0].scale.told.capitalize()}."
+    scale = suites[0].scale.description.capitalize()
+    return f"Trained on `{group.id}`{options}; evaluated on {suites}. {scale}."
 
 
 def _option(value: Any) -> str:

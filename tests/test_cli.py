@@ -228,7 +228,7 @@ def test_a_suite_of_ones_own_needs_a_file_and_no_more(tmp_path):
     (tmp_path / "mine.yml").write_text(content)
     found = fpg("evaluate", "adaptive", "--suite", "mine.yml", folder=tmp_path)
     assert found.returncode == 0, found.stderr
-    assert "score: the return a step" in " ".join(found.stdout.split())
+    assert "score: the return per step" in " ".join(found.stdout.split())
     assert (tmp_path / "results" / "records.jsonl").exists()
 
 

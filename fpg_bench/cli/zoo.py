@@ -117,7 +117,7 @@ def suites() -> None:
 def _described(suite: Suite) -> str:
     rounds = f" of {suite.rounds_per_match} rounds" if suite.rounds_per_match > 1 else ""
     met = f"{suite.matches} matches{rounds} per rival"
-    return f"measures the {suite.side}, {met}\n    {suite.scale.told}"
+    return f"measures the {suite.side}, {met}\n    {suite.scale.description}"
 
 
 def _agents(members: Iterable[ZooAgent]) -> list[str]:

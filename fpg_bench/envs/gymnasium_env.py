@@ -1,26 +1,50 @@
-"""The Gymnasium view of one game."""
+"""Gymnasium environment of one game."""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.envs.core import SingleAgentGame, action_space, first_seeds, observation_space, one_action
+from fpg_bench.envs.core import (
+    GameOptions,
+    SingleAgentGame,
+    action_space,
+    first_seeds,
+    observation_space,
+    one_action,
+    wants_new_match,
+)
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.rendering.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 
 
 class FPGEnv(gymnasium.Env):
-    """One game of the frequency point game, seen from one side.
+    """The frequency point game of one ally and one opponent; the agent plays one side.
 
-    ``reset(seed=...)`` begins a match, ``reset()`` plays its next round (after the last one the seed's
-    next match), ``options={"new_match": True}`` begins one early. A round ends by truncation. The last
-    step's info holds ``measures``; the ally's info holds the knowledge base's ``advice``.
+    The ally keeps a radio link to its base station; the opponent finds the link's frequency and jams it.
+    A step lasts one second.
+
+    **Observation space**: ``Box(-1, 1, (15,), float32)``; see
+    :func:`fpg_bench.envs.core.observation_space`.
+
+    **Action space**: ``Box(-1, 1, (9,), float32)``; see :func:`fpg_bench.envs.core.action_space`. Values
+    beyond the bounds are clipped; NaN and infinity are refused.
+
+    **Rewards**: the ally's is its SNR above the threshold in dB, less what hopping and spreading cost
+    (Eq. 5). The opponent's is the loss of SNR in dB that its jamming causes, plus a bonus within 30 m of
+    the ally (Eq. 6). The option ``reward`` chooses others.
+
+    **Starting state**: ``reset(seed=...)`` begins a match. ``reset()`` plays its next round, and after the
+    last round the next match of the seed. ``options={"new_match": True}`` begins that match early.
+
+    **Episode end**: a round is truncated after the scenario's ``steps_per_round``; it never terminates.
+
+    **Info**: ``advice`` of the knowledge base for the ally, and in a round's last step its ``measures``.
 
     Args:
         env_id: one of the ids of :mod:`fpg_bench.common.ids`.
@@ -31,7 +55,7 @@ class FPGEnv(gymnasium.Env):
     _spec: EnvSpec | None = None
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FRAMES_PER_SECOND}  # noqa: RUF012
 
-    def __init__(self, env_id: str, render_mode: str | None = None, **options: Any) -> None:
+    def __init__(self, env_id: str, render_mode: str | None = None, **options: Unpack[GameOptions]) -> None:
         self.core = SingleAgentGame(env_id, 1, **options)
         self.metadata = {**self.metadata, "render_modes": list(offered_modes())}
         self.render_mode = render_mode
@@ -43,7 +67,7 @@ class FPGEnv(gymnasium.Env):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """What ``gymnasium.make`` says of it; ``max_episode_steps`` is a round's length."""
+        """Gymnasium's specification; ``max_episode_steps`` is a round's length."""
         return self._spec
 
     @spec.setter
@@ -94,25 +118,13 @@ class FPGEnv(gymnasium.Env):
         return info
 
     def measures(self) -> dict[str, float | None]:
-        """The measures of the present round so far."""
+        """Return the measures of the present round so far."""
         return self.core.measures(0)
 
     def render(self) -> np.ndarray | None:
-        """The picture of the present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``."""
+        """Return the picture of the present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``."""
         return self._screen.picture()
 
     def close(self) -> None:
         """Close the window, if there is one."""
         self._screen.close()
-
-
-def wants_new_match(options: dict[str, Any] | None) -> bool:
-    """Whether a reset's options ask for a new match.
-
-    Raises:
-        UserError: an option that is not known.
-    """
-    for key in options or {}:
-        if key != "new_match":
-            raise UserError(f"reset: unknown option {key!r}; known: new_match")
-    return bool((options or {}).get("new_match", False))

@@ -1,8 +1,8 @@
-"""The batched Gymnasium view: N games, which begin their next rounds by themselves."""
+"""Gymnasium vector environment: N games, which begin their next rounds by themselves."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -10,19 +10,23 @@ from gymnasium.vector.utils import batch_space
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import (
+    GameOptions,
     SingleAgentGame,
     action_space,
     first_seeds,
     observation_space,
     staggered_horizons,
+    wants_new_match,
 )
-from fpg_bench.envs.gymnasium_env import wants_new_match
 
 _MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
 
 
 class FPGVectorEnv(VectorEnv):
     """N games stepped at once; game i of a batch seeded s plays as a single game seeded s + i.
+
+    Observations are ``(N, 15)`` float32, actions ``(N, 9)`` floats in [-1, 1] and rewards ``(N,)`` float64;
+    their meanings are those of :class:`fpg_bench.envs.gymnasium_env.FPGEnv`.
 
     A round's last step has ``truncations`` set, and its infos hold ``measures``. With ``autoreset_mode``
     NEXT_STEP the step after it begins the next round, ignores that game's action and gives reward 0. With
@@ -31,7 +35,7 @@ class FPGVectorEnv(VectorEnv):
 
     Args:
         env_id: one of the ids of :mod:`fpg_bench.common.ids`.
-        num_envs: N.
+        num_envs: number of games, N.
         stagger: cut the first rounds at evenly spread steps, so that the batch mixes phases.
         autoreset_mode: NEXT_STEP (``"NextStep"``) or SAME_STEP (``"SameStep"``).
         **options: those of :class:`fpg_bench.envs.core.SingleAgentGame`.
@@ -46,7 +50,7 @@ class FPGVectorEnv(VectorEnv):
         stagger: bool = False,
         render_mode: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        **options: Any,
+        **options: Unpack[GameOptions],
     ) -> None:
         if render_mode is not None:
             raise UserError(f"render_mode: a batch is not rendered, got {render_mode!r}; use gymnasium.make")
@@ -99,7 +103,7 @@ class FPGVectorEnv(VectorEnv):
         return core.observations.copy(), rewards, np.zeros(self.num_envs, bool), truncated, infos
 
     def _last_info(self, game: int) -> dict[str, Any]:
-        """What is told of a game whose round is over."""
+        """Return the info of a game whose round is over."""
         info: dict[str, Any] = {"measures": self.core.measures(game)}
         if self._same_step:
             return {"final_obs": self.core.observations[game].copy(), "final_info": info}

@@ -1,8 +1,8 @@
-"""The PettingZoo view: both sides of one game, as a parallel or a turn-taking environment."""
+"""PettingZoo environments: both sides of one game, moving at once or in turns."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium import spaces
@@ -12,18 +12,19 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import action_space, first_seeds, observation_space, one_action
-from fpg_bench.envs.two_player import make_duel
+from fpg_bench.envs.two_player import DuelOptions, make_duel
 from fpg_bench.game.full_state import FULL_STATE_SIZE
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.player import SIDES
 from fpg_bench.rendering.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 
 
-class FPGParallelEnv(ParallelEnv):
+class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
     """One game with the agents ``ally`` and ``opponent``, both played by the caller.
 
-    Seeds, rounds and matches as in :class:`fpg_bench.envs.gymnasium_env.FPGEnv`; ``state()`` is the full
-    state ``(54,)``.
+    Each agent has the observation space ``Box(-1, 1, (15,), float32)``, the action space
+    ``Box(-1, 1, (9,), float32)`` and its own reward. Their meanings, seeds, rounds and matches are those of
+    :class:`fpg_bench.envs.gymnasium_env.FPGEnv`. ``state()`` is the full state ``(54,)`` float32.
 
     Args:
         render_mode: None, ``rgb_array`` or ``human``.
@@ -37,7 +38,7 @@ class FPGParallelEnv(ParallelEnv):
         "is_parallelizable": True,
     }
 
-    def __init__(self, render_mode: str | None = None, **options: Any) -> None:
+    def __init__(self, render_mode: str | None = None, **options: Unpack[DuelOptions]) -> None:
         self.duel = make_duel(1, **options)
         self.metadata = {**self.metadata, "render_modes": list(offered_modes())}
         self.render_mode = render_mode
@@ -73,7 +74,15 @@ class FPGParallelEnv(ParallelEnv):
         self._screen.record(begin=True)
         return self._observations(), {side: {} for side in SIDES}
 
-    def step(self, actions: dict[str, np.ndarray]) -> tuple[dict, dict, dict, dict, dict]:
+    def step(
+        self, actions: dict[str, np.ndarray]
+    ) -> tuple[
+        dict[str, np.ndarray],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
         """Play one step with both sides' actions ``(9,)``.
 
         Raises:
@@ -101,7 +110,8 @@ class FPGParallelEnv(ParallelEnv):
 
     def state(self) -> np.ndarray:
         """The full state, ``(54,)`` float32."""
-        return self.duel.state()[0]
+        state: np.ndarray = self.duel.state()[0]
+        return state
 
     def render(self) -> np.ndarray | None:
         """The picture of the present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``."""
@@ -112,11 +122,11 @@ class FPGParallelEnv(ParallelEnv):
         self._screen.close()
 
 
-def parallel_env(**options: Any) -> FPGParallelEnv:
-    """Both sides move at once; see :class:`FPGParallelEnv`."""
-    return FPGParallelEnv(**options)
+def parallel_env(render_mode: str | None = None, **options: Unpack[DuelOptions]) -> FPGParallelEnv:
+    """Make the game in which both sides move at once; see :class:`FPGParallelEnv`."""
+    return FPGParallelEnv(render_mode, **options)
 
 
-def aec_env(**options: Any) -> AECEnv:
-    """The same game with the sides taking turns within a step (PettingZoo's AEC interface)."""
-    return OrderEnforcingWrapper(parallel_to_aec(FPGParallelEnv(**options)))
+def aec_env(render_mode: str | None = None, **options: Unpack[DuelOptions]) -> AECEnv:
+    """Make the same game with the sides taking turns within a step (PettingZoo's AEC interface)."""
+    return OrderEnforcingWrapper(parallel_to_aec(FPGParallelEnv(render_mode, **options)))

@@ -9,20 +9,27 @@ need("train", "stable_baselines3")
 
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvStepReturn
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.envs.core import JointGame, SingleAgentGame, first_seeds, staggered_horizons
-from fpg_bench.envs.gymnasium_env import wants_new_match
+from fpg_bench.envs.core import (
+    GameOptions,
+    JointGame,
+    SingleAgentGame,
+    first_seeds,
+    staggered_horizons,
+    wants_new_match,
+)
+from fpg_bench.envs.two_player import DuelOptions
 from fpg_bench.rendering.screen import Screen
 
 
 class FPGVecEnv(VecEnv):
-    """N games as SB3 wants them: a round's end is truncated, its last observation kept for bootstrapping.
+    """N games as a ``VecEnv`` with same-step autoreset; observations ``(N, 15)``, actions ``(N, 9)``.
 
     The info of a round's last step holds ``terminal_observation``, ``TimeLimit.truncated`` and
     ``episode`` as ``Monitor`` writes it: ``r``, ``l``, ``t`` and all measures of the round. Every array
@@ -50,7 +57,7 @@ class FPGVecEnv(VecEnv):
         self._screen = Screen(core.duel.batch, render_mode)
         super().__init__(core.count, core.observation_space, core.action_space)
         self._stagger = stagger
-        self._begun = False
+        self._begun = self._new_match = False
         self._next_seeds = None if seed is None else first_seeds(seed, core.count)
         self._actions: np.ndarray | None = None
         self._start_time = time.time()
@@ -60,11 +67,9 @@ class FPGVecEnv(VecEnv):
         self._next_seeds = first_seeds(seed, self.num_envs)
         return [int(s) for s in self._next_seeds]
 
-    def set_options(self, options: list[dict] | dict | None = None) -> None:
+    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
         """Options of the next :meth:`reset`: ``{"new_match": True}``, for all games."""
-        self._new_match = wants_new_match(options[0] if isinstance(options, list) and options else options)  # type: ignore[arg-type]
-
-    _new_match = False
+        self._new_match = wants_new_match(next(iter(options), None) if isinstance(options, list) else options)
 
     def reset(self) -> np.ndarray:
         """Begin a round in every game."""
@@ -151,13 +156,15 @@ def make_sb3(
     seed: int | None = None,
     stagger: bool = False,
     render_mode: str | None = None,
-    **options: Any,
+    **options: Unpack[GameOptions],
 ) -> FPGVecEnv:
-    """A native SB3 ``VecEnv`` of N games of an id.
+    """Make a native SB3 ``VecEnv`` of N games of an id.
+
+    Observations are ``(N, 15)`` float32, actions ``(N, 9)`` floats in [-1, 1], rewards ``(N,)`` float32.
 
     Args:
         env_id: ``FPG/AllyVsScripted-v0`` and the like.
-        n_envs: how many games, N.
+        n_envs: number of games, N.
         seed: game i begins with a match of seed + i; None: by chance.
         stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
@@ -171,9 +178,9 @@ def make_sb3(
 
 
 def make_sb3_duel(
-    n_envs: int = 1, seed: int | None = None, stagger: bool = False, **options: Any
+    n_envs: int = 1, seed: int | None = None, stagger: bool = False, **options: Unpack[DuelOptions]
 ) -> FPGVecEnv:
-    """Both sides of N games as one SB3 ``VecEnv``, for :class:`fpg_bench.training.maddpg.MADDPG`.
+    """Make both sides of N games one SB3 ``VecEnv``, for :class:`fpg_bench.training.maddpg.MADDPG`.
 
     Observations ``(N, 30)``, actions ``(N, 18)``, rewards ``(N, 2)``, the ally's first.
 

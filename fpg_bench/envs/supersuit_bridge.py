@@ -12,7 +12,7 @@ from fpg_bench.common.extras import need
 need("supersuit", "supersuit", "stable_baselines3")
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import supersuit
@@ -22,6 +22,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 from fpg_bench.common.checks import whole
 from fpg_bench.envs.core import first_seeds
 from fpg_bench.envs.pettingzoo_env import FPGParallelEnv, parallel_env
+from fpg_bench.envs.two_player import DuelOptions
 from fpg_bench.players.player import SIDES
 
 
@@ -89,7 +90,7 @@ class SuperSuitVecEnv(VecEnvWrapper):
         return self.games[slot // len(SIDES)]
 
 
-def supersuit_vec_env(n_envs: int = 1, seed: int | None = None, **options: Any) -> VecMonitor:
+def supersuit_vec_env(n_envs: int = 1, seed: int | None = None, **options: Unpack[DuelOptions]) -> VecMonitor:
     """An SB3 ``VecEnv`` of ``2 * n_envs`` slots over ``n_envs`` games: each slot is one agent.
 
     Slots alternate, ally (even) and opponent (odd), so **one policy learns and plays both sides**

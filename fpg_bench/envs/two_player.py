@@ -1,8 +1,9 @@
-"""Both sides of N games at once: the arena, with plans made between rounds. All views stand on it."""
+"""A batch of games with both sides in the caller's hands, and plans made between rounds."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -16,8 +17,19 @@ from fpg_bench.planning import Limits, Plan, Planner, Request, as_planner, plan_
 from fpg_bench.planning.planner import planner_name
 
 
+class DuelOptions(TypedDict, total=False):
+    """Keyword options of the environments in which the caller plays both sides; see :func:`make_duel`."""
+
+    scenario: Scenario | str | None
+    path: str | Sequence[str] | None
+    planner: str | Planner | Callable[..., Planner] | None
+    knowledge: str | None
+    jamming_types: Sequence[str] | None
+    threads: int | None
+
+
 class TwoPlayerStep(NamedTuple):
-    """What a step gives, all copies: observations ``(N, 15)``, rewards ``(N,)`` float64, ``(N,)`` bool."""
+    """Results of a step, all copies: observations ``(N, 15)``, rewards ``(N,)`` float64, ``(N,)`` bool."""
 
     ally_observations: np.ndarray
     opponent_observations: np.ndarray
@@ -27,12 +39,14 @@ class TwoPlayerStep(NamedTuple):
 
 
 class TwoPlayerBatch:
-    """N games with both sides in the caller's hands; a round that is over waits for :meth:`reset`.
+    """N games of which the caller plays both sides; a round that is over waits for :meth:`reset`.
+
+    Observations are ``(N, 15)`` float32 and actions ``(N, 9)`` floats in [-1, 1] for each side.
 
     Args:
         scenario: what is played.
-        games: how many, N.
-        planner: who decides between rounds where the opponent flies; needed for the path ``waypoints``.
+        games: number of games, N.
+        planner: plans the opponent's path between rounds; needed for the path ``waypoints``.
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
 
     Attributes:
@@ -96,7 +110,7 @@ class TwoPlayerBatch:
         return self.present()
 
     def present(self) -> TwoPlayerStep:
-        """The present observations, the last step's rewards and which rounds are over, as copies."""
+        """Return the present observations, the last step's rewards and which rounds are over, as copies."""
         batch = self.batch
         return TwoPlayerStep(
             batch.ally_observations.copy(),
@@ -107,21 +121,20 @@ class TwoPlayerBatch:
         )
 
     def state(self) -> np.ndarray:
-        """The full state, ``(N, 54)`` float32; see :func:`fpg_bench.game.full_state.full_state`."""
+        """Return the full state, ``(N, 54)`` float32; see :func:`fpg_bench.game.full_state.full_state`."""
         return full_state(self.batch)
 
     def measures(self, game: int) -> dict[str, float | None]:
-        """The measures of one game's present round so far."""
+        """Return the measures of one game's present round so far."""
         return measures(pool(self.batch.tallies[game]), self.batch.histograms[game])
 
     def _remember(self, mask: np.ndarray) -> None:
-        """Keep what the rounds that end now have shown, for the plans of their match's next ones.
+        """Keep the segments of the rounds that end now, for the plans of their match's next rounds.
 
         Rounds that were left or cut early are not kept: their later parts were never flown.
         """
-        for game in np.flatnonzero(
-            mask & (self.batch.games["step"] == self.scenario.steps_per_round)
-        ).tolist():
+        is_complete = self.batch.games["step"] == self.scenario.steps_per_round
+        for game in np.flatnonzero(mask & is_complete).tolist():
             self._histories[game].append(self.batch.segments[game].copy())
             if self.batch.flown_m is not None:
                 self._flown[game] = self.batch.flown_m[game].copy()
@@ -161,19 +174,19 @@ def make_duel(
     games: int = 1,
     *,
     scenario: Scenario | str | None = None,
-    path: Any = None,
-    planner: Any = None,
+    path: str | Sequence[str] | None = None,
+    planner: str | Planner | Callable[..., Planner] | None = None,
     knowledge: str | None = None,
-    jamming_types: Any = None,
+    jamming_types: Sequence[str] | None = None,
     threads: int | None = None,
 ) -> TwoPlayerBatch:
-    """The batched view of both sides, for algorithms that train both and for playing matches.
+    """Make a batch of games of which the caller plays both sides.
 
     Args:
-        games: how many games, N.
+        games: number of games, N.
         scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard``.
         path: how the opponent flies, or a list to draw from per round; shorthand for the scenario's field.
-        planner: a planner or its name; makes the path ``waypoints``.
+        planner: a planner, its name, or a function or class that makes one; the path is ``waypoints`` then.
         knowledge, jamming_types: shorthand for the scenario's fields of these names.
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
 

@@ -108,7 +108,7 @@ class _Sums:
         self._tallies.append(batch.tallies.copy())
         self._histogram = self._histogram + batch.histograms.sum(axis=0)
         self._lost.append(lost)
-        self.returns.append(batch.tallies[self._suite.returned].copy())
+        self.returns.append(batch.tallies[self._suite.return_name].copy())
         for part in (batch.games["seed"], *(batch.tallies[name] for name in TALLIES), batch.histograms):
             self._seen.update(np.ascontiguousarray(part).tobytes())
         if self._suite.side == PLANNER:

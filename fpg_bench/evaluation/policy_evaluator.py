@@ -81,7 +81,7 @@ class PolicyEvaluator:
         for number in range(self.suite.rounds_per_match):
             play_round(*tables, seeds=None if number else np.array(tuning_seeds(self.suite.matches)))
             batches = [table.duel.batch for table in tables]
-            returns.append([batch.tallies[self.suite.returned].copy() for batch in batches])
+            returns.append([batch.tallies[self.suite.return_name].copy() for batch in batches])
             tallies += [batch.tallies.copy() for batch in batches]
             points = points + sum(batch.histograms.sum(axis=0) for batch in batches)
         by_round = np.array(returns).transpose(1, 2, 0)  # (rivals, matches, rounds)

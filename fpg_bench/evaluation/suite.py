@@ -2,87 +2,98 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import hashlib
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
+import pydantic
 
-from fpg_bench.common.checks import check_keys, whole
+from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_json, read_yaml
 from fpg_bench.common.ids import DUEL, find_env, policy_env
+from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.planning import as_planner
 from fpg_bench.players.agent import agent_folder, suites_folder
-from fpg_bench.players.player import SIDES
-from fpg_bench.players.registry import as_player
+from fpg_bench.players.registry import as_player, player_name
 
 PLANNER = "planner"  # the side of suites whose entries plan the opponent's path
+_SAME_FOR_ALL = ("steps_per_round", "rounds_per_match", "frequency_points")  # or sums could not be pooled
+_SHIPPED = re.compile(r"[\w-][\w.-]*(/[\w-][\w.-]*)*", re.ASCII)
+Rewards = TypeVar("Rewards", float, np.ndarray)
 
 
 @dataclass(frozen=True)
 class Scale:
-    """What makes a score of a return a step: ``zero`` scores 0 and ``top`` scores 100.
+    """Linear scale of scores: a mean reward per step of ``zero`` scores 0 and ``top`` scores 100.
 
-    ``Scale()``, that of a suite which names none, leaves returns as they are.
+    ``Scale()``, the scale of a suite that names none, makes the score the reward per step.
     """
 
     zero: float = 0.0
     top: float = 100.0
 
-    def score(self, reward: Any) -> Any:
-        """The score of a return a step, or of an array of them."""
+    def score(self, reward: Rewards) -> Rewards:
+        """Return the score of a reward per step, or of an array of them."""
         return 100 * (reward - self.zero) / (self.top - self.zero)
 
     def reward(self, score: float) -> float:
-        """The return a step of a score."""
+        """Return the reward per step of a score."""
         return self.zero + score / 100 * (self.top - self.zero)
 
     @property
-    def told(self) -> str:
-        """The scale in words."""
+    def description(self) -> str:
+        """The scale as text."""
         if self == Scale():
-            return "score: the return a step"
-        return f"score: 0 = {self.zero:g} a step (random), 100 = {self.top:g}"
+            return "score: the return per step"
+        return f"score: 0 = {self.zero:g} per step (random), 100 = {self.top:g}"
 
 
 @dataclass(frozen=True)
 class Rival:
-    """Whom entries meet, and in which game.
+    """Rival that the entries of a suite meet, and the game in which they meet it.
 
     Attributes:
-        name: what lines and tables call it.
+        name: its name in records and tables.
         players: the other side's players, one drawn per round; in a suite of planners the allies.
         scenario: what is played, path included.
-        planner: who plans the opponent's path between rounds, if anybody does.
+        planner: planner of the opponent's path between rounds, if any.
+        identities: per player the hash of an agent's policy, or a script's name.
     """
 
     name: str
     players: tuple[str, ...]
     scenario: Scenario
     planner: str | None = None
+    identities: tuple[str, ...] = dataclasses.field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "identities", tuple(map(identity, self.players)))
 
 
 @dataclass(frozen=True)
 class Suite:
-    """A list of rivals, all met over the same matches.
+    """Suite: a list of rivals, all met over the same matches.
 
     Attributes:
-        name: the suite's.
-        side: who is measured: ``ally``, ``opponent``, or ``planner``, which flies the opponent.
+        name: its name.
+        side: the side that is measured: ``ally``, ``opponent``, or ``planner``, which flies the opponent.
         scenario: what is played unless a rival changes it; it says how many rounds a match has.
-        matches: how many an entry's training seed plays against each rival.
-        rivals: at least one.
-        scale: what makes scores.
-        opponent: who jams, in a suite of planners.
-        last_rounds: how many rounds at a match's end count for the score; None: all.
-        season: the season of the evaluation seeds.
+        matches: matches per training seed of an entry and rival.
+        rivals: the rivals, at least one.
+        scale: scale of the scores.
+        opponent: the jamming player, in a suite of planners.
+        last_rounds: number of rounds at a match's end that count for the score; None: all.
+        season: season of the evaluation seeds.
     """
 
     name: str
@@ -101,37 +112,34 @@ class Suite:
         return "opponent" if self.side == "ally" else "ally"
 
     @property
-    def returned(self) -> str:
+    def return_name(self) -> str:
         """The tally whose sum is an entry's return."""
         return "ally_return" if self.side == "ally" else "opponent_return"
 
     @property
     def rounds_per_match(self) -> int:
-        """How many rounds a match has."""
+        """Number of rounds of a match."""
         return self.scenario.rounds_per_match
 
     @property
     def rounds(self) -> int:
-        """How many rounds are played against each rival."""
+        """Number of rounds against each rival."""
         return self.matches * self.rounds_per_match
 
     @property
-    def counted(self) -> slice:
+    def counted_rounds(self) -> slice:
         """The rounds of a match that the score is made of."""
         return slice(self.rounds_per_match - (self.last_rounds or self.rounds_per_match), None)
 
     @functools.cached_property
     def hash(self) -> str:
-        """SHA-256 of everything that decides a result under this field, as 64 hexadecimal digits."""
-        rivals = [
-            [c.name, [identity(player) for player in c.players], c.scenario.hash, c.planner]
-            for c in self.rivals
-        ]
+        """SHA-256 of everything that decides a result under this suite, as 64 hexadecimal digits."""
+        rivals = [[c.name, c.identities, c.scenario.hash, c.planner] for c in self.rivals]
         content = [self.side, self.matches, self.season, self.opponent, self.last_rounds, rivals]
         return hashlib.sha256(json.dumps([*content, self.scale.zero, self.scale.top]).encode()).hexdigest()
 
     def named(self, name: str) -> Rival:
-        """The rival of this name; raises UserError where there is none."""
+        """Return the rival of this name; raises UserError for an unknown one."""
         for rival in self.rivals:
             if rival.name == name:
                 return rival
@@ -139,35 +147,29 @@ class Suite:
         raise UserError(f"suite {self.name}: no rival {name!r}{nearest(name, names)}")
 
     def rewards(self, returns: Any) -> np.ndarray:
-        """Returns a step ``(matches,)`` over the rounds that count, from those of all rounds in order."""
+        """Return the mean rewards per step ``(matches,)`` of the counted rounds, from all rounds' returns."""
         by_match = np.asarray(returns, float).reshape(-1, self.rounds_per_match)
-        found: np.ndarray = by_match[:, self.counted].mean(axis=1) / self.scenario.steps_per_round
-        return found
+        means: np.ndarray = by_match[:, self.counted_rounds].mean(axis=1) / self.scenario.steps_per_round
+        return means
 
 
-def identity(player: str) -> str:
-    """What decides how a named player plays: the hash of an agent's policy, or its name."""
-    if player.startswith("suite:"):
-        raise UserError(f"rival {player!r}: name a suite's members by their folders, NAME/SIDE/MEMBER")
-    if ":" in player or "/" not in player:
-        return player
-    return str(read_json(agent_folder(player) / "agent.json", "agent").get("policy_sha256"))
+def identity(player: Any) -> str:
+    """Return what decides how a named player plays: the hash of an agent's policy, or its name."""
+    name = player_name(player)
+    if name.startswith("suite:"):
+        raise UserError(f"rival {name!r}: name a suite's members by their folders, NAME/SIDE/MEMBER")
+    if ":" in name or "/" not in name:
+        return name
+    return str(read_json(agent_folder(name) / "agent.json", "agent").get("policy_sha256"))
 
 
-_KEYS = {"side", "scenario", "matches", "rivals"}
-_OPTIONAL = {"rounds_per_match", "last_rounds", "opponent", "scale", "season"}
-_SAME_FOR_ALL = ("steps_per_round", "rounds_per_match", "frequency_points")  # or sums could not be pooled
-_SHIPPED = re.compile(r"[\w-][\w.-]*(/[\w-][\w.-]*)*", re.ASCII)
-_RIVAL = {"name", "ally", "opponent", "path", "planner", "changes"}
-
-
-def suite_of(env_id: str, options: dict[str, Any], side: str | None = None) -> str:
-    """The name of the public suite that an id's players are measured on, with the options of its games.
+def suite_of(env_id: str, options: Mapping[str, Any], side: str | None = None) -> str:
+    """Return the name of the public suite that an id's players are measured on.
 
     Args:
         env_id: the id.
-        options: what its games are made with.
-        side: which side of the duel; None: that of the view.
+        options: options of its games.
+        side: side of the duel; None: that of the id.
 
     Raises:
         UserError: no such id.
@@ -182,13 +184,13 @@ def suite_of(env_id: str, options: dict[str, Any], side: str | None = None) -> s
 
 
 def side_suite(side: str, scenario: Scenario) -> Suite:
-    """The public suite of a side, played in a scenario; an opponent that flies itself has one of its own."""
+    """Return the public suite of a side, played in a scenario; opponents that fly have one of their own."""
     path = "learned" if "learned" in scenario.paths else "pursuit"
     return load_suite(suite_of(policy_env(side).id, {"path": path}))
 
 
 def suite_file(name: str) -> Path:
-    """The YAML file of a suite's name, or the file that is named itself, which may not be there.
+    """Return the YAML file of a suite's name; a name that is a YAML file itself need not exist.
 
     Raises:
         UserError: no such suite.
@@ -202,127 +204,131 @@ def suite_file(name: str) -> Path:
     return path
 
 
+class _ScaleFile(Strict):
+    zero: float
+    top: float
+
+    @pydantic.model_validator(mode="after")
+    def _check(self) -> _ScaleFile:
+        if self.top <= self.zero:
+            raise UserError(f"top must lie above zero, got {self.top:g} and {self.zero:g}")
+        return self
+
+
+class _RivalFile(Strict):
+    name: str | None = None
+    ally: str | Items[str] | None = None
+    opponent: str | Items[str] | None = None
+    path: str | Items[str] | None = None
+    planner: str | None = None
+    changes: dict[str, Any] | None = None
+
+
+class _FieldFile(Strict):
+    """Content of a suite's YAML file."""
+
+    side: Literal["ally", "opponent", "planner"]
+    scenario: str
+    matches: PositiveInt
+    rivals: Annotated[Items[_RivalFile], pydantic.Suite(min_length=1)]
+    rounds_per_match: PositiveInt | None = None
+    last_rounds: PositiveInt | None = None
+    opponent: str = "adaptive"
+    scale: _ScaleFile | None = None
+    season: str = SEASON
+
+    def build(self, name: str) -> Suite:
+        """Return the suite; raises UserError for a value that cannot be played."""
+        scenario = as_scenario(
+            self.scenario,
+            rounds_per_match=self.rounds_per_match,
+            opponent_path="waypoints" if self.side == PLANNER else None,
+        )
+        rivals = tuple(
+            self._rival(file, scenario, f"rivals[{index}]") for index, file in enumerate(self.rivals)
+        )
+        names = [rival.name for rival in rivals]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise UserError(f"rivals: {twice!r} stands there twice; give one a name of its own")
+        if (self.last_rounds or 1) > scenario.rounds_per_match:
+            raise UserError(f"last_rounds: at most the match's {scenario.rounds_per_match} rounds")
+        return Suite(
+            name,
+            self.side,
+            scenario,
+            self.matches,
+            rivals,
+            scale=Scale() if self.scale is None else Scale(self.scale.zero, self.scale.top),
+            opponent=self.opponent,
+            last_rounds=self.last_rounds,
+            season=self.season,
+        )
+
+    def _rival(self, file: _RivalFile, scenario: Scenario, where: str) -> Rival:
+        other, wrong = ("opponent", "ally") if self.side == "ally" else ("ally", "opponent")
+        players = getattr(file, other)
+        if not players:
+            raise UserError(f"{where}: expected {other}, a player's name or a list of them")
+        if getattr(file, wrong) is not None:
+            raise UserError(f"{where}: {wrong}: the suite measures it; name the {other} alone")
+        if file.path is not None and file.planner is not None:
+            raise UserError(f"{where}: say path or planner, not both")
+        players = (players,) if isinstance(players, str) else players
+        changes = file.changes or {}
+        check_keys(changes, Scenario.__dataclass_fields__, f"{where}: changes")
+        if same := [key for key in _SAME_FOR_ALL if key in changes]:
+            raise UserError(
+                f"{where}: changes: {same[0]} is the same for all rivals of a suite; say it in the scenario"
+            )
+        is_planned = file.planner is not None or self.side == PLANNER
+        played = as_scenario(scenario, opponent_path="waypoints" if is_planned else file.path)
+        flight = file.planner or ("" if file.path is None else str(file.path))
+        name = file.name or "/".join(filter(None, ("+".join(players), flight)))
+        return Rival(name, players, as_scenario(played, **changes), file.planner)
+
+
 def load_suite(name: str, side: str | None = None, shipped: bool = False) -> Suite:
-    """A suite by its name (``ally-v1``) or from a YAML file of the same form.
+    """Load a suite by its name (``ally-v1``) or from a YAML file of the same form.
 
     Args:
         name: the suite's name or file.
         side: the side that it must measure; None: any.
-        shipped: whether it may name nothing but scripts and agents of the package, which its hash covers.
+        shipped: allow scripts and agents of the package alone, which the suite's hash covers.
 
     Raises:
         UserError: no such suite or file, one of another side, or a value that cannot be played.
     """
     path = suite_file(name)
-    content = read_yaml(path, "suite")
-    check_keys(content, _KEYS | _OPTIONAL, f"suite {path}", sorted(_KEYS))
-    if content["side"] not in (*SIDES, PLANNER):
-        raise UserError(f"suite {path}: side: expected ally, opponent or planner, got {content['side']!r}")
-    if side not in (None, content["side"]):
-        verb = "plan compare" if content["side"] == PLANNER else "evaluate"
-        raise UserError(
-            f"suite {name}: measures the {content['side']}, not the {side}; write fpg-bench {verb}"
-        )
+    where = f"suite {path}"
+    content = parse(_FieldFile, read_yaml(path, "suite"), where)
+    if side not in (None, content.side):
+        verb = "plan compare" if content.side == PLANNER else "evaluate"
+        raise UserError(f"suite {name}: measures the {content.side}, not the {side}; write fpg-bench {verb}")
     try:
-        suite = _suite(path.stem, content)
+        suite = content.build(path.stem)
         for rival in suite.rivals:
             if shipped:
                 _check_shipped(suite, rival)
-            _check(suite, rival)
+            flier = suite.opponent if suite.side == PLANNER else None
+            _check_players(suite.other_side, rival, flier, identity(flier or ""))
     except UserError as error:
-        raise UserError(f"suite {path}: {error}") from error
+        raise UserError(f"{where}: {error}") from error
     return suite
 
 
-def _suite(name: str, content: dict[str, Any]) -> Suite:
-    counts: dict[str, int | None] = {
-        key: None if content.get(key) is None else whole(content[key], key)
-        for key in ("matches", "rounds_per_match", "last_rounds")
-    }
-    planned = content["side"] == PLANNER
-    scenario = as_scenario(
-        content["scenario"],
-        rounds_per_match=counts["rounds_per_match"],
-        opponent_path="waypoints" if planned else None,
-    )
-    items = content["rivals"]
-    if not isinstance(items, list) or not items:
-        raise UserError(f"rivals: expected a list, got {items!r}")
-    rivals = tuple(_rival(item, content["side"], scenario) for item in items)
-    names = [rival.name for rival in rivals]
-    if twice := next((name for name in names if names.count(name) > 1), None):
-        raise UserError(f"rivals: {twice!r} stands there twice; give one a name of its own")
-    if (counts["last_rounds"] or 1) > scenario.rounds_per_match:
-        raise UserError(f"last_rounds: at most the match's {scenario.rounds_per_match} rounds")
-    return Suite(
-        name,
-        content["side"],
-        scenario,
-        counts["matches"] or 1,
-        rivals,
-        scale=_scale(content.get("scale")),
-        opponent=str(content.get("opponent", "adaptive")),
-        last_rounds=counts["last_rounds"],
-        season=str(content.get("season", SEASON)),
-    )
-
-
-def _rival(item: Any, side: str, scenario: Scenario) -> Rival:
-    other = "opponent" if side == "ally" else "ally"
-    if not isinstance(item, dict) or other not in item:
-        raise UserError(f"rivals: expected mappings with {other}, got {item!r}")
-    check_keys(item, _RIVAL, "rivals")
-    if "path" in item and "planner" in item:
-        raise UserError(f"rivals: {item!r}: say path or planner, not both")
-    players = tuple(map(str, item[other])) if isinstance(item[other], list) else (str(item[other]),)
-    planned = "planner" in item or side == PLANNER
-    path = "waypoints" if planned else item.get("path")
-    path = tuple(path) if isinstance(path, list) else path
-    changes = item.get("changes") or {}
-    check_keys(changes, Scenario.__dataclass_fields__, "rivals: changes")
-    played = _changed(as_scenario(scenario, opponent_path=path), changes)
-    flown = str(item.get("planner", item.get("path", "")))
-    name = str(item.get("name") or "/".join(filter(None, ("+".join(players), flown))))
-    return Rival(name, players, played, str(item["planner"]) if "planner" in item else None)
-
-
-def _changed(scenario: Scenario, changes: dict[str, Any]) -> Scenario:
-    if same := [key for key in _SAME_FOR_ALL if key in changes]:
-        raise UserError(f"changes: {same[0]} is the same for all rivals of a suite; say it in the scenario")
-    return as_scenario(scenario, **changes)
-
-
-def _scale(content: Any) -> Scale:
-    if content is None:
-        return Scale()
-    numbers = isinstance(content, dict) and content.keys() == {"zero", "top"}
-    if not numbers or not all(isinstance(value, int | float) for value in content.values()):
-        raise UserError(f"scale: expected zero and top, the returns a step of 0 and 100, got {content!r}")
-    if not content["top"] > content["zero"]:
-        raise UserError(f"scale: top must lie above zero, got {content!r}")
-    return Scale(float(content["zero"]), float(content["top"]))
-
-
 def _check_shipped(suite: Suite, rival: Rival) -> None:
-    """Raise UserError where a rival is named by code of its own (``a:b``), or by a path leading out."""
+    """Refuse a rival that is named by code of its own (``a:b``), or by a path that leads out."""
     for name in (*rival.players, rival.planner or "none", suite.opponent):
         if not _SHIPPED.fullmatch(name):
             raise UserError(f"{name!r}: a board plays scripts and agents of the package alone; name one")
 
 
-def _check(suite: Suite, rival: Rival) -> None:
-    """Raise UserError where a rival names a player or planner that can't be had."""
-    fliers = (suite.opponent,) if suite.side == PLANNER else ()
-    of = tuple(map(identity, (*rival.players, *fliers)))
-    _check_players(suite.other_side, rival, fliers, of)
-
-
 @functools.lru_cache(maxsize=512)
-def _check_players(side: str, rival: Rival, fliers: tuple[str, ...], of: tuple[str, ...]) -> None:
-    """Load all players once; ``of``: what they were then, as a board reads the same suites many times."""
+def _check_players(side: str, rival: Rival, flier: str | None, flier_identity: str) -> None:
+    """Load all players and planners once, as a board reads the same suites many times."""
     for player in rival.players:
         as_player(player, side, rival.scenario)
-    for player in fliers:
-        as_player(player, "opponent", rival.scenario)
+    if flier is not None:
+        as_player(flier, "opponent", rival.scenario)
     if rival.planner is not None:
         as_planner(rival.planner, rival.scenario)

@@ -57,10 +57,10 @@ def caption(suite: Suite) -> str:
         met += f" of {suite.rounds_per_match} rounds"
     whose = "ally's" if suite.side == "ally" else "opponent's"
     return (
-        f"Suite {suite.name} ({suite.hash[:12]}): {met}. Return: the {whose}, a step, mean over "
-        f"rivals; {suite.scale.told}; worst: the lowest return a step, against one of them. Intervals: "
-        "95 %, over training seeds; for scripts, planners and single training seeds over matches. † fewer "
-        "than three training seeds."
+        f"Suite {suite.name} ({suite.hash[:12]}): {met}. Return: the {whose}, per step, mean over "
+        f"rivals; {suite.scale.description}; worst: the lowest return per step, against one of them. "
+        "Intervals: 95 %, over training seeds; for scripts, planners and single training seeds over matches. "
+        "† fewer than three training seeds."
     )
 
 
@@ -121,7 +121,7 @@ def picture(summaries: Sequence[Summary], suite: Suite, path: Path) -> None:
         _draw_score(axes, s, len(summaries) - 1 - index, _style(s, index))
     axes.set_yticks(range(len(summaries)), [s.entry for s in reversed(summaries)])
     axes.set_ylim(-0.6, len(summaries) - 0.4)
-    axes.set_xlabel(f"{'score' if planned else suite.scale.told}; with 95 % interval, | per rival")
+    axes.set_xlabel(f"{'score' if planned else suite.scale.description}; with 95 % interval, | per rival")
     axes.set_title(f"{suite.name}, {suite.matches} matches per rival", fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
     image = io.BytesIO()
@@ -150,7 +150,7 @@ def _draw_curves(axes: Any, summaries: Sequence[Summary], suite: Suite) -> None:
         low, high = ([getattr(score, end) for score in curve] for end in ("low", "high"))
         axes.fill_between(rounds, low, high, color=style["color"], alpha=0.15, lw=0)
     axes.set_xlabel("round of the match")
-    axes.set_ylabel(suite.scale.told)
+    axes.set_ylabel(suite.scale.description)
     axes.set_xticks(rounds)
     axes.spines[["top", "right"]].set_visible(False)
 
@@ -262,7 +262,7 @@ _OF_PLAYERS = (
 
 
 def _of_planners(suite: Suite) -> list[Column]:
-    last, everything = suite.counted, slice(None)
+    last, everything = suite.counted_rounds, slice(None)
     return [
         Column("planner", lambda s: s.entry),
         Column(f"score last {suite.last_rounds or suite.rounds_per_match}", lambda s: number(s.score.value)),

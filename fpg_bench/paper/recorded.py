@@ -35,10 +35,16 @@ class Recorded(JointGame):
         super().step(actions)
         self.played += self.count
 
-    def reset(self, mask: np.ndarray | None = None, **more: Any) -> None:
+    def reset(
+        self,
+        mask: np.ndarray | None = None,
+        seeds: Any = None,
+        new_match: bool = False,
+        horizons: np.ndarray | None = None,
+    ) -> None:
         """Begin rounds; those that are over are kept first."""
         over = self.truncated if mask is None else self.truncated & mask
         batch = self.duel.batch
         for game in np.flatnonzero(over).tolist():
             self.rounds.append((self.played, batch.tallies[game].copy(), batch.histograms[game].copy()))
-        super().reset(mask, **more)
+        super().reset(mask, seeds, new_match, horizons)

@@ -31,7 +31,7 @@ class GameOptions:
         planner: planner of the opponent's path, by name or as an object.
         knowledge: the ally's knowledge base: ``expert``, ``none``, or a YAML file.
         jamming_types: the jamming types that are allowed.
-        reward: reward of the learner; see :mod:`fpg_bench.envs.payment`.
+        reward: reward of the learner; see :func:`fpg_bench.envs.core.compute_reward`.
     """
 
     scenario: Scenario | str | Path | None = None

@@ -68,7 +68,7 @@ def test_the_planners_suite_plays_matches_on_planned_paths_against_scripted_alli
     suite = load_suite("planner-v1")
     assert {c.scenario.opponent_path for c in suite.rivals} == {"waypoints"}
     assert (suite.rounds_per_match, suite.matches, suite.last_rounds) == (10, 100, 3)
-    assert suite.counted == slice(7, None)
+    assert suite.counted_rounds == slice(7, None)
     assert {c.name for c in suite.rivals} == set(SCRIPTED["ally"]) - {"random"}
 
 
@@ -76,7 +76,7 @@ def test_a_suite_of_ones_own(tmp_path):
     suite = load_suite(written(tmp_path, PLANNED))
     assert (suite.name, suite.rounds_per_match, suite.matches, suite.rounds) == ("mine", 4, 5, 20)
     assert [c.players for c in suite.rivals] == [("idle",), ("expert",)]
-    assert (suite.other_side, suite.returned) == ("ally", "opponent_return")
+    assert (suite.other_side, suite.return_name) == ("ally", "opponent_return")
     assert suite.named("idle") is suite.rivals[0]
     with pytest.raises(UserError, match="no rival 'idel'; did you mean 'idle'"):
         suite.named("idel")
@@ -116,9 +116,9 @@ def test_returns_a_step_are_those_of_the_rounds_that_count(tmp_path):
         ("matches: 10", "matches: 10\nlast_rounds: 2", "last_rounds: at most the match's 1 rounds"),
         ("matches: 10\n", "", "lacks matches$"),
         ("matches: 10", "matches: 10\nscale: {zero: 3, top: 3}", "top must lie above zero"),
-        ("matches: 10", "matches: 10\nscale: {zero: 3}", "scale: expected zero and top"),
-        ("matches: 10", "matches: 10\nscale: {zero: a, top: b}", "scale: expected zero and top"),
-        ("opponent: tone", "ally: tone", "expected mappings with opponent"),
+        ("matches: 10", "matches: 10\nscale: {zero: 3}", "scale: lacks top"),
+        ("matches: 10", "matches: 10\nscale: {zero: a, top: b}", "scale.zero: expected a number, got 'a'"),
+        ("opponent: tone", "ally: tone", r"rivals\[0\]: expected opponent, a player's name"),
         ("path: pursuit", "path: pursuit, planner: circle", "path or planner"),
         ("path: pursuit", "planner: circel", "did you mean 'circle'"),
         ("path: pursuit", "path: persuit", "did you mean 'pursuit'"),
@@ -126,7 +126,7 @@ def test_returns_a_step_are_those_of_the_rounds_that_count(tmp_path):
         ("path: pursuit", "changes: {hop_csot: 1}", "did you mean 'hop_cost'"),
         ("path: pursuit", "changes: hop_cost", "changes: expected a mapping"),
         ("path: pursuit", "changes: {steps_per_round: 10}", "is the same for all rivals"),
-        ("{opponent: tone, path: pursuit}", "tone", "expected mappings with opponent"),
+        ("{opponent: tone, path: pursuit}", "tone", r"rivals\[0\]: expected a mapping, got 'tone'"),
         ("  - {opponent: tone, path: pursuit}", "  {}", "rivals: expected a list"),
         ("opponent: tone", "opponent: tonne", "did you mean 'tone'"),
         ("pursuit}", "pursuit}\n  - {opponent: tone, path: pursuit}", "'tone/pursuit' stands there twice"),

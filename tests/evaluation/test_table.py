@@ -73,7 +73,7 @@ def test_the_files_hold_everything(summaries, suite, tmp_path):
     by_name = {line.split(" | ")[0].strip("| "): line for line in text.splitlines()}
     assert "†" in by_name["ppo"]
     assert "†" not in by_name["recurrent-ppo"] + by_name["expert-spread"]
-    assert "score: 0 = -5.66 a step (random), 100 = 22" in text
+    assert "score: 0 = -5.66 per step (random), 100 = 22" in text
     rows = list(csv.DictReader((tmp_path / "table.csv").open()))
     assert [row["entry"] for row in rows] == [summary.entry for summary in summaries]
     for row, summary in zip(rows, summaries, strict=True):
@@ -101,4 +101,4 @@ def test_one_match_has_no_interval(suite):
 def test_the_caption_says_what_a_score_is(suite):
     assert "Suite ally-v1" in caption(suite)
     own = dataclasses.replace(suite, scale=Scale())
-    assert "score: the return a step" in caption(own)
+    assert "score: the return per step" in caption(own)
