@@ -30,7 +30,7 @@ REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
 
 
 class GameOptions(DuelOptions, total=False):
-    """Keyword options of the environments in which the caller plays one side; see :class:`SingleAgentGame`."""
+    """Keyword options of the environments of one side; see :class:`SingleAgentGame`."""
 
     opponent: PlayerSpec | Sequence[PlayerSpec] | None
     ally: PlayerSpec | Sequence[PlayerSpec] | None

@@ -88,7 +88,7 @@ class FPGVectorEnv(VectorEnv):
     def step(
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Play one step with actions ``(N, 9)``; raises as :meth:`fpg_bench.game.batch.GameBatch.step` does."""
+        """Play one step with actions ``(N, 9)``; see :meth:`fpg_bench.game.batch.GameBatch.step`."""
         core = self.core
         over = core.truncated.copy()
         core.step(actions)

@@ -1,4 +1,4 @@
-"""The one loop that plays rounds: both seats act, the game steps, until every round is over."""
+"""The loop that plays rounds: both sides act and the game steps until every round is over."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from fpg_bench.players.registry import as_player
 
 
 class Acting(Protocol):
-    """What sits at a side of a table: a :class:`fpg_bench.players.policy_runner.Seat`, or something like it."""
+    """Actor of one side: a :class:`fpg_bench.players.policy_runner.PolicyRunner` or alike."""
 
     def begin(self, mask: np.ndarray) -> None:
-        """Take up the rounds that begin in the masked games."""
+        """Start the rounds that begin in the masked games."""
 
     def act(self) -> np.ndarray:
-        """The side's actions ``(N, 9)`` on the present observations."""
+        """Return the side's actions ``(N, 9)`` for the present observations."""
 
 
 @dataclass(frozen=True)
 class MatchBatch:
-    """N games and who sits at both sides of them."""
+    """A batch of games with both policies."""
 
     duel: TwoPlayerBatch
     ally: Acting
@@ -34,42 +34,42 @@ class MatchBatch:
 
 
 def make_match(duel: TwoPlayerBatch, ally: Any, opponent: Any) -> MatchBatch:
-    """A table whose sides are played by these players; of a list, one is drawn per round.
+    """Make a batch of games between two players, or lists of players of which one is drawn per round.
 
     Raises:
         UserError: no such player, or one of the wrong side.
     """
-    players = [list(who) if isinstance(who, list | tuple) else [who] for who in (ally, opponent)]
-    runners = [
-        PolicyRunner(side, [as_player(spec, side, duel.scenario) for spec in specs], duel.batch)
-        for side, specs in zip(SIDES, players, strict=True)
-    ]
+    runners = []
+    for side, spec in zip(SIDES, (ally, opponent), strict=True):
+        specs = spec if isinstance(spec, list | tuple) else [spec]
+        players = [as_player(each, side, duel.scenario) for each in specs]
+        runners.append(PolicyRunner(side, players, duel.batch))
     return MatchBatch(duel, *runners)
 
 
 def play_round(
-    *tables: MatchBatch, seeds: Any = None, on_step: Callable[[], None] | None = None, begun: bool = False
+    *matches: MatchBatch, seeds: Any = None, on_step: Callable[[], None] | None = None, begun: bool = False
 ) -> None:
-    """Play one round of every game to its end, the tables step by step together.
+    """Play one round of every game to its end, all batches step by step together.
 
     Args:
-        *tables: with rounds of equal length.
-        seeds: those of new matches, for each table; None: the next round of each match.
+        *matches: batches with rounds of equal length.
+        seeds: seeds of new matches, for each batch; None: the next round of each match.
         on_step: called after each step.
-        begun: whether :func:`begin` has been called already.
+        begun: the rounds were begun already, by :func:`begin`.
     """
     if not begun:
-        begin(*tables, seeds=seeds)
-    while not all(table.duel.batch.games["truncated"].all() for table in tables):
-        for table in tables:
-            table.duel.batch.step(table.ally.act(), table.opponent.act())
+        begin(*matches, seeds=seeds)
+    while not all(match.duel.batch.games["truncated"].all() for match in matches):
+        for match in matches:
+            match.duel.batch.step(match.ally.act(), match.opponent.act())
         if on_step is not None:
             on_step()
 
 
-def begin(*tables: MatchBatch, seeds: Any = None) -> None:
+def begin(*matches: MatchBatch, seeds: Any = None) -> None:
     """Begin a round in every game; arguments as in :func:`play_round`."""
-    for table in tables:
-        mask = table.duel.reset(seeds=seeds)
-        table.ally.begin(mask)
-        table.opponent.begin(mask)
+    for match in matches:
+        mask = match.duel.reset(seeds=seeds)
+        match.ally.begin(mask)
+        match.opponent.begin(mask)

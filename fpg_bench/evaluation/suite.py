@@ -224,13 +224,13 @@ class _RivalFile(Strict):
     changes: dict[str, Any] | None = None
 
 
-class _FieldFile(Strict):
+class _SuiteFile(Strict):
     """Content of a suite's YAML file."""
 
     side: Literal["ally", "opponent", "planner"]
     scenario: str
     matches: PositiveInt
-    rivals: Annotated[Items[_RivalFile], pydantic.Suite(min_length=1)]
+    rivals: Annotated[Items[_RivalFile], pydantic.Field(min_length=1)]
     rounds_per_match: PositiveInt | None = None
     last_rounds: PositiveInt | None = None
     opponent: str = "adaptive"
@@ -274,6 +274,7 @@ class _FieldFile(Strict):
         if file.path is not None and file.planner is not None:
             raise UserError(f"{where}: say path or planner, not both")
         players = (players,) if isinstance(players, str) else players
+        paths = (file.path,) if isinstance(file.path, str) else file.path or ()
         changes = file.changes or {}
         check_keys(changes, Scenario.__dataclass_fields__, f"{where}: changes")
         if same := [key for key in _SAME_FOR_ALL if key in changes]:
@@ -282,8 +283,7 @@ class _FieldFile(Strict):
             )
         is_planned = file.planner is not None or self.side == PLANNER
         played = as_scenario(scenario, opponent_path="waypoints" if is_planned else file.path)
-        flight = file.planner or ("" if file.path is None else str(file.path))
-        name = file.name or "/".join(filter(None, ("+".join(players), flight)))
+        name = file.name or "/".join(filter(None, ("+".join(players), file.planner or "+".join(paths))))
         return Rival(name, players, as_scenario(played, **changes), file.planner)
 
 
@@ -300,7 +300,7 @@ def load_suite(name: str, side: str | None = None, shipped: bool = False) -> Sui
     """
     path = suite_file(name)
     where = f"suite {path}"
-    content = parse(_FieldFile, read_yaml(path, "suite"), where)
+    content = parse(_SuiteFile, read_yaml(path, "suite"), where)
     if side not in (None, content.side):
         verb = "plan compare" if content.side == PLANNER else "evaluate"
         raise UserError(f"suite {name}: measures the {content.side}, not the {side}; write fpg-bench {verb}")

@@ -16,7 +16,7 @@ from fpg_bench.players.seeded import Batched
 if TYPE_CHECKING:  # its process needs none of what a submission is made of
     from fpg_bench.leaderboard.policies import Policy
 
-__all__ = ["Limits", "PolicyFailed", "PolicyClient"]
+__all__ = ["Limits", "PolicyClient", "PolicyFailed"]
 
 # A message: its kind and two numbers, then what they say. To the process: LOAD (bytes of the model), RESET
 # (games) and PLAY (games, flags). From it: READY (1 where it draws at random), ACTIONS (their shape) and

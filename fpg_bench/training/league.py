@@ -28,7 +28,7 @@ from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.entry import code_fingerprint, player_entry
 from fpg_bench.evaluation.play import Seeds, play
 from fpg_bench.evaluation.seeds import PROTOCOL, tuning_seeds
-from fpg_bench.evaluation.suite import Rival, Scale, side_suite
+from fpg_bench.evaluation.suite import Rival, Scale, Suite, side_suite
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD, Scenario, as_scenario
@@ -83,7 +83,7 @@ def evaluate_against(
     same_path = dataclasses.replace(scenario, opponent_path=public.scenario.opponent_path)
     scale = public.scale if same_path.hash == public.scenario.hash else Scale()
     rivals = tuple(Rival(name, (other,), scenario) for name, other in others.items())
-    suite = Field("league", side, scenario, matches, rivals, scale)
+    suite = Suite("league", side, scenario, matches, rivals, scale)
     entry = player_entry(player)
     (summary,) = summarise([play(entry, suite, rival, seeds) for rival in rivals], suite)
     return summary
