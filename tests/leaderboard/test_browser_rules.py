@@ -117,9 +117,14 @@ class Agents:
 def test_the_rules_are_the_same(page, path, actions_of):
     scenario, seeds = Scenario(opponent_path=path), np.arange(GAMES) * 7919 + 2**40
     actions, seen, rewards = played(scenario, seeds, actions_of())
-    told = {"rules": page_data.rules_data(scenario), "seeds": seeds.tolist(), "games": GAMES, "steps": STEPS}
-    told |= {"actions": text(actions, "<f4"), "seen": text(seen, "<f4"), "rewards": text(rewards, "<f8")}
-    assert page.evaluate(REPLAY, told) < 1e-6
+    options = {
+        "rules": page_data.rules_data(scenario),
+        "seeds": seeds.tolist(),
+        "games": GAMES,
+        "steps": STEPS,
+    }
+    options |= {"actions": text(actions, "<f4"), "seen": text(seen, "<f4"), "rewards": text(rewards, "<f8")}
+    assert page.evaluate(REPLAY, options) < 1e-6
 
 
 PAIRS = [*zip(ALLIES, islice(cycle(OPPONENTS), len(ALLIES)), strict=True)]
@@ -135,8 +140,8 @@ def test_the_scripts_are_the_same(page, ally, opponent):
         total[:] += game["ally_reward"], game["opponent_reward"]
 
     play_round(table, seeds=np.array([12]), on_step=add)
-    told = {"rules": page_data.rules_data(Scenario()), "seed": 12, "ally": ally, "opponent": opponent}
-    np.testing.assert_allclose(page.evaluate(SCRIPTED, told), total, atol=1e-4)
+    options = {"rules": page_data.rules_data(Scenario()), "seed": 12, "ally": ally, "opponent": opponent}
+    np.testing.assert_allclose(page.evaluate(SCRIPTED, options), total, atol=1e-4)
 
 
 AGENTS = sorted(
@@ -155,5 +160,5 @@ def test_policies_answer_as_onnxruntime_does(page, name):
         expected.append(action[0])
     policy = page_data.policy_data(agent.model)
     assert policy is not None
-    found = page.evaluate(ASKED, {"policy": json.loads(json.dumps(policy)), "seen": seen.tolist()})
-    np.testing.assert_allclose(found, expected, atol=1e-5)
+    answers = page.evaluate(ASKED, {"policy": json.loads(json.dumps(policy)), "seen": seen.tolist()})
+    np.testing.assert_allclose(answers, expected, atol=1e-5)

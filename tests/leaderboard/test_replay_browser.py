@@ -32,11 +32,11 @@ def test_events_are_those_of_the_data(watched):
     count = len(steps["snr"])
     jammed = [steps["covered"][k] and steps["snr"][k] < scenario["threshold_db"] for k in range(count)]
     near = [metres < scenario["distance_reward_m"] for metres in steps["distance"]]
-    found = {
+    steps_by_kind = {
         kind: [one["step"] for one in events if one["kind"] == kind]
         for kind in ("jammed", "near", "spread", "hopped")
     }
-    assert found == {
+    assert steps_by_kind == {
         "jammed": starts(jammed),
         "near": starts(near),
         "spread": starts(steps["spreading"]),
@@ -49,15 +49,15 @@ def test_events_are_those_of_the_data(watched):
     assert watched.locator("#replay-story li").count() == len(events)
 
 
-def test_an_event_is_told_when_it_has_happened_and_not_before(watched):
+def test_an_event_is_announced_only_once_it_has_happened(watched):
     item = watched.locator("#replay-story li button").nth(3)
     step, text = re.fullmatch(r"(\d+) s: (.*)", item.text_content()).groups()
     watched.locator("#replay-step").fill(str(int(step) - 1))
     expect(watched.locator("#replay-event")).not_to_have_text(f"{step} s: {text}")
-    told = watched.locator("#replay-marks i:not([hidden])").count()
-    assert told <= 3
+    marks = watched.locator("#replay-marks i:not([hidden])").count()
+    assert marks <= 3
     watched.locator("#replay-step").fill(step)
-    expect(watched.locator("#replay-marks i:not([hidden])").nth(told)).to_be_attached()
+    expect(watched.locator("#replay-marks i:not([hidden])").nth(marks)).to_be_attached()
 
 
 def test_nothing_of_the_future_is_drawn(watched):
@@ -136,8 +136,8 @@ def test_one_finger_on_the_batch_scrolls_the_page_and_two_turn_it(visit):  # noq
     fingers = page.context.new_cdp_session(page)
 
     def touch(kind, *points):
-        told = {"type": kind, "touchPoints": [{"x": across, "y": down} for across, down in points]}
-        fingers.send("Input.dispatchTouchEvent", told)
+        event = {"type": kind, "touchPoints": [{"x": across, "y": down} for across, down in points]}
+        fingers.send("Input.dispatchTouchEvent", event)
 
     touch("touchStart", (x, y))
     for moved in range(10, 100, 10):

@@ -1,4 +1,4 @@
-"""The site in a real browser: headless Chromium, from the disk and from a server of this machine."""
+"""The site in headless Chromium, from the disk and from a local server."""
 
 import re
 import threading
@@ -40,7 +40,7 @@ MATRICES = ("crossplay.html", "statistics.html")  # axe looks at each pair of en
 PATIENCE_MS = 60_000  # a browser on a busy machine is slow
 expect.set_options(timeout=PATIENCE_MS)
 PHONE = {"width": 390, "height": 844}
-GRAVE = ("error", "warning")
+SEVERE = ("error", "warning")
 DESKTOP = {"width": 1280, "height": 900}
 
 
@@ -80,13 +80,13 @@ def small_site(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def browser():
-    with chromium() as found:
-        yield found
+    with chromium() as chromium_browser:
+        yield chromium_browser
 
 
 @pytest.fixture
 def visit(browser, site):
-    """Opens pages, and sees to it that nothing was said on the console nor asked of anybody else."""
+    """Open pages; afterwards no console message, alert or request of another host may have occurred."""
     contexts, complaints = [], []
 
     def go(name="ranking.html", origin=None, viewport=DESKTOP, **options):
@@ -103,7 +103,9 @@ def visit(browser, site):
 
         context.route("**/*", route)
         page = context.new_page()
-        page.on("console", lambda told: complaints.append(told.text) if told.type in GRAVE else None)
+        page.on(
+            "console", lambda message: complaints.append(message.text) if message.type in SEVERE else None
+        )
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("dialog", lambda dialog: (complaints.append(f"alert {dialog.message}"), dialog.dismiss()))
         page.goto(f"{home}/{name}")
@@ -116,12 +118,12 @@ def visit(browser, site):
 
 
 def column(page, index):
-    """What is shown in a column of the first table, row by row."""
+    """The sort keys in a column of the first table, row by row."""
     rows = page.locator("#ally table.board tbody tr:not([hidden])")
     return rows.evaluate_all(f"rows => rows.map(row => row.cells[{index}].dataset.v)")
 
 
-def test_the_first_table_is_there_when_the_page_is(visit):
+def test_tables_need_no_javascript(visit):
     page = visit(java_script_enabled=False)
     assert page.locator("#ally table.board tbody tr").count() == ENTRIES
     assert page.locator("#ally table.board tbody tr").last.is_visible()
@@ -161,7 +163,7 @@ def test_the_address_keeps_how_a_table_is_shown(visit):
     expect(page.locator("#ally thead th.extra").first).to_be_visible()
 
 
-def test_a_long_table_shows_its_beginning_until_asked(visit):
+def test_a_long_table_can_be_expanded(visit):
     page = visit()
     assert len(column(page, 0)) == 25
     page.get_by_role("button", name=f"Show all {ENTRIES}").click()
@@ -214,7 +216,7 @@ def test_two_entries_are_compared_and_the_address_keeps_which(visit, site):
     assert page.locator("#comparison svg").count() == 3 + 4 + 3  # all rivals, then each of them
 
 
-# A difference from lists of scores, as the page computes it.
+# The page's difference of two lists of scores.
 APART = """([one, two]) => fpgDifferences.between(one, two, fpgData.student)"""
 
 
@@ -246,8 +248,8 @@ def test_no_row_of_a_comparison_stands_twice_or_shows_a_key(visit):
         rows = section.locator("tbody th").all_inner_texts()
         assert len(set(rows)) == len(rows)
         assert not [row for row in rows if "_" in row]
-    told = page.locator("#comparison section").first.locator("tbody tr").first.inner_text()
-    assert re.search(r"[+−]\d+\.\d\s+\([+−]\d+\.\d to [+−]\d+\.\d\)", told)
+    difference = page.locator("#comparison section").first.locator("tbody tr").first.inner_text()
+    assert re.search(r"[+−]\d+\.\d\s+\([+−]\d+\.\d to [+−]\d+\.\d\)", difference)
 
 
 def test_an_entry_leads_to_its_comparison(visit):
@@ -290,9 +292,9 @@ def test_a_round_is_drawn_and_another_can_be_chosen(visit):
             f"replay-{name}",
         )
         assert colours > 20, name
-    told = page.locator("#replay-title").inner_text()
+    title = page.locator("#replay-title").inner_text()
     page.locator("button.round").nth(1).click()
-    expect(page.locator("#replay-title")).not_to_have_text(told)
+    expect(page.locator("#replay-title")).not_to_have_text(title)
     assert HOSTILE[0] in page.locator("#replay-title").inner_text()
     assert page.locator("button.round").nth(1).get_attribute("aria-pressed") == "true"
 
@@ -318,7 +320,7 @@ def test_the_theme_follows_the_system_until_it_is_switched_and_is_remembered(vis
     assert page.evaluate(scheme) == "light"
 
 
-def test_cross_play_is_drawn_and_told(visit):
+def test_cross_play_is_drawn_with_its_numbers(visit):
     page = visit("crossplay.html")
     page.wait_for_selector("#heatmap td")
     page.locator("#who").select_option(label=page.locator("#who option").last.inner_text())
@@ -328,16 +330,16 @@ def test_cross_play_is_drawn_and_told(visit):
     assert page.locator("#nash-ally tbody td").first.inner_text() == "75.0 %"
 
 
-def test_a_cell_of_cross_play_tells_all_and_plays_a_round(visit):
+def test_a_cell_of_cross_play_has_a_label_and_plays_a_round(visit):
     page = visit("crossplay.html")
     cell = page.locator("#heatmap a").first
-    told = cell.get_attribute("aria-label")
-    assert re.search(r"ally's return −?\d+\.\d\d ± 1\.25|ally's return −?\d+\.\d\d,", told)
-    assert "jammed" in told
+    label = cell.get_attribute("aria-label")
+    assert re.search(r"ally's return −?\d+\.\d\d ± 1\.25|ally's return −?\d+\.\d\d,", label)
+    assert "jammed" in label
     cell.focus()
     page.keyboard.press("ArrowRight")
     page.keyboard.press("ArrowLeft")
-    assert page.evaluate("document.activeElement.getAttribute('aria-label')") == told
+    assert page.evaluate("document.activeElement.getAttribute('aria-label')") == label
     page.keyboard.press("Enter")
     page.wait_for_url("**/play.html#side=nobody*")
     expect(page.locator("#clock")).not_to_have_text("0 / 300")
@@ -345,7 +347,7 @@ def test_a_cell_of_cross_play_tells_all_and_plays_a_round(visit):
 
 
 def drawn(page):
-    """The matrix shown, row by row, and its caption; what is read is whole, as the page tells it."""
+    """The matrix shown, row by row, and its caption."""
     numbers = page.evaluate(
         """() => { const number = (cell) => Number(cell.textContent.replace("−", "-").replace(" %", ""));
         return [...document.querySelectorAll("#heatmap tbody tr")].map(
@@ -364,8 +366,8 @@ def test_each_matrix_of_cross_play_is_shown_with_the_strongest_first(visit, matr
     page.locator("#who").select_option(label=page.locator("#who option").nth(3).inner_text())
     kept = page.locator("#who").evaluate("box => box.selectedOptions[0].text")
     page.locator("#matrix").select_option(matrix)
-    values, told = drawn(page)
-    assert told == f"{caption} of each pair"
+    values, heading = drawn(page)
+    assert heading == f"{caption} of each pair"
     allies = [of_ally * sum(row) / len(row) for row in values]
     opponents = [-of_ally * sum(column) / len(column) for column in zip(*values, strict=True)]
     rounding = 1.0 if matrix == "jammed" else 0.1  # as cells are written
@@ -376,7 +378,7 @@ def test_each_matrix_of_cross_play_is_shown_with_the_strongest_first(visit, matr
     assert page.locator("#matrix").input_value() == matrix
 
 
-def test_statistics_are_drawn_and_told_per_track(visit):
+def test_statistics_are_drawn_per_track(visit):
     page = visit("statistics.html")
     assert page.locator("#profile svg[role=img] .line").count() == 6
     assert page.locator("#matrix tbody td b").count() == (ENTRIES - 1) * (ENTRIES - 2)
@@ -386,14 +388,14 @@ def test_statistics_are_drawn_and_told_per_track(visit):
     assert page.url.endswith("#track=opponent-pursuit")
 
 
-def grave(page, **options) -> list:
-    """What axe finds serious or critical on a page."""
-    # It would load styles a second time, which the pages forbid; they are on this page anyhow.
+def violations(page, **options) -> list:
+    """Serious and critical violations that axe finds on a page."""
+    # Preloading would fetch styles again, which the pages forbid.
     options |= {"preload": False, "resultTypes": ["violations"]}
-    found = Axe().run(page, options=options).response["violations"]
+    rules = Axe().run(page, options=options).response["violations"]
     return [
         (rule["id"], [node["html"][:200] for node in rule["nodes"][:3]])
-        for rule in found
+        for rule in rules
         if rule["impact"] in ("serious", "critical")
     ]
 
@@ -401,11 +403,13 @@ def grave(page, **options) -> list:
 @pytest.mark.parametrize("name", PAGES)
 def test_axe_finds_nothing_serious(visit, small_site, name):
     page = visit(name, origin=small_site.as_uri() if name in MATRICES else None, color_scheme="light")
-    assert not grave(page)
+    assert not violations(page)
     page.emulate_media(color_scheme="dark")  # the same but for its colours
-    assert not grave(page, runOnly={"type": "rule", "values": ["color-contrast"]})
+    assert not violations(page, runOnly={"type": "rule", "values": ["color-contrast"]})
     if name in MATRICES:  # a large one scrolls
-        assert not grave(visit(name), runOnly={"type": "rule", "values": ["scrollable-region-focusable"]})
+        assert not violations(
+            visit(name), runOnly={"type": "rule", "values": ["scrollable-region-focusable"]}
+        )
 
 
 def test_no_page_scrolls_sideways_on_a_phone(visit, site):
@@ -443,3 +447,54 @@ def test_it_can_be_served_as_well(visit, site):
         finally:
             server.shutdown()
             thread.join()
+
+
+SCREENS = {"phone": PHONE, "desktop": {"width": 1440, "height": 900}}
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_the_first_screen_holds_the_moving_game_and_the_first_three(visit, screen):
+    page = visit("index.html", viewport=SCREENS[screen])
+    places = [page.locator("#film canvas"), *page.locator("article").first.locator("li").all()]
+    assert len(places) == 4
+    for place in places:
+        box = place.bounding_box()
+        assert box["y"] >= 0
+        assert box["y"] + box["height"] <= SCREENS[screen]["height"]
+
+
+# Within a second and a half.
+MOVED = """async () => { const picture = () => document.querySelector("#film canvas").toDataURL();
+const before = picture(), end = performance.now() + 1500;
+while (picture() === before && performance.now() < end) await new Promise(done => setTimeout(done, 50));
+return picture() !== before; }"""
+
+
+def test_the_round_moves_until_it_is_stopped(visit):
+    page = visit("index.html")
+    expect(page.locator("#film .caption")).to_contain_text("s: ")
+    page.locator("#film .pause").click()
+    assert not page.evaluate(MOVED)
+    page.locator("#film .pause").click()
+    assert page.evaluate(MOVED)
+
+
+def test_where_motion_is_not_wanted_it_is_a_still(visit):
+    page = visit("index.html", reduced_motion="reduce")
+    expect(page.locator("#film .caption")).to_contain_text("s: ")
+    assert not page.evaluate(MOVED)
+
+
+# The example's board has no table of opponents that fly themselves, and so no scale for a visitor who is one.
+@pytest.mark.parametrize(("side", "ending"), [("ally", r", a score of [\d.−]+; 0"), ("opponent", r"\.$")])
+def test_the_keyboard_plays_a_round(visit, side, ending):
+    page = visit("play.html")
+    page.locator("#side").select_option(side)
+    page.locator("#seed").press("Enter")
+    expect(page.locator("#one")).to_be_enabled()
+    page.locator("#one").focus()
+    for _ in range(300):
+        page.keyboard.press("n")
+    expect(page.locator("#event")).to_have_text(re.compile(r"The round is over: [\d.−]+ per step" + ending))
+    expect(page.locator("#clock")).to_have_text("300 / 300")
+    expect(page.locator("#one")).to_be_disabled()
