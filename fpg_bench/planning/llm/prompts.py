@@ -53,7 +53,7 @@ class _Texts(Strict):
     def _check_placeholders(cls, text: str, info: ValidationInfo) -> str:
         if not Template(text).is_valid():
             raise UserError("a $ without a name behind it; write $$ for a dollar sign")
-        known = _PLACEHOLDERS[info.suite_name]
+        known = _PLACEHOLDERS[info.field_name]
         for name in Template(text).get_identifiers():
             if name not in known:
                 raise UserError(f"unknown placeholder ${name}{nearest(name, known)}")
