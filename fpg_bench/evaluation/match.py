@@ -437,5 +437,6 @@ def _llm_planner(
         "server": endpoint.server.name,
         "control": planner.control,
     }
-    prompt = {"prompt": planner.prompt.model_dump(), "prompt_hash": planner.prompt.hash}
-    return planner, {**told, **sampled, **prompt}
+    prompt = planner.prompt
+    content = {"name": prompt.name, **prompt.model_dump()}
+    return planner, {**told, **sampled, "prompt": content, "prompt_hash": prompt.hash}
