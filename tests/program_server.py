@@ -61,7 +61,7 @@ def warm() -> None:
     from fpg_bench.cli import app
 
     with contextlib.redirect_stdout(io.StringIO()):
-        app(["fields"], standalone_mode=False)
+        app(["suites"], standalone_mode=False)
     for each in weakref.finalize._registry:  # what is imported is not put away
         each.atexit = False
     assert threading.active_count() == 1
