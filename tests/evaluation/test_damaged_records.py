@@ -28,7 +28,7 @@ def records(suite):
 def test_a_meeting_that_is_told_of_twice_is_named(records):
     rows = [json.loads(json.dumps(record.row())) for record in records]
     assert read_records(rows, "here") == records
-    with pytest.raises(UserError, match=f"here: line {len(rows) + 1} tells again of what line 1 does"):
+    with pytest.raises(UserError, match=f"here: record {len(rows) + 1} is of the same matchup as record 1"):
         read_records([*rows, rows[0] | {"lost": 1}], "here")
 
 

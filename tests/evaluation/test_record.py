@@ -32,7 +32,7 @@ PLANS = Plans({"ok": 3, "fallback-http": 1}, tokens=40, seconds=0.5)
 
 
 @pytest.mark.parametrize("plans", [None, PLANS])
-def test_a_line_is_read_as_it_was_written(plans):
+def test_a_record_is_read_as_it_was_written(plans):
     row = json.loads(json.dumps(record(plans=plans).row()))
     assert ("plans" in row) == (plans is not None)
     assert read_record(row, "lines") == record(plans=plans)
@@ -126,27 +126,28 @@ NAN = float("nan")
         {"more": 1},
     ],
 )
-def test_forged_lines_are_one_clear_error(change):
-    with pytest.raises(UserError, match=r"^lines it: line 2 is no line of a rival$"):
-        read_records([record().row(), record().row() | change], "lines it")
+def test_forged_records_are_one_clear_error(change):
+    with pytest.raises(UserError, match=r"^records it: record 2: "):
+        read_records([record().row(), record().row() | change], "records it")
 
 
 @pytest.mark.parametrize("key", [spec.name for spec in dataclasses.fields(Record) if spec.name != "plans"])
-def test_a_line_lacks_nothing(key):
+def test_a_record_lacks_nothing(key):
     row = record().row()
     del row[key]
-    with pytest.raises(UserError, match="is no line of a rival"):
+    with pytest.raises(UserError, match=f"^this: lacks {key}$"):
         read_record(row, "this")
 
 
 @pytest.mark.parametrize(
     ("plans", "message"),
     [
-        (5, "does not tell of its plans"),
-        ({"statuses": {"ok": 1}}, "does not tell of its plans"),
-        ({"statuses": {"ok": -1}, "tokens": None, "seconds": 0.0}, "does not tell of its plans"),
-        ({"statuses": {"ok": 1}, "tokens": None, "seconds": NAN}, "does not tell of its plans"),
-        ({"statuses": {"ok": 1}, "tokens": 1.5, "seconds": 0.0}, "tokens: expected a whole number, got 1.5"),
+        (5, "plans: expected a mapping, got 5"),
+        ({"statuses": {"ok": 1}}, "plans: lacks tokens"),
+        ({"statuses": {"ok": -1}, "tokens": None, "seconds": 0.0}, "statuses.ok: expected a whole number, 0"),
+        ({"statuses": {"ok": 1}, "tokens": None, "seconds": NAN}, "seconds: expected a finite number"),
+        ({"statuses": {"ok": 1}, "tokens": 1.5, "seconds": 0.0}, "tokens: expected a whole number, 0 or more"),
+        ({"statuses": dict.fromkeys(map(str, range(101)), 1), "tokens": None}, "more than 100 statuses"),
     ],
 )
 def test_forged_plans_are_one_clear_error(plans, message):

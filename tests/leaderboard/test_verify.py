@@ -169,7 +169,7 @@ EDITS = {
     ),
     "the protocol": (f'"protocol":"{PROTOCOL}"', '"protocol":"0"', "of another protocol than this version's"),
     "the status": ('"status":"verified"', '"status":"not verified"', "not verified, but with lines or"),
-    "a seed": ('"training_seed":null', '"training_seed":"x"', "is no line of a rival"),
+    "a seed": ('"training_seed":null', '"training_seed":"x"', "training_seed: expected a whole number, 0 or more"),
     "the name": ('"slug":"wise"', '"slug":"wiser"', "is the result of ally/wiser"),
     "a number": ('"tally":', '"tally":NaN,"m":', "not lines of JSON: NaN is no number"),
     "all": ('{"kind"', '[{"kind"', "not lines of JSON"),
