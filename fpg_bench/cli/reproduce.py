@@ -11,9 +11,7 @@ from fpg_bench.cli.options import say
 
 
 def reproduce(
-    target: Annotated[
-        str, typer.Argument(help="fig3, fig4, fig5, fig6, fig7, tables, screen, cells or all")
-    ] = "all",
+    target: Annotated[str, typer.Argument(help="fig3, fig4, fig5, fig6, fig7, tables or all")] = "all",
     scenario: Annotated[str, typer.Option(help="paper, standard or figures")] = "paper",
     seeds: Annotated[int | None, typer.Option(min=1, help="runs a condition; default: the budget's")] = None,
     first_seed: Annotated[int, typer.Option(min=0, help="of training: other ones to confirm")] = 0,
@@ -35,12 +33,7 @@ def reproduce(
     Example: fpg-bench reproduce fig7 --budget quick --out reproduced
     """
     from fpg_bench.paper.reproduce import reproduce as run
-    from fpg_bench.paper.screen_report import reproduce_screen
 
-    if target == "screen":  # of all readings; nobody learns
-        for path in reproduce_screen(out, budget, workers=jobs, backend=backend, address=address, say=say):
-            say(f"written: {path}")
-        return
     asked = llm or transcript is not None
     words = {} if transcript is None else {"transcript": str(transcript)}
     written = run(

@@ -1,4 +1,4 @@
-"""Under which conditions the paper's experiments are run: what differs from its game, and nothing else."""
+"""Conditions of the paper's experiments: their differences from its game."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ FIXED_PATHS = ("triangle", "circle", "rectangle")
 PLANNERS = ("hill-climb", "cma-es", "optimised")
 NO_PLANNER, NO_KNOWLEDGE = "no-planner", "no-knowledge"
 LLM, LONG = "llm", "planned-long"
-LONG_IN = "paper"  # one run of ten budgets is a check, of the paper's own game
+LONG_IN = "paper"  # preset in which one run of ten budgets serves as a check
 SHORT_SEEDS = 5  # of conditions that no claim rests on
 
 
 @dataclass(frozen=True)
 class Condition:
-    """One way in which both sides learn.
+    """An experimental condition.
 
     Attributes:
-        name: what rows and figures call it.
-        about: what it is, for the report.
+        name: name in rows and figures.
+        about: description, for the report.
         options: those of :func:`fpg_bench.envs.two_player.make_duel`: ``planner``, ``path``.
-        changes: fields of the scenario that are other ones.
-        algorithm: hyper-parameters of MADDPG that are other ones.
-        tested: whether a claim rests on it, so that it needs all seeds.
-        budgets: how many times the budget of the others it is trained.
-        swaps: paths on which the trained pair is played once more, with nothing else exchanged.
+        changes: changed fields of the scenario.
+        algorithm: changed hyper-parameters of MADDPG.
+        tested: true if a claim rests on it; it then needs all seeds.
+        budgets: length of its training, in budgets of the others.
+        swaps: paths on which the trained pair is evaluated again, with nothing else changed.
     """
 
     name: str
@@ -47,11 +47,11 @@ class Condition:
 
     @property
     def runs(self) -> tuple[str, ...]:
-        """What rows call its runs: by its name, and by that of each swap."""
+        """Names of its runs: its own, and one per swap."""
         return self.name, *(swapped(self.name, path) for path in self.swaps)
 
     def scenario(self, preset: str) -> Scenario:
-        """What is played: a preset with this condition's changes, in matches of ten rounds at least."""
+        """Return the preset with the changes of this condition, in matches of at least ten rounds."""
         rounds = max(ROUNDS_PER_MATCH, as_scenario(preset).rounds_per_match)
         return as_scenario(preset, **{"rounds_per_match": rounds, **self.changes})
 
@@ -82,7 +82,7 @@ _MAIN = (
 POWER_FACTORS = (1.088046, 1.03959, 0.801030, 0.951545)
 _VISIBLE = {"first_check_s": (5, 5), "check_interval_s": (5, 5)}
 HIDDEN = {"first_check_s": (1, 5), "check_interval_s": (4, 6), "check_scale_s": 6.0}
-_TWICE = ("Eq. 2 and 3 to the letter: interference counts twice", {"snr_model": "paper"})
+_TWICE = ("Eq. 2 and 3 as printed: interference counts twice", {"snr_model": "paper"})
 _OTHERWISE: dict[str, dict[str, tuple[str, dict[str, Any]]]] = {
     "paper": {
         "hidden-checks": ("the time of the next check is hidden (every 4 to 6 s)", HIDDEN),
@@ -94,7 +94,7 @@ _OTHERWISE: dict[str, dict[str, tuple[str, dict[str, Any]]]] = {
         "interference-twice": _TWICE,
         "blinded": ("the opponent hears by the ally's SNR, which its jamming lowers", {"detection": "link"}),
     },
-    "figures": {  # what it settles otherwise than the letter, taken back one by one
+    "figures": {  # its differences from the paper as printed, reverted one by one
         "interference-twice": _TWICE,
         "gated-hops": ("the ally learns when to hop (Eq. 5)", {"hopping": "gated"}),
         "match-memory": (
@@ -107,7 +107,7 @@ _HOP_COSTS = {"paper": (0, 200), "standard": (0, 200), "figures": (100,)}  # bes
 
 
 def sensitivity(preset: str) -> tuple[Condition, ...]:
-    """What the paper leaves open, settled otherwise than the scenario does, one thing at a time."""
+    """Return the conditions that resolve one open point of the paper differently from the scenario."""
     others = {
         "k-power": ("k is a factor of the power, not of the dBm", {"jamming_coefficients": POWER_FACTORS}),
         **_OTHERWISE[preset],
@@ -118,7 +118,7 @@ def sensitivity(preset: str) -> tuple[Condition, ...]:
     return tuple(Condition(name, about, changes=changes) for name, (about, changes) in others.items())
 
 
-# What each figure is made of.
+# Conditions of each figure.
 TARGETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "fig3": (BASE, *FIXED_PATHS, *PLANNERS),
@@ -133,27 +133,27 @@ ALL = "all"
 
 
 def swapped(condition: str, path: str) -> str:
-    """What rows call a condition's trained pairs on another path."""
+    """Return the name of a condition's trained pairs on another path."""
     return f"{condition}@{path}"
 
 
 def conditions_of(target: str, preset: str, full: bool) -> list[Condition]:
-    """The conditions to be run for a figure, or for all of them.
+    """Return the conditions of a figure, or of all figures.
 
     Args:
         target: ``fig3`` to ``fig7``, ``tables`` or ``all``.
         preset: ``paper``, ``standard`` or ``figures``.
-        full: whether the sensitivity study and, in the paper's game, the long run belong to ``all``.
+        full: include in ``all`` the sensitivity study and, for ``paper``, the long run.
 
     Raises:
-        UserError: another target or preset.
+        UserError: an unknown target or preset.
     """
     if preset not in _OTHERWISE:
         known = ", ".join(_OTHERWISE)
         raise UserError(f"scenario: expected one of {known}, got {preset!r}{nearest(preset, _OTHERWISE)}")
     if target == ALL:
-        found = [c for c in _MAIN if c.name != LONG or (full and preset == LONG_IN)]
-        return [*found, *(sensitivity(preset) if full else ())]
+        conditions = [c for c in _MAIN if c.name != LONG or (full and preset == LONG_IN)]
+        return [*conditions, *(sensitivity(preset) if full else ())]
     if target not in TARGETS:
         raise UserError(f"unknown target {target!r}{nearest(target, [*TARGETS, ALL])}")
     return [c for c in _MAIN if c.name in TARGETS[target]]

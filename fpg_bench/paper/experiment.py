@@ -18,19 +18,59 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 
 from fpg_bench.common.ids import DUEL
+from fpg_bench.envs.core import JointGame
 from fpg_bench.envs.sb3_vec_env import FPGVecEnv
 from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
 from fpg_bench.paper.conditions import Condition, swapped
-from fpg_bench.paper.keeping import Checkpoint
-from fpg_bench.paper.recorded import Recorded
-from fpg_bench.paper.runs import Run
-from fpg_bench.paper.windows import FINAL, window_row, windows_of
+from fpg_bench.paper.runs import FINAL, Run, window_row, windows_of
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.language_model import training_planner
 from fpg_bench.training.maddpg.multi_seed import MultiSeedTrainer
 from fpg_bench.training.models import make_model
 from fpg_bench.version import __version__
+
+_KNOWLEDGE_GATE = 4
+
+
+class Recorded(JointGame):
+    """Both sides of N games; the ally asks the knowledge base whenever it hops (Algorithm 1, line 6).
+
+    Args:
+        games, **options: as for :class:`fpg_bench.envs.core.JointGame`.
+
+    Attributes:
+        played: steps so far, over all games.
+        rounds: for each round that ended: ``played`` then, its record of dtype ``state.TALLY``, and its
+            histogram ``(2, points)``.
+    """
+
+    def __init__(self, games: int = 1, **options: Any) -> None:
+        super().__init__(games, **options)
+        self.played = 0
+        self.rounds: list[tuple[int, np.void, np.ndarray]] = []
+
+    def step(self, actions: np.ndarray) -> None:
+        """Play one step with ``(N, 18)`` actions."""
+        actions = actions.copy()
+        actions[:, _KNOWLEDGE_GATE] = 1
+        super().step(actions)
+        self.played += self.count
+
+    def reset(
+        self,
+        mask: np.ndarray | None = None,
+        seeds: Any = None,
+        new_match: bool = False,
+        horizons: np.ndarray | None = None,
+    ) -> None:
+        """Start new rounds; finished ones are recorded first."""
+        over = self.truncated if mask is None else self.truncated & mask
+        batch = self.duel.batch
+        for game in np.flatnonzero(over).tolist():
+            self.rounds.append((self.played, batch.tallies[game].copy(), batch.histograms[game].copy()))
+        super().reset(mask, seeds, new_match, horizons)
+
 
 ALGORITHM = "maddpg"
 _POSITIONS = 50  # of a round that is drawn
@@ -84,80 +124,53 @@ def run_experiment(
     preset: str,
     budget: Budget,
     seeds: Iterable[int],
-    place: Path,
+    folder: Path,
     llm: Mapping[str, Any] | None = None,
     learner: str = "torch",
 ) -> list[Run]:
-    """Train both sides under a condition, and play the last policies without noise.
+    """Train both sides under a condition, and evaluate the final policies without exploration noise.
 
-    All seeds are trained in turns, each with its own games and random numbers, so that the others make no
-    difference to it. Every ten minutes all is kept in the
-    user's cache, and what came out at the end; a run that was killed goes on from there, and gives what it
-    would have given. Who has written down what came out removes :func:`checkpoint_of` it.
+    The seeds are trained in turns, each with games and random numbers of its own; a seed's result does not
+    depend on the other seeds.
 
     Args:
-        condition: under which.
-        preset: the scenario, ``paper`` or ``standard``.
-        budget: how long.
-        seeds: of training. The same seed begins with the same networks and matches under every condition.
-        place: a folder for the transcripts of a language model.
-        llm: options of a language model's planner, and ``transcript`` to replay one.
-        learner: who updates the networks; see :class:`fpg_bench.training.maddpg.multi_seed.MultiSeedTrainer`.
+        condition: differences from the preset.
+        preset: the scenario, ``paper``, ``standard`` or ``figures``.
+        budget: length of the training.
+        seeds: training seeds. A seed starts from the same networks and matches under every condition.
+        folder: for the transcripts of a language model.
+        llm: options of the language-model planner, and ``transcript`` to replay one.
+        learner: see :class:`fpg_bench.training.maddpg.multi_seed.MultiSeedTrainer`.
 
     Returns:
-        What happened under each seed.
-
-    Raises:
-        UserError: a checkpoint that cannot be read.
+        A run per seed, and one per seed and swapped path.
     """
     torch.set_num_threads(1)
     seeds, steps = list(seeds), condition.budgets * budget.steps
-    about = _about(condition, preset, seeds, learner)
-    checkpoint = checkpoint_of(condition, preset, budget, seeds, place, learner)
-    begun = time.monotonic()
-    state = checkpoint.read()
-    if isinstance(state, list):  # at its end
-        return state
-    if state is None:
-        runs = {
-            seed: _Training(condition, preset, budget, seed, place / f"seed_{seed}", llm) for seed in seeds
-        }
-        state = runs, MultiSeedTrainer({seed: run.model for seed, run in runs.items()}, steps, learner), 0.0
-    runs, together, spent_s = state
-    while not together.is_done:
-        together.step()
-        if condition.options.get("planner") != "llm":  # it goes on by its transcript
-            checkpoint.keep((runs, together, spent_s + time.monotonic() - begun))
-    finals = {seed: played_without_noise(run.model, run.games(None)) for seed, run in runs.items()}
-    about["seconds"] = round((spent_s + time.monotonic() - begun) / len(runs))
-    told = []
-    for seed, run in runs.items():
-        made = f"{budget.name}, {steps} steps, {run.model.n_updates} updates"
-        made_so = about | {"budget": made}
-        rows = [*windows_of(run.core.rounds, steps), window_row(FINAL, steps, *finals[seed])]
-        told.append(Run(condition.name, seed, made_so, rows))
-        for path in condition.swaps:
-            on_it = played_without_noise(run.model, run.games(None, path=path, planner=None))
-            row = window_row(FINAL, steps, *on_it)
-            told.append(Run(swapped(condition.name, path), seed, made_so, [row]))
-    checkpoint.keep(told, now=True)
-    return told
-
-
-def checkpoint_of(
-    condition: Condition, preset: str, budget: Budget, seeds: Iterable[int], place: Path, learner: str
-) -> Checkpoint:
-    """Where :func:`run_experiment` keeps what it is asked for in these words."""
-    about = _about(condition, preset, list(seeds), learner)
-    return Checkpoint(about | {"condition": condition.name, "budget": repr(budget), "place": str(place)})
-
-
-def _about(condition: Condition, preset: str, seeds: list[int], learner: str) -> dict[str, Any]:
-    return {
-        "scenario": f"{preset}, {condition.scenario(preset).hash}",
-        "trained at once": ", ".join(map(str, seeds)),
-        "versions": _versions(learner),
+    start = time.monotonic()
+    trainings = {
+        seed: _Training(condition, preset, budget, seed, folder / f"seed_{seed}", llm) for seed in seeds
     }
+    trainer = MultiSeedTrainer({seed: each.model for seed, each in trainings.items()}, steps, learner)
+    while not trainer.is_done:
+        trainer.step()
+    finals = {seed: play_deterministic(each.model, each.games(None)) for seed, each in trainings.items()}
+    seconds = round((time.monotonic() - start) / len(seeds))
+    runs = []
+    for seed, training in trainings.items():
+        about = {
+            "scenario": f"{preset}, {condition.scenario(preset).hash}",
+            "trained at once": ", ".join(map(str, seeds)),
+            "versions": _versions(learner),
+            "seconds": seconds,
+            "budget": f"{budget.name}, {steps} steps, {training.model.n_updates} updates",
+        }
+        rows = [*windows_of(training.core.rounds, steps), window_row(FINAL, steps, *finals[seed])]
+        runs.append(Run(condition.name, seed, about, rows))
+        for path in condition.swaps:
+            swap = play_deterministic(training.model, training.games(None, path=path, planner=None))
+            runs.append(Run(swapped(condition.name, path), seed, about, [window_row(FINAL, steps, *swap)]))
+    return runs
 
 
 def _versions(learner: str) -> str:
@@ -194,7 +207,7 @@ class _Training:
         return FPGVecEnv(self._make(**instead), first_seed, stagger=first_seed is not None)
 
 
-def played_without_noise(
+def play_deterministic(
     model: BaseAlgorithm, games: FPGVecEnv
 ) -> tuple[list[tuple[np.void, np.ndarray]], np.ndarray]:
     """Play a match in every game, on evaluation seeds.

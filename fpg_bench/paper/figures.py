@@ -14,8 +14,7 @@ from fpg_bench.common.files import write_whole
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import preset as scenario_of
 from fpg_bench.paper.conditions import BASE, FIXED_PATHS, LLM, NO_KNOWLEDGE, NO_PLANNER, PLANNERS
-from fpg_bench.paper.runs import Results
-from fpg_bench.paper.windows import FIFTH, STAGES, WINDOWS
+from fpg_bench.paper.runs import FIFTH, STAGES, WINDOWS, Results
 from fpg_bench.rendering.canvas import SIDE_COLOURS, blank_figure
 
 _OVERLAP, _SUCCESS = "#009e73", "#cc79a7"  # measures of both sides, in neither side's colour

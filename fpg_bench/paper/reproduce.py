@@ -1,8 +1,8 @@
-"""The paper's experiments from the runs to the report."""
+"""Reproduction of the paper: run its experiments, draw its figures and write the report."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,17 +10,12 @@ from typing import Any
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
-from fpg_bench.paper.cells import PRESET, every_condition, names
-from fpg_bench.paper.cells_report import write_cells
-from fpg_bench.paper.conditions import LLM, LONG, SHORT_SEEDS, Condition, conditions_of
-from fpg_bench.paper.experiment import BUDGETS, Budget, checkpoint_of, run_experiment
+from fpg_bench.paper.conditions import ALL, LLM, LONG, SHORT_SEEDS, Condition, conditions_of
+from fpg_bench.paper.experiment import BUDGETS, Budget, run_experiment
 from fpg_bench.paper.figures import draw
-from fpg_bench.paper.keeping import Checkpoint
 from fpg_bench.paper.report import write_report
-from fpg_bench.paper.runs import Results, Run, RunFile, read_results
+from fpg_bench.paper.runs import RunFile, read_results
 from fpg_bench.training.maddpg.multi_seed import LEARNERS, check_learner
-
-CELLS = "cells"
 
 
 def reproduce(
@@ -33,64 +28,95 @@ def reproduce(
     budget: str | Budget = "quick",
     llm: Mapping[str, Any] | None = None,
     learner: str = "torch",
-    **where: Any,
+    workers: int = 2,
+    backend: str = "loky",
+    address: str | None = None,
+    say: Callable[[str], None] = print,
 ) -> list[Path]:
-    """Run what a figure of the paper needs, draw it, and write the report of all runs that are there.
+    """Run the experiments behind a figure of the paper, draw it, and report on all runs in the folder.
+
+    Finished runs are kept, and a second call continues with the missing ones.
 
     Args:
-        target: ``fig3`` to ``fig7``, ``tables`` or ``all``; or ``cells``, the readings that decide.
-        out: the folder of runs, figures and reports; runs that are there already are not repeated.
-        scenario: ``paper``, ``standard`` or ``figures``; of ``cells`` always readings of ``paper``.
-        seeds: runs of each condition that a claim rests on (others: five at most); None: the budget's own.
-        first_seed: of training; what confirms a finding needs seeds that had no part in it.
-        budget: ``quick``, ``full``, ``hundredth``, ``tenth``, ``paper``, or one of one's own.
-        llm: run the language model that the environment names as one more planner, with these options of
-            its planner; ``transcript``: replay that file. None: it is not run, and the report says so.
-        learner: who updates the networks, ``torch`` or ``jax``, which takes less time and needs the
-            extra ``fast``.
-        **where: ``workers``, ``backend``, ``address`` and ``say``; see :func:`.run_jobs`.
+        target: ``fig3`` to ``fig7``, ``tables`` or ``all``.
+        out: folder of runs, figures and reports.
+        scenario: ``paper``, ``standard`` or ``figures``.
+        seeds: number of runs of each condition that a claim rests on (others: at most five). None: the
+            default of the budget.
+        first_seed: first training seed. Confirming a finding requires seeds that were not used to find it.
+        budget: ``quick``, ``full``, ``hundredth``, ``tenth``, ``paper``, or a :class:`Budget`.
+        llm: options of the language-model planner, which is then trained against as well; the environment
+            names its endpoint. ``transcript`` replays that file. None: no language model.
+        learner: ``torch`` or ``jax``; the latter is faster and requires the extra ``fast``.
+        workers, backend, address, say: see :func:`fpg_bench.common.parallel.run_jobs`.
 
     Returns:
-        The files written: figures, then the report.
+        The files written: figures first, then the report.
 
     Raises:
-        UserError: something unknown, or runs that failed (the others are kept).
+        UserError: an unknown name, or failed runs (the others are kept).
     """
-    budget = _budget(budget)
+    budget, out = _budget(budget), Path(out)
     check_learner(learner)
     count = whole(budget.seeds if seeds is None else seeds, "seeds")
-    out, all_of = Path(out), CELLS if target == CELLS else "all"
-    file = RunFile(out, CELLS if target == CELLS else scenario, budget.name)
-    conditions = _conditions(target, scenario, budget, llm)
-    preset = PRESET if target == CELLS else scenario
-    listed = list(_jobs(file, conditions, preset, budget, (first_seed, count), llm, learner))
-    every_seed = range(first_seed, first_seed + count)
-    first = _results_of_figures(out, budget, every_seed) if target == CELLS else None
-    failed = run_jobs(listed, **where)
-    every = names(_conditions(all_of, scenario, BUDGETS["full"], {}))
-    results = read_results(file, dict.fromkeys(every, every_seed))
-    words = f"--budget {budget.name} --seeds {count}"
-    words += f" --first-seed {first_seed}" if first_seed else ""
-    words += f" --learner {learner}" if learner != LEARNERS[0] else ""
-    if first is not None:
-        commands = [f"fpg-bench reproduce {part} {words}" for part in ("all --scenario figures", CELLS)]
-        written = write_cells(first, results, every_seed, budget, out, commands)
-    else:
-        drawn = draw(results, scenario, out / "figures")
-        command = f"fpg-bench reproduce {target} --scenario {scenario} {words}"
-        reports = write_report(results, scenario, budget, drawn, out, command)
-        written = [*(path for paths in drawn.values() for path in paths), *reports]
+    file = RunFile(out, scenario, budget.name)
+    failed = run_conditions(
+        file,
+        _conditions(target, scenario, budget, llm),
+        scenario,
+        budget,
+        range(first_seed, first_seed + count),
+        llm=llm,
+        learner=learner,
+        workers=workers,
+        backend=backend,
+        address=address,
+        say=say,
+    )
+    names = [name for each in _conditions(ALL, scenario, BUDGETS["full"], {}) for name in each.runs]
+    results = read_results(file, dict.fromkeys(names, range(first_seed, first_seed + count)))
+    drawn = draw(results, scenario, out / "figures")
+    command = f"fpg-bench reproduce {target} --scenario {scenario} --budget {budget.name} --n-seeds {count}"
+    command += f" --first-seed {first_seed}" if first_seed else ""
+    command += f" --learner {learner}" if learner != LEARNERS[0] else ""
+    reports = write_report(results, scenario, budget, drawn, out, command)
     check_all_done(failed)
-    return written
+    return [*(path for paths in drawn.values() for path in paths), *reports]
 
 
-def _results_of_figures(out: Path, budget: Budget, seeds: range) -> Results:
-    """The runs of the scenario ``figures`` that are there, which the cells are compared with."""
-    file, conditions = RunFile(out, "figures", budget.name), conditions_of("all", "figures", full=False)
-    there = file.read().values()
-    for condition in conditions:
-        _check_same_game(file, there, condition, "figures")
-    return read_results(file, dict.fromkeys(names(conditions), seeds))
+def run_conditions(
+    file: RunFile,
+    conditions: Iterable[Condition],
+    preset: str,
+    budget: Budget,
+    seeds: range,
+    *,
+    llm: Mapping[str, Any] | None = None,
+    learner: str = "torch",
+    workers: int = 2,
+    backend: str = "loky",
+    address: str | None = None,
+    say: Callable[[str], None] = print,
+) -> dict[str, str]:
+    """Run the missing runs of some conditions and add them to a file.
+
+    Args:
+        file: of the runs.
+        conditions: to be run.
+        preset: scenario that the conditions modify.
+        budget: of each run.
+        seeds: training seeds; see :func:`reproduce` for conditions that need fewer.
+        llm, learner: see :func:`reproduce`.
+        workers, backend, address, say: see :func:`fpg_bench.common.parallel.run_jobs`.
+
+    Returns:
+        The errors of failed jobs by name.
+
+    Raises:
+        UserError: the file holds runs of another game.
+    """
+    jobs = list(_jobs(file, conditions, preset, budget, seeds, llm, learner))
+    return run_jobs(jobs, workers, backend, address, say)
 
 
 def _jobs(
@@ -98,38 +124,32 @@ def _jobs(
     conditions: Iterable[Condition],
     preset: str,
     budget: Budget,
-    seeds: tuple[int, int],
+    seeds: range,
     llm: Mapping[str, Any] | None,
     learner: str,
 ) -> Iterator[Job]:
-    """What is missing of some conditions: a job each, whose seeds learn together."""
-    there = file.read()
-    place = (file.path.parent / "transcripts" / file.path.name.split(".")[0]).absolute()
+    """Yield a job per condition with missing runs, whose seeds are trained together."""
+    done = file.read()
+    transcripts = (file.path.parent / "transcripts" / file.path.name.split(".")[0]).absolute()
     for condition in conditions:
-        missing = [seed for seed in _seeds(condition, *seeds) if (condition.name, seed) not in there]
-        _check_same_game(file, there.values(), condition, preset)
+        check_same_game(file, condition, preset)
+        missing = [seed for seed in _seeds(condition, seeds) if (condition.name, seed) not in done]
         if missing:
             name = f"{preset} {condition.name} seeds {', '.join(map(str, missing))}"
-            words = condition, preset, budget, missing, place / condition.name
-            keep = partial(_keep_rows, file, checkpoint_of(*words, learner))
-            yield Job(name, partial(run_experiment, *words, llm, learner), keep)
+            folder = transcripts / condition.name
+            run = partial(run_experiment, condition, preset, budget, missing, folder, llm, learner)
+            yield Job(name, run, file.add)
 
 
-def _check_same_game(file: RunFile, there: Iterable[Run], condition: Condition, preset: str) -> None:
-    """Refuse to go on with rows of another game: a preset that has changed, or a file that was renamed."""
+def check_same_game(file: RunFile, condition: Condition, preset: str) -> None:
+    """Raise UserError if a file holds runs of another game: a changed preset, or a renamed file."""
     game = f"{preset}, {condition.scenario(preset).hash}"
-    for run in there:
+    for run in file.read().values():
         if run.condition == condition.name and run.about.get("scenario") != game:
             raise UserError(
                 f"runs {file.path}: {run.condition}, seed {run.seed}, played another game than {preset} "
                 "is now; choose another --out, or remove the file"
             )
-
-
-def _keep_rows(file: RunFile, checkpoint: Checkpoint, runs: list[Run]) -> None:
-    """Write runs down; then, and not before, their checkpoint is removed."""
-    file.add(runs)
-    checkpoint.remove()
 
 
 def _budget(budget: str | Budget) -> Budget:
@@ -141,16 +161,14 @@ def _budget(budget: str | Budget) -> Budget:
 
 
 def _conditions(target: str, scenario: str, budget: Budget, llm: Mapping[str, Any] | None) -> list[Condition]:
-    if target == CELLS:
-        return every_condition()
-    found = conditions_of(target, scenario, budget.name == "full")
-    if llm is not None and target in ("all", "fig3", "fig7"):
-        found.append(Condition(LLM, "path planned by a language model", {"planner": "llm"}))
-    return found
+    conditions = conditions_of(target, scenario, budget.name == "full")
+    if llm is not None and target in (ALL, "fig3", "fig7"):
+        conditions.append(Condition(LLM, "path planned by a language model", {"planner": "llm"}))
+    return conditions
 
 
-def _seeds(condition: Condition, first: int, count: int) -> range:
-    """Claims need all seeds, pictures and the sensitivity study five, the long run one as a check."""
+def _seeds(condition: Condition, seeds: range) -> range:
+    """All seeds where a claim rests on the condition, else five; one of the long run and of the LLM's."""
     if condition.name in (LONG, LLM):
-        return range(first, first + 1)
-    return range(first, first + (count if condition.tested else min(count, SHORT_SEEDS)))
+        return seeds[:1]
+    return seeds if condition.tested else seeds[:SHORT_SEEDS]

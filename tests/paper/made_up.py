@@ -3,8 +3,7 @@
 import numpy as np
 
 from fpg_bench.paper.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER, swapped
-from fpg_bench.paper.runs import Results
-from fpg_bench.paper.windows import COLUMNS, FINAL, WINDOWS
+from fpg_bench.paper.runs import COLUMNS, FINAL, WINDOWS, Results
 
 SEEDS = range(10)
 LEVELS = dict.fromkeys(FIXED_PATHS, 5.0) | {"tone": 3.0, "narrowband": 6.0, "comb": 5.0, "broadband": 9.0}

@@ -5,10 +5,9 @@ from dataclasses import replace
 import pytest
 
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.paper.claims import CLAIMS, Comparison, compare, verdict
+from fpg_bench.paper.claims import CLAIMS, Comparison, Paired, compare, holm, verdict
 from fpg_bench.paper.conditions import BASE
 from fpg_bench.paper.experiment import BUDGETS
-from fpg_bench.paper.paired import Paired, holm
 from fpg_bench.paper.report import write_report
 from tests.paper.made_up import LEVELS, results
 
@@ -25,9 +24,9 @@ def test_claims_that_are_true_hold_with_ten_seeds():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("levels", "first"),
-    [(LEVELS, "- The paper trains"), (LEVELS | {"tone": 9.0}, "- D3 of the paper's claims did not")],
+    [(LEVELS, "- The paper trains"), (LEVELS | {"tone": 9.0}, "- D3 of the paper's claims do not")],
 )
-def test_what_did_not_come_out_is_said_first(tmp_path, levels, first):
+def test_what_does_not_hold_is_said_first(tmp_path, levels, first):
     path, _ = write_report(results(levels), "paper", BUDGETS["full"], [], tmp_path, "fpg-bench reproduce all")
     text = path.read_text()
     assert text.split("## What could not be reproduced\n\n")[1].startswith(first)

@@ -4,17 +4,22 @@ from pathlib import Path
 
 import pytest
 
-from fpg_bench.paper.cells import CELLS, every_condition
-from fpg_bench.paper.cells_report import write_cells
 from fpg_bench.paper.claims import CLAIMS, compare, verdict
 from fpg_bench.paper.conditions import ALL, FIXED_PATHS, conditions_of
 from fpg_bench.paper.experiment import BUDGETS
 from fpg_bench.paper.figures import FIGURES
-from fpg_bench.paper.readings import as_reading, every_reading
 from fpg_bench.paper.report import write_report
 from fpg_bench.paper.runs import RunFile, read_results
-from fpg_bench.paper.screen import ASKING, NOT_ASKING, play_pair
-from fpg_bench.paper.screen_report import by_setting, read_screen, write_screen
+from scripts.interpretations.interpretations import all_interpretations, parse_interpretation
+from scripts.interpretations.screen import (
+    ASKING,
+    NOT_ASKING,
+    by_setting,
+    play_pair,
+    read_screen,
+    write_screen,
+)
+from scripts.interpretations.trained import NAME, VARIANTS, all_conditions, write_variants
 
 COMMITTED = Path(__file__).parents[2] / "docs/reproduction"
 RUNS = Path(__file__).parents[2] / "results/reproduction"
@@ -41,7 +46,7 @@ def test_every_condition_was_run_as_often_as_announced_and_in_the_game_as_it_is(
 
 def test_the_report_is_what_the_runs_say(committed, tmp_path):
     preset, results = committed
-    command = f"fpg-bench reproduce all --scenario {preset} --budget full --seeds {FULL.seeds}"
+    command = f"fpg-bench reproduce all --scenario {preset} --budget full --n-seeds {FULL.seeds}"
     made, _ = write_report(results, preset, FULL, FIGURES, tmp_path, command)
     assert made.read_text() == (COMMITTED / made.name).read_text()
     for figure in FIGURES:
@@ -80,11 +85,11 @@ def test_the_report_of_figures_is_what_its_runs_say_on_fresh_seeds(tmp_path):
     file = RunFile(RUNS, "figures", budget.name)
     there = file.read()
     seeds = sorted({seed for _, seed in there})
-    assert min(seeds) >= 100  # those below were looked at before this reading was chosen
+    assert min(seeds) >= 100  # those below were looked at before this interpretation was chosen
     results = read_results(file, {name: seeds for name, _ in there})
     report = (COMMITTED / "report-figures.md").read_text()
     (command,) = [line for line in report.splitlines() if line.startswith("fpg-bench reproduce")]
-    assert f"--seeds {len(seeds)} --first-seed {min(seeds)}" in command
+    assert f"--n-seeds {len(seeds)} --first-seed {min(seeds)}" in command
     drawn = [name for name in FIGURES if f"figures/{name}-figures.png" in report]
     made, _ = write_report(results, "figures", budget, drawn, tmp_path, command)
     assert made.read_text() == report
@@ -95,27 +100,30 @@ def test_the_report_of_figures_is_what_its_runs_say_on_fresh_seeds(tmp_path):
         assert run.about["scenario"] == f"figures, {known.scenario('figures').hash}"
 
 
-def test_the_page_of_the_cells_is_what_their_runs_say_on_fresh_seeds(tmp_path):
+def test_the_page_of_the_variants_is_what_their_runs_say_on_fresh_seeds(tmp_path):
     budget, seeds = BUDGETS["hundredth"], range(100, 110)
-    there = RunFile(RUNS, "cells", budget.name).read()
-    every = {name: condition for condition in every_condition() for name in condition.runs}
+    there = RunFile(RUNS, NAME, budget.name).read()
+    every = {name: condition for condition in all_conditions() for name in condition.runs}
     assert set(there) == {(name, seed) for name, _ in there for seed in seeds}
     for (name, _), run in there.items():
         assert run.about["scenario"] == f"paper, {every[name].scenario('paper').hash}"
-    first, cells = (_results(name, budget, seeds) for name in ("figures", "cells"))
-    words = "--budget hundredth --seeds 10 --first-seed 100 --learner jax"
-    commands = [f"fpg-bench reproduce {part} {words}" for part in ("all --scenario figures", "cells")]
-    *_, page = write_cells(first, cells, seeds, budget, tmp_path, commands)
-    assert page.read_text() == (COMMITTED / "cells.md").read_text()
+    first, variants = (_results(name, budget, seeds) for name in ("figures", NAME))
+    words = "--budget hundredth --n-seeds 10 --first-seed 100 --learner jax"
+    commands = [
+        f"fpg-bench reproduce all --scenario figures {words}",
+        f"python -m scripts.interpretations trained {words}",
+    ]
+    *_, page = write_variants(first, variants, seeds, budget, tmp_path, commands)
+    assert page.read_text() == (COMMITTED / "trained-variants.md").read_text()
     for form in ("png", "svg"):
-        assert (COMMITTED / f"figures/cells.{form}").is_file()
+        assert (COMMITTED / f"figures/trained-variants.{form}").is_file()
 
 
 @pytest.fixture(scope="module")
 def again():
-    """Runs that no report is made of, by what they are: pairs on all paths, and cells."""
+    """Runs that no report is made of, by what they are: pairs on all paths, and variants."""
     hundredth, fresh = BUDGETS["hundredth"], range(100, 110)
-    cells = _results("cells", hundredth, fresh)
+    variants = _results(NAME, hundredth, fresh)
     return {
         **{f"{preset}, first look": _results(preset, FULL, range(10), RUNS / "frozen") for preset in BOTH},
         "standard": _results("standard", hundredth, fresh),
@@ -125,7 +133,7 @@ def again():
             )
             for first in (200, 400)
         },
-        **{cell.name: cell.results(cells) for cell in CELLS},
+        **{variant.name: variant.results(variants) for variant in VARIANTS},
     }
 
 
@@ -149,7 +157,7 @@ def test_pairs_that_play_on_all_paths_were_trained_in_the_game_as_it_is():
                 assert heading["scenario"] == f"{preset}, {base.scenario(preset).hash}"
 
 
-@pytest.mark.parametrize("name", ["paper, first look", "standard, first look", "letter", "standard"])
+@pytest.mark.parametrize("name", ["paper, first look", "standard, first look", "as-printed", "standard"])
 def test_the_page_on_paths_says_what_a_pair_earns_on_each_of_them(name, again, tmp_path):
     lines = [line for line in told(again[name], tmp_path) if line.startswith("| D1 frozen | opponent")]
     page = (COMMITTED / "question-paths.md").read_text().splitlines()
@@ -159,7 +167,7 @@ def test_the_page_on_paths_says_what_a_pair_earns_on_each_of_them(name, again, t
 
 def test_the_docs_state_the_verdicts_of_the_reports_and_of_pairs_on_all_paths(again):
     page = (COMMITTED.parent / "reproduction.md").read_text()
-    for place, preset, name in ((-2, "paper", "letter"), (-1, "standard", "standard")):
+    for place, preset, name in ((-2, "paper", "as-printed"), (-1, "standard", "standard")):
         report = (COMMITTED / f"report-{preset}.md").read_text()
         found, stated = _verdicts(report, -1), _verdicts(page, place)
         frozen = [each for each in compare(again[name]) if each.claim == "D1 frozen"]
@@ -171,7 +179,9 @@ def test_the_docs_state_the_verdicts_of_the_reports_and_of_pairs_on_all_paths(ag
 @pytest.mark.slow
 def test_the_screens_page_is_what_its_rows_say(tmp_path):
     rows = read_screen(RUNS)
-    assert [row["reading"] for row in rows] == [reading.name for reading in every_reading()]
+    assert [row["interpretation"] for row in rows] == [
+        interpretation.name for interpretation in all_interpretations()
+    ]
     *_, page = write_screen(rows, tmp_path)
     assert page.read_text() == (COMMITTED / "screen.md").read_text()
     for form in ("png", "svg"):
@@ -190,13 +200,13 @@ def test_the_page_of_a_question_quotes_the_tests_as_they_are(name, again, tmp_pa
 
 
 def test_a_row_of_the_screen_is_what_the_game_gives():
-    (row,) = [row for row in read_screen(RUNS) if row["reading"] == "letter"]
+    (row,) = [row for row in read_screen(RUNS) if row["interpretation"] == "as-printed"]
     levels = [part for part in row["parts"] if part["claim"] == "D3 order"]
-    letter = as_reading("letter")
+    printed = parse_interpretation("as-printed")
     best = {}
     for kind in ("broadband", "tone"):
         plays = [
-            play_pair(letter, ally, kind, row["games"], path="circle") for ally in (*ASKING, *NOT_ASKING)
+            play_pair(printed, ally, kind, row["games"], path="circle") for ally in (*ASKING, *NOT_ASKING)
         ]
         best[kind] = max(plays, key=lambda played: played.ally.mean()).opponent.mean()
     (part,) = [part for part in levels if part["statement"].endswith("broadband - tone")]

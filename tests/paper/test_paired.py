@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fpg_bench.paper.paired import holm, paired, sign_flip_p
+from fpg_bench.paper.claims import holm, paired, sign_flip_p
 
 
 def test_p_of_pairs_that_all_agree_is_the_least_possible():

@@ -8,26 +8,37 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import JointGame
 from fpg_bench.evaluation.seeds import evaluation_seeds
-from fpg_bench.paper import screen as screening
-from fpg_bench.paper import screen_report
 from fpg_bench.paper.claims import ASPECTS
-from fpg_bench.paper.curve import claims_of, draw_curve, shares, spots
-from fpg_bench.paper.readings import as_reading, every_reading
-from fpg_bench.paper.screen import play_pair, screen, screen_all
-from fpg_bench.paper.screen_report import read_screen, reproduce_screen, write_screen
 from fpg_bench.players.registry import as_player
+from scripts.interpretations import screen as screening
+from scripts.interpretations.interpretations import all_interpretations, parse_interpretation
+from scripts.interpretations.screen import (
+    claims_of,
+    draw_curve,
+    effects,
+    make_screen,
+    play_pair,
+    read_screen,
+    screen,
+    screen_all,
+    shares,
+    write_screen,
+)
 
 pytestmark = pytest.mark.slow
 
-LETTER, FREE_HOPS = as_reading("letter"), as_reading("interference=once,hops=always,hop-cost=0")
+AS_PRINTED, FREE_HOPS = (
+    parse_interpretation("as-printed"),
+    parse_interpretation("interference=once,hops=always,hop-cost=0"),
+)
 
 
 @pytest.fixture(scope="module")
 def rows():
-    return [screen(reading, 8) for reading in (LETTER, FREE_HOPS)]
+    return [screen(interpretation, 8) for interpretation in (AS_PRINTED, FREE_HOPS)]
 
 
-def effect(row, statement):
+def mean_of(row, statement):
     (found,) = [part["mean"] for part in row["parts"] if part["statement"] == statement]
     return found
 
@@ -41,26 +52,31 @@ def test_a_row_has_all_parts_of_all_claims(rows):
             assert 0 <= part["p"] <= 1
 
 
-def test_broadband_is_weakest_by_the_letter_and_strongest_where_interference_counts_once(rows):
-    letter, free = (effect(row, "opponent's reward: broadband - tone") for row in rows)
-    assert letter < 0 < free
+def test_broadband_is_weakest_as_printed_and_strongest_where_interference_counts_once(rows):
+    printed, free = (mean_of(row, "opponent's reward: broadband - tone") for row in rows)
+    assert printed < 0 < free
 
 
-def test_the_same_reading_gives_the_same_row(rows):
-    assert screen(LETTER, 8) == rows[0]
+def test_the_same_interpretation_gives_the_same_row(rows):
+    assert screen(AS_PRINTED, 8) == rows[0]
 
 
 def test_an_ally_that_always_hops_pays_for_every_step():
-    paid = as_reading("interference=once,hops=always")
-    gated, always = (play_pair(reading, "idle", "tone", 4, path="circle") for reading in (LETTER, paid))
+    paid = parse_interpretation("interference=once,hops=always")
+    gated, always = (
+        play_pair(interpretation, "idle", "tone", 4, path="circle") for interpretation in (AS_PRINTED, paid)
+    )
     assert (gated.ally - always.ally).min() > 50  # H = 100
     assert always.hops.min() == 1
     assert gated.overlap.mean() > always.overlap.mean()
 
 
 def test_the_price_of_a_hop_changes_what_is_earned_and_nothing_else():
-    dear, cheap = (as_reading(f"interference=once,hop-cost={cost}") for cost in ("100", "40"))
-    paid, saved = (play_pair(reading, "expert", "narrowband", 4, path="circle") for reading in (dear, cheap))
+    dear, cheap = (parse_interpretation(f"interference=once,hop-cost={cost}") for cost in ("100", "40"))
+    paid, saved = (
+        play_pair(interpretation, "expert", "narrowband", 4, path="circle")
+        for interpretation in (dear, cheap)
+    )
     assert saved.ally - paid.ally == pytest.approx(60 * paid.hops)
     assert paid.hops.any()
     core = JointGame(4, scenario=cheap.scenario(), path="circle")
@@ -71,12 +87,14 @@ def test_the_price_of_a_hop_changes_what_is_earned_and_nothing_else():
 
 
 def test_the_rounds_of_a_match_are_the_first_ones_of_a_longer_match():
-    core = JointGame(3, scenario=LETTER.scenario(), planner="interceptor")
-    players = [as_player(*who, LETTER.scenario()) for who in (("expert", "ally"), ("adaptive", "opponent"))]
+    core = JointGame(3, scenario=AS_PRINTED.scenario(), planner="interceptor")
+    players = [
+        as_player(*who, AS_PRINTED.scenario()) for who in (("expert", "ally"), ("adaptive", "opponent"))
+    ]
     core.reset(seeds=np.array(evaluation_seeds(3)))
-    long = play_pair(LETTER, "expert", "adaptive", 3, 40, planner="interceptor").first(LETTER.rounds)
-    assert len(long.opponent) == LETTER.rounds == 10
-    for number in range(LETTER.rounds):
+    long = play_pair(AS_PRINTED, "expert", "adaptive", 3, 40, planner="interceptor").first(AS_PRINTED.rounds)
+    assert len(long.opponent) == AS_PRINTED.rounds == 10
+    for number in range(AS_PRINTED.rounds):
         if number:
             core.reset(np.ones(3, bool))
         screening._play_round(core, players, 3)
@@ -84,25 +102,25 @@ def test_the_rounds_of_a_match_are_the_first_ones_of_a_longer_match():
 
 
 def test_what_is_there_is_not_made_again_and_what_is_missing_is(monkeypatch, tmp_path):
-    file, readings = tmp_path / "screen.jsonl", list(every_reading(["interference"]))
-    first = screen_all(readings[:1], file, 4, say=lambda line: None)
-    both = screen_all(readings, file, 4, say=lambda line: None)
+    file, interpretations = tmp_path / "screen.jsonl", list(all_interpretations(["interference"]))
+    first = screen_all(interpretations[:1], file, 4)
+    both = screen_all(interpretations, file, 4)
     assert both[0] == json.loads(json.dumps(first[0]))
     monkeypatch.setattr(screening, "screen", None)
-    assert screen_all(reversed(readings), file, 4) == both[::-1]
-    file.write_text('{"reading": "letter"}\n')
+    assert screen_all(reversed(interpretations), file, 4) == both[::-1]
+    file.write_text('{"interpretation": "as-printed"}\n')
     with pytest.raises(UserError, match="line 1: games is missing"):
-        screen_all(readings, file, 4)
+        screen_all(interpretations, file, 4)
 
 
 def test_a_claim_holds_where_its_weakest_part_does(rows):
     for claim in claims_of(rows):
-        for spot in spots(rows, claim):
-            (row,) = [row for row in rows if row["reading"] == spot.reading.name]
+        for effect in effects(rows, claim):
+            (row,) = [row for row in rows if row["interpretation"] == effect.interpretation.name]
             parts = [part for part in row["parts"] if part["claim"] == claim]
-            assert spot.holds == all(part["mean"] > 0 and part["p"] < 0.05 for part in parts)
-            assert spot.against == sum(part["high"] < 0 for part in parts)
-    assert shares(spots(rows, "D3 order"))["interference", "twice"] == 0
+            assert effect.holds == all(part["mean"] > 0 and part["p"] < 0.05 for part in parts)
+            assert effect.n_reversed == sum(part["high"] < 0 for part in parts)
+    assert shares(effects(rows, "D3 order"))["interference", "twice"] == 0
 
 
 def test_the_curve_has_a_panel_a_claim_and_a_line_a_setting(rows):
@@ -114,17 +132,17 @@ def test_the_curve_has_a_panel_a_claim_and_a_line_a_setting(rows):
     assert len(labels) == 19
 
 
-def test_the_page_says_what_hangs_on_each_point(monkeypatch, tmp_path):
-    written = reproduce_screen(tmp_path, "quick", ["interference", "hop-cost"], say=lambda line: None)
+def test_the_page_shows_the_effect_of_each_point(monkeypatch, tmp_path):
+    written = make_screen(tmp_path, 12, ["interference", "hop-cost"])
     assert all(path.stat().st_size > 500 for path in written)
     page = (tmp_path / "screen.md").read_text()
-    assert "6 readings of the paper were played" in page
+    assert "6 interpretations of the paper were played" in page
     assert "| interference | `once` |" in page
     assert (tmp_path / "figures" / "screen.png").is_file()
     rows = read_screen(tmp_path)
-    assert [row["reading"] for row in rows] == [
-        reading.name for reading in every_reading(["interference", "hop-cost"])
+    assert [row["interpretation"] for row in rows] == [
+        interpretation.name for interpretation in all_interpretations(["interference", "hop-cost"])
     ]
-    monkeypatch.setattr(screen_report, "save_figure", lambda *_: [])  # drawn once
+    monkeypatch.setattr(screening, "save_figure", lambda *_: [])  # drawn once
     write_screen(rows, tmp_path / "again")
     assert (tmp_path / "again" / "screen.md").read_text() == page

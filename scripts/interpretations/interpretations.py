@@ -1,8 +1,7 @@
-"""Readings of the paper: each point that it leaves open, settled one way or another.
+"""Interpretations of the paper: every point that it leaves open, resolved in one way or another.
 
-A reading is the preset ``paper`` with some points settled otherwise. What each point is about, and where the
-paper speaks of it, stands in ``docs/open_points.md``.
-"""
+An interpretation is the preset ``paper`` with some points resolved differently. ``docs/open_points.md``
+explains each point and where the paper mentions it."""
 
 from __future__ import annotations
 
@@ -16,17 +15,17 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.paper.conditions import HIDDEN, POWER_FACTORS
 
-LETTER = "letter"
+AS_PRINTED = "as-printed"
 REMEMBERED = {"match": 10, "for-ever": 40}  # rounds
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One way to settle a point.
+    """One way to resolve a point.
 
     Attributes:
-        about: what it says.
-        changes: fields of the scenario ``paper`` that are other ones.
+        about: description.
+        changes: changed fields of the scenario ``paper``.
     """
 
     about: str
@@ -37,7 +36,7 @@ class Setting:
 POINTS: Mapping[str, Mapping[str, Setting]] = MappingProxyType(
     {
         "interference": {
-            "twice": Setting("Eq. 2 and 3 to the letter: interference counts twice"),
+            "twice": Setting("Eq. 2 and 3 as printed: interference counts twice"),
             "once": Setting("the usual ratio of signal to interference and noise", {"snr_model": "sinr"}),
         },
         "k": {
@@ -82,76 +81,80 @@ POINTS: Mapping[str, Mapping[str, Setting]] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Reading:
+class Interpretation:
     """One setting of each point, in the order of :data:`POINTS`."""
 
     settings: tuple[str, ...]
 
     @property
     def name(self) -> str:
-        """Where it departs from the preset ``paper``: ``interference=once,k=power``; ``letter``: nowhere."""
-        told = [
+        """Differences from the preset ``paper``: ``interference=once,k=power``; ``as-printed`` if none."""
+        differences = [
             f"{point}={setting}"
             for (point, known), setting in zip(POINTS.items(), self.settings, strict=True)
             if setting != next(iter(known))
         ]
-        return ",".join(told) or LETTER
+        return ",".join(differences) or AS_PRINTED
 
     @property
     def parts(self) -> list[Setting]:
-        """What it says of each point."""
+        """The setting of each point."""
         return [known[name] for known, name in zip(POINTS.values(), self.settings, strict=True)]
 
     @property
     def items(self) -> list[tuple[str, str]]:
-        """Its points and their settings."""
+        """Pairs of point and setting name."""
         return list(zip(POINTS, self.settings, strict=True))
 
-    def of(self, point: str) -> str:
-        """Its setting of a point."""
+    def setting(self, point: str) -> str:
+        """Return the setting of a point."""
         return self.settings[list(POINTS).index(point)]
 
-    def but(self, **settings: str) -> Reading:
-        """The same reading with other settings of some points, whose hyphens are written ``_``."""
+    def replace(self, **settings: str) -> Interpretation:
+        """Return a copy with other settings of some points; hyphens of names are written ``_``."""
         chosen = {point: settings.get(point.replace("-", "_")) for point in POINTS}
-        return Reading(tuple(new or old for new, old in zip(chosen.values(), self.settings, strict=True)))
+        return Interpretation(
+            tuple(new or old for new, old in zip(chosen.values(), self.settings, strict=True))
+        )
 
     @property
     def rounds(self) -> int:
-        """How many rounds of a match the planner remembers."""
-        return REMEMBERED[self.of("memory")]
+        """Number of rounds that the planner remembers."""
+        return REMEMBERED[self.setting("memory")]
 
     @property
     def changes(self) -> dict[str, Any]:
-        """The fields of the scenario ``paper`` that are other ones, besides ``rounds_per_match``."""
+        """Changed fields of the scenario ``paper``, except ``rounds_per_match``."""
         return {name: value for part in self.parts for name, value in part.changes.items()}
 
     def scenario(self) -> Scenario:
-        """What is played, in matches of as many rounds as the planner remembers."""
+        """The scenario, in matches of as many rounds as the planner remembers."""
         return as_scenario("paper", rounds_per_match=self.rounds, **self.changes)
 
 
-def as_reading(text: str) -> Reading:
-    """The reading of a name, ``letter`` or ``interference=once,k=power``.
+def parse_interpretation(text: str) -> Interpretation:
+    """Parse a name, ``as-printed`` or ``interference=once,k=power``.
 
     Raises:
-        UserError: an unknown point or setting, or a point that is settled twice.
+        UserError: an unknown point or setting, or a point that is resolved twice.
     """
     chosen: dict[str, str] = {}
-    for part in text.split(",") if text != LETTER else ():
+    for part in text.split(",") if text != AS_PRINTED else ():
         point, _, setting = part.strip().partition("=")
         if point not in POINTS:
-            raise UserError(f"reading {text!r}: unknown point {point!r}{nearest(point, POINTS)}")
+            raise UserError(f"interpretation {text!r}: unknown point {point!r}{nearest(point, POINTS)}")
         if setting not in POINTS[point]:
             known = ", ".join(POINTS[point])
-            raise UserError(f"reading {text!r}: {point}: expected one of {known}, got {setting!r}")
+            raise UserError(f"interpretation {text!r}: {point}: expected one of {known}, got {setting!r}")
         if chosen.setdefault(point, setting) != setting:
-            raise UserError(f"reading {text!r}: {point} is settled twice, {chosen[point]} and {setting}")
-    return Reading(tuple(chosen.get(point, next(iter(known))) for point, known in POINTS.items()))
+            raise UserError(
+                f"interpretation {text!r}: {point} is resolved twice, {chosen[point]} and {setting}"
+            )
+    return Interpretation(tuple(chosen.get(point, next(iter(known))) for point, known in POINTS.items()))
 
 
-def every_reading(points: Iterable[str] = POINTS) -> Iterator[Reading]:
-    """All readings that differ in these points alone, the letter first.
+def all_interpretations(points: Iterable[str] = POINTS) -> Iterator[Interpretation]:
+    """Yield all interpretations that differ in these points only, ``as-printed`` first.
 
     Raises:
         UserError: an unknown point.
@@ -162,4 +165,4 @@ def every_reading(points: Iterable[str] = POINTS) -> Iterator[Reading]:
     for settings in product(
         *(known if point in wanted else list(known)[:1] for point, known in POINTS.items())
     ):
-        yield Reading(settings)
+        yield Interpretation(settings)

@@ -1,0 +1,344 @@
+"""Trained variants: MADDPG under the interpretations for which the scripted screen says that a claim changes.
+
+They are compared with the preset ``figures``, under which most claims hold between scripts. A variant is one
+of its neighbours, which resolve one point differently, or the paper as printed. Only the conditions of the
+affected claims are trained. Exploration noise is varied as well: noise of 5 MHz on the jamming frequency
+hides a tone, whose half width is 2.5 MHz."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.files import write_whole
+from fpg_bench.common.parallel import check_all_done
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import as_scenario
+from fpg_bench.paper.claims import ASPECTS, Comparison, aspect_of, compare, verdict
+from fpg_bench.paper.conditions import BASE, NO_KNOWLEDGE, NO_PLANNER, Condition, conditions_of
+from fpg_bench.paper.experiment import BUDGETS, Budget, hyperparameters
+from fpg_bench.paper.figures import save_figure
+from fpg_bench.paper.report import markdown_table
+from fpg_bench.paper.reproduce import check_same_game, run_conditions
+from fpg_bench.paper.runs import Results, RunFile, read_results
+from fpg_bench.rendering.canvas import blank_figure
+from fpg_bench.training.maddpg.multi_seed import LEARNERS, check_learner
+from scripts.interpretations.interpretations import AS_PRINTED, POINTS, Interpretation, parse_interpretation
+from scripts.interpretations.screen import HELD, OPEN, OPPOSITE
+
+NAME = "trained-variants"
+PRESET = "paper"  # base of all interpretations
+FIGURES = parse_interpretation("interference=once,hops=always,hop-cost=0,memory=for-ever")
+LOW_NOISE = 0.04  # on actions in [-1, 1]: 2 MHz of the jammer's frequency
+# Conditions to be trained for a claim; D1 is tested on frozen pairs.
+NEEDED: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "D1": (BASE,),
+        "D2": (BASE,),
+        "D3 level": JAMMING_TYPES,
+        "D3 order": JAMMING_TYPES,
+        "D4 knowledge": (BASE, NO_KNOWLEDGE),
+        "D4 planner": (BASE, NO_PLANNER),
+    }
+)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """An interpretation, and the claims that are tested under it.
+
+    Attributes:
+        interpretation: the interpretation.
+        claims: claims to be tested, of :data:`NEEDED`.
+        noise_sd: standard deviation of the exploration noise on actions in [-1, 1]; None: the default.
+    """
+
+    interpretation: Interpretation
+    claims: tuple[str, ...]
+    noise_sd: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the interpretation, with the noise if it differs."""
+        return (
+            self.interpretation.name
+            if self.noise_sd is None
+            else f"{self.interpretation.name},noise={self.noise_sd}"
+        )
+
+    @property
+    def conditions(self) -> list[Condition]:
+        """Conditions to be trained, prefixed with the name of the variant."""
+        known = {condition.name: condition for condition in conditions_of("all", PRESET, full=False)}
+        asked = {name: None for claim in self.claims for name in NEEDED[claim]}
+        return [self._under(known[name]) for name in asked]
+
+    def results(self, results: Results) -> Results:
+        """Return the runs of this variant, by the original names of their conditions."""
+        start = self._named("")
+        runs, about = (_without(start, each) for each in (results.runs, results.about))
+        return Results(runs, about)
+
+    def _under(self, condition: Condition) -> Condition:
+        interpretation = self.interpretation
+        changes = (
+            interpretation.changes | {"rounds_per_match": interpretation.rounds} | dict(condition.changes)
+        )
+        algorithm = {} if self.noise_sd is None else {"noise_sd": self.noise_sd}
+        return replace(condition, name=self._named(condition.name), changes=changes, algorithm=algorithm)
+
+    def _named(self, condition: str) -> str:
+        return f"{self.name}: {condition}"
+
+
+def neighbours(interpretation: Interpretation) -> Iterator[Interpretation]:
+    """Yield the interpretations that resolve one point differently."""
+    for point, known in POINTS.items():
+        for setting in known:
+            if setting != interpretation.setting(point):
+                yield interpretation.replace(**{point.replace("-", "_"): setting})
+
+
+# The claims of a variant change between scripts; a test compares this with the rows of the screen. H = 100
+# changes D3's level as well, but if each step is a hop, H only takes 100 from the ally's reward.
+VARIANTS = (
+    Variant(parse_interpretation(AS_PRINTED), tuple(NEEDED)),
+    Variant(FIGURES.replace(memory="match"), ("D1", "D2", "D4 planner")),
+    Variant(FIGURES.replace(hops="gated"), ("D2", "D4 knowledge")),
+    Variant(FIGURES.replace(interference="twice"), ("D2", "D3 order")),
+    Variant(FIGURES, ("D3 order",), LOW_NOISE),
+    Variant(parse_interpretation(AS_PRINTED), ("D3 order",), LOW_NOISE),
+)
+
+
+def all_conditions() -> list[Condition]:
+    """Return the conditions of all variants, in the order of training."""
+    return [condition for variant in VARIANTS for condition in variant.conditions]
+
+
+def run_names(conditions: Iterable[Condition]) -> list[str]:
+    """Return the names of the runs of some conditions, including swapped paths."""
+    return [name for condition in conditions for name in condition.runs]
+
+
+def _without(start: str, found: Mapping[str, Any]) -> dict[str, Any]:
+    return {name.removeprefix(start): each for name, each in found.items() if name.startswith(start)}
+
+
+Comparisons = Mapping[str, list[Comparison]]  # of one variant, by aspect
+_FROZEN = "D1 frozen"
+_COLUMNS = (_FROZEN, *(name for name in ASPECTS if name != "D1"))
+_FIRST = Variant(FIGURES, tuple(ASPECTS))  # trained as a scenario of its own
+_HEAD = """\
+# The paper's claims under the interpretations that decide: trained players
+
+Both sides learned by MADDPG under each interpretation, with {steps:,} game steps and {updates:,} updates per
+run; the paper uses {paper:,} of both. This is the remaining deviation. Training seeds are {seeds}.{missing}
+
+`figures` is the preset under which most claims hold between scripted players ([the screen](screen.md)). Each
+of the other interpretations, except the paper as printed, resolves one of its points differently. These are
+the ones under which the screen finds that a claim changes, and only the runs of that claim were trained. Two
+of them change the exploration noise, which the screen does not have. Under the other neighbours of `figures`
+no claim changes between scripts, so nothing was trained there. (With H = 100 the ally no longer stays above
+the opponent. But an ally that hops in each step pays H in each step, so that game differs by a constant of a
+hundred per step.)
+
+`noise={noise}`: exploration with a standard deviation of {noise} on all actions of both sides, instead of
+{usual}. On the jamming frequency this is {noise_mhz:g} MHz instead of {usual_mhz:g} MHz, less than the half
+width of a tone. [The paper, reproduced](../reproduction.md#how-claims-are-tested) explains how claims are
+tested. There is no correction for the number of interpretations.
+
+"""
+
+
+def train_variants(
+    out: Path,
+    budget: str = "quick",
+    n_seeds: int | None = None,
+    first_seed: int = 0,
+    learner: str = "torch",
+    n_jobs: int = 2,
+) -> list[Path]:
+    """Train all variants, and write ``trained-variants.md`` with its figure.
+
+    The runs of the scenario ``figures`` with the same budget are read from the same folder; they are made by
+    ``fpg-bench reproduce all --scenario figures``.
+
+    Args:
+        out: folder of runs, page and figure; finished runs are kept.
+        budget: name of a budget.
+        n_seeds: number of training seeds; None: the default of the budget.
+        first_seed: first training seed.
+        learner: ``torch`` or ``jax``.
+        n_jobs: number of processes.
+
+    Returns:
+        The files written.
+
+    Raises:
+        UserError: an unknown name, runs of another game, or failed runs (the others are kept).
+    """
+    if budget not in BUDGETS:
+        raise UserError(f"budget: unknown {budget!r}{nearest(budget, BUDGETS)}")
+    check_learner(learner)
+    of, seeds = BUDGETS[budget], range(first_seed, first_seed + (n_seeds or BUDGETS[budget].seeds))
+    figures = RunFile(out, "figures", budget)
+    standard = conditions_of("all", "figures", full=False)
+    for condition in standard:
+        check_same_game(figures, condition, "figures")
+    file = RunFile(out, NAME, budget)
+    failed = run_conditions(file, all_conditions(), PRESET, of, seeds, learner=learner, workers=n_jobs)
+    words = f"--budget {budget} --n-seeds {len(seeds)}"
+    words += f" --first-seed {first_seed}" if first_seed else ""
+    words += f" --learner {learner}" if learner != LEARNERS[0] else ""
+    commands = [
+        f"fpg-bench reproduce all --scenario figures {words}",
+        f"python -m scripts.interpretations trained {words}",
+    ]
+    first, results = (
+        read_results(each, dict.fromkeys(run_names(conditions), seeds))
+        for each, conditions in ((figures, standard), (file, all_conditions()))
+    )
+    written = write_variants(first, results, seeds, of, out, commands)
+    check_all_done(failed)
+    return written
+
+
+def write_variants(
+    first: Results, results: Results, seeds: range, budget: Budget, out: Path, commands: Sequence[str]
+) -> list[Path]:
+    """Write ``trained-variants.md`` and its figure, of the variants whose runs are there.
+
+    Args:
+        first: the runs of the scenario ``figures``.
+        results: those of the variants, by the names of :func:`all_conditions`.
+        seeds: of training; a condition counts where all of them are there.
+        budget: that of the runs.
+        out: the folder.
+        commands: what makes all of it again.
+
+    Returns:
+        The files; none where no run is there.
+    """
+    found = {
+        _FIRST: claim_tests(first, seeds),
+        **{variant: claim_tests(variant.results(results), seeds) for variant in VARIANTS},
+    }
+    found = {variant: each for variant, each in found.items() if each}
+    if not found:
+        return []
+    written = save_figure(_drawn(found), out / "figures" / NAME)
+    parts = {
+        "Which claims hold": _verdicts(found)
+        + "\n\n![Each claim's weakest part](figures/trained-variants.png)",
+        "Part by part": _parts(found),
+        "How it was made": "```bash\n" + "\n".join(commands) + "\n```",
+    }
+    text = "\n\n".join(f"## {title}\n\n{body}" for title, body in parts.items())
+    write_whole(out / f"{NAME}.md", _head(results, seeds, budget) + text + "\n")
+    return [*written, out / f"{NAME}.md"]
+
+
+def _head(results: Results, seeds: range, budget: Budget) -> str:
+    missing = _missing(results, seeds)
+    usual, span_mhz = hyperparameters(budget).algorithm["noise_sd"], as_scenario(PRESET).tuning_span_mhz
+    return _HEAD.format(
+        steps=budget.steps,
+        updates=budget.updates(),
+        paper=BUDGETS["paper"].steps,
+        seeds=f"{seeds[0]} to {seeds[-1]}",
+        missing=f"\nPlanned and not trained yet: {', '.join(missing)}." if missing else "",
+        noise=LOW_NOISE,
+        noise_mhz=LOW_NOISE * span_mhz,
+        usual=usual,
+        usual_mhz=usual * span_mhz,
+    )
+
+
+def _missing(results: Results, seeds: range) -> list[str]:
+    """Return the conditions that lack runs."""
+    return [
+        f"`{_difference(variant)}: {condition.name.rpartition(': ')[2]}`"
+        for variant in VARIANTS
+        for condition in variant.conditions
+        if results.seeds(condition.name) != list(seeds)
+    ]
+
+
+def claim_tests(results: Results, seeds: range) -> dict[str, list[Comparison]]:
+    """Return the tests of each claim whose runs exist for all seeds."""
+    there = {name for name in results.runs if results.seeds(name) == list(seeds)}
+    found: dict[str, list[Comparison]] = {}
+    for comparison in compare(results):
+        name = aspect_of(comparison)
+        if set(NEEDED[name.removesuffix(" frozen")]) <= there:
+            found.setdefault(name, []).append(comparison)
+    return found
+
+
+def _verdicts(found: Mapping[Variant, Comparisons]) -> str:
+    lines = [["interpretation", *_COLUMNS]]
+    for variant, by_aspect in found.items():
+        verdicts = (verdict(by_aspect[name]) if name in by_aspect else "-" for name in _COLUMNS)
+        lines.append([_title(variant), *verdicts])
+    return markdown_table(lines)
+
+
+def _parts(found: Mapping[Variant, Comparisons]) -> str:
+    lines = [
+        ["interpretation", "claim", "claimed to be positive", "measured", "95 % interval", "p", "by itself"]
+    ]
+    for variant, by_aspect in found.items():
+        for name in _COLUMNS:
+            for each in by_aspect.get(name, ()):
+                low, high = (f"{value:.3g}" for value in (each.found.low, each.found.high))
+                numbers = [f"{each.found.mean:.3g}", f"[{low}, {high}]", f"{each.found.p:.3f}"]
+                lines.append([_title(variant), name, each.statement, *numbers, each.verdict])
+    return markdown_table(lines)
+
+
+def _drawn(found: Mapping[Variant, Comparisons]) -> Any:
+    """Draw a panel per claim: each variant's weakest part with its 95 % interval."""
+    figure = blank_figure(2.4 * len(_COLUMNS) + 4, 1.4 + 0.36 * len(found))
+    panels = figure.subplots(1, len(_COLUMNS), sharey=True)
+    for axes, name in zip(panels, _COLUMNS, strict=True):
+        for line, by_aspect in enumerate(found.values()):
+            if parts := by_aspect.get(name):
+                weakest = min(parts, key=_size).found
+                colour = HELD if weakest.low > 0 else OPPOSITE if weakest.high < 0 else OPEN
+                half = weakest.mean - weakest.low
+                axes.errorbar(weakest.mean, line, xerr=half, fmt="o", ms=4, color=colour, capsize=2)
+        axes.axvline(0, color="black", lw=0.8)
+        axes.set_title(name, fontsize=10)
+        axes.tick_params(labelsize=8)
+        axes.locator_params(axis="x", nbins=5)
+        axes.margins(y=0.15)
+        axes.spines["right"].set_visible(False)
+    figure.supxlabel(
+        "the part that is furthest from holding: reward a step (D2: a share), 95 % interval", size=9
+    )
+    panels[0].set_yticks(range(len(found)), map(_difference, found), fontsize=8)
+    panels[0].invert_yaxis()
+    return figure
+
+
+def _size(comparison: Comparison) -> float:
+    found = comparison.found
+    return found.mean / max(found.high - found.mean, 1e-12)
+
+
+def _title(variant: Variant) -> str:
+    return f"`{_difference(variant)}`"
+
+
+def _difference(variant: Variant) -> str:
+    """Return the difference of a variant from the preset ``figures``."""
+    settled = variant.interpretation.items
+    other = [f"{point}={setting}" for point, setting in settled if FIGURES.setting(point) != setting]
+    differences = ["as-printed"] if len(other) > 1 else other
+    differences += [] if variant.noise_sd is None else [f"noise={variant.noise_sd}"]
+    return ", ".join(differences) or "figures"
