@@ -161,12 +161,12 @@ def _section(zoo: Zoo, group: ZooGroup) -> str:
 
 def _description(group: ZooGroup, suites: Sequence[Suite]) -> str:
     options = "".join(f", {key} {_option(value)}" for key, value in group.options.items())
-    suites = "; ".join(
+    evaluated = "; ".join(
         f"`{suite.name}` ({suite.hash[:12]}): {len(suite.rivals)} rivals, {suite.matches} matches each"
         for suite in suites
     )
     scale = suites[0].scale.description.capitalize()
-    return f"Trained on `{group.id}`{options}; evaluated on {suites}. {scale}."
+    return f"Trained on `{group.id}`{options}; evaluated on {evaluated}. {scale}."
 
 
 def _option(value: Any) -> str:
@@ -220,10 +220,10 @@ def draw_pictures(zoo: Zoo, group: ZooGroup, summaries: Sequence[Summary]) -> No
     best = next((summary for summary in summaries if not summary.trained), None)  # of the scripts
     scores = {s.entry: s.rewards.mean(axis=2) for s in summaries if s.trained or s is best}
     levels = {best.entry: best.score.value} if best else {}
-    n_evals = zip(_COLOURS, _DASHES, strict=True)
+    looks = zip(_COLOURS, _DASHES, strict=True)
     styles = {
         name: {"color": colour, "ls": dashes}
-        for name, (colour, dashes) in zip(group.steps, n_evals, strict=False)
+        for name, (colour, dashes) in zip(group.steps, looks, strict=False)
     }
     if rows := curve_file(zoo, group).read():
         _draw_curves(rows, levels, styles, paths[0])

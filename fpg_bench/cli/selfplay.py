@@ -56,7 +56,7 @@ def best_responses(
     agent: Annotated[
         str, typer.Argument(help="a shipped agent, an agent folder, a script, or package.module:object")
     ],
-    out: Annotated[Path, typer.Option(help="a folder for the best responses and exploit.json")],
+    out: Annotated[Path, typer.Option(help="a folder for the best responses and best_responses.json")],
     steps: Annotated[
         str, typer.Option(help="budget of each best response; several, separated by commas")
     ] = "500000",
@@ -73,7 +73,7 @@ def best_responses(
     scenario: ScenarioOption = None,
     path: PathOption = None,
     reward: Annotated[
-        str, typer.Option(help="against: to lower the player's return; own: to raise the response's")
+        str, typer.Option(help="zero_sum: to lower the player's return; own: to raise the response's")
     ] = "zero_sum",
 ) -> None:
     """Train best responses against a player as it is, and say what it earns against them.
@@ -103,7 +103,7 @@ def best_responses(
     met = scripts[strongest]
     say(f"strongest script, {strongest}: {met['return']:.2f} a step, jammed {_percent(met)}")
     say(f"{agent}: lowest {row['lowest']['return']:.2f} a step, against {row['lowest']['against']}")
-    if row["lowest"]["zero_sum"] == strongest:
+    if row["lowest"]["against"] == strongest:
         say(f"{strongest} takes more than these responses: they are no best ones yet; give more --steps")
 
 

@@ -70,7 +70,7 @@ class ProgressCallback(BaseCallback):
             TextColumn("training"),
             BarColumn(),
             MofNCompleteColumn(),
-            TextColumn("{task.suites[status]}"),
+            TextColumn("{task.fields[status]}"),
             TimeRemainingColumn(),
             disable=not sys.stdout.isatty(),
         )

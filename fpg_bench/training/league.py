@@ -45,7 +45,7 @@ from fpg_bench.training.train import train
 Hyperparams = str | Path | Mapping[str, Any] | None
 Start = Literal["nothing", "strongest"]
 
-RESULT = "exploit.json"
+RESULT = "best_responses.json"
 ROWS, ABOUT = "selfplay.jsonl", "selfplay.json"
 STARTS: tuple[Start, ...] = ("nothing", "strongest")
 MATCHES = 100  # against each player, in the evaluation of best responses and generations
@@ -137,7 +137,7 @@ def best_responses(
 
     Args:
         agent: the player: a shipped agent, a folder, a script, or ``package.module:object``.
-        out: a folder for ``exploit.json`` and the runs, ``<start>-<algorithm>-<steps>/seed_<k>``.
+        out: a folder for ``best_responses.json`` and the runs, ``<start>-<algorithm>-<steps>/seed_<k>``.
         algorithm: algorithm of the responses, or several; see
             :class:`fpg_bench.training.config.RunConfig`.
         steps: training budget of each response, or several.
@@ -145,7 +145,7 @@ def best_responses(
         start: ``nothing``; or ``strongest``, to imitate first whoever left the player the least return so
             far, a script or a response that started from nothing; or both, one after the other.
         hyperparams: hyper-parameters of a single algorithm.
-        reward: reward of the responses: ``against``, to lower the player's return, or any other of
+        reward: reward of the responses: ``zero_sum``, to lower the player's return, or any other of
             :class:`fpg_bench.envs.core.SingleAgentGame`.
         side: side of the player; None takes that of the agent or the script.
         scenario: the scenario; None takes that of the agent's training.
@@ -153,9 +153,9 @@ def best_responses(
         progress: show the progress of each training.
 
     Returns:
-        The content of ``exploit.json``: the player, the game, ``responses`` (how each was made, the player's
-        ``return`` per step and ``score`` against it, the response's own return per step ``earned``, the
-        ``measures``), the same for the other side's ``scripts``, and ``lowest``, the lowest return and
+        The content of ``best_responses.json``: the player, the game, ``responses`` (how each was made, the
+        player's ``return`` per step and ``score`` against it, the response's own return per step ``earned``,
+        the ``measures``), the same for the other side's ``scripts``, and ``lowest``, the lowest return and
         against whom. It is an upper bound of the player's worst return: another response may find a lower
         one.
 
@@ -240,7 +240,7 @@ def _lowest(result: Row) -> Row:
     returns = {name: row["return"] for name, row in result["scripts"].items()}
     returns |= {response_label(response): response["return"] for response in result["responses"]}
     name = min(returns, key=lambda name: returns[name])
-    return {"return": returns[name], "zero_sum": name}
+    return {"return": returns[name], "against": name}
 
 
 @dataclass(frozen=True)
@@ -279,12 +279,12 @@ def _find_target(
         options["jamming_types"] = options["jamming_types"].split(",")
     if scenario is not None:
         options["scenario"] = str(scenario)
-    suites = about.get("scenario_fields") or {}
-    flown = suites.get("opponent_path", STANDARD.opponent_path)
+    fields = about.get("scenario_fields") or {}
+    flown = fields.get("opponent_path", STANDARD.opponent_path)
     game = GameOptions(path=path or ("learned" if "learned" in flown else STANDARD.opponent_path), **options)
     played = game_scenario(game)
     if about:
-        same = {key: suites.get(key, getattr(STANDARD, key)) for key in ("opponent_path", "rounds_per_match")}
+        same = {key: fields.get(key, getattr(STANDARD, key)) for key in ("opponent_path", "rounds_per_match")}
         if dataclasses.replace(played, **same).hash != about["scenario"]:
             raise UserError(
                 f"agent {agent}: was trained in a scenario that is not here any more; name the scenario"
@@ -446,9 +446,9 @@ class _SelfPlay:
             "generation": generation,
             "side": side,
             "steps": about["steps_done"],
-            "zero_sum": list(others),
+            "against": list(others),
             "suite": about["suite"],
-            "field_score": scores.get(side),
+            "suite_score": scores.get(side),
         }
         scenario = game_scenario(self.game)
         summary = evaluate_against(str(run.agent), others, side, scenario, seeds=tuning_seeds)
@@ -480,7 +480,7 @@ def draw_past(side: str, generation: int, pool: int, seed: int) -> list[int]:
 def _row_text(row: Row) -> str:
     measures = row["measures"]
     shares = ", ".join(f"{kind} {100 * measures[f'share_{kind}']:.0f} %" for kind in JAMMING_TYPES)
-    on_suite = "" if row["field_score"] is None else f", {row['field_score']:.1f} on {row['suite']}"
+    on_suite = "" if row["suite_score"] is None else f", {row['suite_score']:.1f} on {row['suite']}"
     return (
         f"{row['side']}_{row['generation']}: {row['score']:.1f} against {', '.join(row['against'])}{on_suite}"
         f"; hops {100 * measures['hop_rate']:.0f} %, spreading {100 * measures['spread_ratio']:.0f} %, "

@@ -365,8 +365,8 @@ def _check_start(run: Path, about: dict[str, Any]) -> None:
 
 
 def _changed_fields(scenario: Scenario) -> dict[str, Any]:
-    """Return the suites that differ from the standard scenario."""
-    values = {suite.name: getattr(scenario, suite.name) for suite in dataclasses.fields(scenario)}
+    """Return the fields that differ from the standard scenario."""
+    values = {each.name: getattr(scenario, each.name) for each in dataclasses.fields(scenario)}
     return {name: value for name, value in values.items() if value != getattr(STANDARD, name)}
 
 

@@ -22,7 +22,7 @@ from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.players.scripted import SCRIPTED
 
 
-class _ViewEntry(Strict):
+class _GroupEntry(Strict):
     """A group of agents in ``zoo.yml``; see :class:`ZooView` for the attributes."""
 
     id: str
@@ -35,7 +35,7 @@ class _ZooFile(Strict):
     """Content of ``zoo.yml``."""
 
     seeds: Annotated[Items[NonNegativeInt], Constraint(min_length=1)]
-    groups: Annotated[dict[str, _ViewEntry], Constraint(min_length=1)]
+    groups: Annotated[dict[str, _GroupEntry], Constraint(min_length=1)]
 
 
 @dataclass(frozen=True)

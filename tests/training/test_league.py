@@ -39,7 +39,7 @@ RECIPE = {
     "id": "FPG/AllyVsPolicy-v0",
     "algorithm": "ppo",
     "hyperparams": settings("ppo"),
-    "zero_sum": ["tone", "opponent-pursuit/td3/seed_0"],
+    "against": ["tone", "opponent-pursuit/td3/seed_0"],
     "stages": [{"steps": 400}, {"steps": 400, "hyperparams": {"learning_rate": 0.0001}}],
     "responders": [
         {"algorithm": "ppo", "steps": 400, "hyperparams": settings("ppo"), "options": {"reward": "zero_sum"}}
@@ -132,13 +132,13 @@ def lowest(result):
     }
     rows |= result["scripts"]
     name = min(rows, key=lambda name: rows[name]["return"])
-    return {"return": rows[name]["return"], "zero_sum": name}
+    return {"return": rows[name]["return"], "against": name}
 
 
 @pytest.mark.slow
 def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, result):
     out = ally.parent.parent / "responses"
-    assert json.loads((out / "exploit.json").read_text()) == result
+    assert json.loads((out / "best_responses.json").read_text()) == result
     assert [(made["algorithm"], made["steps"], made["training_seed"]) for made in result["responses"]] == [
         ("ppo", 400, 0),
         ("ppo", 400, 1),
@@ -195,7 +195,7 @@ def test_an_interrupted_command_goes_on(ally, tmp_path, monkeypatch):
             with pytest.raises(KeyboardInterrupt):
                 respond(ally, tmp_path / "out")
         # The folder is taken before anything is trained
-        assert (tmp_path / "out" / "exploit.json").exists() == is_started
+        assert (tmp_path / "out" / "best_responses.json").exists() == is_started
     respond(ally, tmp_path / "out")
     assert (run_folder(tmp_path / "out", 0) / "agent" / "agent.json").exists()
 
@@ -260,12 +260,12 @@ def test_best_responses_from_the_command_line(ally, tmp_path):
     words = ["--out", "out", "--steps", "400", "--seeds", "1", "--hyperparams", "tiny.yml"]
     done = fpg("exploit", ally, *words, folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    result = json.loads((tmp_path / "out" / "exploit.json").read_text())
+    result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
     made, *_ = result["responses"]
     assert f"ppo, 400 steps, seed 0: {made['return']:.2f} a step, jammed" in done.stdout
     found = result["lowest"]
     assert f"lowest {found['return']:.2f} a step, against {found['against']}" in done.stdout
-    assert ("they are no best ones yet" in done.stdout) == (found["zero_sum"] in result["scripts"])
+    assert ("they are no best ones yet" in done.stdout) == (found["against"] in result["scripts"])
     done = fpg("exploit", "no/such", *words, folder=tmp_path)
     assert done.returncode == 2
     assert done.stderr == "fpg-bench: agent 'no/such': neither a shipped agent nor a folder\n"
@@ -305,15 +305,15 @@ def test_each_generation_has_a_row(played):
         (1, "ally"),
         (1, "opponent"),
     ]
-    assert rows[0]["zero_sum"] == list(SCRIPTED["opponent"])
-    assert rows[1]["zero_sum"] == list(SCRIPTED["ally"])
-    assert [row["zero_sum"] for row in rows[2:]] == [["opponent_0"], ["ally_0"]]
+    assert rows[0]["against"] == list(SCRIPTED["opponent"])
+    assert rows[1]["against"] == list(SCRIPTED["ally"])
+    assert [row["against"] for row in rows[2:]] == [["opponent_0"], ["ally_0"]]
     for row in rows:
         assert row["steps"] == 400
-        assert list(row["returns"]) == row["zero_sum"]
+        assert list(row["returns"]) == row["against"]
         assert row["return"] == pytest.approx(sum(row["returns"].values()) / len(row["returns"]), abs=2e-4)
         scores = RowFile(played / f"generations/{row['side']}_{row['generation']}/evaluations.jsonl").read()
-        assert (row["suite"], row["field_score"]) == (f"{row['side']}-v1", scores[-1]["score"])
+        assert (row["suite"], row["suite_score"]) == (f"{row['side']}-v1", scores[-1]["score"])
 
 
 @pytest.mark.slow
@@ -457,8 +457,8 @@ def test_each_stage_starts_from_the_last_and_meets_its_responders(tmp_path, capl
     folder = tmp_path / "runs" / "brave" / "seed_3"
     first, last = (json.loads((folder / f"stage_{i}" / "run" / "run.json").read_text()) for i in (0, 1))
     responder = str(folder / "stage_0" / "responder_0" / "agent")
-    assert first["options"]["opponent"] == RECIPE["zero_sum"]
-    assert set(last["options"]["opponent"]) == {*RECIPE["zero_sum"], responder}
+    assert first["options"]["opponent"] == RECIPE["against"]
+    assert set(last["options"]["opponent"]) == {*RECIPE["against"], responder}
     assert last["options"]["start"] == str(folder / "stage_0" / "run")
     assert last["hyperparameters"]["learning_rate"] == 0.0001
     kept = json.loads((folder / "stage_1" / "population.json").read_text())

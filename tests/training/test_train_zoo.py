@@ -165,20 +165,20 @@ def records_of(zoo, algorithm):
 
 
 def test_every_player_is_evaluated_once(shipped):
-    view = shipped.groups[0]
-    lines = shipped.read_records(view, load_suite(view.suites[0]))
+    group = shipped.groups[0]
+    lines = shipped.read_records(group, load_suite(group.suites[0]))
     assert len(lines) == 2 * (len(SCRIPTED["ally"]) + 6)
-    size = shipped.score_file(view).path.stat().st_size
-    assert add_missing_records(shipped, view) == lines
-    assert shipped.score_file(view).path.stat().st_size == size
+    size = shipped.score_file(group).path.stat().st_size
+    assert add_missing_records(shipped, group) == lines
+    assert shipped.score_file(group).path.stat().st_size == size
 
 
 def test_the_zoo_s_numbers_are_those_of_evaluate_to_the_digit(shipped, tmp_path):
-    view = shipped.groups[0]
-    suite = load_suite(view.suites[0])
+    group = shipped.groups[0]
+    suite = load_suite(group.suites[0])
     agents = [str(agent.folder) for agent in shipped.members("small/ppo")]
-    expected = evaluate([*agents, "expert", "idle"], view.suites[0], tmp_path)
-    summaries = {s.entry: s for s in summarise(shipped.read_records(view, suite), suite)}
+    expected = evaluate([*agents, "expert", "idle"], group.suites[0], tmp_path)
+    summaries = {s.entry: s for s in summarise(shipped.read_records(group, suite), suite)}
     assert len(expected) == 3
     for summary in expected:
         own = summaries[summary.entry]

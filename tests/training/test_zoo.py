@@ -46,7 +46,7 @@ def test_an_agent_is_shipped_once_it_lies_there_and_whole_while_its_policy_is_th
         ("seeds: [0, 1, 2]", "seeds: 5", "seeds: expected a list"),
         ("seeds: [0, 1, 2]", "seeds: [0, true]", r"seeds\[1\]: expected a whole number"),
         ("seeds:", "seed:", "unknown key 'seed'; did you mean 'seeds'"),
-        ("views:", "groups: 3\nview:", "unknown key 'view'"),
+        ("groups:", "groups: 3\ngroup:", "unknown key 'group'"),
         ("AllyVsScripted", "AlyVsScripted", "did you mean 'FPG/AllyVsScripted-v0'"),
         ("    suites: [FIELD]\n", "", "small: lacks suites"),
         ("suites: [FIELD]", "suites: FIELD", "suites: expected a list"),

@@ -32,7 +32,7 @@ def settings(algorithm: str, **changes) -> dict:
 
 def run_config(algorithm, env_id=ALLY, **options) -> RunConfig:
     """A run; options that are none of its own are those of its games."""
-    own = {suite.name for suite in dataclasses.fields(RunConfig)}
+    own = {field.name for field in dataclasses.fields(RunConfig)}
     game = GameOptions(**{name: value for name, value in options.items() if name not in own})
     return RunConfig(
         algorithm, env_id, game=game, **{name: value for name, value in options.items() if name in own}

@@ -15,15 +15,15 @@ from tests.leaderboard.entering import enter
 
 pytestmark = pytest.mark.slow
 
-SCRIPT = Path(__file__).parents[2] / "scripts" / "exploit_zoo.py"
+SCRIPT = Path(__file__).parents[2] / "scripts" / "train_best_responses.py"
 
 
 @pytest.fixture
 def script(board, in_process, tmp_path, monkeypatch):
     """The script's main on a board of an ally of two training seeds, an opponent, and scripts."""
-    spec = importlib.util.spec_from_file_location("board_best_responses", SCRIPT)
+    spec = importlib.util.spec_from_file_location("train_best_responses", SCRIPT)
     module = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, "board_best_responses", module)
+    monkeypatch.setitem(sys.modules, "train_best_responses", module)
     spec.loader.exec_module(module)
     monkeypatch.setattr(module, "run_jobs", lambda jobs, workers, say: run(jobs, say))
     enter(board, "ally", "linear", seeds=(3, 1))
@@ -32,7 +32,7 @@ def script(board, in_process, tmp_path, monkeypatch):
 
     def call(*words):
         monkeypatch.setattr(
-            sys, "argv", ["exploit_zoo.py", "--board", str(board), "--runs", str(tmp_path), *words]
+            sys, "argv", ["train_best_responses.py", "--board", str(board), "--runs", str(tmp_path), *words]
         )
         return module.main()
 
