@@ -1,16 +1,21 @@
-"""Speed of training relative to SB3 alone, and of exported agents relative to their models.
+"""Speed of training relative to SB3 alone, of exported agents, and of MADDPG's updates.
 
     python scripts/benchmark_training.py [--quick] [--json FILE]
 
 Training is the complete call, with evaluations, checkpoints, TensorBoard log and export. It is compared with
 SB3's ``learn`` on the same games, normalization and hyper-parameters. Agents and models act in 64 games at
 once.
+
+Updates of MADDPG by torch and by JAX are compared in processor time, with the networks and values of
+the paper's experiment and an update after each step, as in its Algorithm 1. An update samples its batch,
+learns from it, and copies the actors back. JAX needs the extra ``fast``.
 """
 
 from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,16 +24,23 @@ import numpy as np
 from benchmark_speed import VIEW, Figure, interleaved, median_ratio, report
 from stable_baselines3.common.base_class import BaseAlgorithm
 
+from fpg_bench.envs.sb3_vec_env import make_sb3_duel
 from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.paper.experiment import ALGORITHM, BUDGETS, hyperparameters
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.training.algorithms import ALGORITHMS
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.maddpg import MADDPG
+from fpg_bench.training.maddpg.jax_learner import JaxLearner
 from fpg_bench.training.models import make_games, make_model
 from fpg_bench.training.train import train
 
 BATCH = 64
+BUDGET = BUDGETS["paper"]
+STEPS = 6400  # in the replay buffer when updates are measured
+LEARNERS = ("torch", "jax")
 
 
 def new_model(algorithm: str) -> BaseAlgorithm:
@@ -90,9 +102,47 @@ def playing(quick: bool) -> list[Figure]:
     return figures
 
 
+def updater(learner: str) -> Callable[[], None]:
+    """Return a function that updates a model as often as after a step of all games."""
+    games = make_sb3_duel(BUDGET.games, seed=0, scenario="paper")
+    model: MADDPG = make_model(ALGORITHM, games, hyperparameters(BUDGET), 0)  # type: ignore[assignment]
+    model.learning_starts = 2 * STEPS
+    model.learn(STEPS)
+    jax = JaxLearner([model]) if learner == "jax" else None
+
+    def update() -> None:
+        batches = model.replay_buffer.sample_many(BUDGET.gradient_steps, model.batch_size)
+        if jax is None:
+            model.update(batches)
+        else:
+            jax.learn([batches])
+            jax.write_actors()
+
+    update()  # compiles
+    return update
+
+
+def update_rate(update: Callable[[], None], calls: int) -> float:
+    """Return the joint updates per second of the processor."""
+    begin = time.process_time()
+    for _ in range(calls):
+        update()
+    return calls * BUDGET.gradient_steps / (time.process_time() - begin)
+
+
+def updating(quick: bool) -> list[Figure]:
+    """Compare MADDPG's updates by JAX with those by torch."""
+    repeats, calls = (1, 1) if quick else (9, 4)
+    rates = interleaved(repeats, {name: partial(update_rate, updater(name), calls) for name in LEARNERS})
+    figures = [Figure("updates, JAX / torch", median_ratio(rates, "jax", "torch"), None if quick else 6.0)]
+    for name in LEARNERS:
+        figures.append(Figure(f"an update by {name}", 1000 / float(np.median(rates[name])), None, unit="ms"))
+    return figures
+
+
 def measure_all(quick: bool) -> list[Figure]:
     """Return all figures of this script."""
-    return playing(quick) + training(quick)
+    return playing(quick) + training(quick) + updating(quick)
 
 
 if __name__ == "__main__":
