@@ -60,7 +60,7 @@ def evaluate_against(
     others: Mapping[str, Any],
     side: str,
     scenario: Scenario,
-    matches: int = MATCHES,
+    matches: int,
     seeds: Seeds | None = None,
 ) -> Summary:
     """Evaluate a player against players that no suite names.
@@ -255,7 +255,7 @@ class _Target:
 
     def meet(self, other: str) -> Row:
         """Return the player's results against another player, with that player's return ``earned``."""
-        summary = evaluate_against(self.agent, {other: other}, self.side, self.scenario)
+        summary = evaluate_against(self.agent, {other: other}, self.side, self.scenario, MATCHES)
         row = _result_row(summary)
         del row["returns"]
         tally = summary.pooled.tally
@@ -451,7 +451,7 @@ class _SelfPlay:
             "suite_score": scores.get(side),
         }
         scenario = game_scenario(self.game)
-        summary = evaluate_against(str(run.agent), others, side, scenario, seeds=tuning_seeds)
+        summary = evaluate_against(str(run.agent), others, side, scenario, MATCHES, tuning_seeds)
         return head | _result_row(summary)
 
     def ship(self, side: str, generations: int) -> Path:

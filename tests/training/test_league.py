@@ -48,6 +48,14 @@ RECIPE = {
 }
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_matches():
+    """Few matches in each evaluation."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(league, "MATCHES", 5)
+        yield
+
+
 @pytest.fixture
 def trained(monkeypatch):
     """The runs that a league trains, in their order."""
@@ -143,7 +151,7 @@ def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, r
         ("ppo", 400, 0),
         ("ppo", 400, 1),
     ]
-    suite = load_suite("ally-v1")
+    suite = dataclasses.replace(load_suite("ally-v1"), matches=5)
     for seed, made in enumerate(result["responses"]):
         agent = run_folder(out, seed) / "agent"
         response = load_agent(agent, "opponent")
@@ -157,7 +165,7 @@ def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, r
         assert made["earned"] == pytest.approx(earned, abs=1e-4)
     assert result["policy"] == load_agent(ally).about["policy_sha256"]
     assert list(result["scripts"]) == list(SCRIPTED["opponent"])
-    adaptive = evaluate_against(str(ally), {"adaptive": "adaptive"}, "ally", STANDARD)
+    adaptive = evaluate_against(str(ally), {"adaptive": "adaptive"}, "ally", STANDARD, 5)
     assert result["scripts"]["adaptive"]["score"] == round(adaptive.score.value, 2)
     assert result["lowest"] == lowest(result)
 

@@ -1,4 +1,8 @@
+"""Training runs: their folders, evaluations and errors, several seeds, and progress without a terminal."""
+
+import dataclasses
 import json
+import pickle
 import subprocess
 from pathlib import Path
 
@@ -6,58 +10,79 @@ import numpy as np
 import pytest
 import torch
 import yaml
-from stable_baselines3 import PPO
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 import fpg_bench
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import ENVS
+from fpg_bench.common.ids import DUEL
 from fpg_bench.common.rows import RowFile
-from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
-from fpg_bench.players.agent import baselines_folder, load_agent
-from fpg_bench.training.algorithms import ALGORITHMS
+from fpg_bench.players.agent import load_agent
+from fpg_bench.training import callbacks
 from fpg_bench.training.callbacks import LOGGED_MEASURES
 from fpg_bench.training.checkpoint import newest_checkpoint
-from fpg_bench.training.export import export_onnx
-from fpg_bench.training.hyperparameters import load_hyperparameters
-from fpg_bench.training.models import make_model
-from tests.training.tiny import settings, train, train_tiny
+from fpg_bench.training.config import GameOptions, RunConfig
+from fpg_bench.training.train import parse_seeds, train_seeds
+from tests.training.tiny import ALLY, SMALL, run_config, settings, train, train_tiny
 
-TINY = """\
-FPG/AllyVsScripted-v0:
-  policy: MlpPolicy
-  n_envs: 4
-  n_timesteps: 2400
-  normalize: {norm_obs: true, norm_reward: true}
-  n_steps: 300
-  batch_size: 300
-  n_epochs: 1
-  policy_kwargs: {net_arch: [8]}
-"""
+POLICY = "FPG/OpponentVsPolicy-v0"
+
+
+# The configuration
+
+
+def test_a_configuration_is_a_value():
+    config = RunConfig("ppo", ALLY, seed=3, game=GameOptions(path="circle", knowledge="none"))
+    assert pickle.loads(pickle.dumps(config)) == config
+    assert dataclasses.replace(config, seed=4).game == config.game
+    assert config.game_options() == {"path": "circle", "knowledge": "none"}
+    with pytest.raises(UserError, match="here: unknown key 'pth'; did you mean 'path'"):
+        GameOptions.parse({"pth": "circle"}, "here")
+
+
+def test_the_other_side_is_named_once():
+    assert run_config("ppo", POLICY, against="expert").game_options() == {"ally": "expert"}
+    with pytest.raises(UserError, match="against: names the ally, and so does ally"):
+        run_config("ppo", POLICY, against="expert", ally="idle").game_options()
+    with pytest.raises(UserError, match="both sides learn; name nobody"):
+        run_config("maddpg", DUEL, against="expert").game_options()
+
+
+def test_each_side_of_a_duel_has_a_suite_of_its_own():
+    assert RunConfig("maddpg", DUEL).suites() == ["ally-v1", "opponent-v1"]
+    assert run_config("ppo", POLICY, path="learned").suites() == ["opponent-learned-v1"]
+    assert RunConfig("ppo", ALLY, suite="mine.yml").suites() == ["mine.yml"]
+
+
+def test_the_options_are_those_of_the_command_line():
+    config = run_config("ppo", POLICY, against=["a", "b"], start="run", llm={"deadline_s": 3}, reward=None)
+    assert config.options() == {"ally": ["a", "b"], "start": "run", "deadline": 3}
+
+
+# A run's folder
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("train")
-    (folder / "tiny.yml").write_text(TINY)
-    train(
-        "ppo",
-        "FPG/AllyVsScripted-v0",
-        folder / "run",
-        seed=3,
-        hyperparams=folder / "tiny.yml",
-        evaluations=2,
-    )
-    return folder / "run"
+def hyperparams(tmp_path_factory):
+    """A YAML file of hyper-parameters."""
+    file = tmp_path_factory.mktemp("hyperparams") / "tiny.yml"
+    file.write_text(yaml.safe_dump({ALLY: settings("ppo", n_timesteps=2400, n_steps=300, batch_size=300)}))
+    return file
+
+
+@pytest.fixture(scope="module")
+def run(hyperparams):
+    folder = hyperparams.parent / "run"
+    train("ppo", ALLY, folder, seed=3, hyperparams=hyperparams, evaluations=2)
+    return folder
 
 
 @pytest.mark.slow
-def test_a_run_says_how_it_was_made(run):
+def test_a_run_describes_how_it_was_made(run, hyperparams):
     about = json.loads((run / "run.json").read_text())
     assert about["finished"]
     command = "fpg-bench train ppo FPG/AllyVsScripted-v0 --seed 3 --steps 2400 --hyperparams"
-    assert about["command"] == f"{command} {run.parent / 'tiny.yml'}"
+    assert about["command"] == f"{command} {hyperparams}"
     assert about["steps_done"] == 2400
     assert about["hyperparameters"]["n_steps"] == 300
     assert about["versions"]["torch"].startswith("2.")
@@ -67,6 +92,8 @@ def test_a_run_says_how_it_was_made(run):
     assert (run / "model.zip").exists()
     assert (run / "normalize.pkl").exists()
     assert not (run / "checkpoints").exists()
+    agent = load_agent(run / "agent", "ally").about
+    assert (agent["algorithm"], agent["training_seed"], agent["training_steps"]) == ("ppo", 3, 2400)
 
 
 @pytest.mark.slow
@@ -79,7 +106,7 @@ def test_its_git_revision_is_that_of_the_code(run):
 
 
 @pytest.mark.slow
-def test_it_says_how_good_its_policy_was_on_the_way(run):
+def test_the_policy_is_evaluated_during_training(run):
     rows = RowFile(run / "evaluations.jsonl").read()
     assert [row["steps"] for row in rows] == [0, 1200, 2400]
     for row in rows:
@@ -90,20 +117,8 @@ def test_it_says_how_good_its_policy_was_on_the_way(run):
     assert seconds == sorted(seconds)
     assert rows[0]["score"] != rows[-1]["score"]
     assert (run / "curve.png").read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.slow
-def test_the_last_score_is_the_agents(run):
-    found = PolicyEvaluator("ally-v1").score(load_agent(run / "agent"))
-    assert found["score"] == pytest.approx(RowFile(run / "evaluations.jsonl").read()[-1]["score"], abs=2)
-
-
-@pytest.mark.slow
-def test_the_agent_plays_without_torch_or_sb3(run):
-    player = load_agent(run / "agent", "ally")
-    about = json.loads((run / "agent" / "agent.json").read_text())
-    assert player.about == about
-    assert (about["algorithm"], about["training_seed"], about["training_steps"]) == ("ppo", 3, 2400)
+    result = PolicyEvaluator("ally-v1").score(load_agent(run / "agent"))
+    assert result["score"] == pytest.approx(rows[-1]["score"], abs=2)
 
 
 @pytest.mark.slow
@@ -112,131 +127,50 @@ def test_tensorboard_shows_the_game(run):
     events.Reload()
     tags = set(events.Tags()["scalars"])
     assert {f"game/{name}" for name in LOGGED_MEASURES} | {"rollout/ep_rew_mean", "suite/score"} <= tags
-    assert {"outage", "capacity_mbit_s", "opponent_return"} < set(LOGGED_MEASURES)
     assert all(0 <= event.value <= 1 for event in events.Scalars("game/jamming_success_rate"))
 
 
 @pytest.mark.slow
-def test_a_finished_run_is_not_repeated_and_no_other_overwritten(run, tmp_path):
+def test_a_finished_run_is_not_repeated_and_no_other_is_overwritten(run, hyperparams, tmp_path):
     before = (run / "run.json").read_text()
-    arguments = ("ppo", "FPG/AllyVsScripted-v0", run)
-    options = {"hyperparams": run.parent / "tiny.yml"}
-    assert train(*arguments, seed=3, **options) == run / "agent"
+    options = {"hyperparams": hyperparams, "seed": 3}
+    assert train("ppo", ALLY, run, **options) == run / "agent"
     assert (run / "run.json").read_text() == before
     with pytest.raises(UserError, match="holds another run"):
-        train(*arguments, seed=4, **options)
-    (tmp_path / "other.yml").write_text(TINY.replace("[8]", "[9]"))
+        train("ppo", ALLY, run, **options | {"seed": 4})
     with pytest.raises(UserError, match="other hyper-parameters"):
-        train(*arguments, seed=3, hyperparams=tmp_path / "other.yml")
+        train("ppo", ALLY, run, **options | {"hyperparams": settings("ppo", n_timesteps=2400)})
     with pytest.raises(UserError, match=r"with 2,400 steps, and its budget stays; .* --start"):
-        train(*arguments, seed=3, steps=4800, resume=True, **options)
-    about = json.loads(before) | {"finished": False}
-    (tmp_path / "other.yml").unlink()
-    (tmp_path / "run.json").write_text(json.dumps(about))
+        train("ppo", ALLY, run, steps=4800, resume=True, **options)
+    (tmp_path / "run.json").write_text(json.dumps(json.loads(before) | {"finished": False}))
     with pytest.raises(UserError, match="unfinished"):
-        train("ppo", "FPG/AllyVsScripted-v0", tmp_path, seed=3, **options)
-    train("ppo", "FPG/AllyVsScripted-v0", tmp_path, seed=3, restart=True, **options)
+        train("ppo", ALLY, tmp_path, **options)
+    train("ppo", ALLY, tmp_path, restart=True, **options)
     assert json.loads((tmp_path / "run.json").read_text())["finished"]
     with pytest.raises(UserError, match="no run's folder"):
-        train("ppo", "FPG/AllyVsScripted-v0", run.parent, seed=3, **options)
+        train("ppo", ALLY, run.parent, **options)
 
 
 @pytest.mark.slow
-def test_a_run_that_was_killed_before_it_said_anything_begins_again(tmp_path):
-    (tmp_path / "tiny.yml").write_text(TINY)
-    (tmp_path / "run").mkdir()
-    for left in ("evaluations.jsonl", ".run.json.ab12"):
-        (tmp_path / "run" / left).touch()
-    given = {"hyperparams": tmp_path / "tiny.yml"}
-    train("ppo", "FPG/AllyVsScripted-v0", tmp_path / "run", resume=True, **given)
-    assert json.loads((tmp_path / "run" / "run.json").read_text())["finished"]
+def test_a_run_that_was_killed_before_its_description_was_complete_begins_again(tmp_path):
+    for name in ("evaluations.jsonl", ".run.json.ab12"):
+        (tmp_path / name).touch()
+    train_tiny("ppo", tmp_path, resume=True)
+    assert json.loads((tmp_path / "run.json").read_text())["finished"]
 
 
-def test_a_stopped_run_leaves_its_model(tmp_path, monkeypatch):
-    (tmp_path / "tiny.yml").write_text(TINY)
-
-    def stop(self):
+def test_an_interrupted_run_leaves_its_model(tmp_path, monkeypatch):
+    def interrupt(self):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("fpg_bench.training.callbacks.GameMeasuresCallback._on_rollout_end", stop)
+    monkeypatch.setattr("fpg_bench.training.callbacks.GameMeasuresCallback._on_rollout_end", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        train(
-            "ppo",
-            "FPG/AllyVsScripted-v0",
-            tmp_path / "run",
-            hyperparams=tmp_path / "tiny.yml",
-            evaluations=20,
-        )
+        train_tiny("ppo", tmp_path / "run", evaluations=20)
     assert newest_checkpoint(tmp_path / "run" / "checkpoints").name == f"{0:012d}"
     assert not json.loads((tmp_path / "run" / "run.json").read_text())["finished"]
 
 
-@pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_shipped_hyperparameters_make_a_model_for_every_id(algorithm, monkeypatch):
-    monkeypatch.setenv("FPG_LLM_BASE_URL", "http://127.0.0.1:9/v1")  # never asked
-    monkeypatch.setenv("FPG_LLM_MODEL", "none")
-    for env_id in ENVS:
-        parameters = load_hyperparameters(algorithm, env_id)
-        make_model(algorithm, make_sb3(env_id, n_envs=2), parameters, seed=0)
-
-
-@pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
-def test_actions_may_begin_with_a_noise_each():
-    file = baselines_folder() / "hyperparams" / "ppo-learned.yml"
-    parameters = load_hyperparameters("ppo", "FPG/OpponentVsScripted-v0", file)
-    games = make_sb3("FPG/OpponentVsScripted-v0", n_envs=2, path="learned")
-    model = make_model("ppo", games, parameters, seed=0)
-    assert model.policy.log_std.tolist() == pytest.approx([-1.2] * 4 + [-3.5, -0.7] + [-2.0] * 3)
-
-
-def test_shipped_files_hold_nothing_to_evaluate():
-    for path in (baselines_folder() / "hyperparams").glob("*.yml"):
-        words = [value for entry in yaml.safe_load(path.read_text()).values() for value in entry.values()]
-        assert {word for word in words if isinstance(word, str)} <= {
-            "MlpPolicy",
-            "JointPolicy",
-            "MlpLstmPolicy",
-            "normal",
-            "auto_0.1",
-            "lin_0.005",
-            "lin_0.0007",
-        }, path
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("n_steps: 300", "n_step: 300", "unknown key 'n_step'; did you mean 'n_steps'"),
-        ("n_steps: 300", "n_steps: 300\n  seed: 3", "unknown key 'seed'"),
-        ("norm_obs", "norm_obz", "normalize: unknown key 'norm_obz'; did you mean 'norm_obs'"),
-        ("net_arch", "net_arc", "net_arc"),
-        ("net_arch", "log_std_init: [-1.0, 0.3], net_arch", "expected a number, or 9 of them"),
-        ("n_steps: 300", "n_steps: 300\n  learning_rate: line_3", "or lin_<number>, got 'line_3'"),
-        ("n_steps: 300", "n_steps: 300\n  learning_rate: 1e-3", "1.0e-4, not 1e-4"),
-        ("n_steps: 300", "n_steps: 300\n  gamma: abc", "gamma: expected a number"),
-        ("n_steps: 300", "n_steps: 2.5", "n_steps: expected a whole number"),
-        ("norm_obs: true", "norm_obs: 3", "norm_obs: expected true or false"),
-        ("norm_obs: true", "clip_obs: abc", "normalize: clip_obs: expected a number"),
-        ("policy_kwargs: ", "policy_kwargs: 3  # ", "policy_kwargs: expected a mapping"),
-        ("n_steps: 300", "n_steps: 300\n  noise_std: 0.1", "noise_type"),
-        (
-            "n_steps: 300",
-            "n_steps: 300\n  noise_type: normal\n  noise_std: [1, 2]",
-            "noise_std: expected a number",
-        ),
-        ("n_steps: 300", "n_steps: 300\n  frame_stack: 0", "frame_stack: expected a whole number"),
-        ("n_envs: 4", "n_envs: four", "n_envs"),
-        ("normalize: {norm_obs: true, norm_reward: true}", "normalize: true", "expected a mapping"),
-        ("AllyVsScripted", "AllyVsScriptd", "did you mean 'FPG/AllyVsScriptd-v0'"),
-    ],
-)
-def test_bad_hyperparameters(tmp_path, old, new, message):
-    path = tmp_path / "mine.yml"
-    path.write_text(TINY.replace(old, new))
-    with pytest.raises(UserError, match=message):
-        train("ppo", "FPG/AllyVsScripted-v0", tmp_path / "run", hyperparams=path)
-    assert not (tmp_path / "run").exists()
+# Errors
 
 
 @pytest.mark.parametrize("evaluations", [0, 2])
@@ -244,7 +178,7 @@ def test_bad_hyperparameters(tmp_path, old, new, message):
     "changes",
     [
         {"learning_rate": float("inf")},
-        {"learning_rate": 30.0, "policy_kwargs": {"net_arch": [8], "log_std_init": -100.0}},
+        {"learning_rate": 30.0, "policy_kwargs": SMALL | {"log_std_init": -100.0}},
         {"learning_rate": float("inf"), "n_steps": 300},  # in the last update
     ],
     ids=["weights", "spread", "end"],
@@ -257,7 +191,7 @@ def test_training_that_diverges_is_one_line(changes, evaluations, tmp_path):
 @pytest.mark.parametrize("spread", [-200.0, float("nan")])
 def test_a_policy_that_cannot_act_is_refused_before_anything_is_written(spread, tmp_path):
     torch.distributions.Distribution.set_default_validate_args(False)  # as torch.onnx.export leaves it
-    changes = {"policy_kwargs": {"net_arch": [8], "log_std_init": spread}}
+    changes = {"policy_kwargs": SMALL | {"log_std_init": spread}}
     with pytest.raises(UserError, match="hyper-parameters of ppo: the new policy draws no finite actions"):
         train_tiny("ppo", tmp_path / "run", changes)
     assert not (tmp_path / "run").exists()
@@ -268,53 +202,99 @@ def test_a_policy_that_the_exporter_refuses_is_refused_before_anything_is_writte
         raise RuntimeError("no such pass")
 
     monkeypatch.setattr(torch.onnx, "export", broken)
-    mish = {"policy_kwargs": {"net_arch": [8], "activation_fn": "Mish"}}
+    mish = {"policy_kwargs": SMALL | {"activation_fn": "Mish"}}
     with pytest.raises(UserError, match=r"by torch .*, onnx .*, onnxscript .*: RuntimeError: no such pass$"):
         train_tiny("ppo", tmp_path / "run", mish)
     assert not (tmp_path / "run").exists()
 
 
-def test_the_trial_export_leaves_chance_and_checks_as_they_are():
-    games = make_sb3("FPG/AllyVsScripted-v0", n_envs=2, seed=0)
-    words = {"activation_fn": torch.nn.Mish}  # for which the exporter is asked
-    model = PPO("MlpPolicy", games, n_steps=4, batch_size=8, policy_kwargs=words)
-    before = torch.get_rng_state()
-    export_onnx(model)
-    assert torch.equal(torch.get_rng_state(), before)
-    with pytest.raises(ValueError, match="Expected parameter"):
-        torch.distributions.Normal(0.0, -1.0)
-
-
-def test_an_opponent_that_answers_nan_is_not_called_divergence(tmp_path):
-    given = {"hyperparams": settings("ppo")}
-    with pytest.raises(UserError, match="opponent action of game 0: index 0 is nan"):
-        train("ppo", "FPG/AllyVsPolicy-v0", tmp_path / "run", opponent=Nowhere(), **given)
-
-
-class Nowhere:
-    """An opponent without an answer."""
+class NaNPlayer:
+    """An opponent whose actions are no numbers."""
 
     def predict(self, observation, state=None, episode_start=None, deterministic=True):
         return np.full((len(observation), 9), np.nan, np.float32), state
 
 
-def test_unknown_words(tmp_path):
-    with pytest.raises(UserError, match="did you mean 'ppo'"):
-        train("pppo", "FPG/AllyVsScripted-v0", tmp_path)
-    with pytest.raises(UserError, match="did you mean 'FPG/AllyVsScripted-v0'"):
-        train("ppo", "FPG/AllyVsScript-v0", tmp_path)
+def test_an_opponent_with_nan_actions_is_not_called_divergence(tmp_path):
+    with pytest.raises(UserError, match="opponent action of game 0: index 0 is nan"):
+        train_tiny("ppo", tmp_path / "run", env_id="FPG/AllyVsPolicy-v0", opponent=NaNPlayer())
 
 
 @pytest.mark.parametrize(
-    ("algorithm", "env_id", "words", "message"),
+    ("algorithm", "env_id", "options", "message"),
     [
-        ("ppo", "FPG/duel_v0", {}, "ppo: trains one side, not both, as in FPG/duel_v0"),
-        ("maddpg", "FPG/AllyVsScripted-v0", {}, "maddpg: trains both sides, in FPG/duel_v0"),
-        ("maddpg", "FPG/duel_v0", {"suite": "ally-v1"}, "each side of FPG/duel_v0 is scored by its own"),
-        ("maddpg", "FPG/duel_v0", {"opponent": "tone"}, "unexpected keyword argument 'opponent'"),
+        ("pppo", ALLY, {}, "did you mean 'ppo'"),
+        ("ppo", "FPG/AllyVsScript-v0", {}, "did you mean 'FPG/AllyVsScripted-v0'"),
+        ("ppo", DUEL, {}, "ppo: trains one side, not both, as in FPG/duel_v0"),
+        ("maddpg", ALLY, {}, "maddpg: trains both sides, in FPG/duel_v0"),
+        ("maddpg", DUEL, {"suite": "ally-v1"}, "each side of FPG/duel_v0 is scored by its own"),
+        ("maddpg", DUEL, {"opponent": "tone"}, "unexpected keyword argument 'opponent'"),
     ],
 )
-def test_one_side_or_both(tmp_path, algorithm, env_id, words, message):
+def test_unknown_and_impossible_options_are_refused(tmp_path, algorithm, env_id, options, message):
     with pytest.raises(UserError, match=message):
-        train(algorithm, env_id, tmp_path / "run", **words)
+        train(algorithm, env_id, tmp_path / "run", **options)
     assert not (tmp_path / "run").exists()
+
+
+# Several seeds
+
+
+def train_several(out, seeds, *, workers=2, **options):
+    lines = []
+    config = run_config("ppo", **{"hyperparams": settings("ppo")} | options)
+    train_seeds(config, out, seeds, evaluations=0, workers=workers, say=lines.append)
+    return lines
+
+
+@pytest.mark.process
+def test_each_seed_is_trained_once_and_a_failure_does_not_hold_up_the_others(tmp_path):
+    (tmp_path / "seed_2").mkdir()
+    (tmp_path / "seed_2" / "mine.txt").touch()
+    with pytest.raises(UserError, match=r"seed_2: .*is not empty and no run's folder"):
+        train_several(tmp_path, [0, 2], workers=1)
+    (tmp_path / "seed_2" / "mine.txt").unlink()
+    lines = train_several(tmp_path, [0, 2], workers=1)
+    names = [line.split(":")[0] for line in lines if not line.startswith("under way")]  # on a slow machine
+    assert names == ["seed_2", "seed_2"]
+    for seed in (0, 2):
+        assert load_agent(tmp_path / f"seed_{seed}" / "agent").about["training_seed"] == seed
+    with pytest.raises(UserError, match="seed_0: holds this run with 1,200 steps, and its budget stays"):
+        train_several(tmp_path, [0, 2], steps=2400, workers=1)
+
+
+@pytest.mark.process
+def test_options_are_checked_before_any_seed_begins(tmp_path):
+    with pytest.raises(UserError, match="unknown id 'FPG/AllyVsScripted-v9'"):
+        train_several(tmp_path, [0, 1], env_id="FPG/AllyVsScripted-v9")
+    with pytest.raises(UserError, match="a language model plans for one run at a time"):
+        train_several(tmp_path, [0], planner="llm")
+    assert not list(tmp_path.glob("seed_*"))
+
+
+def test_seeds_are_ranges_and_lists():
+    assert [parse_seeds(text) for text in ("3", "0-2", "0,4-5")] == [[3], [0, 1, 2], [0, 4, 5]]
+    for text in ("", "a", "1-", "-1", "3-1", "0,0", "1.5"):
+        with pytest.raises(UserError, match="seeds: "):
+            parse_seeds(text)
+
+
+# Progress where no bar can be drawn
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algorithm", ["ppo", "td3"])
+@pytest.mark.parametrize("seconds", [1e-6, callbacks.LINE_EVERY_S])
+def test_a_line_is_printed_for_each_tenth_and_every_thirty_seconds(
+    algorithm, seconds, tmp_path, monkeypatch, capsys
+):
+    times = (k * seconds for k in range(10**9))
+    monkeypatch.setattr(callbacks.time, "monotonic", lambda: next(times))
+    train_tiny(algorithm, tmp_path / "run", progress=True)
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("training: ")]
+    if seconds < 1:
+        assert lines[-1].startswith("training: 1,200 of 1,200 steps, ")
+        assert 3 <= len(lines) <= 10
+    else:
+        assert len(lines) >= 1200 // 4  # four games a step: a line for each
+        assert lines[0].startswith("training: 4 of 1,200 steps, ")

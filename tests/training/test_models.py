@@ -1,0 +1,304 @@
+"""Algorithms by name or class, their hyper-parameters, and the models made from them."""
+
+import json
+
+import numpy as np
+import onnxruntime
+import pytest
+import torch
+import yaml
+from sb3_contrib import TQC, RecurrentPPO
+from stable_baselines3 import PPO, SAC, TD3
+from torch import nn
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import DUEL, ENVS
+from fpg_bench.envs.sb3_vec_env import make_sb3, make_sb3_duel
+from fpg_bench.players.agent import baselines_folder, load_agent
+from fpg_bench.training.algorithms import ALGORITHMS, find_algorithm
+from fpg_bench.training.export import export_onnx
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.models import ACTIVATIONS, as_activation, make_games, make_model
+from fpg_bench.training.tuning.space import load_space, merged
+from tests.training.own import Mine
+from tests.training.tiny import ALLY, SMALL, settings, train, train_tiny
+
+OPPONENT = "FPG/OpponentVsScripted-v0"
+
+
+def model_of(algorithm, values):
+    parameters = load_hyperparameters(algorithm, ALLY, values)
+    return make_model(algorithm, make_games(ALLY, parameters, 0), parameters, 0)
+
+
+# Algorithms
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "frames"),
+    [
+        ("ppo", PPO, None),
+        ("ppo-fast", PPO, None),
+        ("sac", SAC, None),
+        ("td3-stack4", TD3, 4),
+        ("ppo-stack8", PPO, 8),
+        ("recurrent-ppo", RecurrentPPO, None),
+        ("sb3_contrib:TQC", TQC, None),
+        (PPO, PPO, None),
+    ],
+)
+def test_an_algorithm_is_found_by_its_name_or_class(name, kind, frames):
+    algorithm = find_algorithm(name)
+    assert (algorithm.kind, algorithm.frame_stack) == (kind, frames)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("recurrent_ppo", "did you mean 'recurrent-ppo'"),
+        ("ppo-stack0", "did you mean 'ppo-stack8'"),
+        ("nowhere:Mine", "No module named 'nowhere'"),
+        ("tests.training.own:Yours", "no attribute 'Yours'"),
+        ("tests.training.own:NoAlgorithm", "no subclass of stable_baselines3's BaseAlgorithm"),
+        (":Mine", "expected package.module:object"),
+        ("torn_algorithm:Mine", "importing it failed: SyntaxError"),
+    ],
+)
+def test_unknown_algorithms_are_refused(name, message, tmp_path, monkeypatch):
+    (tmp_path / "torn_algorithm.py").write_text("class Mine(\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UserError, match=message):
+        find_algorithm(name)
+
+
+@pytest.mark.slow
+def test_a_user_s_own_algorithm_is_trained_by_its_name_or_class(tmp_path):
+    agent = train_tiny("tests.training.own:Mine", tmp_path / "name", hyperparams=None, steps=3200)
+    about = load_agent(agent, "ally").about
+    assert about["algorithm"] == "tests.training.own:Mine"
+    assert about["hyperparameters"] == {"n_envs": 64, "normalize": None, "policy": "MlpPolicy"}
+    values = {"n_envs": 4, "n_timesteps": 200, "policy": "MlpPolicy", "bonus": 0.5, "normalize": None}
+    agent = train(Mine, ALLY, tmp_path / "class", hyperparams=values)
+    assert load_agent(agent).about["hyperparameters"]["bonus"] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "steps", "message"),
+    [
+        (Mine, None, r"steps: .* has no hyper-parameter file"),
+        ("tests.training.own:Failing", 100, "KeyError: 'its own reasons'"),
+        ("tests.training.own:Odd", 10**9, "Doubling computes more than its networks say"),
+    ],
+)
+def test_a_user_s_own_algorithm_that_cannot_be_trained_is_refused(algorithm, steps, message, tmp_path):
+    with pytest.raises(UserError, match=message):
+        train(algorithm, ALLY, tmp_path / "run", steps=steps)
+    assert not (tmp_path / "run").exists()
+
+
+# Hyper-parameters
+
+
+@pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_shipped_hyperparameters_make_a_model_for_every_id(algorithm, monkeypatch):
+    monkeypatch.setenv("FPG_LLM_BASE_URL", "http://127.0.0.1:9/v1")  # never asked
+    monkeypatch.setenv("FPG_LLM_MODEL", "none")
+    for env_id in ENVS:
+        parameters = load_hyperparameters(algorithm, env_id)
+        make_model(algorithm, make_sb3(env_id, n_envs=2), parameters, seed=0)
+
+
+def test_shipped_files_hold_nothing_to_evaluate():
+    """rl-zoo3 evaluates text values."""
+    known = {"MlpPolicy", "JointPolicy", "MlpLstmPolicy", "normal", "auto_0.1", "lin_0.005", "lin_0.0007"}
+    for path in (baselines_folder() / "hyperparams").glob("*.yml"):
+        values = [value for entry in yaml.safe_load(path.read_text()).values() for value in entry.values()]
+        assert {value for value in values if isinstance(value, str)} <= known, path
+
+
+def test_stacked_frames_come_from_the_name_or_the_file():
+    assert load_hyperparameters("ppo-stack8", ALLY).frame_stack == 8
+    assert load_hyperparameters("sac-stack3", ALLY).frame_stack == 3  # with the plain algorithm's values
+    assert load_hyperparameters("sac-stack3", ALLY).algorithm == load_hyperparameters("sac", ALLY).algorithm
+    given = {"n_envs": 1, "n_timesteps": 1, "frame_stack": 4}
+    assert load_hyperparameters("ppo", ALLY, given).frame_stack == 4
+    with pytest.raises(UserError, match="frame_stack: ppo-stack8 has 8, got 4"):
+        load_hyperparameters("ppo-stack8", ALLY, given)
+
+
+def test_a_variant_has_values_of_its_own_and_else_those_of_its_class():
+    fast = load_hyperparameters("ppo-fast", ALLY).algorithm
+    assert fast["policy_kwargs"]["activation_fn"] == "ReLU"
+    assert fast != load_hyperparameters("ppo", ALLY).algorithm
+    learned = load_hyperparameters("ppo", OPPONENT, path="learned")
+    assert load_hyperparameters("ppo-fast", OPPONENT, path="learned") == learned
+    assert load_space(find_algorithm("ppo-fast").base) == load_space("ppo")
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "td3", "ppo-stack4"])
+def test_an_opponent_that_flies_itself_has_values_of_its_own(algorithm):
+    own = load_hyperparameters(algorithm, OPPONENT, path="learned")
+    assert own != load_hyperparameters(algorithm, OPPONENT)
+    assert (own.imitate is None) == (algorithm == "td3")
+    for env_id, path in ((OPPONENT, "pursuit"), (ALLY, "learned")):
+        assert load_hyperparameters(algorithm, env_id, path=path) == load_hyperparameters(algorithm, env_id)
+
+
+@pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
+@pytest.mark.parametrize("sds", [0.3, [0.1] * 6 + [0.5] * 3])
+def test_noise_is_given_for_all_actions_or_for_each(sds):
+    values = {"n_envs": 1, "n_timesteps": 1, "policy": "MlpPolicy"}
+    model = model_of("td3", values | {"noise_type": "normal", "noise_std": sds})
+    drawn = np.array([model.action_noise() for _ in range(2000)])
+    assert drawn.std(axis=0) == pytest.approx(np.broadcast_to(sds, 9), rel=0.1)
+    log_stds = [-1.2] * 4 + [-3.5, -0.7] + [-2.0] * 3
+    model = model_of("ppo", values | {"policy_kwargs": {"log_std_init": log_stds}})
+    assert model.policy.log_std.tolist() == pytest.approx(log_stds)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"n_step": 300}, "unknown key 'n_step'; did you mean 'n_steps'"),
+        ({"seed": 3}, "unknown key 'seed'"),
+        ({"normalize": {"norm_obz": True}}, "normalize: unknown key 'norm_obz'; did you mean 'norm_obs'"),
+        ({"policy_kwargs": {"net_arc": [8]}}, "net_arc"),
+        ({"policy_kwargs": {"log_std_init": [-1.0, 0.3]}}, "expected a number, or 9 of them"),
+        ({"learning_rate": "line_3"}, "or lin_<number>, got 'line_3'"),
+        ({"learning_rate": "1e-3"}, "1.0e-4, not 1e-4"),
+        ({"gamma": "abc"}, "gamma: expected a number"),
+        ({"n_steps": 2.5}, "n_steps: expected a whole number"),
+        ({"normalize": {"norm_obs": 3}}, "norm_obs: expected true or false"),
+        ({"normalize": {"clip_obs": "abc"}}, "normalize: clip_obs: expected a number"),
+        ({"policy_kwargs": 3}, "policy_kwargs: expected a mapping"),
+        ({"noise_std": 0.1}, "noise_type"),
+        ({"noise_type": "normal", "noise_std": [1, 2]}, "noise_std: expected a number"),
+        ({"frame_stack": 0}, "frame_stack: expected a whole number"),
+        ({"n_envs": "four"}, "n_envs: expected a whole number above 0, got 'four'"),
+        ({"normalize": True}, "normalize: expected a mapping"),
+    ],
+)
+def test_invalid_hyperparameters_are_refused_before_anything_is_written(tmp_path, changes, message):
+    file = tmp_path / "mine.yml"
+    file.write_text(yaml.safe_dump({ALLY: settings("ppo", **changes)}))
+    with pytest.raises(UserError, match=message):
+        train("ppo", ALLY, tmp_path / "run", hyperparams=file)
+    with pytest.raises(UserError, match=f"no entry for '{OPPONENT}'"):
+        train("ppo", OPPONENT, tmp_path / "run", hyperparams=file)
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("policy_kwargs", {"net_arc": [3]}, "net_arc"),
+        ("noise_sd", "abc", "noise_sd: expected a number"),
+        ("normalize", {"norm_obs": True}, "knows neither normalize nor frame_stack"),
+        ("frame_stack", 2, "knows neither normalize nor frame_stack"),
+    ],
+)
+def test_invalid_hyperparameters_of_maddpg_are_refused(tmp_path, key, value, message):
+    given = {"policy": "JointPolicy", "n_envs": 2, "n_timesteps": 10, key: value}
+    with pytest.raises(UserError, match=message):
+        train("maddpg", DUEL, tmp_path / "run", hyperparams=given)
+    assert not (tmp_path / "run").exists()
+
+
+# Activations
+
+
+class AllActivations(nn.Module):
+    """All activations of the same numbers, one row each."""
+
+    def __init__(self):
+        super().__init__()
+        self.kinds = nn.ModuleList(kind() for kind in ACTIVATIONS.values())
+
+    def forward(self, x):
+        return torch.stack([kind(x) for kind in self.kinds])
+
+
+@pytest.mark.slow
+def test_onnx_computes_each_activation_as_torch_does(tmp_path):
+    module, x = AllActivations().eval(), torch.linspace(-30, 30, 4001)
+    torch.onnx.export(module, (x,), str(tmp_path / "each.onnx"), dynamo=True, verbose=False)
+    session = onnxruntime.InferenceSession(tmp_path / "each.onnx")
+    (values,) = session.run(None, {session.get_inputs()[0].name: x.numpy()})
+    differences = np.abs(values - module(x).numpy()).max(axis=1)
+    assert max(zip(differences, ACTIVATIONS, strict=True)) < (2e-5, "")
+    assert len({row.tobytes() for row in values}) == len(ACTIVATIONS) - 1  # CELU's alpha of 1 makes it ELU
+
+
+def test_no_activation_has_weights_or_randomness():
+    x = torch.linspace(-3, 3, 100)
+    for kind in ACTIVATIONS.values():
+        made = kind().train()
+        assert not list(made.parameters())
+        assert torch.equal(made(x), made(x))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algorithm", ["ppo", "td3"])
+def test_the_activation_of_the_hyperparameters_is_trained_and_exported(algorithm, tmp_path):
+    policy = SMALL | {"activation_fn": "ELU"}
+    agent = train_tiny(algorithm, tmp_path / "run", {"policy_kwargs": policy})
+    for file in (tmp_path / "run" / "run.json", agent / "agent.json"):
+        assert json.loads(file.read_text())["hyperparameters"]["policy_kwargs"] == policy
+    assert load_agent(agent).about["largest_difference"] < 1e-5
+    assert b"Elu" in (agent / "policy.onnx").read_bytes()
+
+
+def test_a_search_space_may_hold_activations(tmp_path):
+    line = "policy_kwargs.activation_fn: {kind: choice, choices: [Tanh, Mish]}"
+    (tmp_path / "space.yml").write_text(line)
+    space = load_space("ppo", tmp_path / "space.yml")
+    chosen = {"policy_kwargs.activation_fn": "Mish"}
+    assert space.params_of(settings("ppo", policy_kwargs=SMALL | {"activation_fn": "Mish"})) == chosen
+    model = model_of("ppo", merged(settings("ppo"), space.values(chosen)))
+    assert isinstance(model.policy.mlp_extractor.policy_net[1], nn.Mish)
+
+
+def test_both_sides_of_maddpg_take_the_activation():
+    policy = {"net_arch": [8, 8], "activation_fn": "SiLU"}
+    given = {"policy": "JointPolicy", "n_envs": 2, "n_timesteps": 10, "policy_kwargs": policy}
+    parameters = load_hyperparameters("maddpg", DUEL, given)
+    model = make_model("maddpg", make_sb3_duel(2, 0), parameters, 0)
+    for network in (*model.policy.actors, *model.policy.critics):
+        assert sum(isinstance(layer, nn.SiLU) for layer in network.modules()) >= 1
+        assert not any(isinstance(layer, nn.ReLU) for layer in network.modules())
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("Rellu", "unknown activation 'Rellu'; did you mean 'ReLU'"),
+        ("relu", "did you mean 'ReLU'"),
+        ("LEAKYRELU", "did you mean 'LeakyReLU'"),
+        ("Softmax", "unknown activation 'Softmax'; "),
+        ("torch.nn.ReLU", "unknown activation 'torch.nn.ReLU'; "),
+        ("__import__('os').system('touch evaluated')", "unknown activation .*; known: CELU, ELU"),
+        (3, "expected the name of an activation, ReLU for instance, got 3"),
+        (None, "expected the name of an activation"),
+        (str, "expected the name of an activation"),
+    ],
+)
+def test_an_unknown_activation_is_refused_before_anything_is_written(value, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    changes = {"policy_kwargs": SMALL | {"activation_fn": value}}
+    with pytest.raises(UserError, match=f"hyper-parameters of ppo: activation_fn: .*({message})") as caught:
+        train_tiny("ppo", tmp_path / "run", changes)
+    assert "\n" not in str(caught.value)
+    assert not list(tmp_path.iterdir())
+    assert as_activation(nn.GELU, "here") is nn.GELU  # a class, from Python
+
+
+def test_the_trial_export_keeps_torch_s_random_state_and_checks():
+    games = make_sb3(ALLY, n_envs=2, seed=0)
+    policy = {"activation_fn": nn.Mish}  # which PyTorch's exporter reads
+    model = PPO("MlpPolicy", games, n_steps=4, batch_size=8, policy_kwargs=policy)
+    before = torch.get_rng_state()
+    export_onnx(model)
+    assert torch.equal(torch.get_rng_state(), before)
+    with pytest.raises(ValueError, match="Expected parameter"):
+        torch.distributions.Normal(0.0, -1.0)
