@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -86,7 +86,7 @@ def load_hyperparameters(
     env_id: str,
     file: str | Path | Mapping[str, Any] | None = None,
     *,
-    path: Any = None,
+    path: str | Sequence[str] | None = None,
 ) -> Hyperparameters:
     """Load the hyper-parameters of an algorithm on an environment id.
 
@@ -115,7 +115,7 @@ def load_hyperparameters(
     return _parse(algorithm, content[env_id], f"hyper-parameters {file}: {env_id}")
 
 
-def _shipped_file(algorithm: Algorithm, env_id: str, path: Any) -> Path:
+def _shipped_file(algorithm: Algorithm, env_id: str, path: str | Sequence[str] | None) -> Path:
     """Return the shipped file of an algorithm; stacked frames fall back to the plain algorithm's file."""
     folder = baselines_folder() / "hyperparams"
     names = [algorithm.name, algorithm.base]

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field as Constraint
@@ -33,7 +33,7 @@ from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD, Scenario, as_scenario
 from fpg_bench.players.agent import load_agent
-from fpg_bench.players.player import SIDES
+from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.population import with_members
 from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.players.scripted import SCRIPTED
@@ -44,6 +44,7 @@ from fpg_bench.training.train import train
 
 Hyperparams = str | Path | Mapping[str, Any] | None
 Start = Literal["nothing", "strongest"]
+T = TypeVar("T", str, int)
 
 RESULT = "best_responses.json"
 ROWS, ABOUT = "selfplay.jsonl", "selfplay.json"
@@ -56,8 +57,8 @@ _LOG = logging.getLogger(__name__)
 
 
 def evaluate_against(
-    player: Any,
-    others: Mapping[str, Any],
+    player: str | Player,
+    others: Mapping[str, str | Player],
     side: str,
     scenario: Scenario,
     matches: int,
@@ -222,8 +223,8 @@ def response_label(response: Row) -> str:
     return f"{response['algorithm']}, {response['steps']:,} steps{start}, seed {response['training_seed']}"
 
 
-def _as_list(value: Any) -> list[Any]:
-    return [value] if isinstance(value, str | int) else list(value)
+def _as_list(value: T | Sequence[T]) -> list[T]:
+    return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else [value]
 
 
 def _strongest(result: Row, out: Path) -> str:
@@ -408,7 +409,7 @@ class _SelfPlay:
             "steps": self.steps,
             "pool": self.pool,
             "seed": self.seed,
-            "hyperparameters": {side: found.entry() for side, found in parameters.items()},
+            "hyperparameters": {side: each.entry() for side, each in parameters.items()},
         }
         content: Row = json.loads(json.dumps(about))
         return content

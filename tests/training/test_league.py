@@ -394,16 +394,6 @@ def test_self_play_goes_on_wherever_it_was_killed(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_an_incomplete_agent_of_the_past_is_one_line(tmp_path):
-    play_selfplay(tmp_path, 1)
-    policy = tmp_path / "generations" / "opponent_0" / "agent" / "policy.onnx"
-    policy.write_bytes(policy.read_bytes()[:100])
-    with pytest.raises(UserError, match=r"opponent_0/agent: policy.onnx is not the file that") as caught:
-        play_selfplay(tmp_path, 2)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
