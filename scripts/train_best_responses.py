@@ -22,10 +22,10 @@ import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_whole
+from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.leaderboard.cases import submission_folders
 from fpg_bench.leaderboard.check import load_submission
 from fpg_bench.leaderboard.folder import brief
