@@ -259,17 +259,13 @@ def test_a_script_can_be_the_player_if_its_side_is_clear(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_response_may_imitate_the_strongest_player_first(ally, result, monkeypatch):
+def test_a_response_may_imitate_the_strongest_player_first(ally, tmp_path, monkeypatch):
     configs = []
     monkeypatch.setattr(league, "train", lambda config, *a, **k: configs.append(config) or interrupt())
     with pytest.raises(KeyboardInterrupt):
-        respond(ally, ally.parent.parent / "responses", start="strongest")
-    teacher = configs[0].hyperparams["imitate"]["teacher"]
-    rows = result["scripts"] | {
-        str(run_folder(ally.parent.parent / "responses", seed) / "agent"): row
-        for seed, row in enumerate(result["responses"])
-    }
-    assert rows[teacher]["return"] == result["lowest"]["return"]
+        respond(ally, tmp_path, start="strongest")
+    result = json.loads((tmp_path / "best_responses.json").read_text())
+    assert configs[0].hyperparams["imitate"] == {"teacher": result["lowest"]["against"]}
 
 
 @pytest.mark.slow
