@@ -1,6 +1,6 @@
 """Train the champions of baselines/champions.yml and ship them to baselines/agents.
 
-python scripts/train_champions.py                                 all of them; stopped, it goes on next time
+python scripts/train_champions.py                                 all of them; an interrupted call goes on
 python scripts/train_champions.py --only ally-champion --seed 0   one
 """
 
@@ -20,14 +20,14 @@ SEEDS = (0, 1, 2)
 
 
 def main() -> None:
-    """Do what the options say."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--only", help="one champion's name")
+    """Run the command."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--only", help="name of one champion")
     parser.add_argument("--seed", type=int, help="one training seed; default: 0, 1 and 2")
     parser.add_argument("--file", type=Path, help="default: baselines/champions.yml")
     parser.add_argument("--runs", type=Path, default=Path("runs/champions"), help="the runs' folders")
-    parser.add_argument("--agents", type=Path, help="where agents are shipped; default: baselines/agents")
-    parser.add_argument("--progress", action="store_true", help="show how each training goes")
+    parser.add_argument("--agents", type=Path, help="folder of the shipped agents; default: baselines/agents")
+    parser.add_argument("--progress", action="store_true", help="show the progress of each training")
     options = parser.parse_args()
     logging.basicConfig(format="%(message)s", stream=sys.stdout)
     logging.getLogger("fpg_bench.training").setLevel(logging.INFO)
@@ -52,4 +52,4 @@ if __name__ == "__main__":
     except UserError as error:
         sys.exit(f"train_champions: {error}")
     except KeyboardInterrupt:
-        sys.exit("train_champions: stopped; what was finished is kept, and the rest goes on next time")
+        sys.exit("train_champions: stopped; finished work is kept, and the rest goes on next time")
