@@ -24,7 +24,7 @@ from fpg_bench.players.player import SIDES
 FILE = "season.yml"
 OTHER = {"ally": "opponent", "opponent": "ally"}
 _HEADER = """# The rivals of both sides, how each was trained, and the entries that made the seed.
-# Made by: fpg-bench season close. Members lie beside it, as <side>/<member>/policy.onnx.
+# Made by: fpg-bench leaderboard close-season. Members lie beside it, as <side>/<member>/policy.onnx.
 """
 # By public suite: the side of the rivals, their path (None: as each was trained), and the matches.
 _TRACKS: dict[str, tuple[str, str | None, int]] = {
@@ -222,7 +222,7 @@ def write_suites(season: Season, number: int) -> None:
             for member in season.members[side]
         ]
         header = f"# The members of {season.name}, trained after entries were closed."
-        header += " Made by: fpg-bench season close.\n"
+        header += " Made by: fpg-bench leaderboard close-season.\n"
         _write_yaml(season.folder.parent / f"{key.suite_name(public)}.yml", header, content)
 
 
