@@ -112,7 +112,7 @@ def test_a_circle_that_a_function_hides_is_found():
     ("door", "home"),
     [
         ("numba.core", "game/compiling.py"),
-        ("._trial_id", "training/tuning/storage.py"),
+        ("._trial_id", "training/tuning/worker.py"),
         ("._setup_learn", "training/maddpg/maddpg.py"),
     ],
 )

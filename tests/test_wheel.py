@@ -129,16 +129,16 @@ EXTRAS = {
     ),
     "tune": Extra(
         (
-            "tune ppo FPG/AllyVsScripted-v0 --trials 1 --seeds 1 --steps 500 --rounds 2 --out study",
-            "tune-report study",
+            "tune run ppo FPG/AllyVsScripted-v0 --n-trials 1 --n-seeds 1 --steps 500 --rounds 2 --out study",
+            "tune report study",
         ),
-        ("tune-write nowhere mine.yml",),
+        ("tune export nowhere mine.yml",),
     ),
     "supersuit": Extra(("fpg_bench.supersuit_vec_env(n_envs=2).reset()",), base="train"),
     "ray": Extra(("evaluate expert --matches 1 --backend ray --out far",), base="evaluate"),
     "postgres": Extra(
         tries=(
-            "tune ppo FPG/AllyVsScripted-v0 --storage postgresql+psycopg://me@127.0.0.1:9/none --out study",
+            "tune run ppo FPG/AllyVsScripted-v0 --storage postgresql+psycopg://me@127.0.0.1:9/none --out study",
         ),
         base="tune",
     ),

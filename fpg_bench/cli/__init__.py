@@ -32,13 +32,11 @@ for verb in (
     zoo.suites,
     selfplay.selfplay,
     selfplay.best_responses,
-    tune.tune,
-    tune.tune_report,
-    tune.tune_write,
     export.export,
     reproduce.reproduce,
 ):
     app.command()(verb)
+app.add_typer(tune.app, name="tune")
 app.add_typer(plan.app, name="plan")
 app.add_typer(llm.app, name="llm")
 app.add_typer(leaderboard.submit, name="submit")

@@ -6,17 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-import optuna
 import pytest
-from optuna.trial import TrialState
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.leaderboard.cases import at_work
 from fpg_bench.leaderboard.verify import verify
 from fpg_bench.training.checkpoint import load_checkpoint
-from fpg_bench.training.tuning import claim
-from fpg_bench.training.tuning.study import SeededSampler
 from tests.leaderboard.entering import enter
 
 WAITS = """
@@ -105,37 +101,3 @@ def test_a_checkpoint_that_says_nothing_is_one_line(tmp_path, text):
     with pytest.raises(UserError, match="cannot be read") as error:
         load_checkpoint(Path(tmp_path), None, None, None, 0)
     assert "\n" not in str(error.value)
-
-
-def tuned(killed=()):
-    """The values of ten trials by one worker, who was killed in some of them, after it drew or before."""
-    study = optuna.create_study(direction="maximize", sampler=SeededSampler({"x": 0.25}))
-    found = []
-    while len(found) < 10:
-        trial = study.ask()
-        if trial.number not in killed or trial.number % 2:
-            x, y = trial.suggest_float("x", 0, 1), trial.suggest_float("y", 1, 9)
-        if trial.number not in killed:
-            found.append((x, y))
-            study.tell(trial, x - y)
-            continue
-        study.tell(trial, state=TrialState.FAIL)
-        claim.try_again(study, study.get_trials()[trial.number])
-    return found
-
-
-@pytest.mark.parametrize("killed", [(3,), (0, 1), (4, 5, 9)])
-def test_a_study_whose_worker_is_killed_goes_on_with_the_same_values(killed):
-    assert tuned(killed) == tuned()
-
-
-def test_a_trial_that_kills_its_worker_is_given_up_in_the_end():
-    study = optuna.create_study(sampler=SeededSampler({}))
-    study.enqueue_trial({"x": 0.5})
-    for _ in range(claim.MOST_TRIES):
-        trial = study.ask()
-        assert trial.suggest_float("x", 0, 1) == 0.5
-        study.tell(trial, state=TrialState.FAIL)
-        claim.try_again(study, study.get_trials()[trial.number])
-    assert study.get_trials(states=(TrialState.WAITING,)) == []
-    assert claim.is_finished(study.get_trials()[-1])

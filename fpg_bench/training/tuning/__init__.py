@@ -1,4 +1,4 @@
-"""Tuning hyper-parameters with Optuna: search, train the best again on fresh seeds, write them down."""
+"""Hyper-parameter tuning with Optuna: search, retrain the best trials on fresh seeds, export their values."""
 
 from fpg_bench.common.extras import need
 

@@ -1,147 +1,166 @@
-"""Search spaces as data: which hyper-parameters are tried, and in which range."""
+"""Search spaces: the hyper-parameters to tune and their ranges, read from YAML."""
 
 from __future__ import annotations
 
 import copy
-import hashlib
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import optuna
+from pydantic import Field, model_validator
 
-from fpg_bench.common.checks import check_keys, flag
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
+from fpg_bench.common.schema import Expected, Strict, parse
 from fpg_bench.players.agent import baselines_folder
 
-_KEYS = {"float": {"low", "high", "log"}, "int": {"low", "high", "log"}, "choice": {"choices"}}
-_LIKE = {"recurrent-ppo": "ppo"}  # searched in the space of another
+_SHARED = {"recurrent-ppo": "ppo"}  # algorithms that use another one's space
+
+Number = Annotated[float, Expected("a number (1.0e-4, not 1e-4)")]
 
 
-@dataclass(frozen=True)
-class Space:
-    """What is searched.
+class _Interval(Strict):
+    """Base class of numeric ranges."""
 
-    Attributes:
-        ranges: by name (a key of the hyper-parameter file; a dot leads into a mapping) the ``kind`` with
-            ``low``, ``high`` and ``log``, or ``choices``.
-    """
+    low: Any
+    high: Any
+    log: bool = False
 
-    ranges: dict[str, dict[str, Any]]
+    @model_validator(mode="after")
+    def _check(self) -> _Interval:
+        if self.low > self.high:
+            raise UserError(f"low {self.low:g} lies above high {self.high:g}")
+        if self.log and self.low <= 0:
+            raise UserError(f"low {self.low:g}: a range in logarithms begins above 0")
+        return self
 
-    @property
-    def hash(self) -> str:
-        """SHA-256 of the ranges, as 64 hexadecimal digits."""
-        return hashlib.sha256(json.dumps(self.ranges, sort_keys=True).encode()).hexdigest()
+    def __contains__(self, value: object) -> bool:
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        return is_number and bool(self.low <= value <= self.high)
 
-    def suggest(self, trial: optuna.Trial) -> dict[str, Any]:
-        """A trial's values by name, as Optuna's sampler proposes them."""
-        return {name: self._suggested(trial, name, wanted) for name, wanted in self.ranges.items()}
+    def first(self) -> Any:
+        """Return the lowest value."""
+        return self.low
 
-    def _suggested(self, trial: optuna.Trial, name: str, wanted: dict[str, Any]) -> Any:
-        if wanted["kind"] == "choice":
-            words = [_word(choice) for choice in wanted["choices"]]
-            return wanted["choices"][words.index(trial.suggest_categorical(name, words))]
-        low, high, log = wanted["low"], wanted["high"], wanted.get("log", False)
-        if wanted["kind"] == "int":
-            return trial.suggest_int(name, low, high, log=log)
-        return float(f"{trial.suggest_float(name, low, high, log=log):.4g}")  # what is trained can be written
 
-    def first(self) -> dict[str, Any]:
-        """The lowest value, or first choice, of each name."""
-        return {name: wanted.get("choices", [wanted.get("low")])[0] for name, wanted in self.ranges.items()}
+class FloatRange(_Interval):
+    """A float from ``low`` to ``high``, with ``log`` on a logarithmic scale."""
 
-    def values(self, params: dict[str, Any]) -> dict[str, Any]:
-        """What the parameters that Optuna stored stand for."""
-        return self.suggest(optuna.trial.FixedTrial(params))  # type: ignore[arg-type]
+    kind: Literal["float"]
+    low: Number
+    high: Number
 
-    def params_of(self, hyperparameters: dict[str, Any]) -> dict[str, Any]:
-        """The hyper-parameters that lie in the space, as Optuna stores them."""
-        found = {}
-        for name, wanted in self.ranges.items():
-            value = _looked_up(hyperparameters, name)
-            if wanted["kind"] == "choice":
-                if value in wanted["choices"]:
-                    found[name] = _word(value)
-            elif _is_number(value) and wanted["low"] <= value <= wanted["high"]:
-                found[name] = value
-        return found
+    def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> float:
+        """Suggest a value, rounded to four digits so that what is trained can be written down."""
+        return float(f"{trial.suggest_float(name, self.low, self.high, log=self.log):.4g}")
+
+
+class IntRange(_Interval):
+    """An integer from ``low`` to ``high``, with ``log`` on a logarithmic scale."""
+
+    kind: Literal["int"]
+    low: int
+    high: int
+
+    def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> int:
+        """Suggest a value."""
+        return trial.suggest_int(name, self.low, self.high, log=self.log)
+
+
+class Choice(Strict):
+    """One of a list of values, which may themselves be lists or mappings."""
+
+    kind: Literal["choice"]
+    choices: Annotated[list[Any], Field(min_length=1)]
+
+    def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> Any:
+        """Suggest a value."""
+        params = [_to_categorical(choice) for choice in self.choices]
+        return self.choices[params.index(trial.suggest_categorical(name, params))]
+
+    def __contains__(self, value: object) -> bool:
+        return value in self.choices
+
+    def first(self) -> Any:
+        """Return the first choice."""
+        return self.choices[0]
+
+
+def _to_categorical(choice: Any) -> Any:
+    """Return a choice as Optuna can store it: lists and mappings become JSON."""
+    return json.dumps(choice) if isinstance(choice, list | dict) else choice
+
+
+# By hyper-parameter; a dot in a name leads into a mapping (``policy_kwargs.net_arch``).
+Space = dict[str, Annotated[FloatRange | IntRange | Choice, Field(discriminator="kind")]]
 
 
 def load_space(algorithm: str, file: Path | None = None) -> Space:
-    """The search space of an algorithm (without its stacked frames), from the shipped file or the user's own.
+    """Load the search space of an algorithm.
+
+    Args:
+        algorithm: name of the algorithm, without its stacked frames.
+        file: a YAML file; None for the shipped one.
 
     Raises:
-        UserError: no shipped space, or a file that is no search space.
+        UserError: there is no shipped space, or the file is not a search space.
     """
     folder = baselines_folder() / "search"
-    path = file or folder / f"{_LIKE.get(algorithm, algorithm)}.yml"
+    path = file or folder / f"{_SHARED.get(algorithm, algorithm)}.yml"
     if file is None and not path.is_file():
-        known = [found.stem for found in folder.glob("*.yml")]
+        shipped = [path.stem for path in folder.glob("*.yml")]
         raise UserError(
-            f"no search space for {algorithm!r}{nearest(algorithm, known)} (or name a file of your own)"
+            f"no search space for {algorithm!r}{nearest(algorithm, shipped)} (or name a file of your own)"
         )
     content = read_yaml(path, "search space")
     if not content:
         raise UserError(f"search space {path}: names no hyper-parameter")
-    for name, wanted in content.items():
+    for name in content:
         if not isinstance(name, str) or name == "n_timesteps":
-            raise UserError(f"search space {path}: {name!r} is no hyper-parameter that can be searched")
-        _check(wanted, f"search space {path}: {name}")
-    return Space(content)
+            raise UserError(f"search space {path}: {name!r} is not a hyper-parameter that can be tuned")
+    return parse(Space, content, f"search space {path}")
 
 
-def merged(hyperparameters: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
-    """The hyper-parameters with other values; a dot in a name leads into a mapping."""
-    found = copy.deepcopy(hyperparameters)
+def suggest(space: Space, trial: optuna.trial.BaseTrial) -> dict[str, Any]:
+    """Return the values that the sampler suggests for a trial, by hyper-parameter."""
+    return {name: values.suggest(trial, name) for name, values in space.items()}
+
+
+def from_params(space: Space, params: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of a trial from the parameters that Optuna stored."""
+    return suggest(space, optuna.trial.FixedTrial(params))
+
+
+def to_params(space: Space, hyperparameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the hyper-parameters that lie in the space, as Optuna stores them."""
+    present = {name: _look_up(hyperparameters, name) for name in space}
+    return {name: _to_categorical(value) for name, value in present.items() if value in space[name]}
+
+
+def merge_values(hyperparameters: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a copy of the hyper-parameters with some values replaced; dots lead into mappings."""
+    merged = copy.deepcopy(dict(hyperparameters))
     for name, value in values.items():
         *outer, last = name.split(".")
-        inner = found
+        inner = merged
         for key in outer:
             inner = inner[key] if isinstance(inner.get(key), dict) else inner.setdefault(key, {})
         inner[last] = value
-    return found
+    return merged
 
 
-def _check(wanted: Any, where: str) -> None:
-    """Raise UserError where a range is not of its kind."""
-    if not isinstance(wanted, dict) or wanted.get("kind") not in _KEYS:
-        raise UserError(f"{where}: expected a mapping with kind {', '.join(_KEYS)}, got {wanted!r}")
-    kind = wanted["kind"]
-    check_keys(wanted, _KEYS[kind] | {"kind"}, where, sorted(_KEYS[kind] - {"log"}))
-    if kind == "choice":
-        if not isinstance(wanted["choices"], list) or not wanted["choices"]:
-            raise UserError(f"{where}: choices: expected a list, got {wanted['choices']!r}")
-        return
-    _check_range(wanted, kind, where)
-
-
-def _check_range(wanted: dict[str, Any], kind: str, where: str) -> None:
-    for key in ("low", "high"):
-        if not _is_number(wanted[key], whole=kind == "int"):
-            number = "a whole number" if kind == "int" else "a number (1.0e-4, not 1e-4)"
-            raise UserError(f"{where}: {key}: expected {number}, got {wanted[key]!r}")
-    flag(wanted.get("log", False), f"{where}: log")
-    if wanted["low"] > wanted["high"]:
-        raise UserError(f"{where}: low {wanted['low']} lies above high {wanted['high']}")
-    if wanted.get("log") and wanted["low"] <= 0:
-        raise UserError(f"{where}: low {wanted['low']}: a range in logarithms begins above 0")
-
-
-def _is_number(value: Any, whole: bool = False) -> bool:
-    return isinstance(value, int if whole else int | float) and not isinstance(value, bool)
-
-
-def _word(choice: Any) -> Any:
-    """A choice as Optuna can store it: lists and mappings as JSON."""
-    return json.dumps(choice) if isinstance(choice, list | dict) else choice
-
-
-def _looked_up(hyperparameters: Any, name: str) -> Any:
+def _look_up(hyperparameters: Any, name: str) -> Any:
     for key in name.split("."):
-        if not isinstance(hyperparameters, dict) or key not in hyperparameters:
+        if not isinstance(hyperparameters, Mapping) or key not in hyperparameters:
             return None
         hyperparameters = hyperparameters[key]
     return hyperparameters
+
+
+def format_values(values: dict[str, Any]) -> str:
+    """Return values by name, in one line."""
+    return ", ".join(
+        f"{name} {v:.3g}" if isinstance(v, float) else f"{name} {v}" for name, v in values.items()
+    )

@@ -1,136 +1,393 @@
-"""A study: made once with what it tunes, found again by its name, refused where it tunes something else."""
+"""Studies: what one tunes, the database that holds it, and its seeded sampler."""
 
 from __future__ import annotations
 
-import dataclasses
+import json
+import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import optuna
-from optuna.distributions import BaseDistribution
+import sqlalchemy
+from optuna.storages import RDBStorage, RetryHeartbeatStaleTrialCallback
 from optuna.trial import FrozenTrial, TrialState
 
+from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.training.tuning import claim
-from fpg_bench.training.tuning.storage import Storage, reason
-from fpg_bench.training.tuning.task import Task
+from fpg_bench.common.extras import need
+from fpg_bench.common.ids import find_env
+from fpg_bench.common.schema import Strict, parse
+from fpg_bench.evaluation.suite import load_suite, suite_of
+from fpg_bench.training.algorithms import find_algorithm
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.tuning.space import Space, load_space, to_params
 
-TASK = "task"
-AGAIN = " again"  # ends the name of the study in which the best are trained again
+DATABASE = "study.db"
+HEARTBEAT_S = 60  # a trial counts as lost after three missed heartbeats
+MAX_RETRIES = 2  # of a trial whose worker was lost
+FIRST_SEED = 100_000  # training seed of trials, far from those of shipped agents
+FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
+
+_TASK = "task"
+_LOCK_TIMEOUT_S = 60  # of SQLite
+_CONNECT_TIMEOUT_S = 10  # of PostgreSQL
+# If several workers create the tables at once.
+_CREATION_RACES = (sqlalchemy.exc.IntegrityError, sqlalchemy.exc.ProgrammingError)
+_CREATION_ATTEMPTS = 20
+_CREATION_PAUSE_S = 0.2
 
 
-class SeededSampler(optuna.samplers.BaseSampler):
-    """TPE, seeded by how many trials count before: a study that was stopped goes on as one that was not.
+class Task(Strict):
+    """Everything that decides a trial's score; a study stores it and refuses trials of another task.
 
-    A trial whose worker died and that is tried again takes no place of its own, so that those after it draw
-    what they would have drawn.
+    Attributes:
+        algorithm: name of the algorithm that is trained.
+        env_id: id of the environment.
+        options: of the games; see :class:`fpg_bench.envs.core.SingleAgentGame`.
+        steps: training budget of one seed.
+        n_seeds: number of training seeds of a trial.
+        suite: the suite on which a trained policy is scored.
+        field_hash: its version.
+        rounds: per rival.
+        space: the search space.
+        hyperparameters: the values that are not tuned, an entry of a hyper-parameter file.
+    """
+
+    algorithm: str
+    env_id: str
+    options: dict[str, Any]
+    steps: int
+    n_seeds: int
+    suite: str
+    suite_hash: str
+    rounds: int
+    space: Space
+    hyperparameters: dict[str, Any]
+
+    @property
+    def seeds(self) -> list[int]:
+        """Training seeds of each trial."""
+        return [FIRST_SEED + index for index in range(self.n_seeds)]
+
+    def check_same(self, stored: object, where: str) -> None:
+        """Raise UserError if a study stores another task than this one."""
+        if not isinstance(stored, dict):
+            raise UserError(f"{where}: was not made by fpg-bench tune; choose another --study-name")
+        for key, present in self.model_dump(mode="json").items():
+            before = stored.get(key)
+            if before == present:
+                continue
+            difference = f"{key.replace('_', ' ')} {before}, not {present}"
+            if isinstance(present, dict) and isinstance(before, dict):
+                names = sorted(name for name in {*present, *before} if before.get(name) != present.get(name))
+                difference = f"another {key} ({', '.join(names)})"
+            raise UserError(
+                f"{where}: was made with {difference}; continue it with the same options, or choose another "
+                "--study-name or --out"
+            )
+
+
+def make_task(
+    algorithm: str,
+    env_id: str,
+    *,
+    n_seeds: int,
+    steps: int | None = None,
+    space: str | Path | None = None,
+    hyperparams: str | Path | None = None,
+    suite: str | None = None,
+    rounds: int = 100,
+    options: Mapping[str, Any] | None = None,
+) -> Task:
+    """Build a task from the arguments of :func:`fpg_bench.training.tuning.tune.tune`.
+
+    Raises:
+        UserError: an argument is unknown or out of range.
+    """
+    for name, value in (("n_seeds", n_seeds), ("steps", steps), ("rounds", rounds)):
+        if value is not None:
+            whole(value, name)
+    view = find_env(env_id)
+    options = _storable(
+        {name: value for name, value in (options or {}).items() if value is not None}, "options"
+    )
+    found = find_algorithm(algorithm)
+    parameters = load_hyperparameters(found, view.id, hyperparams, path=options.get("path"))
+    if not (parameters.n_timesteps or steps):
+        raise UserError(f"steps: {found.name} has no hyper-parameter file with a budget; name the steps")
+    entry = parameters.entry() | {"n_timesteps": parameters.n_timesteps or steps}
+    name = suite or suite_of(view.id, options)
+    measured = load_suite(name)
+    if measured.side != view.side:
+        raise UserError(f"suite {name}: measures the {measured.side}; in {view.id} the {view.side} learns")
+    return Task(
+        algorithm=algorithm,
+        env_id=view.id,
+        options=options,
+        steps=steps or max(1, entry["n_timesteps"] // 2),
+        n_seeds=n_seeds,
+        suite=name,
+        suite_hash=measured.hash,
+        rounds=rounds,
+        space=load_space(found.base, Path(space) if space else None),
+        hyperparameters=_storable(entry, "hyper-parameters"),
+    )
+
+
+def _storable(values: dict[str, Any], where: str) -> dict[str, Any]:
+    """Return values as they come back from JSON, the form in which a study stores them."""
+    try:
+        stored: dict[str, Any] = json.loads(json.dumps(values))
+    except TypeError as error:
+        raise UserError(f"{where}: a study stores them, so give names instead of objects: {error}") from error
+    return stored
+
+
+class Storage:
+    """The database of studies.
+
+    Attributes:
+        optuna: Optuna's storage.
+        where: its name in messages, without the password.
+    """
+
+    def __init__(self, optuna: RDBStorage, where: str) -> None:
+        self.optuna, self.where = optuna, where
+
+    @contextmanager
+    def errors(self) -> Iterator[None]:
+        """Context manager that turns errors of the database into a UserError of one line."""
+        try:
+            yield
+        except UserError:
+            raise
+        except Exception as error:
+            if down := _database_error(error):
+                raise UserError(
+                    f"{self.where}: does not answer ({down}); bring it up and run the same command again, "
+                    "finished trials are kept"
+                ) from error
+            raise
+
+
+class _HeartbeatStorage(RDBStorage):
+    """RDBStorage that leaves out a heartbeat which fails; Optuna's thread would die of it."""
+
+    def record_heartbeat(self, trial_id: int) -> None:
+        try:
+            super().record_heartbeat(trial_id)
+        except Exception as error:
+            if not _database_error(error):
+                raise
+
+
+def open_storage(out: Path, url: str | None = None, *, must_exist: bool = False) -> Storage:
+    """Open the SQLite database in a study's folder, or any database by URL.
 
     Args:
-        first: the parameters of the first trial, as far as they are given.
-    """
-
-    def __init__(self, first: dict[str, Any]) -> None:
-        self._first, self._place = first, 0
-        self._tpe = optuna.samplers.TPESampler(seed=0)
-
-    def before_trial(self, study: optuna.Study, trial: FrozenTrial) -> None:
-        """Begin a trial with a sampler of its own."""
-        self._place = _place(study, trial)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # experimental arguments
-            self._tpe = optuna.samplers.TPESampler(seed=self._place)
-        self._tpe.before_trial(study, trial)
-
-    def infer_relative_search_space(
-        self, study: optuna.Study, trial: FrozenTrial
-    ) -> dict[str, BaseDistribution]:
-        """As TPE does; nothing in the first trial."""
-        return {} if self._place == 0 else self._tpe.infer_relative_search_space(study, trial)
-
-    def sample_relative(
-        self, study: optuna.Study, trial: FrozenTrial, search_space: dict[str, BaseDistribution]
-    ) -> dict[str, Any]:
-        """As TPE does."""
-        return self._tpe.sample_relative(study, trial, search_space)
-
-    def sample_independent(
-        self, study: optuna.Study, trial: FrozenTrial, param_name: str, param_distribution: BaseDistribution
-    ) -> Any:
-        """As TPE does; in the first trial what was given."""
-        if self._place == 0 and param_name in self._first:
-            return self._first[param_name]
-        return self._tpe.sample_independent(study, trial, param_name, param_distribution)
-
-    def after_trial(
-        self, study: optuna.Study, trial: FrozenTrial, state: TrialState, values: Sequence[float] | None
-    ) -> None:
-        """As TPE does."""
-        self._tpe.after_trial(study, trial, state, values)
-
-
-def _place(study: optuna.Study, trial: FrozenTrial) -> int:
-    """How many trials before this one were not tried again."""
-    before = [other for other in study.get_trials(deepcopy=False) if other.number < trial.number]
-    return sum(other.state != TrialState.FAIL or claim.is_finished(other) for other in before)
-
-
-def open_study(storage: Storage, name: str, task: Task, pruner: optuna.pruners.BasePruner) -> optuna.Study:
-    """The study of a name, made where it is not there.
+        out: the study's folder.
+        url: as ``postgresql+psycopg://user@host/database``; None for ``study.db`` in the folder.
+        must_exist: refuse a folder without ``study.db`` instead of creating it.
 
     Raises:
-        UserError: it tunes something else, or the storage cannot be read.
+        UserError: the database cannot be opened, the folder is a training run's, or the extra ``postgres`` is
+            not installed.
     """
-    study = storage.patient(
-        optuna.create_study,
-        storage=storage.optuna,
-        study_name=name,
-        direction="maximize",
-        sampler=SeededSampler(task.ranges().params_of(task.hyperparameters)),
-        pruner=pruner,
-        load_if_exists=True,
-    )
-    held = storage.patient(lambda: study.user_attrs)
-    if TASK in held or storage.patient(study.get_trials, deepcopy=False):
-        task.check_same(held.get(TASK), f"study {name!r} in {storage.where}")
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    if (out / "run.json").exists():
+        raise UserError(f"{out}: holds a training run; choose another folder for the study")
+    file = out.absolute() / DATABASE
+    if url is None:
+        if must_exist and not file.is_file():
+            raise UserError(f"{out}: holds no study")
+        where = f"storage {file}"
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UserError(f"{where}: cannot be opened: {error.strerror}") from error
+        url = sqlalchemy.URL.create("sqlite", database=str(file)).render_as_string()
     else:
-        storage.patient(study.set_user_attr, TASK, dataclasses.asdict(task))
-    return study
+        where = f"storage {_without_password(url)}"
+        if url.startswith("postgresql+psycopg:"):
+            need("postgres", "psycopg")
+    for attempt in range(_CREATION_ATTEMPTS):
+        try:
+            return Storage(_connect(url), where)
+        except Exception as error:
+            is_race = isinstance(error, _CREATION_RACES) or "already exists" in str(error)
+            if not is_race or attempt + 1 == _CREATION_ATTEMPTS:
+                message = _database_error(error) or _first_line(error)
+                raise UserError(f"{where}: cannot be opened: {message}") from error
+            time.sleep(_CREATION_PAUSE_S)
+    raise AssertionError
 
 
-def find_study(storage: Storage, name: str | None) -> tuple[optuna.Study, Task]:
-    """A study that is there, and what it tunes; without a name the only one.
+def _connect(url: str) -> RDBStorage:
+    is_sqlite = url.startswith("sqlite")
+    arguments: dict[str, Any] = {"pool_pre_ping": True}
+    if is_sqlite:
+        arguments["connect_args"] = {"timeout": _LOCK_TIMEOUT_S}
+    elif url.startswith("postgresql"):
+        arguments["connect_args"] = {"connect_timeout": _CONNECT_TIMEOUT_S}
+    with _no_experimental_warnings():
+        storage = _HeartbeatStorage(
+            url,
+            arguments,
+            heartbeat_interval=HEARTBEAT_S,
+            grace_period=3 * HEARTBEAT_S,
+            heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(MAX_RETRIES),
+        )
+    if is_sqlite:
+        _begin_immediate(storage.engine)
+    return storage
 
-    Raises:
-        UserError: none of this name, several to choose from, or one that ``fpg-bench tune`` did not make.
-    """
-    names = storage.patient(optuna.get_all_study_names, storage.optuna)
-    known = [found for found in names if not found.endswith(AGAIN)]
-    if name is None and len(known) != 1:
-        what = f"holds several, choose one with --name: {', '.join(known)}" if known else "holds no study"
-        raise UserError(f"{storage.where}: {what}")
-    if name is not None and name not in known:
-        raise UserError(f"{storage.where}: no study {name!r}{nearest(name, known)}")
-    study = storage.patient(optuna.load_study, study_name=name or known[0], storage=storage.optuna)
-    held = storage.patient(lambda: study.user_attrs)
+
+def _begin_immediate(engine: sqlalchemy.Engine) -> None:
+    """Lock a SQLite database at the start of each transaction, so that workers wait instead of failing."""
+
+    @sqlalchemy.event.listens_for(engine, "connect")
+    def connect(connection: Any, record: object) -> None:
+        connection.isolation_level = None  # the driver begins no transactions itself
+
+    @sqlalchemy.event.listens_for(engine, "begin")
+    def begin(connection: sqlalchemy.Connection) -> None:
+        connection.exec_driver_sql("BEGIN IMMEDIATE")
+
+    engine.dispose()  # connections from before
+
+
+def _without_password(url: str) -> str:
     try:
-        return study, Task(**held[TASK])
-    except (KeyError, TypeError) as error:
+        return sqlalchemy.make_url(url).render_as_string(hide_password=True)
+    except sqlalchemy.exc.ArgumentError as error:
         raise UserError(
-            f"study {study.study_name!r} in {storage.where}: was not made by this version of fpg-bench tune "
-            f"({reason(error)})"
+            "storage: expected a URL like postgresql+psycopg://user@host/database; a password is best left "
+            "to the environment"
         ) from error
 
 
-def finished(trials: list[FrozenTrial]) -> int:
-    """How many trials of a study count."""
-    return sum(claim.is_finished(trial) for trial in trials)
+def _database_error(error: BaseException | None) -> str | None:
+    """Return what a database says in the chain of an exception's causes; None if there is no such error."""
+    while error is not None:
+        if isinstance(error, sqlalchemy.exc.SQLAlchemyError):
+            return _first_line(getattr(error, "orig", None) or error)
+        error = error.__cause__ or error.__context__
+    return None
 
 
-def best_trials(study: optuna.Study, count: int) -> list[FrozenTrial]:
-    """The best complete trials, best first; of equal parameters one."""
+def _first_line(error: BaseException) -> str:
+    lines = str(error).strip().splitlines()
+    return lines[0] if lines else type(error).__name__
+
+
+@contextmanager
+def _no_experimental_warnings() -> Iterator[None]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+        yield
+
+
+class SeededTPESampler(optuna.samplers.TPESampler):
+    """TPE that is seeded anew for each trial, so that a resumed study continues its sequence of values.
+
+    The seed is the number of the trial. A retried trial has the seed of the first try and takes no number
+    in the sequence.
+    """
+
+    def before_trial(self, study: optuna.Study, trial: FrozenTrial) -> None:
+        """Seed the sampler for this trial."""
+        trials = study.get_trials(deepcopy=False)
+        first = trial.number if (retried := _retried(trial)) is None else retried
+        super().__init__(seed=sum(_retried(earlier) is None for earlier in trials[:first]))
+        super().before_trial(study, trial)
+
+
+def _retried(trial: FrozenTrial) -> int | None:
+    """Return the number of the trial that this one is a retry of."""
+    with _no_experimental_warnings():
+        return RetryHeartbeatStaleTrialCallback.retried_trial_number(trial)
+
+
+def retry(study: optuna.Study, trial: FrozenTrial) -> None:
+    """Queue a trial with the values of one that was interrupted."""
+    with _no_experimental_warnings():
+        RetryHeartbeatStaleTrialCallback()(study, trial)
+
+
+def open_study(
+    storage: Storage,
+    name: str,
+    task: Task,
+    sampler: optuna.samplers.BaseSampler | None = None,
+    pruner: optuna.pruners.BasePruner | None = None,
+) -> optuna.Study:
+    """Create a study, or load the one of that name.
+
+    A new study has one trial in its queue: the present hyper-parameters, as far as they lie in the space.
+
+    Raises:
+        UserError: the study is of another task, or the database does not answer.
+    """
+    with storage.errors():
+        study = optuna.create_study(
+            storage=storage.optuna,
+            study_name=name,
+            direction="maximize",
+            sampler=sampler or SeededTPESampler(),
+            pruner=pruner,
+            load_if_exists=True,
+        )
+        stored = study.user_attrs
+        if _TASK in stored or any(t.state != TrialState.WAITING for t in study.get_trials(deepcopy=False)):
+            task.check_same(stored.get(_TASK), f"study {name!r} in {storage.where}")
+        else:
+            study.enqueue_trial(to_params(task.space, task.hyperparameters), skip_if_exists=True)
+            study.set_user_attr(_TASK, task.model_dump(mode="json"))
+    return study
+
+
+def load_study(storage: Storage, name: str | None) -> tuple[optuna.Study, Task]:
+    """Load a study and its task.
+
+    Args:
+        storage: where it lies.
+        name: the study's name; None for the only one in the storage.
+
+    Raises:
+        UserError: there is no such study, there are several, or ``fpg-bench tune`` did not make it.
+    """
+    with storage.errors():
+        names = optuna.get_all_study_names(storage.optuna)
+        if name is None and len(names) != 1:
+            problem = (
+                f"holds several, choose one with --study-name: {', '.join(names)}"
+                if names
+                else "holds no study"
+            )
+            raise UserError(f"{storage.where}: {problem}")
+        if name is not None and name not in names:
+            raise UserError(f"{storage.where}: no study {name!r}{nearest(name, names)}")
+        study = optuna.load_study(study_name=name or names[0], storage=storage.optuna)
+        where = f"study {study.study_name!r} in {storage.where}"
+        if _TASK not in study.user_attrs:
+            raise UserError(f"{where}: was not made by fpg-bench tune")
+        return study, parse(
+            Task, study.user_attrs[_TASK], f"{where}: was made by another version of fpg-bench"
+        )
+
+
+def count_finished(study: optuna.Study) -> int:
+    """Count the trials that are complete or pruned."""
+    return len(study.get_trials(deepcopy=False, states=FINISHED))
+
+
+def best_trials(study: optuna.Study, n_trials: int) -> list[FrozenTrial]:
+    """Return the best complete trials, best first; of trials with equal parameters the best one."""
     complete = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
-    found: dict[str, FrozenTrial] = {}
+    distinct: dict[str, FrozenTrial] = {}
     for trial in sorted(complete, key=lambda trial: (-(trial.value or 0.0), trial.number)):
-        found.setdefault(repr(sorted(trial.params.items())), trial)
-    return list(found.values())[:count]
+        distinct.setdefault(repr(sorted(trial.params.items())), trial)
+    return list(distinct.values())[:n_trials]

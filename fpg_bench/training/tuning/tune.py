@@ -1,28 +1,35 @@
-"""``fpg-bench tune``: search hyper-parameters of an algorithm on an id, in one worker or in many."""
+"""Tuning: search the hyper-parameters of an algorithm on an environment, with one worker or many."""
 
 from __future__ import annotations
 
+import logging
 import socket
-from collections.abc import Callable, Collection
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import optuna
 
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
+from fpg_bench.game.scenario import Scenario
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
-from fpg_bench.training.tuning.storage import open_storage
-from fpg_bench.training.tuning.study import finished, open_study
-from fpg_bench.training.tuning.task import make_task
-from fpg_bench.training.tuning.trial import PARTS, Objective
-from fpg_bench.training.tuning.worker import Worker
+from fpg_bench.training.tuning.objective import N_EVALS, Objective
+from fpg_bench.training.tuning.study import DATABASE, Task, make_task, open_storage, open_study
+from fpg_bench.training.tuning.worker import print_messages, run_worker
 
-TRIALS = 20
-SEEDS = 2
-# Half of the first seed's budget: sooner, what learns fast would beat what learns well.
-FIRST_RUNG = PARTS // 2
+N_TRIALS = 20
+N_SEEDS = 2
+
+logger = logging.getLogger(__name__)
+
+
+def default_pruner() -> optuna.pruners.BasePruner:
+    """Asynchronous successive halving, first after half of the first seed's budget.
+
+    Any sooner, what learns fast would beat what learns well.
+    """
+    return optuna.pruners.SuccessiveHalvingPruner(min_resource=N_EVALS // 2, reduction_factor=2)
 
 
 def tune(
@@ -30,107 +37,116 @@ def tune(
     env_id: str,
     out: str | Path,
     *,
-    trials: int = TRIALS,
+    n_trials: int = N_TRIALS,
+    n_jobs: int = 1,
+    timeout: float | None = None,
+    study_name: str | None = None,
     storage: str | None = None,
-    name: str | None = None,
-    lost: Collection[str] = (),
-    say: Callable[[str], None] = print,
-    **words: Any,
+    sampler: optuna.samplers.BaseSampler | None = None,
+    pruner: optuna.pruners.BasePruner | None = None,
+    n_seeds: int = N_SEEDS,
+    steps: int | None = None,
+    space: str | Path | None = None,
+    hyperparams: str | Path | None = None,
+    suite: str | None = None,
+    rounds: int = 100,
+    scenario: Scenario | str | None = None,
+    opponent: str | Sequence[str] | None = None,
+    ally: str | Sequence[str] | None = None,
+    path: str | Sequence[str] | None = None,
+    planner: str | None = None,
+    knowledge: str | None = None,
+    jamming_types: str | Sequence[str] | None = None,
+    reward: str | None = None,
+    backend: str = "loky",
+    address: str | None = None,
 ) -> optuna.Study:
-    """Run trials of a study in this process until enough are finished; any number may run beside it.
+    """Run trials of a study until enough of them are finished; resumes a study that exists.
 
-    A trial trains over several seeds and is pruned by asynchronous halving, along the way and between seeds.
-    The first one tries the present values, as far as they lie in the search space.
+    A trial trains over several seeds. Its score is the mean over a suite's rivals and the seeds. The first
+    trial has the present hyper-parameters, as far as they lie in the search space.
 
     Args:
-        algorithm: ``ppo``, ``sac``, ``td3``, stacked and recurrent ones, or ``package.module:Class``.
+        algorithm: ``ppo``, ``sac``, ``td3``, their variants, or ``package.module:Class``.
         env_id: ``FPG/AllyVsScripted-v0`` and the like.
-        out: the study's folder; holds its journal where no other storage is named.
-        trials: how many are to be finished, by all workers together.
-        storage: a database's URL; None: the journal.
-        name: of the study; None: the algorithm and the id.
-        lost: machines that are gone: their trials are tried again.
-        say: prints a line.
-        **words: what is tuned, ``seeds`` (training seeds of a trial), ``steps`` (the budget of one of them;
-            None: half of the hyper-parameter file's), ``space`` and ``hyperparams`` (a search space and where
-            the other values come from, YAML files; None: the shipped ones), ``suite`` (what a policy is
-            scored on; None: the id's) and ``rounds`` (per rival); of the storage ``patience_s`` (how
-            long to wait for one that has gone down) and ``heartbeat_s`` (how often a database is told that
-            the worker lives); and the options of :class:`fpg_bench.envs.core.SingleAgentGame`.
+        out: the study's folder.
+        n_trials: number of finished trials (complete or pruned) of the study, by all workers together.
+        n_jobs: number of workers. Each finishes the trial that it has begun, so that a study may have up to
+            ``n_jobs - 1`` more trials than asked for.
+        timeout: seconds after which no worker begins another trial.
+        study_name: name of the study; None for the algorithm and the id.
+        storage: SQLAlchemy URL of a database; None for SQLite in the folder.
+        sampler: None for TPE, seeded by the trial's number. Only then does one worker repeat its values.
+        pruner: None for asynchronous successive halving.
+        n_seeds: number of training seeds of a trial.
+        steps: training budget of a seed; None for half of the hyper-parameter file's.
+        space: YAML file of a search space; None for the shipped one.
+        hyperparams: YAML file of the values that are not tuned; None for the shipped one.
+        suite: the suite on which a policy is scored; None for the id's.
+        rounds: per rival.
+        scenario, opponent, ally, path, planner, knowledge, jamming_types, reward: of the games, see
+            :class:`fpg_bench.envs.core.SingleAgentGame`. A study stores them, so they are given by name.
+        backend: where workers run if there are several, ``loky`` or ``ray``.
+        address: of a Ray cluster.
 
     Returns:
-        The study, as Optuna knows it.
+        The study.
 
     Raises:
-        UserError: something unknown or out of range, a study that tunes something else, or a storage that is
-            down at the start or does not come up again.
-        KeyboardInterrupt: stopped by the user; the trial is tried again by the next worker.
+        UserError: an argument is unknown or out of range, the study is of another task, or the database does
+            not answer.
+        KeyboardInterrupt: stopped by the user. The running trial has been queued again.
     """
-    whole(trials, "trials")
-    of_storage = {key: words.pop(key) for key in ("patience_s", "heartbeat_s") if key in words}
-    task = make_task(algorithm, env_id, **{"seeds": SEEDS, **words})
-    objective, ranges = Objective(task), task.ranges()
-    objective.check(ranges.first())
-    opened = open_storage(Path(out), storage, say=say, **of_storage)
-    halving = optuna.pruners.SuccessiveHalvingPruner(min_resource=FIRST_RUNG, reduction_factor=2)
-    study = open_study(opened, name or f"{algorithm} {task.env_id}", task, halving)
-    training_seeds = [task.first_seed + index for index in range(task.seeds)]
-    Worker(
-        study,
-        opened,
-        ranges.suggest,
-        lambda values, trial, report: objective(values, training_seeds, report),
-        done=finished,
-        say=say,
-        lost=lost,
-    ).run(trials)
+    whole(n_trials, "n_trials")
+    whole(n_jobs, "n_jobs")
+    task = make_task(
+        algorithm,
+        env_id,
+        n_seeds=n_seeds,
+        steps=steps,
+        space=space,
+        hyperparams=hyperparams,
+        suite=suite,
+        rounds=rounds,
+        options={
+            "scenario": scenario,
+            "opponent": opponent,
+            "ally": ally,
+            "path": path,
+            "planner": planner,
+            "knowledge": knowledge,
+            "jamming_types": jamming_types,
+            "reward": reward,
+        },
+    )
+    Objective(task).check()
+    opened = open_storage(Path(out), storage)
+    name = study_name or f"{algorithm} {task.env_id}"
+    study = open_study(opened, name, task, sampler, pruner or default_pruner())
+    if (n_jobs, backend, address) == (1, "loky", None):
+        run_worker(study, opened, partial(Objective, task), n_trials, timeout)
+        return study
+    folder = Path(out).absolute()
+    work = partial(_work, task, folder, storage, name, sampler, pruner, n_trials, timeout)
+    jobs = [Job(f"worker {index}", work) for index in range(n_jobs)]
+    check_all_done(run_jobs(jobs, n_jobs, backend, address, logger.info))
     return study
 
 
-def say_line(line: str) -> None:
-    """Print a line at once; can be pickled, as ``print`` cannot be once Ray has put its own in its place."""
-    print(line, flush=True)
-
-
-def tune_together(
-    algorithm: str,
-    env_id: str,
-    out: str | Path,
-    *,
-    workers: int,
-    backend: str = "loky",
-    address: str | None = None,
-    storage: str | None = None,
-    say: Callable[[str], None] = say_line,
-    **words: Any,
+def _work(
+    task: Task,
+    out: Path,
+    storage: str | None,
+    study_name: str,
+    sampler: optuna.samplers.BaseSampler | None,
+    pruner: optuna.pruners.BasePruner | None,
+    n_trials: int,
+    timeout: float | None,
 ) -> None:
-    """Run several workers of a study until enough trials are finished.
-
-    Args:
-        algorithm: as for :func:`tune`.
-        env_id: as there.
-        out: the study's folder.
-        workers: how many; one whose process or machine is lost is begun again, and its trial is, too.
-        backend: ``loky`` or ``ray``; see :func:`fpg_bench.common.parallel.run_jobs`.
-        address: of a Ray cluster.
-        storage: a database's URL, which workers need who do not see the folder.
-        say: prints a line, here and in the workers; can be pickled.
-        **words: the others of ``tune``.
-
-    Raises:
-        UserError: what ``tune`` raises, or no cluster.
-        KeyboardInterrupt: stopped by the user; the trials are tried again next time.
-    """
-    open_storage(Path(out), storage, say=say)  # made once, before many want to
-    folder = Path(out).absolute()
-    work = partial(_work, algorithm, env_id, folder, storage, words | {"say": say})
-    jobs = [Job(f"worker {k}", work) for k in range(workers)]
-    check_all_done(run_jobs(jobs, workers, backend, address, say))
-
-
-def _work(algorithm: str, env_id: str, out: Path, storage: str | None, words: dict[str, Any]) -> None:
-    if storage is None and not out.is_dir():
-        raise UserError(
-            f"{socket.gethostname()} does not see {out}, where the study lies; name a database by --storage"
-        )
-    tune(algorithm, env_id, out, storage=storage, **words)
+    """Run a worker in a process of its own."""
+    print_messages()
+    if storage is None and not (out / DATABASE).is_file():
+        raise UserError(f"{socket.gethostname()} does not see {out / DATABASE}; name a database by --storage")
+    opened = open_storage(out, storage)
+    study = open_study(opened, study_name, task, sampler, pruner or default_pruner())
+    run_worker(study, opened, partial(Objective, task), n_trials, timeout)

@@ -1,168 +1,167 @@
-"""A worker: takes trial after trial of a study until enough are finished, whoever finishes them."""
+"""A worker: runs trials of a study until enough are finished, and gives back the one that is interrupted."""
 
 from __future__ import annotations
 
 import contextlib
-import time
-import warnings
-from collections.abc import Callable, Collection
+import logging
+import signal
+import threading
+from collections.abc import Callable
+from functools import partial
+from types import FrameType, TracebackType
 from typing import Any
 
 import optuna
+from optuna.study import MaxTrialsCallback
 from optuna.trial import FrozenTrial, TrialState
 
-from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.statistics import Interval
-from fpg_bench.training.tuning import claim
-from fpg_bench.training.tuning.storage import Storage
+from fpg_bench.common.errors import UserError, printable
+from fpg_bench.training.tuning.study import FINISHED, Storage, count_finished, retry
 
-POLL_S = 2.0
-_MOST_FAILED = 5  # in a row: then the search space is at fault
+MAX_FAILURES = 5  # in a row; then the search space is at fault
 
-Report = Callable[[float, int], None]
-Objective = Callable[[dict[str, Any], optuna.Trial, Report], Interval]
+logger = logging.getLogger(__name__)
 
 
-class Worker:
-    """Runs trials of a study in this process; any number of workers may run one study.
+class _PrintHandler(logging.Handler):
+    """Prints messages to standard output; what they quote of others does nothing to a terminal."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        print(printable(self.format(record)), flush=True)
+
+
+def print_messages() -> None:
+    """Print the package's log messages, unless they have a handler already."""
+    package = logging.getLogger("fpg_bench")
+    if not package.handlers:
+        package.addHandler(_PrintHandler())
+        package.setLevel(logging.INFO)
+
+
+class StopRequest:
+    """Context manager that turns Ctrl-C and SIGTERM into a request to stop at the next safe point.
+
+    Raised at once, an interrupt could cut off a write to the database or get lost in compiled code. The
+    second signal is raised at once nevertheless.
+    """
+
+    def __init__(self) -> None:
+        self._number: int | None = None
+        self._handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
+
+    def __enter__(self) -> StopRequest:
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                handler = signal.getsignal(number)
+                if callable(handler):
+                    self._handlers[number] = handler
+                    signal.signal(number, self._receive)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+
+    def _receive(self, number: int, frame: FrameType | None) -> None:
+        if self._number is not None:
+            self._handlers[number](number, frame)
+        self._number = number
+
+    @property
+    def is_set(self) -> bool:
+        """True once a signal has arrived."""
+        return self._number is not None
+
+    def check(self) -> None:
+        """Raise KeyboardInterrupt if a signal has arrived."""
+        if self._number is not None:
+            self._handlers[self._number](self._number, None)
+            raise KeyboardInterrupt
+
+
+def run_worker(
+    study: optuna.Study,
+    storage: Storage,
+    make_objective: Callable[[Callable[[], None]], Callable[[optuna.Trial], float]],
+    n_trials: int,
+    timeout: float | None = None,
+) -> None:
+    """Run trials of a study in this process until enough are finished; others may do so at the same time.
 
     Args:
         study: the study.
         storage: where it lies.
-        suggest: gives the values of a trial.
-        objective: told the values, the trial and whom to report to; gives the score.
-        done: counts the finished trials among all.
-        say: prints a line.
-        lost: machines that are gone; their trials are tried again.
+        make_objective: called with a function that the objective has to call often, and that raises
+            KeyboardInterrupt after Ctrl-C; returns the objective.
+        n_trials: number of finished trials of the study.
+        timeout: seconds after which no further trial begins.
+
+    Raises:
+        UserError: the database does not answer, or every trial fails.
+        KeyboardInterrupt: stopped by the user. The running trial has been queued again.
     """
-
-    def __init__(
-        self,
-        study: optuna.Study,
-        storage: Storage,
-        suggest: Callable[[optuna.Trial], dict[str, Any]],
-        objective: Objective,
-        *,
-        done: Callable[[list[FrozenTrial]], int],
-        say: Callable[[str], None],
-        lost: Collection[str] = (),
-    ) -> None:
-        self._study, self._storage, self._patient = study, storage, storage.patient
-        self._suggest, self._objective = suggest, objective
-        self._done, self._say, self._lost = done, say, lost
-        self._failed = 0
-
-    def run(self, wanted: int) -> None:
-        """Take trials until this many are finished.
-
-        Raises:
-            UserError: the storage stays down, or every trial fails.
-            KeyboardInterrupt: stopped by the user; the trial is tried again.
-        """
-        while True:
-            self._patient(self._storage.fail_stale, self._study)
-            self._patient(claim.recover, self._study, self._lost, self._say)
-            trials = self._patient(self._study.get_trials, deepcopy=False)
-            running = [trial for trial in trials if trial.state == TrialState.RUNNING]
-            done = self._done(trials)
-            if done >= wanted:
-                return
-            if done + len(running) < wanted:
-                self._run_one(wanted)
-            elif self._storage.journal and all(claim.is_foreign(trial) for trial in running):
-                self._say(_left_to_others(running))
-                return
-            else:
-                time.sleep(POLL_S)  # one of them may die
-
-    def _run_one(self, wanted: int) -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Optuna's, on heartbeats and experimental features
-            trial = self._patient(self._study.ask)
-        try:
-            with self._storage.beating(trial):
-                self._patient(claim.sign, trial)
-                start = time.monotonic()
-                values = self._patient(self._suggest, trial)
-                self._say(f"{_named(trial)}: {shown(values)}")
-                ended = self._ended(trial, values)
-            self._say(f"{_named(trial)}: {ended}, {time.monotonic() - start:.0f} s; {self._count(wanted)}")
-        except optuna.exceptions.UpdateFinishedTrialError:
-            self._say(f"{_named(trial)}: was taken for dead by another worker, and is tried again")
+    begun: list[int] = []
+    with storage.errors(), StopRequest() as stop:
+        if count_finished(study) >= n_trials:
+            logger.info("%s", _progress(study, n_trials))
             return
-        except BaseException as error:
-            self._abandon(trial, error)
-            raise
-        if self._failed >= _MOST_FAILED:
-            raise UserError(f"{_MOST_FAILED} trials failed one after the other, the last: {ended}")
+        objective = make_objective(stop.check)
 
-    def _ended(self, trial: optuna.Trial, values: dict[str, Any]) -> str:
-        """Run a trial, tell the study how it ended, and say so."""
+        def run(trial: optuna.Trial) -> float:
+            begun.append(trial.number)
+            # Optuna's thread may not have done so before the worker is killed; then nobody would miss it.
+            storage.optuna.record_heartbeat(trial._trial_id)
+            return objective(trial)
 
-        def report(value: float, step: int) -> None:
-            self._patient(trial.report, value, step)
-            if self._patient(trial.should_prune):
-                raise optuna.TrialPruned(f"pruned at {value:.1f}")
+        def stop_if_requested(study: optuna.Study, trial: FrozenTrial) -> None:
+            if stop.is_set:
+                study.stop()
 
+        callbacks: list[Callable[[optuna.Study, FrozenTrial], None]] = [
+            partial(_log_trial, n_trials=n_trials),
+            MaxTrialsCallback(n_trials, FINISHED),
+            stop_if_requested,
+            _check_failures,
+        ]
         try:
-            score = self._objective(values, trial, report)
-        except optuna.TrialPruned as pruned:
-            self._tell(trial, state=TrialState.PRUNED)
-            self._failed = 0
-            return str(pruned)
-        except UserError:
+            study.optimize(run, timeout=timeout, callbacks=callbacks)
+        except KeyboardInterrupt:
+            with contextlib.suppress(Exception):  # without the database, the missing heartbeats will tell
+                trial = study.get_trials(deepcopy=False)[begun[-1]]
+                if trial.state == TrialState.FAIL:
+                    retry(study, trial)
             raise
-        except (ArithmeticError, RuntimeError, ValueError) as error:
-            self._failed += 1
-            said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-            self._patient(trial.set_user_attr, "error", said)
-            self._tell(trial, state=TrialState.FAIL)
-            return f"failed ({said})"
-        self._failed = 0
-        if score.low != score.high:
-            self._patient(trial.set_user_attr, "interval", [score.low, score.high, score.over])
-        self._tell(trial, score.value)
-        return f"score {score.value:.1f}"
-
-    def _tell(self, trial: optuna.Trial, value: float | None = None, state: Any = None) -> None:
-        """Tell the study how a trial ended, unless another worker has given it up meanwhile."""
-        with contextlib.suppress(optuna.exceptions.UpdateFinishedTrialError):
-            self._patient(self._study.tell, trial, value, state, skip_if_finished=True)
-
-    def _abandon(self, trial: optuna.Trial, error: BaseException) -> None:
-        """Fail a trial that cannot go on; one that the user stopped is tried again."""
-        with contextlib.suppress(Exception):  # with the storage down, its worker's death tells
-            self._study.tell(trial, state=TrialState.FAIL)
-            if isinstance(error, KeyboardInterrupt):
-                found = self._study.get_trials(deepcopy=False)[trial.number]
-                claim.try_again(self._study, found, blamed=False)
-
-    def _count(self, wanted: int) -> str:
-        trials = self._patient(self._study.get_trials, deepcopy=False)
-        complete = [trial for trial in trials if trial.state == TrialState.COMPLETE]
-        best = max(complete, key=lambda trial: (trial.value or 0.0, trial.number), default=None)
-        so_far = "" if best is None else f", best {best.value:.1f} ({_named(best)})"
-        return f"{self._done(trials)} of {wanted} finished{so_far}"
+        except ValueError as error:
+            if "Cannot tell a" in str(error):  # Optuna's words about a trial that is not running any more
+                raise UserError(
+                    f"trial {begun[-1]}: gave no heartbeat for long, so that another worker has queued it "
+                    "again; run the same command again"
+                ) from error
+            raise
+        stop.check()
 
 
-def _named(trial: optuna.Trial | FrozenTrial) -> str:
-    """What lines call a trial; one that is another study's trial trained again, by that one's number."""
-    known = trial.user_attrs
-    if "candidate" in known:
-        return f"trial {known['candidate']} again, seed {known['seed']}"
-    return f"trial {trial.number}"
+def _log_trial(study: optuna.Study, trial: FrozenTrial, n_trials: int) -> None:
+    score = "no score" if trial.value is None else f"{trial.value:.1f}"
+    if error := trial.user_attrs.get("error"):
+        result = f"failed ({error})"
+    else:
+        result = f"pruned at {score}" if trial.state == TrialState.PRUNED else f"score {score}"
+    seconds = 0.0 if trial.duration is None else trial.duration.total_seconds()
+    logger.info("trial %d: %s, %.0f s; %s", trial.number, result, seconds, _progress(study, n_trials))
 
 
-def shown(values: dict[str, Any]) -> str:
-    """Values by name, in one line."""
-    return ", ".join(
-        f"{name} {v:.3g}" if isinstance(v, float) else f"{name} {v}" for name, v in values.items()
-    )
+def _progress(study: optuna.Study, n_trials: int) -> str:
+    complete = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
+    best = max(complete, key=lambda trial: (trial.value or 0.0, -trial.number), default=None)
+    suffix = "" if best is None else f", best {best.value:.1f} (trial {best.number})"
+    return f"{count_finished(study)} of {n_trials} finished{suffix}"
 
 
-def _left_to_others(running: list[FrozenTrial]) -> str:
-    hosts = ", ".join(sorted({claim.host_of(trial) for trial in running}))
-    return (
-        f"{len(running)} trials are left to workers on {hosts}; if that machine is gone, run this again with "
-        f"--lost {hosts}"
-    )
+def _check_failures(study: optuna.Study, trial: FrozenTrial) -> None:
+    """Raise UserError if the last trials have all failed."""
+    errors = [t.user_attrs.get("error") for t in study.get_trials(deepcopy=False, states=FINISHED)]
+    if len(errors) >= MAX_FAILURES and all(errors[-MAX_FAILURES:]):
+        raise UserError(f"{MAX_FAILURES} trials failed one after the other, the last: {errors[-1]}")

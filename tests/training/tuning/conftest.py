@@ -10,20 +10,13 @@ import pytest
 ROOT = Path(__file__).parents[3]
 
 
-@pytest.fixture(autouse=True)
-def impatient(monkeypatch):
-    """A worker of this process looks often at what the others do, and tries a storage again at once."""
-    monkeypatch.setattr("fpg_bench.training.tuning.storage._AGAIN_S", 0.1)
-    monkeypatch.setattr("fpg_bench.training.tuning.worker.POLL_S", 0.1)
-
-
 @pytest.fixture
-def started():
-    """Starts a worker of the fake study; ends it with the test."""
+def start():
+    """Start a worker of the fake study; it ends with the test."""
     running = []
 
-    def start(folder, *, url="-", trials=3, seconds=0.0, host="-"):
-        words = [sys.executable, "-m", "tests.training.tuning.fake", folder, url, trials, seconds, host]
+    def start(folder, *, url="-", n_trials=3, mode="quick"):
+        words = [sys.executable, "-m", "tests.training.tuning.fake", folder, url, n_trials, mode]
         process = subprocess.Popen(
             list(map(str, words)),
             cwd=ROOT,
@@ -31,7 +24,7 @@ def started():
             stderr=subprocess.PIPE,
             text=True,
             # A shell in the background would have it ignore Ctrl-C.
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         )
         running.append(process)
         return process
@@ -43,14 +36,12 @@ def started():
 
 
 @pytest.fixture
-def at_work(started):
-    """A worker that has begun its first trial and does not end it."""
+def at_work(start):
+    """Start a worker and wait until it has begun a trial, which does not end by itself."""
 
-    def start(folder, **words):
-        process = started(folder, seconds=600, **words)
-        for line in process.stdout:
-            if line.startswith("at work"):
-                return process
-        raise AssertionError(process.stderr.read())
+    def start_and_wait(folder, *, mode="wait", **options):
+        process = start(folder, mode=mode, **options)
+        assert any(line.startswith("at work") for line in process.stdout), process.stderr.read()
+        return process
 
-    return start
+    return start_and_wait

@@ -1,76 +1,86 @@
-"""A study whose trials take a moment and train nothing: for what storages and workers do.
+"""A study whose trials train nothing, to test storages and workers.
 
-As a program: ``python -m tests.training.tuning.fake FOLDER URL TRIALS SECONDS HOST`` is one worker
-(a dash: no URL, this host).
+As a program: ``python -m tests.training.tuning.fake FOLDER URL N_TRIALS MODE`` is one worker; a dash stands
+for no URL. MODE is ``quick``, ``wait`` (trials end with Ctrl-C only) or ``deaf`` (not even with the first).
 """
 
-import socket
+import contextlib
 import sys
 import time
-from functools import partial
 from pathlib import Path
 
-import optuna
+import sqlalchemy
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.statistics import Interval
-from fpg_bench.training.tuning import claim
-from fpg_bench.training.tuning import worker as tuning_worker
-from fpg_bench.training.tuning.storage import open_storage
-from fpg_bench.training.tuning.study import finished, open_study
-from fpg_bench.training.tuning.task import Task
-from fpg_bench.training.tuning.worker import Worker
+from fpg_bench.training.tuning.space import suggest
+from fpg_bench.training.tuning.study import Task, open_storage, open_study
+from fpg_bench.training.tuning.worker import print_messages, run_worker
 
-RANGES = {"x": {"kind": "float", "low": 0.0, "high": 10.0}}
+TASK = {
+    "algorithm": "ppo",
+    "env_id": "FPG/AllyVsScripted-v0",
+    "options": {},
+    "steps": 10,
+    "n_seeds": 2,
+    "suite": "ally-v1",
+    "suite_hash": "0",
+    "rounds": 1,
+    "space": {"x": {"kind": "float", "low": 0.0, "high": 10.0}},
+    "hyperparameters": {"x": 5.0},
+}
 
 
 def fake_task(**changes):
-    words = {
-        "algorithm": "ppo",
-        "env_id": "FPG/AllyVsScripted-v0",
-        "options": {},
-        "steps": 10,
-        "seeds": 2,
-        "first_seed": 0,
-        "suite": "ally-v1",
-        "suite_hash": "0",
-        "rounds": 1,
-        "space": RANGES,
-        "hyperparameters": {"x": 5.0},
-    }
-    return Task(**words | changes)
+    return Task.model_validate(TASK | changes)
 
 
-def highest_x(values, trial, report):
-    report(values["x"], 1)
-    return Interval(values["x"], values["x"] - 1, values["x"] + 1, "training seeds")
+def open_fake(folder, url=None, pruner=None):
+    """Open the fake study in a folder or database."""
+    storage = open_storage(Path(folder), url)
+    return storage, open_study(storage, "fake", fake_task(), pruner=pruner)
 
 
-def fake_worker(folder, objective=highest_x, *, url=None, say=print, patience_s=20, lost=(), pruner=None):
-    """A worker of the study in a folder or database, and the study."""
-    storage = open_storage(Path(folder), url, say=say, patience_s=patience_s, heartbeat_s=1)
-    task = fake_task()
-    study = open_study(storage, "fake", task, pruner or optuna.pruners.NopPruner())
-    suggest = task.ranges().suggest
-    return Worker(study, storage, suggest, objective, done=finished, say=say, lost=lost), study
+def highest_x(trial):
+    x = suggest(fake_task().space, trial)["x"]
+    trial.report(x, 1)
+    return x
 
 
-def main(folder, url, trials, seconds, host):
-    if host != "-":
-        socket.gethostname = lambda: host
-    tuning_worker.POLL_S = 0.1
-    claim._UNSIGNED_S = 5  # a trial that was handed out as the database went
+def work(folder, n_trials, objective=highest_x, *, url=None, pruner=None):
+    """Run a worker of the fake study in this process; return the study."""
+    storage, study = open_fake(folder, url, pruner)
+    run_worker(study, storage, lambda check_stop: objective, n_trials)
+    return study
 
-    def slow(values, trial, report):
-        print(f"at work on {trial.number}", flush=True)
-        time.sleep(float(seconds))
-        return highest_x(values, trial, report)
 
+def miss_heartbeats(folder, url=None):
+    """Date all heartbeats back, as if their workers had been silent for long."""
+    with open_fake(folder, url)[0].optuna.engine.begin() as connection:
+        connection.execute(sqlalchemy.text("UPDATE trial_heartbeats SET heartbeat = '2020-01-01 00:00:00'"))
+
+
+def main(folder, url, n_trials, mode):
+    def make_objective(check_stop):
+        def objective(trial):
+            check_stop()
+            value = highest_x(trial)
+            print(f"at work on {trial.number}", flush=True)
+            while mode != "quick":
+                time.sleep(0.01)
+                if mode == "wait":
+                    check_stop()
+            return value
+
+        return objective
+
+    print_messages()
     try:
-        told = partial(print, flush=True)
-        worker, _ = fake_worker(folder, slow, url=None if url == "-" else url, say=told)
-        worker.run(int(trials))
-        assert "torch" not in sys.modules  # a study is kept without it
+        storage, study = open_fake(folder, None if url == "-" else url)
+        with contextlib.suppress(KeyboardInterrupt):
+            run_worker(study, storage, make_objective, int(n_trials))
+            assert "torch" not in sys.modules  # the database is kept without it
+            return
+        sys.exit(130)
     except UserError as error:
         sys.exit(f"line: {error}")
 

@@ -6,12 +6,11 @@ import pytest
 import yaml
 
 from fpg_bench.cli import main
-from fpg_bench.training.tuning.storage import open_storage
-from fpg_bench.training.tuning.study import find_study
+from fpg_bench.training.tuning.study import load_study, open_storage
 from tests.programs import fpg as program
 from tests.training.tuning.test_tune import HYPERPARAMS, SPACE, VIEW
 
-TUNE = f"tune ppo {VIEW} --out study --space space.yml --hyperparams mine.yml --rounds 2 --seeds 1"
+TUNE = f"tune run ppo {VIEW} --out study --space space.yml --hyperparams mine.yml --rounds 2 --n-seeds 1"
 
 
 @pytest.fixture
@@ -41,16 +40,16 @@ def fpg(folder, monkeypatch, capfd):
 
 @pytest.mark.process
 def test_search_look_and_write(folder, fpg):
-    found = program(*f"{TUNE} --trials 2 --steps 600".split(), folder=folder)
+    found = program(*f"{TUNE} --n-trials 2 --steps 600".split(), folder=folder)
     assert found.returncode == 0, found.stderr
     assert "2 of 2 finished" in found.stdout
-    assert fpg("tune-report study") == (0, "written: study/report.html\n", "")
+    assert fpg("tune report study") == (0, "written: study/report.html\n", "")
     assert (folder / "study" / "report.html").exists()
     for file in ("torn.yml", "torn.yml/mine.yml"):
         (folder / "torn.yml").write_text("[")
-        status, out, error = fpg(f"tune-write study {file} --best 1 --seeds 2")
+        status, out, error = fpg(f"tune export study {file} --n-best 1 --n-seeds 2")
         assert (status, out) == (2, ""), error  # before anything is trained
-    status, out, error = fpg("tune-write study mine.yml --best 1 --seeds 2")
+    status, out, error = fpg("tune export study mine.yml --n-best 1 --n-seeds 2")
     assert status == 0, error
     assert f"written: mine.yml, {VIEW}" in out
     text = (folder / "mine.yml").read_text()
@@ -61,22 +60,23 @@ def test_search_look_and_write(folder, fpg):
 @pytest.mark.process
 def test_ctrl_c_leaves_a_study_that_goes_on(folder, fpg):
     process = subprocess.Popen(
-        command(f"{TUNE} --trials 2 --steps 100000000"),
+        command(f"{TUNE} --n-trials 2 --steps 100000000"),
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    assert process.stdout.readline().startswith("trial 0: learning_rate 0.001")
+    line = process.stdout.readline()
+    assert line.startswith("trial 0: learning_rate 0.001"), process.stderr.read()
     process.send_signal(signal.SIGINT)
     error = process.communicate(timeout=60)[1]
     assert process.returncode == 130
     assert error.splitlines()[-1] == "fpg-bench: stopped; what was finished is kept"
-    study, task = find_study(open_storage(folder / "study", None, say=print), None)
+    study, task = load_study(open_storage(folder / "study"), None)
     assert [trial.state.name for trial in study.trials] == ["FAIL", "WAITING"]
     assert task.steps == 100_000_000
-    status, _, error = fpg(f"{TUNE} --trials 1 --steps 600")
+    status, _, error = fpg(f"{TUNE} --n-trials 1 --steps 600")
     assert status == 2
     assert "made with steps 100000000, not 600" in error
 
@@ -84,11 +84,14 @@ def test_ctrl_c_leaves_a_study_that_goes_on(folder, fpg):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (f"tune pqo {VIEW} --out study", "did you mean 'ppo'"),
-        (f"tune ppo {VIEW} --out study --space mine.yml", "mine.yml: FPG/OpponentVsScripted-v0: expected a"),
-        (f"tune ppo {VIEW} --out study --storage postgresql+psycopg://me@127.0.0.1:1/x", "cannot be opened"),
-        ("tune-report nowhere", "holds no study"),
-        ("tune-write nowhere mine.yml", "holds no study"),
+        (f"tune run pqo {VIEW} --out study", "did you mean 'ppo'"),
+        (f"tune run ppo {VIEW} --out study --space mine.yml", "mine.yml: FPG/OpponentVsScripted-v0: "),
+        (
+            f"tune run ppo {VIEW} --out study --storage postgresql+psycopg://me@127.0.0.1:1/x",
+            "cannot be opened",
+        ),
+        ("tune report nowhere", "holds no study"),
+        ("tune export nowhere mine.yml", "holds no study"),
     ],
 )
 def test_bad_words_get_one_line_and_a_status(fpg, words, message):

@@ -1,8 +1,9 @@
 """The real thing, with budgets of a few rounds."""
 
-import dataclasses
 import json
+import logging
 import re
+from functools import partial
 
 import numpy as np
 import optuna
@@ -12,11 +13,11 @@ from optuna.trial import TrialState
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.seeds import training_seed
-from fpg_bench.training.tuning.confirm import confirm
+from fpg_bench.training.tuning.export import FRESH_SEED, export_values
+from fpg_bench.training.tuning.objective import Diverged, Objective
 from fpg_bench.training.tuning.report import write_report
-from fpg_bench.training.tuning.task import FRESH_SEED, TRIAL_SEED, make_task
-from fpg_bench.training.tuning.trial import Diverged, Objective
-from fpg_bench.training.tuning.tune import tune
+from fpg_bench.training.tuning.study import FIRST_SEED, make_task
+from fpg_bench.training.tuning.tune import _work, tune
 
 pytestmark = pytest.mark.slow
 
@@ -54,14 +55,14 @@ def words(files):
 
 @pytest.fixture(scope="module")
 def study(files, words):
-    return tune("ppo", VIEW, files / "study", trials=3, say=lambda line: None, **words)
+    return tune("ppo", VIEW, files / "study", n_trials=3, **words)
 
 
 def test_a_study_has_its_trials_and_what_it_tunes(study):
     assert [trial.state.is_finished() for trial in study.trials] == [True] * 3
     assert study.trials[0].params == {"learning_rate": 0.001, "policy_kwargs.net_arch": "[8]"}
     task = study.user_attrs["task"]
-    assert (task["steps"], task["seeds"], task["suite"]) == (1200, 2, "opponent-v1")
+    assert (task["steps"], task["n_seeds"], task["suite"]) == (1200, 2, "opponent-v1")
     assert study.trials[0].state == TrialState.COMPLETE
     assert sorted(study.trials[0].intermediate_values) == [1, 2, 3, 4, 5, 6, 7]
     low, high, over = study.trials[0].user_attrs["interval"]
@@ -70,11 +71,11 @@ def test_a_study_has_its_trials_and_what_it_tunes(study):
 
 
 def test_the_same_command_goes_on_and_another_space_is_refused(study, files, words):
-    tune("ppo", VIEW, files / "study", trials=3, say=lambda line: None, **words)
+    tune("ppo", VIEW, files / "study", n_trials=3, **words)
     assert len(study.trials) == 3
     (files / "other.yml").write_text(SPACE.replace("[16]", "[32]"))
     other = words | {"space": files / "other.yml"}
-    with pytest.raises(UserError, match=r"made with another search space \(policy_kwargs.net_arch\)"):
+    with pytest.raises(UserError, match=r"made with another space \(policy_kwargs.net_arch\)"):
         tune("ppo", VIEW, files / "study", **other)
     with pytest.raises(UserError, match="made with steps 1200, not 600"):
         tune("ppo", VIEW, files / "study", steps=600, **words)
@@ -82,12 +83,12 @@ def test_the_same_command_goes_on_and_another_space_is_refused(study, files, wor
 
 
 def test_a_score_can_be_made_again_and_is_the_mean_over_its_seeds(words):
-    task = make_task("ppo", VIEW, seeds=2, **words)
+    task = make_task("ppo", VIEW, n_seeds=2, **words)
     values = {"learning_rate": 0.002, "policy_kwargs.net_arch": [16]}
     reports = []
     objective = Objective(task)
-    both = objective(values, [7, 8], lambda value, step: reports.append((step, value)))
-    alone = [objective(values, [seed], lambda value, step: None).value for seed in (7, 8)]
+    both = objective.train(values, [7, 8], lambda value, step: reports.append((step, value)))
+    alone = [objective.train(values, [seed]).value for seed in (7, 8)]
     assert both.value == pytest.approx(np.mean(alone))
     assert dict(reports)[4] == pytest.approx(alone[0])  # between the seeds
     assert [step for step, _ in reports] == [1, 2, 3, 4, 5, 6, 7]
@@ -95,14 +96,14 @@ def test_a_score_can_be_made_again_and_is_the_mean_over_its_seeds(words):
 
 def test_a_policy_is_scored_in_the_scenario_that_is_tuned_on(words, files):
     (files / "short.yml").write_text("steps_per_round: 50\n")
-    task = make_task("ppo", VIEW, seeds=1, **words)
-    other = dataclasses.replace(task, options={"scenario": str(files / "short.yml")})
+    task = make_task("ppo", VIEW, n_seeds=1, **words)
+    other = task.model_copy(update={"options": {"scenario": str(files / "short.yml")}})
     values = {"learning_rate": 0.002}
-    assert len({Objective(t)(values, [7], lambda value, step: None).value for t in (task, other)}) == 2
+    assert len({Objective(t).train(values, [7]).value for t in (task, other)}) == 2
 
 
 def test_pruning_stops_training(words):
-    task = make_task("ppo", VIEW, seeds=2, **words)
+    task = make_task("ppo", VIEW, n_seeds=2, **words)
     looked = []
 
     def report(value, step):
@@ -110,23 +111,24 @@ def test_pruning_stops_training(words):
         raise optuna.TrialPruned
 
     with pytest.raises(optuna.TrialPruned):
-        Objective(task)({"learning_rate": 0.002}, [7, 8], report)
+        Objective(task).train({"learning_rate": 0.002}, [7, 8], report)
     assert looked == [1]
 
 
 def test_seeds_of_trials_and_fresh_ones_are_not_those_that_are_shipped(study):
-    assert study.user_attrs["task"]["first_seed"] == TRIAL_SEED
-    assert training_seed(10_000) < training_seed(TRIAL_SEED) < training_seed(FRESH_SEED)
+    assert study.user_attrs["task"]["n_seeds"] == 2
+    assert make_task("ppo", VIEW, n_seeds=2).seeds == [FIRST_SEED, FIRST_SEED + 1]
+    assert training_seed(10_000) < training_seed(FIRST_SEED) < training_seed(FRESH_SEED)
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3"])
-def test_training_that_comes_to_no_numbers_is_said_so(algorithm):
-    task = make_task(algorithm, VIEW, seeds=1, steps=1200, rounds=2)
+def test_training_that_diverges_says_so(algorithm):
+    task = make_task(algorithm, VIEW, n_seeds=1, steps=1200, rounds=2)
     small = {"n_envs": 4, "n_steps": 75, "batch_size": 50} if algorithm == "ppo" else {"learning_starts": 100}
     values = {"learning_rate": 1e30} | small
-    with pytest.raises(Diverged, match="numbers that are none"):
-        Objective(task)(values, [7], lambda value, step: None)
+    with pytest.raises(Diverged, match="diverged to NaN"):
+        Objective(task).train(values, [7])
 
 
 @pytest.mark.parametrize(
@@ -134,14 +136,15 @@ def test_training_that_comes_to_no_numbers_is_said_so(algorithm):
     [
         ({"algorithm": "pqo"}, "did you mean 'ppo'"),
         ({"env_id": "FPG/OpponentVsScriptd-v0"}, f"did you mean '{VIEW}'"),
-        ({"trials": 0}, "trials"),
-        ({"seeds": 0}, "seeds"),
+        ({"n_trials": 0}, "n_trials"),
+        ({"n_jobs": 0}, "n_jobs"),
+        ({"n_seeds": 0}, "n_seeds"),
         ({"steps": 0}, "steps"),
         ({"rounds": 0}, "rounds"),
         ({"suite": "oponent-v1"}, "did you mean 'opponent-v1'"),
         ({"suite": "ally-v1"}, "measures the ally"),
         ({"ally": "exprt"}, "did you mean 'expert'"),
-        ({"ally": object()}, "name everything by words"),
+        ({"ally": object()}, "give names instead of objects"),
         ({"storage": "nonsense"}, "expected a URL"),
         ({"hyperparams": None, "space": "nowhere.yml"}, "cannot be read"),
     ],
@@ -160,28 +163,63 @@ def test_a_name_that_the_algorithm_does_not_know_is_refused_before_any_trial(tmp
     assert not (tmp_path / "study").exists()
 
 
-def test_the_best_are_trained_again_on_fresh_seeds_once(study, files):
-    lines = []
-    found = confirm(files / "study", best=2, seeds=2, steps=600, say=lines.append)
+def test_the_best_are_retrained_on_fresh_seeds_once(study, files, caplog):
+    caplog.set_level(logging.INFO, "fpg_bench")
+    file = files / "best.yml"
+    confirmed = export_values(files / "study", file, n_best=2, n_seeds=2, steps=600)
     complete = [trial for trial in study.trials if trial.state == TrialState.COMPLETE]
     expected = sorted(complete, key=lambda trial: -trial.value)[:2]
-    assert {confirmed.trial for confirmed in found} == {trial.number for trial in expected}
-    assert list(found[0].seeds) == [FRESH_SEED, FRESH_SEED + 1]
-    assert found[0].score.value == max(confirmed.score.value for confirmed in found)
-    assert found[0].score.low < found[0].score.value < found[0].score.high
-    assert len([line for line in lines if ": score" in line]) == 2 * len(found)
-    again = []
-    assert confirm(files / "study", best=2, seeds=2, steps=600, say=again.append) == found
-    assert again == []
-    confirm(files / "study", best=1, seeds=3, steps=600, say=again.append)
-    (line,) = [line for line in again if ": score" in line]  # the third seed alone
-    assert line.startswith(f"trial {found[0].trial} again, seed {FRESH_SEED + 2}: score")
-    with pytest.raises(UserError, match="made with steps 600, not 1200"):
-        confirm(files / "study", best=1, seeds=1)
+    assert {trial.trial for trial in confirmed} == {trial.number for trial in expected}
+    assert list(confirmed[0].seeds) == [FRESH_SEED, FRESH_SEED + 1]
+    assert confirmed[0].score.value == max(trial.score.value for trial in confirmed)
+    assert confirmed[0].score.low < confirmed[0].score.value < confirmed[0].score.high
+    assert caplog.text.count(": score") == 2 * len(confirmed)
+    written = yaml.safe_load(file.read_text())[VIEW]
+    assert written["learning_rate"] == confirmed[0].values["learning_rate"]
+    caplog.clear()
+    assert export_values(files / "study", file, n_best=2, n_seeds=2, steps=600) == confirmed
+    assert ": score" not in caplog.text
+    export_values(files / "study", file, n_best=1, n_seeds=3, steps=600)
+    (line,) = [line for line in caplog.messages if ": score" in line]  # the third seed alone
+    best = max(expected, key=lambda trial: trial.value)
+    assert line.startswith(f"trial {best.number} again, seed {FRESH_SEED + 2}, 600 steps: score")
 
 
-def test_nothing_to_confirm_or_show(tmp_path):
-    for function in (confirm, write_report):
+def test_nothing_is_written_if_no_trial_could_be_retrained(study, files, tmp_path, monkeypatch):
+    monkeypatch.setattr("fpg_bench.training.tuning.export.run_jobs", lambda *words: {"trial 0": "failed"})
+    with pytest.raises(UserError, match="no trial could be retrained on all fresh seeds"):
+        export_values(files / "study", tmp_path / "mine.yml", steps=700)
+    assert not (tmp_path / "mine.yml").exists()
+
+
+def fail(*arguments):
+    raise ZeroDivisionError("by zero")
+
+
+def test_a_trial_that_fails_is_pruned_and_says_why(tmp_path, words, monkeypatch, caplog):
+    caplog.set_level(logging.INFO, "fpg_bench")
+    monkeypatch.setattr(Objective, "train", fail)
+    study = tune("ppo", VIEW, tmp_path / "study", n_trials=1, **words)
+    assert study.trials[0].state == TrialState.PRUNED
+    assert study.trials[0].user_attrs["error"] == "ZeroDivisionError: by zero"
+    assert "trial 0: failed (ZeroDivisionError: by zero), 0 s; 1 of 1 finished" in caplog.messages
+
+
+def test_two_workers_share_the_trials(tmp_path, words):
+    options = words | {"n_seeds": 1, "steps": 600}
+    study = tune("ppo", VIEW, tmp_path / "study", n_trials=2, n_jobs=2, **options)
+    assert 2 <= len(study.trials) <= 3
+    assert all(trial.state.is_finished() for trial in study.trials)
+
+
+def test_a_worker_that_does_not_see_the_study_needs_a_database(tmp_path, words):
+    task = make_task("ppo", VIEW, n_seeds=1, **words)
+    with pytest.raises(UserError, match=r"does not see .*study.db; name a database by --storage"):
+        _work(task, tmp_path, None, "study", None, None, 1, None)
+
+
+def test_nothing_to_export_or_show(tmp_path):
+    for function in (write_report, partial(export_values, file=tmp_path / "mine.yml")):
         with pytest.raises(UserError, match="holds no study"):
             function(tmp_path / "nowhere")
         assert not (tmp_path / "nowhere").exists()
@@ -190,14 +228,13 @@ def test_nothing_to_confirm_or_show(tmp_path):
 def test_the_report_is_one_page_that_needs_no_network(study, files):
     page = write_report(files / "study").read_text()
     headings = (
-        "The best score so far",
-        "Scores along the way",
-        "Which values matter",
-        "Scores by each value",
+        "Optimization history",
+        "Intermediate scores",
+        "Importance of hyper-parameters",
+        "Scores by hyper-parameter",
     )
     for heading in (*headings, "Trials"):
         assert f"<h2>{heading}</h2>" in page
-    assert not re.search("Objective Value|Intermediate Value|Feasible Trial|Hyperparameter", page)
     assert page.count("Plotly.newPlot") >= 3
     assert not re.search(r"<(script|link)[^>]+(src|href)=", page)
     assert f"<td>{study.best_value:.1f}" in page

@@ -1,3 +1,5 @@
+"""Confirmed values, written into hyper-parameter files."""
+
 import pytest
 import yaml
 
@@ -5,8 +7,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.hyperparameters import load_hyperparameters
-from fpg_bench.training.tuning.confirm import Confirmed
-from fpg_bench.training.tuning.write import write_values
+from fpg_bench.training.tuning.export import Confirmed, write_values
 from tests.training.tuning.fake import fake_task
 
 VALUES = {"learning_rate": 0.0001235, "gamma": 0.98, "policy_kwargs.net_arch": [128, 128]}

@@ -1,0 +1,171 @@
+"""The objective of a study: train with a trial's values over several seeds, and score the policies."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import optuna
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import sides_of
+from fpg_bench.common.imports import reason
+from fpg_bench.envs.sb3_vec_env import FPGVecEnv
+from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
+from fpg_bench.evaluation.seeds import training_seed
+from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
+from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.players.player import Player
+from fpg_bench.training.actor import ActorPlayer
+from fpg_bench.training.export import export_onnx
+from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
+from fpg_bench.training.models import make_games, make_model, tells_divergence
+from fpg_bench.training.tuning.space import format_values, merge_values, suggest
+from fpg_bench.training.tuning.study import Task
+
+N_EVALS = 4  # evaluations during a seed's budget, one per quarter
+FAILURES = (ArithmeticError, RuntimeError, ValueError)  # of a trial with unsuitable values
+
+logger = logging.getLogger(__name__)
+Report = Callable[[float, int], None]
+
+
+class Diverged(ArithmeticError):
+    """Training diverged to NaN or infinity."""
+
+
+class Objective:
+    """The score of a trial: the mean over a suite's rivals and the training seeds.
+
+    Args:
+        task: what is tuned.
+        check_stop: called in each step of training; raises KeyboardInterrupt to end the trial.
+    """
+
+    def __init__(self, task: Task, check_stop: Callable[[], None] = lambda: None) -> None:
+        torch.set_num_threads(1)
+        self._task, self._check_stop = task, check_stop
+        with contextlib.closing(self._games(task.hyperparameters, task.seeds[0])[0]) as games:
+            self._evaluator = PolicyEvaluator(task.suite, task.rounds, games.core.scenario)
+
+    def check(self) -> None:
+        """Raise UserError if the search space names something that the algorithm does not have."""
+        first = {name: values.first() for name, values in self._task.space.items()}
+        self._model(first, self._task.seeds[0]).get_env().close()  # type: ignore[union-attr]
+
+    def __call__(self, trial: optuna.Trial) -> float:
+        """Run a trial; a training that diverges or fails is pruned and has the user attribute ``error``."""
+        self._check_stop()
+        values = suggest(self._task.space, trial)
+        logger.info("trial %d: %s", trial.number, format_values(values))
+
+        def report(score: float, step: int) -> None:
+            trial.report(score, step)
+            if trial.should_prune():
+                raise optuna.TrialPruned
+
+        try:
+            score = self.train(values, self._task.seeds, report)
+        except (UserError, optuna.exceptions.OptunaError):
+            raise
+        except FAILURES as error:
+            trial.set_user_attr("error", reason(error)[:200])
+            raise optuna.TrialPruned from error
+        if score.low != score.high:
+            trial.set_user_attr("interval", [score.low, score.high, score.over])
+        return score.value
+
+    def train(
+        self, values: dict[str, Any], seeds: Sequence[int], report: Report = lambda score, step: None
+    ) -> Interval:
+        """Train with these values and score the policies.
+
+        Args:
+            values: of the tuned hyper-parameters, by name.
+            seeds: the training seeds, one after the other.
+            report: called with the score so far and the number of evaluations so far; may raise to stop.
+
+        Returns:
+            The score with its interval over training seeds; of a single seed over matches.
+
+        Raises:
+            Diverged: training diverged.
+            UserError: a value that the algorithm does not accept.
+        """
+        scores: list[np.ndarray] = []
+        for index, seed in enumerate(seeds):
+
+            def evaluate(part: int, present: np.ndarray, before: int = index * N_EVALS) -> None:
+                report(_mean([*scores, present]), before + part)
+
+            scores.append(self._train_seed(values, seed, evaluate))
+            if index + 1 < len(seeds):
+                report(_mean(scores), (index + 1) * N_EVALS)
+        if len(scores) == 1:
+            return mean_interval(scores[0].mean(axis=0), MATCHES)
+        return mean_interval(np.array([matches.mean() for matches in scores]), TRAINING_SEEDS)
+
+    def _train_seed(
+        self, values: dict[str, Any], seed: int, evaluate: Callable[[int, np.ndarray], None]
+    ) -> np.ndarray:
+        """Return the scores ``(rivals, matches)`` of the policy of one training seed."""
+        model = self._model(values, seed)
+        try:
+            callback = _TrialCallback(
+                self._task.steps,
+                lambda part: evaluate(part, self._scores(ActorPlayer(model))),
+                self._check_stop,
+            )
+            model.learn(self._task.steps, callback=callback)
+            return self._scores(OnnxPlayer(export_onnx(model), {"algorithm": self._task.algorithm}))
+        except ValueError as error:
+            if tells_divergence(error, sides_of(self._task.env_id)):
+                raise Diverged("training diverged to NaN or infinity") from error
+            raise
+        finally:
+            model.get_env().close()  # type: ignore[union-attr]
+
+    def _scores(self, player: Player) -> np.ndarray:
+        scores = self._evaluator.scores(player)
+        if not np.isfinite(scores).all():
+            raise Diverged("the policy's score is not a number")
+        return scores
+
+    def _model(self, values: dict[str, Any], seed: int) -> BaseAlgorithm:
+        games, parameters = self._games(merge_values(self._task.hyperparameters, values), seed)
+        return make_model(self._task.algorithm, games, parameters, seed)
+
+    def _games(self, entry: dict[str, Any], seed: int) -> tuple[FPGVecEnv, Hyperparameters]:
+        task = self._task
+        parameters = load_hyperparameters(task.algorithm, task.env_id, entry)
+        return make_games(task.env_id, parameters, training_seed(seed), **task.options), parameters
+
+
+class _TrialCallback(BaseCallback):
+    """Evaluates the policy after each quarter of the budget, between two updates."""
+
+    def __init__(self, steps: int, evaluate: Callable[[int], None], check_stop: Callable[[], None]) -> None:
+        super().__init__()
+        self._steps, self._evaluate, self._check_stop = steps, evaluate, check_stop
+        self._part = 0
+
+    def _on_rollout_start(self) -> None:
+        part = N_EVALS * self.num_timesteps // self._steps
+        if self._part < part < N_EVALS:
+            self._part = part
+            self._evaluate(part)
+
+    def _on_step(self) -> bool:
+        self._check_stop()
+        return True
+
+
+def _mean(scores: list[np.ndarray]) -> float:
+    """Return the mean over training seeds of the score."""
+    return float(np.mean([matches.mean() for matches in scores]))
