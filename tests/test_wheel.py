@@ -138,7 +138,7 @@ EXTRAS = {
     "ray": Extra(("evaluate expert --matches 1 --backend ray --out far",), base="evaluate"),
     "postgres": Extra(
         tries=(
-            "tune run ppo FPG/AllyVsScripted-v0 --storage postgresql+psycopg://me@127.0.0.1:9/none --out study",
+            "tune run ppo FPG/AllyVsScripted-v0 --out study --storage postgresql+psycopg://me@127.0.0.1:9/a",
         ),
         base="tune",
     ),

@@ -50,7 +50,7 @@ class Task(Strict):
         steps: training budget of one seed.
         n_seeds: number of training seeds of a trial.
         suite: the suite on which a trained policy is scored.
-        field_hash: its version.
+        suite_hash: its version.
         rounds: per rival.
         space: the search space.
         hyperparameters: the values that are not tuned, an entry of a hyper-parameter file.

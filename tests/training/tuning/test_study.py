@@ -84,7 +84,7 @@ def test_a_storage_that_is_down_at_the_start_is_one_line_without_the_password(tm
             r"made with another space \(x\); cont",
         ),
         ({"n_seeds": 3}, "made with n seeds 2, not 3"),
-        ({"env_id": "FPG/OpponentVsScripted-v0"}, "made with view id FPG/AllyVsScripted-v0, not"),
+        ({"env_id": "FPG/OpponentVsScripted-v0"}, "made with env id FPG/AllyVsScripted-v0, not"),
         ({"hyperparameters": {"x": 4.0}}, r"another hyperparameters \(x\)"),
     ],
 )
