@@ -21,8 +21,8 @@ from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.imports import reason
-from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.common.parallel import Job, run_jobs
+from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.training.tuning.objective import FAILURES, Objective
 from fpg_bench.training.tuning.space import from_params, merge_values
 from fpg_bench.training.tuning.study import (

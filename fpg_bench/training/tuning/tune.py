@@ -12,8 +12,8 @@ import optuna
 
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
-from fpg_bench.game.scenario import Scenario
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
+from fpg_bench.game.scenario import Scenario
 from fpg_bench.training.tuning.objective import N_EVALS, Objective
 from fpg_bench.training.tuning.study import DATABASE, Task, make_task, open_storage, open_study
 from fpg_bench.training.tuning.worker import print_messages, run_worker
