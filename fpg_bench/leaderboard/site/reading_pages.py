@@ -1,4 +1,4 @@
-"""Rules, measures and glossary of the documentation as pages of the site, so that no other host is needed."""
+"""Rules, protocol, measures and glossary of the documentation as pages of the site, so that no other host is needed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from markdown_it import MarkdownIt
     from markdown_it.token import Token
 
-PAGES = {"rules": "Rules", "measures": "Measures", "glossary": "Glossary"}
+PAGES = {"rules": "Rules", "protocol": "Protocol", "measures": "Measures", "glossary": "Glossary"}
 
 
 def render_page(name: str) -> str:
