@@ -108,14 +108,14 @@ def updater(learner: str) -> Callable[[], None]:
     model: MADDPG = make_model(ALGORITHM, games, hyperparameters(BUDGET), 0)  # type: ignore[assignment]
     model.learning_starts = 2 * STEPS
     model.learn(STEPS)
-    jax = JaxLearner([model]) if learner == "jax" else None
+    jax = JaxLearner(model) if learner == "jax" else None
 
     def update() -> None:
         batches = model.replay_buffer.sample_many(BUDGET.gradient_steps, model.batch_size)
         if jax is None:
             model.update(batches)
         else:
-            jax.learn([batches])
+            jax.update(batches)
             jax.write_actors()
 
     update()  # compiles

@@ -26,7 +26,7 @@ from fpg_bench.paper.runs import FINAL, Run, window_row, windows_of
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.language_model import training_planner
-from fpg_bench.training.maddpg.multi_seed import MultiSeedTrainer
+from fpg_bench.training.maddpg.multi_seed import learn_seeds
 from fpg_bench.training.models import make_model
 from fpg_bench.version import __version__
 
@@ -130,8 +130,8 @@ def run_experiment(
 ) -> list[Run]:
     """Train both sides under a condition, and evaluate the final policies without exploration noise.
 
-    The seeds are trained in turns, each with games and random numbers of its own; a seed's result does not
-    depend on the other seeds.
+    The seeds are trained one after the other, each with games and random numbers of its own; a seed's result
+    does not depend on the other seeds.
 
     Args:
         condition: differences from the preset.
@@ -140,7 +140,7 @@ def run_experiment(
         seeds: training seeds. A seed starts from the same networks and matches under every condition.
         folder: for the transcripts of a language model.
         llm: options of the language-model planner, and ``transcript`` to replay one.
-        learner: see :class:`fpg_bench.training.maddpg.multi_seed.MultiSeedTrainer`.
+        learner: see :func:`fpg_bench.training.maddpg.multi_seed.learn_seeds`.
 
     Returns:
         A run per seed, and one per seed and swapped path.
@@ -151,9 +151,7 @@ def run_experiment(
     trainings = {
         seed: _Training(condition, preset, budget, seed, folder / f"seed_{seed}", llm) for seed in seeds
     }
-    trainer = MultiSeedTrainer({seed: each.model for seed, each in trainings.items()}, steps, learner)
-    while not trainer.is_done:
-        trainer.step()
+    learn_seeds({seed: each.model for seed, each in trainings.items()}, steps, learner)
     finals = {seed: play_deterministic(each.model, each.games(None)) for seed, each in trainings.items()}
     seconds = round((time.monotonic() - start) / len(seeds))
     runs = []

@@ -1,6 +1,5 @@
 """Several MADDPG seeds by torch and by JAX learn what each of them learns alone."""
 
-import pickle
 import sys
 
 import numpy as np
@@ -12,7 +11,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.envs.sb3_vec_env import make_sb3_duel
 from fpg_bench.training.maddpg import MADDPG
 from fpg_bench.training.maddpg.maddpg import Transitions
-from fpg_bench.training.maddpg.multi_seed import MultiSeedTrainer
+from fpg_bench.training.maddpg.multi_seed import learn_seeds
 
 STEPS, UPDATES = 240, 100
 NETWORKS = ("actors", "critics", "actor_targets", "critic_targets")
@@ -38,12 +37,6 @@ def weights_of(model, name):
     )
 
 
-def learn_together(models, learner="torch", steps=STEPS):
-    trainer = MultiSeedTrainer(models, steps, learner)
-    while not trainer.is_done:
-        trainer.step()
-
-
 @pytest.fixture(scope="module")
 def jax_learner():
     pytest.importorskip("jax", reason='the extra is missing: pip install "fpg-bench[fast]"')
@@ -55,7 +48,7 @@ def jax_learner():
 @pytest.fixture(scope="module")
 def together():
     models = {seed: make_model(seed) for seed in (0, 1)}
-    learn_together(models)
+    learn_seeds(models, STEPS)
     return models
 
 
@@ -74,21 +67,6 @@ def test_seeds_differ(together):
     assert np.abs(weights_of(together[0], "actors") - weights_of(together[1], "actors")).max() > 0.01
 
 
-@pytest.mark.parametrize("learner", ["torch", "jax"])
-def test_a_pickled_trainer_goes_on_as_the_original(learner, request):
-    if learner == "jax":
-        request.getfixturevalue("jax_learner")
-    trainer = MultiSeedTrainer({0: make_model(0)}, STEPS, learner)
-    for _ in range(STEPS // 16):
-        trainer.step()
-    copied = pickle.loads(pickle.dumps(trainer))
-    for each in (trainer, copied):
-        while not each.is_done:
-            each.step()
-    for name in NETWORKS:
-        assert np.array_equal(*(weights_of(each._models[0], name) for each in (trainer, copied)))
-
-
 def random_batches(seed):
     """Random transitions, some of which end a game."""
     rng = np.random.default_rng(seed)
@@ -102,25 +80,23 @@ def random_batches(seed):
 @pytest.mark.slow
 @pytest.mark.parametrize("activation", [nn.ReLU, nn.Tanh])
 def test_a_hundred_updates_by_jax_give_torch_s_weights(jax_learner, activation):
-    policy = {"activation_fn": activation}
-    expected, *models = (make_model(0, policy_kwargs=policy) for _ in range(3))
+    expected, model = (make_model(0, policy_kwargs={"activation_fn": activation}) for _ in range(2))
     start = {name: weights_of(expected, name) for name in NETWORKS}
     batches = random_batches(0)
     expected.update(batches)
-    learner = jax_learner(models)
+    learner = jax_learner(model)
     for part in np.split(np.arange(UPDATES), 4):
-        learner.learn([Transitions(*(each[part] for each in batches))] * 2)
+        learner.update(Transitions(*(each[part] for each in batches)))
     learner.write()
     for name in NETWORKS:
-        for model in models:
-            assert np.abs(weights_of(model, name) - weights_of(expected, name)).max() < 1e-5
+        assert np.abs(weights_of(model, name) - weights_of(expected, name)).max() < 1e-5
         assert np.abs(weights_of(expected, name) - start[name]).max() > 0.01
 
 
 @pytest.mark.slow
 def test_training_is_the_same_by_both_learners(jax_learner, together):
     models = {seed: make_model(seed) for seed in (0, 1)}
-    learn_together(models, "jax")
+    learn_seeds(models, STEPS, "jax")
     for seed, model in models.items():
         assert model.n_updates == together[seed].n_updates
         assert np.allclose(model.replay_buffer.actions, together[seed].replay_buffer.actions, atol=1e-4)
@@ -137,12 +113,12 @@ def test_training_is_the_same_by_both_learners(jax_learner, together):
 )
 def test_jax_refuses_what_it_does_not_support(jax_learner, policy, message):
     with pytest.raises(UserError, match=message):
-        jax_learner([make_model(0, policy_kwargs=policy)])
+        jax_learner(make_model(0, policy_kwargs=policy))
 
 
 def test_a_missing_extra_or_an_unknown_learner_is_one_line(monkeypatch):
     with pytest.raises(UserError, match="torch or jax, got 'jaxx'; did you mean 'jax'"):
-        learn_together({0: make_model(0)}, "jaxx")
+        learn_seeds({0: make_model(0)}, STEPS, "jaxx")
     monkeypatch.setitem(sys.modules, "jax", None)
     with pytest.raises(UserError, match=r'pip install "fpg-bench\[fast\]"$'):
-        learn_together({0: make_model(0)}, "jax")
+        learn_seeds({0: make_model(0)}, STEPS, "jax")

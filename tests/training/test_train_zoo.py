@@ -183,7 +183,7 @@ def test_the_zoo_s_numbers_are_those_of_evaluate_to_the_digit(shipped, tmp_path)
     for summary in expected:
         own = summaries[summary.entry]
         assert (own.score, own.reward, own.measures) == (summary.score, summary.reward, summary.measures)
-        for one, other in zip(own.lines, summary.lines, strict=True):
+        for one, other in zip(own.records, summary.records, strict=True):
             assert one.same_as(other)
 
 

@@ -7,7 +7,7 @@ updates need no Python, and Adam's step for all weights is one operation on one 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -52,53 +52,47 @@ class Networks(NamedTuple):
 
 
 class JaxLearner:
-    """Updates of several models, one after the other; compiled at the first update.
+    """Updates of a model; compiled at the first one.
 
-    A model's networks stay in the processor's cache for all updates of a call. During training the weights
-    are here; :meth:`write_actors` and :meth:`write` copy them into the models.
+    During training the weights are here; :meth:`write_actors` and :meth:`write` copy them into the model.
 
     Args:
-        models: alike in everything but their weights, buffers and random states.
+        model: the model.
 
     Raises:
         UserError: an optimizer or an activation that is not supported.
     """
 
-    def __init__(self, models: Sequence[MADDPG]) -> None:
-        update, cpu = _Update.of(models[0]), jax.devices("cpu")[0]
-        self._models = models
-        self._states = [jax.device_put(_read_model(model.policy, update.adam), cpu) for model in models]
+    def __init__(self, model: MADDPG) -> None:
+        update = _Update.of(model)
+        self._model = model
+        self._state = jax.device_put(_read_model(model.policy, update.adam), jax.devices("cpu")[0])
         scan = partial(jax.lax.scan, update)
-        self._learn = jax.jit(scan, donate_argnums=0, compiler_options=_ONE_THREAD)
+        self._scan = jax.jit(scan, donate_argnums=0, compiler_options=_ONE_THREAD)
 
-    def learn(self, batches: Sequence[Transitions]) -> None:
-        """Update all models once with each of their batches.
+    def learn(self, total_timesteps: int) -> None:
+        """Train the model, as its own ``learn`` does."""
+        self._model.setup_learn(total_timesteps)
+        while self._model.num_timesteps < total_timesteps:
+            batches = self._model.collect()
+            if len(batches.rewards):
+                self.update(batches)
+                self.write_actors()
+        self.write()
 
-        Args:
-            batches: of each model, arrays ``(updates, n, size)``.
-        """
-        self._states = [
-            self._learn(state, batch)[0] for state, batch in zip(self._states, batches, strict=True)
-        ]
+    def update(self, batches: Transitions) -> None:
+        """Update once with each of the batches, arrays ``(updates, n, size)``."""
+        self._state, _ = self._scan(self._state, batches)
 
     def write_actors(self) -> None:
-        """Copy the actors into the models, which act by them."""
-        for model, (actors, _) in zip(self._models, self._states, strict=True):
-            _write(model.policy, "actors", actors.weights)
+        """Copy the actors into the model, which acts by them."""
+        _write(self._model.policy, "actors", self._state[0].weights)
 
     def write(self) -> None:
-        """Copy all networks into the models, apart from the optimizers' moments."""
-        for model, state in zip(self._models, self._states, strict=True):
-            for name, networks in zip(("actor", "critic"), state, strict=True):
-                _write(model.policy, f"{name}s", networks.weights)
-                _write(model.policy, f"{name}_targets", networks.targets)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"models": self._models, "states": jax.device_get(self._states)}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__init__(state["models"])  # type: ignore[misc]
-        self._states = jax.device_put(state["states"], jax.devices("cpu")[0])
+        """Copy all networks into the model, apart from the optimizers' moments."""
+        for name, networks in zip(("actor", "critic"), self._state, strict=True):
+            _write(self._model.policy, f"{name}s", networks.weights)
+            _write(self._model.policy, f"{name}_targets", networks.targets)
 
 
 @dataclass(frozen=True)
