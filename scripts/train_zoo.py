@@ -132,13 +132,13 @@ def add_missing_records(zoo: Zoo, group: ZooGroup) -> list[Record]:
     Returns:
         All records of the group.
     """
-    file, lines = zoo.score_file(group), []
+    file, records = zoo.score_file(group), []
     entries = [player_entry(name) for name in SCRIPTED[group.side]]
     entries += [agent.entry() for agent in zoo.members(group.name) if agent.shipped]
     with file.locked():
         for suite in map(load_suite, group.suites):
             known = zoo.read_records(group, suite)
-            done = {(line.entry, line.training_seed, line.rival) for line in known}
+            done = {(record.entry, record.training_seed, record.rival) for record in known}
             for entry in entries:
                 key = (entry.name, entry.training_seed)
                 missing = [c for c in suite.rivals if (*key, c.name) not in done]
@@ -146,33 +146,33 @@ def add_missing_records(zoo: Zoo, group: ZooGroup) -> list[Record]:
                     seed = "" if entry.training_seed is None else f"/seed_{entry.training_seed}"
                     _LOG.info(f"scoring {group.name}: {entry.name}{seed} against {suite.name}")
                 played = [play(entry, suite, rival) for rival in missing]
-                file.append(line.row() for line in played)
+                file.append(record.row() for record in played)
                 known += played
-            lines += known
-    return lines
+            records += known
+    return records
 
 
 def check_agent(zoo: Zoo, agent: ZooAgent) -> list[str]:
     """Evaluate a shipped agent again; returns the differences from its records."""
     entry, problems = agent.entry(), []
     for suite in map(load_suite, agent.group.suites):
-        lines = [play(entry, suite, rival) for rival in suite.rivals]
-        problems += differences(lines, zoo.read_records(agent.group, suite))
+        records = [play(entry, suite, rival) for rival in suite.rivals]
+        problems += differences(records, zoo.read_records(agent.group, suite))
     return problems
 
 
 def differences(played: Iterable[Record], kept: Iterable[Record]) -> list[str]:
     """Return the differences of new records from the kept ones, one text per rival."""
-    before = {(line.entry, line.training_seed, line.rival): line for line in kept}
+    before = {(record.entry, record.training_seed, record.rival): record for record in kept}
     problems = []
-    for line in played:
-        known = before.get((line.entry, line.training_seed, line.rival))
+    for record in played:
+        known = before.get((record.entry, record.training_seed, record.rival))
         if known is None:
-            problems.append(f"{line.suite}, {line.rival}: no line")
-        elif line.returns != known.returns:
-            problems.append(f"{line.suite}, {line.rival}: other returns")
-        elif line.rounds_sha256 != known.rounds_sha256:
-            problems.append(f"{line.suite}, {line.rival}: the same returns, but other rounds")
+            problems.append(f"{record.suite}, {record.rival}: no record")
+        elif record.returns != known.returns:
+            problems.append(f"{record.suite}, {record.rival}: other returns")
+        elif record.rounds_sha256 != known.rounds_sha256:
+            problems.append(f"{record.suite}, {record.rival}: the same returns, but other rounds")
     return problems
 
 

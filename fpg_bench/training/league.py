@@ -58,7 +58,7 @@ _LOG = logging.getLogger(__name__)
 
 def evaluate_against(
     player: str | Player,
-    others: Mapping[str, str | Player],
+    others: Mapping[str, str],
     side: str,
     scenario: Scenario,
     matches: int,

@@ -139,17 +139,18 @@ class Zoo:
 
     def read_records(self, group: ZooGroup, suite: Suite) -> list[Record]:
         """Return the newest records of a group on a suite, those of the present agents and scripts only."""
-        prints = {(name, None): name[:16] for name in SCRIPTED[group.side]} | {
+        prints: dict[tuple[str, int | None], str] = {(name, None): name[:16] for name in SCRIPTED[group.side]}
+        prints |= {
             (agent.algorithm, agent.seed): str(agent.about().get("policy_sha256"))[:16]
             for agent in self.members(group.name)
             if agent.shipped
         }
-        lines = {}
-        for line in records_of(self.score_file(group)):
-            player = (line.entry, line.training_seed)
-            if line.suite_hash == suite.hash[:16] and line.fingerprint == prints.get(player):
-                lines[*player, line.rival] = line
-        return list(lines.values())
+        records = {}
+        for record in records_of(self.score_file(group)):
+            player = (record.entry, record.training_seed)
+            if record.suite_hash == suite.hash[:16] and record.fingerprint == prints.get(player):
+                records[*player, record.rival] = record
+        return list(records.values())
 
 
 def load_zoo(folder: Path | None = None) -> Zoo:

@@ -273,7 +273,7 @@ def test_a_response_may_imitate_the_strongest_player_first(ally, tmp_path, monke
 def test_best_responses_from_the_command_line(ally, tmp_path):
     (tmp_path / "tiny.yml").write_text(yaml.safe_dump({"FPG/OpponentVsPolicy-v0": settings("ppo")}))
     words = ["--out", "out", "--steps", "400", "--seeds", "1", "--hyperparams", "tiny.yml"]
-    done = fpg("exploit", ally, *words, folder=tmp_path)
+    done = fpg("best-response", ally, *words, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
     made, *_ = result["responses"]
@@ -281,7 +281,7 @@ def test_best_responses_from_the_command_line(ally, tmp_path):
     found = result["lowest"]
     assert f"lowest {found['return']:.2f} a step, against {found['against']}" in done.stdout
     assert ("they are no best ones yet" in done.stdout) == (found["against"] in result["scripts"])
-    done = fpg("exploit", "no/such", *words, folder=tmp_path)
+    done = fpg("best-response", "no/such", *words, folder=tmp_path)
     assert done.returncode == 2
     assert done.stderr == "fpg-bench: agent 'no/such': neither a shipped agent nor a folder\n"
 

@@ -197,11 +197,12 @@ def test_a_replaced_agent_is_evaluated_again(tmp_path):
     shutil.rmtree(agent.folder)
     make_agent(agent, seed=77)
     assert records_of(zoo, "ppo") == []
-    missing = ["small-v1, adaptive/pursuit: no line", "small-v1, sweep/circle: no line"]
+    missing = ["small-v1, adaptive/pursuit: no record", "small-v1, sweep/circle: no record"]
     assert script.check_agent(zoo, agent) == missing
     add_missing_records(zoo, agent.group)
     after = records_of(zoo, "ppo")
-    assert script.differences(after, before) == [line.replace("no line", "other returns") for line in missing]
+    other_returns = [text.replace("no record", "other returns") for text in missing]
+    assert script.differences(after, before) == other_returns
     other = [dataclasses.replace(after[0], rounds_sha256="0")]
     assert script.differences(after[:1], other) == [
         "small-v1, adaptive/pursuit: the same returns, but other rounds"
