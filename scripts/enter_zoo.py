@@ -1,9 +1,7 @@
-"""Enter all scripted players and all shipped agents on the leaderboard: a submission.yaml each.
+"""Enter all scripted players and all shipped agents on the leaderboard: ``python scripts/enter_zoo.py``.
 
-    python scripts/enter_zoo.py [--folder leaderboard]
-
-Run it again whenever agents were shipped: it writes what is new or has changed, and takes nothing away. An
-algorithm is entered once all its training seeds are there.
+Writes a submission.yaml for each that is new or has changed, and removes nothing. An algorithm is entered
+once all its training seeds are there.
 """
 
 from __future__ import annotations
@@ -11,13 +9,12 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
 import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_whole
-from fpg_bench.leaderboard.policies import seed_folders
+from fpg_bench.leaderboard.submission import seed_folders
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.training.zoo import load_zoo
@@ -61,37 +58,18 @@ ENVS = {
 }
 # Champions by their folder: track and path.
 CHAMPIONS = {"ally-champion": ("ally", None), "opponent-champion": ("opponent", "learned")}
+# Title, paper on arXiv, and limitations.
 ALGORITHMS = {
-    "ppo": (
-        "PPO",
-        "https://arxiv.org/abs/1707.06347",
-        "It has no memory: it acts on the present observation alone.",
-    ),
-    "ppo-stack8": (
-        "PPO, 8 stacked frames",
-        "https://arxiv.org/abs/1707.06347",
-        "It remembers the last eight steps only.",
-    ),
+    "ppo": ("PPO", "1707.06347", "It has no memory: it acts on the present observation alone."),
+    "ppo-stack8": ("PPO, 8 stacked frames", "1707.06347", "It remembers the last eight steps only."),
     "recurrent-ppo": (
         "Recurrent PPO",
-        "https://arxiv.org/abs/1707.06347",
+        "1707.06347",
         "Its recurrent memory makes it slow to train, so its budget is smaller.",
     ),
-    "sac": (
-        "SAC",
-        "https://arxiv.org/abs/1801.01290",
-        "It has no memory, and its budget of steps is much smaller than PPO's.",
-    ),
-    "td3": (
-        "TD3",
-        "https://arxiv.org/abs/1802.09477",
-        "It has no memory, and its budget of steps is much smaller than PPO's.",
-    ),
-    "maddpg": (
-        "MADDPG",
-        "https://arxiv.org/abs/1706.02275",
-        "It has no memory, and met nobody but its own opponent.",
-    ),
+    "sac": ("SAC", "1801.01290", "It has no memory, and its budget of steps is much smaller than PPO's."),
+    "td3": ("TD3", "1802.09477", "It has no memory, and its budget of steps is much smaller than PPO's."),
+    "maddpg": ("MADDPG", "1706.02275", "It has no memory, and met nobody but its own opponent."),
 }
 SCRIPTS = {
     "idle": "stays on its frequency and never spreads",
@@ -110,37 +88,36 @@ SCRIPTS = {
 }
 
 
-def entry(**suites: Any) -> str:
-    """The text of a submission.yaml."""
-    return yaml.safe_dump(suites, sort_keys=False, allow_unicode=True, width=110)
+def entry(name: str, algorithm: str, place: tuple[str, str | None], **other: object) -> str:
+    """Return the text of a submission.yaml."""
+    track, path = place
+    content = {"name": name, "authors": AUTHORS, "algorithm": algorithm, "reference": None, "licence": "MIT"}
+    content |= {"track": track} | ({} if path is None else {"path": path}) | other
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
 
 
 def scripts() -> dict[str, str]:
-    """Every scripted player's submission, by track and name; opponents stand in both tables."""
-    found = {}
+    """Return every scripted player's submission, by track and name; opponents stand in both tables."""
+    entries = {}
     for track, path in (("ally", None), ("opponent", "pursuit"), ("opponent", "learned")):
         for script in SCRIPTED[track]:
-            slug = f"{script}-learned" if path == "learned" else script
-            found[f"{track}/{slug}"] = entry(
-                name=f"{script} (flies itself)" if path == "learned" else script,
-                authors=AUTHORS,
-                algorithm="script",
-                reference=None,
-                licence="MIT",
-                track=track,
-                **({} if path is None else {"path": path}),
+            flies = path == "learned"
+            entries[f"{track}/{script}{'-learned' if flies else ''}"] = entry(
+                f"{script} (flies itself)" if flies else script,
+                "script",
+                (track, path),
                 training=None,
                 saw="Nothing: it is a script, written by hand.",
                 unable="It does not learn.",
                 description=f"A scripted {track}: it {SCRIPTS[script]}.",
                 script=script,
             )
-    return found
+    return entries
 
 
 def agents() -> dict[str, str]:
-    """Every shipped algorithm's submission, by track and name."""
-    zoo, found = load_zoo(), {}
+    """Return every shipped algorithm's submission, by track and name."""
+    zoo, entries = load_zoo(), {}
     for view in zoo.groups:
         for algorithm in view.steps:
             members = zoo.members(f"{view.name}/{algorithm}")
@@ -149,35 +126,31 @@ def agents() -> dict[str, str]:
                 text = trained(
                     members[0].folder.parent, place, *ENVS[view.name], f"From the zoo; {MADE}{made}."
                 )
-                found[f"{place[0]}/{view.name}-{algorithm}"] = text
-    return found
+                entries[f"{place[0]}/{view.name}-{algorithm}"] = text
+    return entries
 
 
 def champions() -> dict[str, str]:
-    """Every shipped champion's submission, with the training seeds that are there, by track and name."""
-    found = {}
+    """Return every shipped champion's submission, with the training seeds that are there."""
+    entries = {}
     for name, place in CHAMPIONS.items():
         for folder in sorted((baselines_folder() / "agents" / name).glob("*")):
             made = f"Made to be hard to beat; {MADE}train_champions.py --only {name}."
             saw = "scripts, agents of the zoo, and those who had learned to beat it"
-            found[f"{place[0]}/{name}"] = trained(folder, place, f"{place[0]} champion", saw, made)
-    return found
+            entries[f"{place[0]}/{name}"] = trained(folder, place, f"{place[0]} champion", saw, made)
+    return entries
 
 
 def trained(folder: Path, place: tuple[str, str | None], role: str, saw: str, made: str) -> str:
-    """The submission of shipped agents; hours are of one seed, of all its stages at the pace of the last."""
-    title, reference, unable = ALGORITHMS[folder.name]
+    """Return the submission of shipped agents; hours are per seed, for all stages at the pace of the last."""
+    title, paper, unable = ALGORITHMS[folder.name]
     every = [read_json(seed / "agent.json", "agent") for seed in seed_folders(folder).values()]
     hours = [of["seconds"] / of["steps_done"] * of["training_steps"] / 3600 for of in every]
-    track, path = place
     return entry(
-        name=f"{title} ({role})",
-        authors=AUTHORS,
-        algorithm=title,
-        reference=reference,
-        licence="MIT",
-        track=track,
-        **({} if path is None else {"path": path}),
+        f"{title} ({role})",
+        title,
+        place,
+        reference=f"https://arxiv.org/abs/{paper}",
         training={
             "steps": every[0]["training_steps"],
             "hours": round(sum(hours) / len(hours), 3),

@@ -26,9 +26,8 @@ from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.leaderboard.cases import submission_folders
-from fpg_bench.leaderboard.check import load_submission
-from fpg_bench.leaderboard.folder import brief
+from fpg_bench.leaderboard.folders import brief, submission_folders
+from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import TRACKS, track_of
 from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.player import SIDES

@@ -25,7 +25,7 @@ from typing import Any
 HEAVY = (
     "fpg_bench.cli",
     "fpg_bench.evaluation.compare",
-    "fpg_bench.leaderboard.verify",
+    "fpg_bench.leaderboard.verification",
     "fpg_bench.paper.experiment",
     "fpg_bench.training.league",
     "cmaes",

@@ -31,7 +31,7 @@ FolderOption = Annotated[Path, typer.Option(help="the leaderboard's folder")]
 @submit.callback()
 def _forget() -> None:
     """Check and verify submissions to the leaderboard."""
-    from fpg_bench.leaderboard.secrets import forget_keys
+    from fpg_bench.leaderboard.sandbox import forget_keys
 
     forget_keys()
 
@@ -44,15 +44,16 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
 
     Example: fpg-bench submit check leaderboard/submissions/ally/my-agent
     """
-    from fpg_bench.leaderboard.check import load_submission, notes, problems
-    from fpg_bench.leaderboard.smoke_test import trial
-    from fpg_bench.leaderboard.tracks import PUBLIC
+    from fpg_bench.leaderboard.playing import smoke_test, suites_of
+    from fpg_bench.leaderboard.submission import load_submission, notes, problems
+    from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
 
     found = problems(folder)
     if not found:
         submission = load_submission(folder)
+        suite = suites_of(submission, TrackSuites())[PUBLIC]
         for policy in submission.policies:
-            found += [f"seed_{policy.seed}: {line}" for line in trial(policy, submission.suites[PUBLIC])]
+            found += [f"seed_{policy.seed}: {line}" for line in smoke_test(policy, suite)]
         for line in notes(submission):
             say(f"{folder}: note: {line}")
     for line in found:
@@ -74,7 +75,7 @@ def run(
 
     Example: fpg-bench submit run leaderboard/submissions/ally/my-agent
     """
-    from fpg_bench.leaderboard.verify import run_one
+    from fpg_bench.leaderboard.verification import run_one
 
     verdict = run_one(folder, update, jobs=jobs, backend=backend, address=address, say=say)
     raise typer.Exit(0 if verdict.good else 1)
@@ -102,7 +103,7 @@ def verify(
 
     Example: fpg-bench submit verify --sample 5%
     """
-    from fpg_bench.leaderboard.verify import verify as verify_all
+    from fpg_bench.leaderboard.verification import verify as verify_all
 
     verdicts = verify_all(
         folder,
@@ -182,7 +183,7 @@ def build(
     from rich.progress import Progress
 
     from fpg_bench.leaderboard.board import make_board
-    from fpg_bench.leaderboard.secrets import forget_keys
+    from fpg_bench.leaderboard.sandbox import forget_keys
     from fpg_bench.leaderboard.site.build import build_site, check_folder
     from fpg_bench.leaderboard.site.page_data import submitted_policies
     from fpg_bench.leaderboard.site.replays import make_replays

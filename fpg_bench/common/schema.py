@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, TypeAdapter, ValidationError
@@ -14,6 +14,7 @@ from pydantic_core import ErrorDetails, core_schema
 from fpg_bench.common.errors import UserError, meant, nearest
 
 T = TypeVar("T")
+M = TypeVar("M", bound=BaseModel)
 _LONGEST = 80  # characters of a refused value in a message
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument", "invalid_key")
 _RAISED = ("value_error", "assertion_error")  # by a validator of a model: its message says it all
@@ -73,6 +74,27 @@ def parse(kind: type[T] | TypeAdapter[T], data: object, where: str) -> T:
     except ValidationError as error:
         problem = _problem(kind, data, error.errors(include_url=False))
     raise UserError(f"{where}: {problem}")
+
+
+def problems_of(model: type[M], data: Mapping[str, object]) -> tuple[M, list[str]]:
+    """Validate a mapping key by key and describe all problems, not only the first.
+
+    Args:
+        model: a model all of whose fields have defaults.
+        data: known keys only; validators of the whole model must not refuse what its fields accept.
+
+    Returns:
+        The model of all valid keys, with the defaults for the others, and one line per invalid key.
+    """
+    try:
+        return model.model_validate(dict(data)), []
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+    by_key: dict[int | str, list[ErrorDetails]] = {}
+    for detail in errors:
+        by_key.setdefault(detail["loc"][0], []).append(detail)
+    lines = [_problem(model, data, details) for details in by_key.values()]
+    return model.model_validate({key: value for key, value in data.items() if key not in by_key}), lines
 
 
 def _adapter(kind: type[T] | TypeAdapter[T]) -> TypeAdapter[T]:
@@ -148,7 +170,7 @@ def _expected(error: ErrorDetails) -> str:
             return "a finite number"
         case "bool_type" | "bool_parsing":
             return "true or false"
-        case "string_type":
+        case "string_type" | "string_unicode":
             return "text"
         case "none_required":
             return "nothing"
@@ -183,11 +205,15 @@ def _expected(error: ErrorDetails) -> str:
 
 def _hint(error: ErrorDetails) -> str:
     words = str(error["ctx"]["expected"]).replace(" or ", ", ").split(", ")
-    return meant(str(error["input"]), [word.strip("'") for word in words])
+    value = error["input"]
+    return meant(value, [word.strip("'") for word in words]) if isinstance(value, str) else ""
 
 
 def _shown(value: object) -> str:
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number of thousands of digits
+        text = f"a {type(value).__name__}"
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 

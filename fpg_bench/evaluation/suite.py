@@ -237,6 +237,16 @@ class _SuiteFile(Strict):
     scale: _ScaleFile | None = None
     season: str = SEASON
 
+    def check_shipped(self) -> None:
+        """Refuse names of code of one's own (``a:b``), and paths that lead out of the package."""
+        names = [self.opponent]
+        for rival in self.rivals:
+            for players in (rival.ally, rival.opponent, rival.planner):
+                names += [players] if isinstance(players, str) else players or ()
+        for name in names:
+            if not _SHIPPED.fullmatch(name):
+                raise UserError(f"{name!r}: a board plays scripts and agents of the package alone; name one")
+
     def build(self, name: str) -> Suite:
         """Return the suite; raises UserError for a value that cannot be played."""
         scenario = as_scenario(
@@ -305,22 +315,15 @@ def load_suite(name: str, side: str | None = None, shipped: bool = False) -> Sui
         verb = "plan compare" if content.side == PLANNER else "evaluate"
         raise UserError(f"suite {name}: measures the {content.side}, not the {side}; write fpg-bench {verb}")
     try:
+        if shipped:
+            content.check_shipped()  # before any player's file is read
         suite = content.build(path.stem)
         for rival in suite.rivals:
-            if shipped:
-                _check_shipped(suite, rival)
             flier = suite.opponent if suite.side == PLANNER else None
             _check_players(suite.other_side, rival, flier, identity(flier or ""))
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
     return suite
-
-
-def _check_shipped(suite: Suite, rival: Rival) -> None:
-    """Refuse a rival that is named by code of its own (``a:b``), or by a path that leads out."""
-    for name in (*rival.players, rival.planner or "none", suite.opponent):
-        if not _SHIPPED.fullmatch(name):
-            raise UserError(f"{name!r}: a board plays scripts and agents of the package alone; name one")
 
 
 @functools.lru_cache(maxsize=512)

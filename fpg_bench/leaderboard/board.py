@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 
 from fpg_bench.common.errors import nearest
 from fpg_bench.common.parallel import outcome_of
-from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey, current_season
+from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey
 from fpg_bench.evaluation.statistics import (
     FEW_SEEDS,
     TRAINING_SEEDS,
@@ -26,15 +26,31 @@ from fpg_bench.evaluation.statistics import (
 from fpg_bench.evaluation.suite import Scale
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import learning_curve, over_rounds
-from fpg_bench.leaderboard.cases import Case, case_of, entered, result_file, submission_folders
-from fpg_bench.leaderboard.crossplay import WITHIN
-from fpg_bench.leaderboard.folder import brief
-from fpg_bench.leaderboard.pairs import Pair, Pairs, fully_played, pair_key, players_of, read_pairs
+from fpg_bench.leaderboard.crossplay import (
+    WITHIN,
+    Pair,
+    Pairs,
+    fully_played,
+    pair_key,
+    players_of,
+    read_pairs,
+)
+from fpg_bench.leaderboard.folders import TRACKS as FOLDERS
+from fpg_bench.leaderboard.folders import brief, result_file, submission_folders
 from fpg_bench.leaderboard.ranking import improvements, nash, profiles
 from fpg_bench.leaderboard.result import Result, rounded
 from fpg_bench.leaderboard.submission import Submission, Training
-from fpg_bench.leaderboard.submission_file import TRACKS as FOLDERS
-from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, TRACKS, UNSEEN, Track, ranked_by
+from fpg_bench.leaderboard.tracks import (
+    PUBLIC,
+    PUBLIC_SEEDS,
+    SHIFTED,
+    TRACKS,
+    UNSEEN,
+    Track,
+    TrackSuites,
+    ranked_by,
+)
+from fpg_bench.leaderboard.verification import Case, case_of, entered
 from fpg_bench.players.player import SIDES
 from fpg_bench.version import __version__
 
@@ -65,7 +81,7 @@ class BoardSuite:
     """A suite that the entries of a track play.
 
     Attributes:
-        role: see :meth:`fpg_bench.leaderboard.tracks.Track.suites`.
+        role: see :meth:`fpg_bench.leaderboard.tracks.TrackSuites.of`.
         rounds: against each rival, per training seed.
         rivals: their names.
     """
@@ -361,10 +377,12 @@ def make_board(
     Raises:
         UserError: no such folder, or a file of it that cannot be read.
     """
-    folder, season = Path(folder), current_season()
-    shown = _read_submissions(folder, say)
+    folder, suites = Path(folder), TrackSuites()
+    season = suites.season
+    shown = _read_submissions(folder, suites, say)
     pairs = read_pairs(folder, players_of([item.case for item in shown if item.case is not None]), say=say)
-    tracks = tuple(_make_track(shown, track, list(pairs.known.values()), season) for track in TRACKS.values())
+    results = list(pairs.results.values())
+    tracks = tuple(_make_track(shown, track, suites, results) for track in TRACKS.values())
     return Board(
         version=__version__,
         protocol=PROTOCOL,
@@ -375,7 +393,7 @@ def make_board(
     )
 
 
-def _read_submissions(board: Path, say: Callable[[str], None]) -> list[_Shown]:
+def _read_submissions(board: Path, suites: TrackSuites, say: Callable[[str], None]) -> list[_Shown]:
     shown: list[_Shown] = []
     for path in sorted((board / "submissions").glob("[!.]*/")):
         if path.name not in FOLDERS:
@@ -385,40 +403,40 @@ def _read_submissions(board: Path, say: Callable[[str], None]) -> list[_Shown]:
         if not result_file(board, folder.parent.name, folder.name).exists():
             say(f"{name}: left out: has no result; make it: fpg-bench submit run {brief(folder)}")
             continue
-        read = outcome_of(partial(entered, board, folder, contract=False))
+        read = outcome_of(partial(entered, board, folder, contract=False, suites=suites))
         if read.error is not None:
             say(f"{name}: left out: {read.error}")  # nothing of it can be trusted, not even its name
             continue
-        item = _with_case(board, read.result)
+        item = _with_case(board, read.result, suites)
         shown.append(item)
         if item.reason is not None:
             say(f"{name}: not verified: {item.reason}")
     return shown
 
 
-def _with_case(board: Path, submission: Submission) -> _Shown:
-    read = outcome_of(partial(case_of, board, submission))
+def _with_case(board: Path, submission: Submission, suites: TrackSuites) -> _Shown:
+    read = outcome_of(partial(case_of, board, submission, suites=suites))
     if read.error is not None:
         return _Shown(submission, None, read.error)
     case: Case = read.result
-    if case.known is None or case.known.verified:
+    if case.result is None or case.result.reason is None:
         return _Shown(submission, case, None)
-    reason = case.known.head["reason"][:_LONGEST_REASON]
+    reason = case.result.reason[:_LONGEST_REASON]
     return _Shown(submission, None, "".join(c if c.isprintable() else " " for c in reason))
 
 
 def _make_track(
-    shown: Iterable[_Shown], track: Track, pairs: Sequence[Pair], season: SeasonKey | None
+    shown: Iterable[_Shown], track: Track, loader: TrackSuites, pairs: Sequence[Pair]
 ) -> BoardTrack:
-    suites = track.suites()
+    suites = loader.of(track)
     role = ranked_by(suites)
     items = [
         item for item in shown if (item.submission.track, item.submission.path) == (track.side, track.path)
     ]
     verified = [
-        _Verified(item.submission, item.case.known, item.case.known.summaries(item.case.suites))
+        _Verified(item.submission, item.case.result, item.case.result.summaries(item.case.suites))
         for item in items
-        if item.case is not None and item.case.known is not None
+        if item.case is not None and item.case.result is not None
     ]
     ranked = sorted(
         (item for item in verified if role in item.summaries),
@@ -437,7 +455,7 @@ def _make_track(
                 worst_case(item.slug, track.side, item.summaries, pairs),
                 rank=ranks.get(item.slug),
                 seeds_gap=gaps.get(item.slug),
-                is_late=_is_late(item.submission, season),
+                is_late=_is_late(item.submission, loader.season),
             ),
         )
         for item in verified
@@ -452,7 +470,7 @@ def _make_track(
             BoardSuite(role, suite.name, suite.hash, suite.rounds, tuple(c.name for c in suite.rivals))
             for role, suite in suites.items()
         ),
-        scale=track.suite.scale,
+        scale=loader.public(track).scale,
         entries=tuple(sorted(entries, key=_place)),
         improvement=_make_improvement(ranking),
         profiles=_make_profiles(ranking),
@@ -557,7 +575,7 @@ def _make_figures(
         lost=sum(record.lost for record in played),
         rounds=sum(len(record.returns) for record in played),
         planner=_make_planner_figures(public, item.result),
-        fingerprint=item.result.fingerprint,
+        fingerprint=item.result.fingerprint.to_dict(),
     )
 
 
@@ -569,14 +587,14 @@ def _make_units(summary: Summary) -> Units:
 
 def _make_planner_figures(public: Summary, result: Result) -> PlannerFigures | None:
     plans = public.pooled.plans
-    if plans is None:
+    facts = result.fingerprint.planner
+    if plans is None or facts is None:
         return None
-    facts = result.fingerprint["planner"]
     return PlannerFigures(
-        tier=facts["tier"],
-        model=facts.get("model"),
-        runs=facts.get("runs"),
-        season=facts.get("season"),
+        tier=facts.tier,
+        model=facts.model,
+        runs=facts.runs,
+        season=facts.season,
         score_all=_score(over_rounds(public, slice(None))),
         curve=tuple(map(_score, learning_curve(public))),
         valid=plans.valid,
@@ -644,7 +662,7 @@ def _make_crossplay(pairs: Pairs) -> CrossPlay | None:
     allies, opponents = fully_played(pairs)
     if not allies or not opponents:
         return None
-    played = [[pairs.known[pair_key(a, o, pairs.rounds)] for o in opponents] for a in allies]
+    played = [[pairs.results[pair_key(a, o, pairs.rounds)] for o in opponents] for a in allies]
     returns = {side: [[_short(pair.reward(side)) for pair in row] for row in played] for side in SIDES}
     half = {side: [[_half(pair, side) for pair in row] for row in played] for side in SIDES}
     jammed = [[pair.jamming_success_rate for pair in row] for row in played]

@@ -1,7 +1,7 @@
-"""What is not as it was at a revision: nothing of it is believed, it is played by who verifies, or named.
+"""Changes since a trusted git revision: changed entries are played again, other changed files are named.
 
-Files are compared by their bytes on the disk with what git keeps of the revision; neither the index nor
-attributes, filters or links decide what is looked at.
+The bytes on the disk are compared with the blobs of the revision. The index, attributes, filters and links do
+not influence which files are compared.
 """
 
 from __future__ import annotations
@@ -16,19 +16,18 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row
 from fpg_bench.common.strict_json import read_object
-from fpg_bench.leaderboard.pairs import crossplay_file
-from fpg_bench.leaderboard.submission import TRACKS
+from fpg_bench.leaderboard.folders import TRACKS, crossplay_file
 
 _NO_FILE = "no plain file"
 
 
 @dataclass(frozen=True)
 class Changes:
-    """What is other than it was, came, or went.
+    """Files that were changed, added or removed.
 
     Attributes:
-        entries: ``track/name`` of those whose submission or result it is.
-        others: files that are no entry's and not the pairs', from the top of the checkout, sorted.
+        entries: ``track/name`` of the entries whose submission or result changed.
+        others: all other files but that of cross-play, relative to the top of the checkout, sorted.
     """
 
     entries: frozenset[str] = frozenset()
@@ -36,7 +35,7 @@ class Changes:
 
 
 def changed_entries(board: Path, revision: str) -> Changes:
-    """What is not as it was at a revision of git.
+    """Return the changes since a git revision.
 
     Raises:
         UserError: no such revision, or a board that lies in no checkout, in a submodule or behind a link.
@@ -56,7 +55,7 @@ def changed_entries(board: Path, revision: str) -> Changes:
 
 
 def pairs_at(board: Path, revision: str) -> list[Row]:
-    """The rows of cross-play at a revision of git; none where there was no such file.
+    """Return the rows of cross-play at a git revision; none if there was no such file.
 
     Raises:
         UserError: as :func:`changes_since` does.
@@ -68,7 +67,7 @@ def pairs_at(board: Path, revision: str) -> list[Row]:
 
 
 def _checkout(board: Path) -> Path:
-    """The top of the checkout that a board lies in, with no link and no other repository in between."""
+    """Return the top of the checkout that a board lies in, without links or submodules in between."""
     top = Path(_git(board, "rev-parse", "--show-toplevel").removesuffix("\n")).resolve()
     if _git(board, "rev-parse", "--show-superproject-working-tree").strip():
         raise UserError(f"since: {board} lies in a submodule, whose history is its own; name no such board")
@@ -90,13 +89,13 @@ def _commit(board: Path, revision: str) -> str:
 
 
 def _kept(top: Path, commit: str) -> dict[str, str]:
-    """The hashes of all files of a commit, by path."""
+    """Return the hashes of all files of a commit, by path."""
     rows = _git(top, "ls-tree", "-r", "-z", "--full-tree", commit).split("\0")
-    return {path: told.split(" ")[2] for told, _, path in (row.partition("\t") for row in rows) if told}
+    return {path: meta.split(" ")[2] for meta, _, path in (row.partition("\t") for row in rows) if meta}
 
 
 def _there(board: Path) -> Iterator[Path]:
-    """All that lies in a board's submissions and results, whatever git is told to overlook."""
+    """Yield all files in a board's submissions and results, whatever git is told to ignore."""
     for home in (board.resolve() / "submissions", board.resolve() / "results"):
         for folder, folders, files in os.walk(home):
             links = [name for name in folders if (Path(folder) / name).is_symlink()]
@@ -104,10 +103,10 @@ def _there(board: Path) -> Iterator[Path]:
 
 
 def _blob(file: Path, commit: str) -> str | None:
-    """The hash that git gives to a file's bytes; None where nothing is.
+    """Return git's hash of a file's bytes; None if there is nothing.
 
-    A link, what lies behind one, another repository and whatever else is no plain file have no hash of a
-    commit's file, and so are never as they were, nor as nothing was.
+    Links, files behind links, other repositories and everything else that is no plain file get a value that
+    equals no hash and not None, so that they always count as changed.
     """
     try:
         if not os.path.lexists(file):
@@ -122,7 +121,7 @@ def _blob(file: Path, commit: str) -> str | None:
 
 
 def _entry(path: Path, home: Path) -> str | None:
-    """Whose a file of a checkout is; None where it is no entry's of the board."""
+    """Return the entry that a file of a checkout belongs to, ``track/name``; None if there is none."""
     parts = path.relative_to(home).parts if path.is_relative_to(home) else ()
     if len(parts) < 3 or parts[0] not in ("submissions", "results") or parts[1] not in TRACKS:
         return None
@@ -130,12 +129,12 @@ def _entry(path: Path, home: Path) -> str | None:
     return None if name.startswith(".") else f"{parts[1]}/{name}"
 
 
-def _git(folder: Path, *words: str) -> str:
+def _git(folder: Path, *arguments: str) -> str:
     try:
-        found = subprocess.run(["git", "-C", str(folder), *words], capture_output=True, check=False)
+        done = subprocess.run(["git", "-C", str(folder), *arguments], capture_output=True, check=False)
     except OSError as error:
         raise UserError(f"since: git cannot be run: {error.strerror}") from error
-    if found.returncode:
-        said = " ".join(found.stderr.decode("utf-8", "replace").split()) or "no such revision"
-        raise UserError(f"since: {said}")
-    return os.fsdecode(found.stdout)
+    if done.returncode:
+        message = " ".join(done.stderr.decode("utf-8", "replace").split()) or "no such revision"
+        raise UserError(f"since: {message}")
+    return os.fsdecode(done.stdout)

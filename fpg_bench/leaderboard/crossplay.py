@@ -1,49 +1,230 @@
-"""Cross-play: every ally of the board against every opponent, on the same chance, by both sides' returns."""
+"""Cross-play: every verified ally of the board against every verified opponent, on the same seeds."""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import math
 import random
 import shutil
-from collections.abc import Callable, Collection, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Gt, Le, Len, Lt
 
+from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.parallel import Workers, folder_job, run_jobs
+from fpg_bench.common.parallel import Workers, folder_job, outcome_of, run_jobs
 from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.play import LOST_SCORE
 from fpg_bench.evaluation.rounds import make_match as match_of
 from fpg_bench.evaluation.rounds import play_round
-from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
+from fpg_bench.evaluation.suite import Scale
+from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.leaderboard.cases import at_work, check_share, work_folder
-from fpg_bench.leaderboard.pairs import (
-    ROUNDS,
-    BoardEntry,
-    Pair,
-    Pairs,
-    crossplay_file,
-    pair_key,
-    pair_of,
-    players_of_board,
-    read_pairs,
-)
-from fpg_bench.leaderboard.playing import FAILED, Part, make_match
+from fpg_bench.leaderboard.folders import at_work, crossplay_file, submission_folders, work_folder
+from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, running_player
 from fpg_bench.leaderboard.result import rounded
 from fpg_bench.leaderboard.sandbox import PolicyFailed
+from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
+from fpg_bench.leaderboard.verification import Case, check_share, make_case
 from fpg_bench.players.agent import OnnxPlayer
-from fpg_bench.players.player import Player
+from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.registry import as_player
 
+ROUNDS = 100
+WITHIN = 0.005  # of a rate, and of the distance from 0 to 100, when a pair is played again
 _ALONE = Workers()
-WITHIN = 0.005  # of a rate, and of the distance from 0 to 100, when it is played again
+
+_Rewards = Annotated[Items[Annotated[float, Gt(-1e6), Lt(1e6)]], Len(1)]
+
+
+# Entries and pairs
+
+
+@dataclass(frozen=True)
+class CrossplayEntry:
+    """A verified entry that plays a side.
+
+    Attributes:
+        slug: its name in its track.
+        side: ``ally`` or ``opponent``.
+        parts: its training seeds, or its script.
+        scenario: its game; a pair plays that of the opponent.
+        scale: of its track.
+        season: the season of the seeds.
+    """
+
+    slug: str
+    side: str
+    parts: tuple[Part, ...]
+    scenario: Scenario
+    scale: Scale
+    season: str
+
+    @cached_property
+    def identity(self) -> list[str]:
+        """Fingerprints of its parts, which decide how it plays."""
+        return [part.fingerprint for part in self.parts]
+
+    @cached_property
+    def scenario_hash(self) -> str:
+        """Hash of its game."""
+        return self.scenario.hash
+
+
+class Pair(Strict):
+    """Result of a pair.
+
+    Attributes:
+        ally, opponent: their names in their tracks.
+        key: see :func:`pair_key`.
+        rounds: number of rounds.
+        ally_rewards, opponent_rewards: return per step of each training seed of a side.
+        jamming_success_rate: over all rounds.
+        lost: number of rounds lost by an invalid answer, ``(ally's, opponent's)``.
+    """
+
+    ally: str
+    opponent: str
+    key: str
+    rounds: PositiveInt
+    ally_rewards: _Rewards
+    opponent_rewards: _Rewards
+    jamming_success_rate: Annotated[float, Ge(0), Le(1)]
+    lost: Annotated[Items[NonNegativeInt], Len(2, 2)]
+
+    def rewards(self, side: str) -> tuple[float, ...]:
+        """Return the return per step of each training seed of a side."""
+        return self.ally_rewards if side == "ally" else self.opponent_rewards
+
+    def reward(self, side: str) -> float:
+        """Return a side's return per step."""
+        return float(np.mean(self.rewards(side)))
+
+    def is_of(self, ally: CrossplayEntry, opponent: CrossplayEntry) -> bool:
+        """Return whether it is of these two entries, and of as many training seeds as they have."""
+        names = (self.ally, self.opponent) == (ally.slug, opponent.slug)
+        seeds = len(self.ally_rewards), len(self.opponent_rewards)
+        return names and seeds == (len(ally.parts), len(opponent.parts))
+
+
+def read_pair(row: Row) -> Pair | None:
+    """Return the pair of an untrusted row; None if it is none, or of an older protocol."""
+    try:
+        return parse(Pair, row, "pair")
+    except UserError:
+        return None
+
+
+def players_of_board(board: Path) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
+    """Return the verified allies and opponents of a board, by name; others are left out."""
+    suites, cases = TrackSuites(), []
+    for folder in submission_folders(board):
+        if folder.parent.name in SIDES:
+            read = outcome_of(partial(make_case, board, folder, suites=suites))
+            cases += [read.result] if read.error is None else []  # submit verify says what is wrong
+    return players_of(cases)
+
+
+def players_of(cases: Iterable[Case]) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
+    """Return the allies and opponents among cases whose results are verified."""
+    entries = [
+        _board_entry(case)
+        for case in cases
+        if case.result is not None and case.result.verified and case.submission.track in SIDES
+    ]
+    allies, opponents = ([entry for entry in entries if entry.side == side] for side in SIDES)
+    return allies, opponents
+
+
+def _board_entry(case: Case) -> CrossplayEntry:
+    public, submission = case.suites[PUBLIC], case.submission
+    scenario = public.rivals[0].scenario  # the rivals of an opponent all play on one path
+    parts = tuple(parts_of(submission))
+    return CrossplayEntry(submission.slug, submission.track, parts, scenario, public.scale, public.season)
+
+
+def pair_key(ally: CrossplayEntry, opponent: CrossplayEntry, rounds: int) -> str:
+    """Return a hash of everything that decides a pair's result, as 16 hexadecimal digits."""
+    content = [ally.identity, opponent.identity, opponent.scenario_hash, PROTOCOL, ally.season, rounds]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """The allies and opponents of a board, by name, and the results of their pairs.
+
+    Attributes:
+        allies, opponents: the entries.
+        results: by :func:`pair_key`.
+        is_clean: true if the file holds nothing else.
+        rounds: of each pair.
+    """
+
+    allies: list[CrossplayEntry]
+    opponents: list[CrossplayEntry]
+    results: Mapping[str, Pair]
+    is_clean: bool = True
+    rounds: int = ROUNDS
+
+    def every(self) -> Iterator[tuple[str, CrossplayEntry, CrossplayEntry]]:
+        """Yield all pairs with their keys, ally by ally."""
+        for ally in self.allies:
+            for opponent in self.opponents:
+                yield pair_key(ally, opponent, self.rounds), ally, opponent
+
+
+def read_pairs(
+    board: Path,
+    players: tuple[list[CrossplayEntry], list[CrossplayEntry]],
+    rounds: int = ROUNDS,
+    say: Callable[[str], None] = lambda record: None,
+) -> Pairs:
+    """Read the results of pairs of these players; all other lines are left out.
+
+    Args:
+        board: the leaderboard's folder.
+        players: allies and opponents.
+        rounds: of each pair.
+        say: called with a line if lines of the file are left out.
+
+    Raises:
+        UserError: the file cannot be read.
+    """
+    file, bad = crossplay_file(board), list[str]()
+    rows = RowFile(file).read(bad.append)
+    sound = [pair for pair in map(read_pair, rows) if pair is not None]
+    if count := len(bad) + len(rows) - len(sound):
+        say(f"{file}: {count} lines are no pair's, or an older protocol's, and left out")
+    wanted = {key: (a, o) for key, a, o in Pairs(*players, {}, rounds=rounds).every()}
+    results = {pair.key: pair for pair in sound if pair.key in wanted and pair.is_of(*wanted[pair.key])}
+    return Pairs(*players, results, not bad and len(results) == len(rows), rounds)
+
+
+def fully_played(pairs: Pairs) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
+    """Remove the player with the largest share of missing pairs until no pair is missing."""
+    allies, opponents = list(pairs.allies), list(pairs.opponents)
+    keys = [[pair_key(a, o, pairs.rounds) for o in opponents] for a in allies]
+    there = np.array([[key in pairs.results for key in row] for row in keys], bool)
+    while not there.all():
+        of_ally, of_opponent = there.mean(axis=1), there.mean(axis=0)
+        axis = 0 if of_ally.min() <= of_opponent.min() else 1
+        worst = int((of_ally, of_opponent)[axis].argmin())
+        (allies, opponents)[axis].pop(worst)
+        there = np.delete(there, worst, axis)
+    return allies, opponents
+
+
+# Boards
 
 
 def play_missing(
@@ -52,40 +233,43 @@ def play_missing(
     rounds: int = ROUNDS,
     trusted: Collection[Row] | None = None,
     say: Callable[[str], None] = print,
-    **workers: Any,
+    jobs: int = 1,
+    backend: str = "loky",
+    address: str | None = None,
 ) -> list[str]:
-    """Play the pairs of a board that have no figure yet; those of players that are gone are dropped.
+    """Play the pairs of a board that have no result yet; results of entries that are gone are dropped.
 
     Args:
         board: the leaderboard's folder.
-        rounds: of each pair, dealt out evenly to the training seeds of both.
-        trusted: the rows that are believed; all others are played again and replaced. None: all are.
-        say: told how it goes.
-        **workers: how many allies play at once, and where; see :class:`fpg_bench.common.parallel.Workers`.
+        rounds: of each pair, distributed evenly over the training seeds of both.
+        trusted: trusted rows; all others are played again and replaced. None: all are trusted.
+        say: called with lines of progress.
+        jobs: number of allies that play at once.
+        backend: ``loky`` or ``ray``; see :func:`fpg_bench.common.parallel.run_jobs`.
+        address: of a Ray cluster.
 
     Returns:
-        What could not be played, and which untrusted rows did not hold, one line each.
+        Pairs that could not be played, and untrusted rows that did not hold, one line each.
     """
     board = Path(board)
     pairs = read_pairs(board, players_of_board(board), rounds, say)
-    believed = None if trusted is None else set(map(pair_of, trusted))
-    known = {key: pair for key, pair in pairs.known.items() if believed is None or pair in believed}
-    missing = [(a, o) for key, a, o in pairs.every() if key not in known]
+    believed = None if trusted is None else set(map(read_pair, trusted))
+    results = {key: pair for key, pair in pairs.results.items() if believed is None or pair in believed}
+    missing = [(a, o) for key, a, o in pairs.every() if key not in results]
     say(f"crossplay: {len(missing)} of {len(pairs.allies) * len(pairs.opponents)} pairs to play")
     with at_work(board):
-        played, failed = _play(board, missing, rounds, Workers(**workers))
-    known |= {pair.key: pair for pair in played}
-    differing = _differing(played, pairs)
-    failed += [f"{record}; replaced, commit this one" for record in differing]
-    if missing or not pairs.whole:
-        rows = [known[key].row() for key, _, _ in pairs.every() if key in known]
+        played, failed = _play(board, missing, rounds, Workers(jobs, backend, address))
+    results |= {pair.key: pair for pair in played}
+    failed += [f"{record}; replaced, commit this one" for record in _differences(played, pairs)]
+    if missing or not pairs.is_clean:
+        rows = [results[key].model_dump() for key, _, _ in pairs.every() if key in results]
         records = [json.dumps(row, separators=(",", ":")) + "\n" for row in rows]
         write_whole(crossplay_file(board), "".join(records))
     return failed
 
 
 def check_pairs(board: str | Path, share: float, seed: int) -> list[str]:
-    """Play some pairs again, drawn at random; what differs, one line each.
+    """Play some pairs again, drawn at random, and return what differs, one line each.
 
     Args:
         board: the leaderboard's folder.
@@ -98,53 +282,56 @@ def check_pairs(board: str | Path, share: float, seed: int) -> list[str]:
     check_share(share)
     board = Path(board)
     pairs = read_pairs(board, players_of_board(board))
-    there = [(a, o) for key, a, o in pairs.every() if key in pairs.known]
+    there = [(a, o) for key, a, o in pairs.every() if key in pairs.results]
     drawn = random.Random(seed).sample(there, math.ceil(share * len(there)))
     with at_work(board):
         played, failed = _play(board, drawn, pairs.rounds)
-    return failed + _differing(played, pairs)
+    return failed + _differences(played, pairs)
 
 
-def _differing(played: Sequence[Pair], pairs: Pairs) -> list[str]:
-    """What differs of pairs that were played again, one line each; those that are new are passed over."""
+def _differences(played: Sequence[Pair], pairs: Pairs) -> list[str]:
+    """Return what differs of pairs that were played again, one line each; new pairs are passed over."""
     both = {key: players for key, *players in pairs.every()}
     return [
-        f"{now.ally} - {now.opponent}: {what} {value:.4f}, the figure says {before:.4f}"
+        f"{now.ally} - {now.opponent}: {name} {value:.4f}, the figure says {before:.4f}"
         for now in played
-        if now.key in pairs.known
-        for what, value, before, most in _compared(now, pairs.known[now.key], both[now.key])
+        if now.key in pairs.results
+        for name, value, before, most in _compared(now, pairs.results[now.key], both[now.key])
         if abs(value - before) > most
     ]
 
 
 def _compared(
-    now: Pair, then: Pair, players: Sequence[BoardEntry]
+    now: Pair, then: Pair, players: Sequence[CrossplayEntry]
 ) -> Iterator[tuple[str, float, float, float]]:
-    """What is compared of a pair: its name, both values, and how far they may be apart."""
+    """Yield the figures of a pair: the name, both values, and how far they may differ."""
     yield "jammed", now.jamming_success_rate, then.jamming_success_rate, WITHIN
-    for who in players:
-        most = WITHIN * (who.scale.top - who.scale.zero)
-        yield f"{who.side}'s return a step", now.reward(who.side), then.reward(who.side), most
+    for player in players:
+        most = WITHIN * (player.scale.top - player.scale.zero)
+        yield f"{player.side}'s return a step", now.reward(player.side), then.reward(player.side), most
 
 
 def _play(
-    board: Path, pairs: Sequence[tuple[BoardEntry, BoardEntry]], rounds: int, workers: Workers = _ALONE
+    board: Path,
+    pairs: Sequence[tuple[CrossplayEntry, CrossplayEntry]],
+    rounds: int,
+    workers: Workers = _ALONE,
 ) -> tuple[list[Pair], list[str]]:
-    """Play pairs, an ally's after one another: their figures, and what failed."""
+    """Play pairs, one job per ally; return their results, and what failed."""
     work = work_folder(board) / "crossplay"
     jobs, folders = [], []
     for ally in {a.slug: a for a, _ in pairs}.values():
-        others = [o for a, o in pairs if a is ally]
-        folder, keys = work / ally.slug, {pair_key(ally, o, rounds) for o in others}
-        fill, done = partial(_fill, ally, others, rounds), partial(_is_done, folder, keys)
-        jobs.append(folder_job(ally.slug, folder, fill, done))
+        opponents = [o for a, o in pairs if a is ally]
+        folder, keys = work / ally.slug, {pair_key(ally, o, rounds) for o in opponents}
+        run, done = partial(_fill, ally, opponents, rounds), partial(_is_done, folder, keys)
+        jobs.append(folder_job(ally.slug, folder, run, done))
         folders.append((folder, keys))
     failed = run_jobs(jobs, workers.jobs, workers.backend, workers.address, say=None)
     rows = [row for folder, keys in folders for row in _rows(folder) if row["key"] in keys]
     shutil.rmtree(work, ignore_errors=True)
     lost = [f"{row['ally']} - {row['opponent']}: {row[FAILED]}" for row in rows if FAILED in row]
-    played = [pair for pair in map(pair_of, rows) if pair is not None]
-    return played, lost + [f"{name}: {why}" for name, why in failed.items()]
+    played = [pair for pair in map(read_pair, rows) if pair is not None]
+    return played, lost + [f"{name}: {error}" for name, error in failed.items()]
 
 
 def _rows(folder: Path) -> list[Row]:
@@ -155,25 +342,28 @@ def _is_done(folder: Path, keys: set[str]) -> bool:
     return keys <= {row["key"] for row in _rows(folder)}
 
 
-def _fill(ally: BoardEntry, opponents: list[BoardEntry], rounds: int, folder: Path) -> None:
-    """Play an ally against opponents into a folder, a line each as it ends."""
+def _fill(ally: CrossplayEntry, opponents: list[CrossplayEntry], rounds: int, folder: Path) -> None:
+    """Play an ally against opponents into a folder, one row each."""
     there = {row["key"] for row in _rows(folder)}
     for opponent in opponents:
         key = pair_key(ally, opponent, rounds)
         if key in there:
             continue
         try:
-            row = play_pair(ally, opponent, rounds).row()
+            row = play_pair(ally, opponent, rounds).model_dump()
         except PolicyFailed as error:
             row = {"ally": ally.slug, "opponent": opponent.slug, "key": key, FAILED: str(error)}
         RowFile(folder / "pairs.jsonl").append([row])
 
 
-def play_pair(ally: BoardEntry, opponent: BoardEntry, rounds: int = ROUNDS) -> Pair:
+# Playing a pair
+
+
+def play_pair(ally: CrossplayEntry, opponent: CrossplayEntry, rounds: int = ROUNDS) -> Pair:
     """Play one pair: all combinations of both sides' training seeds, equally often.
 
-    A round that a side loses by an answer that is none counts as jammed throughout where it is the ally's,
-    and as never jammed where it is the opponent's; its return is that of a lost round in its track.
+    A round that a side loses by an invalid answer counts as jammed throughout if it is the ally's, and as
+    never jammed if it is the opponent's. Its return is that of a lost round in its track.
     """
     games = np.arange(rounds)
     of_ally = games % len(ally.parts)
@@ -185,44 +375,44 @@ def play_pair(ally: BoardEntry, opponent: BoardEntry, rounds: int = ROUNDS) -> P
     rates = duel.batch.tallies["jammed"] / duel.batch.tallies["steps"]
     rates[lost[0] & ~lost[1]], rates[lost[1] & ~lost[0]] = 1.0, 0.0
     return Pair(
-        ally.slug,
-        opponent.slug,
-        pair_key(ally, opponent, rounds),
-        rounds,
-        _rewards(duel, ally, lost[0], of_ally),
-        _rewards(duel, opponent, lost[1], of_opponent),
-        _figure(rates.mean()),
-        (int(lost[0].sum()), int(lost[1].sum())),
+        ally=ally.slug,
+        opponent=opponent.slug,
+        key=pair_key(ally, opponent, rounds),
+        rounds=rounds,
+        ally_rewards=_rewards(duel, ally, lost[0], of_ally),
+        opponent_rewards=_rewards(duel, opponent, lost[1], of_opponent),
+        jamming_success_rate=_finite(rates.mean()),
+        lost=(int(lost[0].sum()), int(lost[1].sum())),
     )
 
 
 def _rewards(
-    duel: TwoPlayerBatch, who: BoardEntry, lost: np.ndarray, runners: np.ndarray
+    duel: TwoPlayerBatch, entry: CrossplayEntry, lost: np.ndarray, runners: np.ndarray
 ) -> tuple[float, ...]:
-    """The return a step of each of a side's parts."""
-    found = duel.batch.tallies[f"{who.side}_return"] / duel.batch.tallies["steps"]
-    found[lost] = min([who.scale.reward(LOST_SCORE), *found[~lost]])
-    return tuple(_figure(found[runners == k].mean()) for k in range(len(who.parts)))
+    """Return the return per step of each of a side's parts."""
+    rewards = duel.batch.tallies[f"{entry.side}_return"] / duel.batch.tallies["steps"]
+    rewards[lost] = min([entry.scale.reward(LOST_SCORE), *rewards[~lost]])
+    return tuple(_finite(rewards[runners == k].mean()) for k in range(len(entry.parts)))
 
 
-def _figure(value: float) -> float:
-    found = rounded(float(value))
-    assert found is not None  # a mean of finite numbers
-    return found
+def _finite(value: float) -> float:
+    number = rounded(float(value))
+    assert number is not None  # a mean of finite numbers
+    return number
 
 
 @contextlib.contextmanager
-def _team(who: BoardEntry, runners: np.ndarray, duel: TwoPlayerBatch) -> Iterator[Team]:
+def _team(entry: CrossplayEntry, runners: np.ndarray, duel: TwoPlayerBatch) -> Iterator[Team]:
     with contextlib.ExitStack() as stack:
-        plays = [stack.enter_context(_player(part)) for part in who.parts]
-        yield Team([as_player(player, who.side, duel.scenario) for player in plays], runners)
+        plays = [stack.enter_context(_player(part)) for part in entry.parts]
+        yield Team([as_player(player, entry.side, duel.scenario) for player in plays], runners)
 
 
 def _player(part: Part) -> contextlib.AbstractContextManager[Any]:
-    """A part as a player; what the package ships needs no process of its own, which saves time."""
+    """Return a part as a player; agents of the package need no process of their own, which saves time."""
     if part.shipped and not isinstance(part.plays, str):
         return contextlib.nullcontext(OnnxPlayer(part.plays.model, part.plays.about))
-    return make_match(part.plays)
+    return running_player(part.plays)
 
 
 class Team:
@@ -230,7 +420,7 @@ class Team:
 
     Args:
         players: the members.
-        seats: ``(n,)`` which of them plays each game.
+        seats: ``(n,)`` the member that plays each game.
     """
 
     def __init__(self, players: Sequence[Player], runners: np.ndarray) -> None:
@@ -238,7 +428,7 @@ class Team:
         self._members = [(player, games) for player, games in self._members if len(games)]
 
     def reset(self, mask: np.ndarray, seeds: np.ndarray) -> None:
-        """Hand the masked games' seeds to the members that draw."""
+        """Pass the masked games' seeds on to the members that draw."""
         for player, games in self._members:
             if hasattr(player, "reset"):
                 player.reset(mask[games], seeds[games])
@@ -261,8 +451,8 @@ class Team:
 
     @property
     def invalid(self) -> np.ndarray:
-        """``(n,)`` bool: the games whose present round a member has lost by an answer that is none."""
-        found = np.zeros(sum(len(games) for _, games in self._members), bool)
+        """``(n,)`` bool: games whose current round a member has lost by an invalid answer."""
+        lost = np.zeros(sum(len(games) for _, games in self._members), bool)
         for player, games in self._members:
-            found[games] = getattr(player, "invalid", False)
-        return found
+            lost[games] = getattr(player, "invalid", False)
+        return lost

@@ -1,6 +1,6 @@
-"""Walls around this process: namespaces, an empty root, Landlock, refused calls; as many as the kernel has.
+"""Isolation of this process by namespaces, an empty root, Landlock and refused system calls.
 
-Each wall is tried for itself, and which of them stand is told: a machine that lacks one is said to.
+Each wall is tried by itself, since not every kernel has all of them; those that stand are reported.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import struct
 
 
 class Wall(enum.IntFlag):
-    """What stands around a process."""
+    """Walls around a process."""
 
     NAMESPACES = 1  # its own users, mounts, network, processes
     EMPTY_ROOT = 2  # a root folder that holds nothing and cannot be written
@@ -22,7 +22,7 @@ class Wall(enum.IntFlag):
     CALLS = 8  # no socket, no file, no process: the kernel refuses the calls
 
 
-# What is shut out, and by which walls, one of which is enough.
+# Resources that are shut out, each by any one of these walls.
 _SHUT_OUT = {
     "files": Wall.EMPTY_ROOT | Wall.LANDLOCK | Wall.CALLS,
     "the network": Wall.NAMESPACES | Wall.CALLS,
@@ -51,17 +51,17 @@ tkill truncate umount2 unlink unlinkat unshare userfaultfd utimensat vfork vhang
 
 
 def missing(walls: Wall) -> list[str]:
-    """What the walls that stand do not shut out; none where all is well."""
+    """Return the resources that these walls do not shut out."""
     return [name for name, any_of in _SHUT_OUT.items() if not walls & any_of]
 
 
 def isolate() -> tuple[Wall, int]:
-    """Go on in namespaces of this process' own, where the kernel allows them; it must have one thread.
+    """Move this single-threaded process into namespaces of its own, if the kernel allows them.
 
-    To be the first of its own processes it becomes another one. This one stands for it, and ends as it ends.
+    A child continues as the first process of its namespace. This process waits for it and ends as it ends.
 
     Returns:
-        The walls that stand now, and the process as those outside know it.
+        The walls that stand now, and the process id as seen from outside.
     """
     if not _unshared():
         return Wall(0), os.getpid()
@@ -77,7 +77,7 @@ def isolate() -> tuple[Wall, int]:
 
 
 def shut(walls: Wall) -> Wall:
-    """Take away all that is left, once everything is loaded; gives the walls that stand then."""
+    """Raise all other walls, once everything is loaded; return those that stand then."""
     filters = _filter_library()  # while there are files
     if walls & Wall.NAMESPACES and _empty_root():
         walls |= Wall.EMPTY_ROOT
@@ -103,7 +103,7 @@ def _check(result: int) -> int:
 
 
 def _unshared() -> bool:
-    """Whether this process has namespaces of its own now, and is nobody in them."""
+    """Enter namespaces of this process's own, as nobody; return whether that worked."""
     user, group = os.getuid(), os.getgid()
     try:
         _check(_libc().unshare(_NEW_USER | _NEW_REST))
@@ -121,7 +121,7 @@ def _unshared() -> bool:
 
 
 def _stand_for(inner: int) -> None:
-    """Wait for the process inside, and end as it ends."""
+    """Wait for the child, and end as it ends."""
     os.closerange(3, 256)  # its socket, most of all
     _, status = os.waitpid(inner, 0)
     if os.WIFSIGNALED(status):
@@ -132,7 +132,7 @@ def _stand_for(inner: int) -> None:
 
 
 def _empty_root() -> bool:
-    """Make the present folder, emptied and closed for writing, the root of all that this process sees."""
+    """Make the current folder, emptied and read-only, the root folder; return whether that worked."""
     libc = _libc()
     here = os.fsencode(os.getcwd())
     try:
@@ -148,14 +148,14 @@ def _empty_root() -> bool:
 
 
 def _drop_capabilities() -> None:
-    """Give up what root may do that others may not; of no effect for anybody else."""
+    """Drop root's capabilities; without effect for other users."""
     head, none = struct.pack("<Ii", 0x20080522, 0), bytes(24)
     with contextlib.suppress(OSError, AttributeError):
         _check(_libc().capset(head, none))
 
 
 def _landlocked() -> bool:
-    """Whether Landlock keeps this process from all files, and from what lies outside as far as it can."""
+    """Deny all files, and as much else as Landlock can; return whether that worked."""
     libc = _libc()
     version = libc.syscall(_CREATE_RULESET, None, 0, 1)
     if version < 1:
@@ -173,7 +173,7 @@ def _landlocked() -> bool:
 
 
 def _filter_library() -> ctypes.CDLL | None:
-    """libseccomp, which nearly every Linux has: it knows the numbers of calls on each kind of machine."""
+    """Load libseccomp, which knows the system calls' numbers on each architecture; None if it is missing."""
     try:
         return ctypes.CDLL("libseccomp.so.2")
     except OSError:
@@ -181,14 +181,14 @@ def _filter_library() -> ctypes.CDLL | None:
 
 
 def _calls_refused(library: ctypes.CDLL) -> bool:
-    """Whether the kernel refuses the calls that a policy has no need of."""
+    """Refuse the system calls that a policy does not need; return whether that worked."""
     library.seccomp_init.restype = ctypes.c_void_p
     rules = ctypes.c_void_p(library.seccomp_init(ctypes.c_uint32(_ALLOW)))
     if not rules:
         return False
     for name in _REFUSED.split():
         number = library.seccomp_syscall_resolve_name(name.encode())
-        if number >= 0:  # this kind of machine has it
+        if number >= 0:  # this architecture has it
             library.seccomp_rule_add_array(rules, ctypes.c_uint32(_REFUSE), number, 0, None)
     loaded: int = library.seccomp_load(rules)
     library.seccomp_release(rules)

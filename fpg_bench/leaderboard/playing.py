@@ -1,38 +1,52 @@
-"""Playing a submission: every policy in a process of its own, a line per rival."""
+"""Playing of submissions: every policy in a process of its own, one record per rival."""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.compare import transcript_file
-from fpg_bench.evaluation.entry import Entry, Same
+from fpg_bench.evaluation.entry import Entry, Same, player_entry
 from fpg_bench.evaluation.match import replaying
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_record
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
+from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.leaderboard import policy_client
+from fpg_bench.leaderboard.policy_client import Policy
 from fpg_bench.leaderboard.sandbox import PolicyFailed, missing_here
-from fpg_bench.leaderboard.submission import Policy, Submission
-from fpg_bench.leaderboard.transcripts import FOLDER, local, told
+from fpg_bench.leaderboard.submission import Submission
+from fpg_bench.leaderboard.tracks import TrackSuites, track_of
+from fpg_bench.leaderboard.transcripts import FOLDER, local, read_recording
 
 RECORDS = "records.jsonl"
-FAILED = "failed"  # the key of a row that says why a part could not be played on
-OPEN = "open"  # the key of a row that says what the policy could not be kept from
+FAILED = "failed"  # key of a row that says why a part could not be played on
+OPEN = "open"  # key of a row that names what the policy could not be kept from
+_GAMES, _STEPS, _ROUNDS = 16, 25, 6  # of a smoke test
+
 Matchup = tuple[Suite, Rival]
-Key = tuple[str, str, str]  # of a meeting: the suite's name, its hash's first digits, the rival's name
+Key = tuple[str, str, str]  # of a matchup: the suite's name, its hash's first digits, the rival's name
 
 
 @dataclass(frozen=True)
 class Part:
-    """What is played of a submission: a script, the policy of one training seed (perhaps of the zoo), or a
-    planner whose transcripts were ``recorded`` in the submission's folder.
+    """Part of a submission that is played by itself.
+
+    Attributes:
+        slug: the submission's name.
+        seed: the training seed; None for a script or transcripts.
+        plays: a script's name, or a policy.
+        shipped: true for a policy that the package ships.
+        recorded: the submission's folder, if a language model's transcripts are replayed.
     """
 
     slug: str
@@ -43,34 +57,29 @@ class Part:
 
     @property
     def name(self) -> str:
-        """What folders and lines about it call it."""
+        """Name of the part in folders and messages."""
         return "script" if self.seed is None else f"seed_{self.seed}"
 
     @property
     def fingerprint(self) -> str:
-        """The hash of its policy, or its script's name."""
+        """Hash of the policy, or the script's name."""
         return self.plays if isinstance(self.plays, str) else self.plays.sha256
 
     def entry(self, player: Any, suite: Suite) -> Entry:
-        """The part as an entry that meets rivals of a suite, played by a player."""
+        """Return the part as an entry of a suite, played by a player."""
         if self.recorded is not None:
-            return Entry(self.slug, None, self.fingerprint, partial(_recorded, self.recorded, suite))
+            return Entry(self.slug, None, self.fingerprint, partial(_replay, self.recorded, suite))
         return Entry(self.slug, self.seed, self.fingerprint, Same(player))
 
 
-def _recorded(folder: Path, suite: Suite, ally: Rival) -> Any:
-    """The planner of a submission's transcripts against an ally; no language model is asked.
-
-    Raises:
-        UserError: a transcript is not that of these matches: its prompts are others, or something of it is
-            missing or was changed.
-    """
-    about, prompt = told(folder, suite)
+def _replay(folder: Path, suite: Suite, ally: Rival) -> Any:
+    """Return the planner that replays a submission's transcript of the matches against an ally."""
+    about, prompt = read_recording(folder, suite)
     return replaying(suite.scenario, prompt, about, transcript_file(folder / FOLDER, ally.name))
 
 
 def parts_of(submission: Submission) -> list[Part]:
-    """All that is played of a submission, by training seed."""
+    """Return the parts of a submission, by training seed."""
     slug = submission.slug
     if submission.script is not None:
         return [Part(slug, None, submission.script)]
@@ -80,24 +89,29 @@ def parts_of(submission: Submission) -> list[Part]:
     return [Part(slug, policy.seed, policy, submission.zoo is not None) for policy in policies]
 
 
+def suites_of(submission: Submission, suites: TrackSuites) -> Mapping[str, Suite]:
+    """Return the suites that a submission plays, by role."""
+    return suites.of(track_of(submission.track, submission.path), transcripts=bool(submission.transcripts))
+
+
 def key_of(suite: Suite, rival: Rival) -> Key:
-    """What tells a meeting from all others."""
+    """Return the key of a matchup."""
     return suite.name, suite.hash[:16], rival.name
 
 
 def matchups_of(suites: Iterable[Suite]) -> list[Matchup]:
-    """All meetings of several suites."""
+    """Return all matchups of several suites."""
     return [(suite, rival) for suite in suites for rival in suite.rivals]
 
 
 def part_records(part: Part, matchups: Iterable[Matchup]) -> Iterator[Record]:
-    """Play a part against some rivals, here and now.
+    """Play a part against some rivals in this process.
 
     Raises:
-        PolicyFailed: a policy died, or took longer than it may.
+        PolicyFailed: a policy's process died or exceeded its limits.
         UserError: a transcript is not that of these matches.
     """
-    with make_match(part.plays) as player:
+    with running_player(part.plays) as player:
         for suite, rival in matchups:
             try:
                 record = play(part.entry(player, suite), suite, rival)
@@ -105,25 +119,23 @@ def part_records(part: Part, matchups: Iterable[Matchup]) -> Iterator[Record]:
                 if part.recorded is None:
                     raise
                 raise UserError(f"against {rival.name}: {local(error, part.recorded)}") from error
-            # How long planning took is left out, since that is never twice the same.
+            # The time that planning took differs each time, so it is left out.
             plans = record.plans and dataclasses.replace(record.plans, seconds=0.0)
             yield dataclasses.replace(record, plans=plans)
 
 
 @contextlib.contextmanager
-def make_match(plays: str | Policy) -> Iterator[Any]:
-    """A player: a script's name as it is, a policy in a process of its own for as long as it plays."""
+def running_player(plays: str | Policy) -> Iterator[Any]:
+    """Yield a player: a script's name as it is, a policy in a process of its own."""
     if isinstance(plays, str):
         yield plays
         return
-    from fpg_bench.leaderboard.policy_client import PolicyClient
-
-    with PolicyClient(plays) as host:
-        yield host
+    with policy_client.PolicyClient(plays) as player:
+        yield player
 
 
 def fill(part: Part, matchups: Sequence[Matchup], folder: Path) -> None:
-    """Play a part's meetings into a folder, a line each as it ends; what is there is not played again.
+    """Play a part's matchups into a folder, one record each; what is there already is not played again.
 
     A policy that cannot be played on leaves a row that says why.
     """
@@ -139,19 +151,56 @@ def fill(part: Part, matchups: Sequence[Matchup], folder: Path) -> None:
 
 
 def records_in(folder: Path) -> dict[Key, Record]:
-    """The lines of a part's folder, by their meetings."""
+    """Return the records in a part's folder, by their matchups."""
     rows = [row for row in RowFile(folder / RECORDS).read() if not {FAILED, OPEN} & row.keys()]
-    records = (read_record(row, f"lines {folder / RECORDS}") for row in rows)
+    records = (read_record(row, f"records {folder / RECORDS}") for row in rows)
     return {(record.suite, record.suite_hash, record.rival): record for record in records}
 
 
 def failure_in(folder: Path) -> str | None:
-    """Why the part of a folder could not be played on; None where it could."""
+    """Return why the part of a folder could not be played on; None if it could."""
     rows = RowFile(folder / RECORDS).read()
     return next((str(row[FAILED]) for row in rows if FAILED in row), None)
 
 
 def open_in(folder: Path) -> list[str]:
-    """What the policy of a part's folder could not be kept from."""
+    """Return what the policy of a part's folder could not be kept from."""
     rows = RowFile(folder / RECORDS).read()
     return next((list(row[OPEN]) for row in rows if OPEN in row), [])
+
+
+def smoke_test(policy: Policy, suite: Suite | None = None) -> list[str]:
+    """Play random observations and a few rounds with a policy, and return what goes wrong, one line each.
+
+    Args:
+        policy: the policy.
+        suite: its first and last rival are met for some rounds; None: no rival.
+    """
+    try:
+        with policy_client.PolicyClient(policy) as player:
+            is_lost = _loses_random_rounds(player)
+            for matchup in _few_matchups(suite):
+                play(player_entry(player), *matchup)
+    except PolicyFailed as error:
+        return [str(error)]
+    line = "loses rounds: an answer is not finite, not in [-1, 1], or of another shape"
+    return [line] if is_lost else []
+
+
+def _loses_random_rounds(player: policy_client.PolicyClient) -> bool:
+    """Play random observations; return whether any round is lost."""
+    rng = np.random.default_rng(0)
+    player.reset(np.ones(_GAMES, bool), np.arange(_GAMES, dtype=np.uint64))
+    state, starts = None, np.ones(_GAMES, bool)
+    for _ in range(_STEPS):
+        observation = rng.uniform(-1, 1, (_GAMES, OBSERVATION_SIZE)).astype(np.float32)
+        _, state = player.predict(observation, state, starts)
+        starts = np.zeros(_GAMES, bool)
+    return bool(player.invalid.any())
+
+
+def _few_matchups(suite: Suite | None) -> list[Matchup]:
+    if suite is None:
+        return []
+    few = dataclasses.replace(suite, matches=-(-_ROUNDS // suite.rounds_per_match))
+    return [(few, rival) for rival in dict.fromkeys([suite.rivals[0], suite.rivals[-1]])]

@@ -1,22 +1,29 @@
-"""A submitted policy as a player: it plays in a process of its own, and what it answers is checked here."""
+"""Submitted policies, checked and played in processes of their own; their answers are validated here."""
 
 from __future__ import annotations
 
+import hashlib
 import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fpg_bench.common.errors import printable
+from fpg_bench.common.strict_json import read_plain
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.leaderboard.sandbox import Limits, PolicyFailed, Sandbox
 from fpg_bench.players.seeded import Batched
 
-if TYPE_CHECKING:  # its process needs none of what a submission is made of
-    from fpg_bench.leaderboard.policies import Policy
+__all__ = ["Limits", "Policy", "PolicyClient", "PolicyFailed", "check_policies", "check_policy"]
 
-__all__ = ["Limits", "PolicyClient", "PolicyFailed"]
+MOST_BYTES = 5_000_000  # of policy.onnx
+SIZE = struct.Struct("<I")  # of a file that is checked, and of the answer
+_READING = Limits(memory_bytes=2**30, call_s=60, total_s=600)
+_UNREADABLE = "cannot be read within 1 GB of memory and 60 s"
+_PROBLEMS: dict[str, list[str]] = {}  # of files that were checked, by hash; starting a process takes 0.5 s
 
 # A message: its kind and two numbers, then what they say. To the process: LOAD (bytes of the model), RESET
 # (games) and PLAY (games, flags). From it: READY (1 where it draws at random), ACTIONS (their shape) and
@@ -28,23 +35,87 @@ _ROUNDING = 1e-6
 _LONGEST_REASON = 300
 
 
-class PolicyClient(Batched):
-    """Plays a policy in a process of its own under limits; a player to whoever plays it, and one batch only.
+@dataclass(frozen=True)
+class Policy:
+    """Policy of one training seed, as data.
 
-    An answer that is not finite, lies outside [-1, 1] or has another shape loses that game's round: it
-    plays zeros there, and ``invalid`` says so until the game's next round begins.
+    Attributes:
+        seed: the training seed.
+        about: the content of ``agent.json``; empty if it cannot be read.
+        model: the content of ``policy.onnx``.
+        sha256: the hash of ``model``.
+    """
+
+    seed: int
+    about: dict[str, Any]
+    model: bytes
+    sha256: str
+
+
+def check_policy(model: bytes) -> list[str]:
+    """Return all problems of a ``policy.onnx``, one line each; none if it may be played.
+
+    The file is parsed in a process of its own under limits; :mod:`fpg_bench.leaderboard.onnx_checks` says
+    what it may hold. External data is never read.
+    """
+    return check_policies([model])[0]
+
+
+def check_policies(models: Sequence[bytes]) -> list[list[str]]:
+    """Return the problems of each of one submission's policies; see :func:`check_policy`."""
+    keys = [hashlib.sha256(model).hexdigest() for model in models]
+    small = {key: model for key, model in zip(keys, models, strict=True) if len(model) <= MOST_BYTES}
+    _check([model for key, model in small.items() if key not in _PROBLEMS])
+    too_large = "holds {:,} bytes, at most {:,} are allowed"
+    return [
+        list(_PROBLEMS[key]) if key in small else [too_large.format(len(model), MOST_BYTES)]
+        for key, model in zip(keys, models, strict=True)
+    ]
+
+
+def _check(models: list[bytes]) -> None:
+    """Check policies in one process; in a new one after each that ends it."""
+    while models:
+        sandbox = Sandbox("fpg_bench.leaderboard.onnx_checks", _READING)
+        try:
+            while models:
+                model = models.pop(0)
+                _PROBLEMS[hashlib.sha256(model).hexdigest()] = problems = _ask(sandbox, model)
+                if problems == [_UNREADABLE]:
+                    break
+        finally:
+            sandbox.close()
+
+
+def _ask(sandbox: Sandbox, model: bytes) -> list[str]:
+    try:
+        with sandbox.within(_READING.call_s):
+            sandbox.send(SIZE.pack(len(model)), model)
+            (size,) = SIZE.unpack(sandbox.receive(SIZE.size))
+            lines = read_plain(sandbox.receive(size))
+    except (PolicyFailed, ValueError):
+        return [_UNREADABLE]
+    lines = lines if isinstance(lines, list) else [_UNREADABLE]
+    return [printable(str(line)) for line in lines]
+
+
+class PolicyClient(Batched):
+    """Player whose policy runs in a process of its own under limits; plays one batch of games.
+
+    An answer that is not finite, lies outside [-1, 1] or has another shape loses that game's round: zeros
+    are played there, and ``invalid`` is set until the game's next round begins.
 
     Args:
-        policy: what is played; ``onnx_contract`` has found nothing wrong with it.
+        policy: has passed :func:`check_policies`.
         limits: of memory and time.
 
     Attributes:
-        invalid: ``(n,)`` bool, the games whose present round is lost.
+        invalid: ``(n,)`` bool, the games whose current round is lost.
         about: the content of ``agent.json``.
 
     Raises:
-        PolicyFailed: entering, or a later ``predict``: it died or outran its limits.
-        ValueError: ``predict`` of a ``state`` that is not what the last call returned.
+        PolicyFailed: on entering, or in a later ``predict``: the process died or exceeded its limits.
+        ValueError: ``predict`` with a ``state`` that is not what the last call returned.
     """
 
     def __init__(self, policy: Policy, limits: Limits | None = None) -> None:
@@ -78,11 +149,11 @@ class PolicyClient(Batched):
 
     @property
     def pid(self) -> int:
-        """The process that plays."""
+        """Process id of the policy."""
         return self._running().pid
 
     def reset(self, mask: np.ndarray, seeds: np.ndarray) -> None:
-        """Begin a round in the masked games, whose draws come from these seeds."""
+        """Start a round in the masked games with these seeds for their noise."""
         if len(self.invalid) != len(mask):
             self.invalid = np.zeros(len(mask), bool)
         self.invalid[mask] = False
@@ -92,7 +163,7 @@ class PolicyClient(Batched):
                 self._running().send(HEAD.pack(RESET, len(mask), 0), *parts)
 
     def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
-        """What the process answers; the memory stays there.
+        """Return the process's actions; the memory stays there.
 
         Raises:
             PolicyFailed: it died, failed, or gave no answer in time.
@@ -116,7 +187,7 @@ class PolicyClient(Batched):
         return self._valid(actions), self._calls
 
     def _actions(self, count: int) -> np.ndarray:
-        """The answer; all NaN where it has another shape."""
+        """Receive the actions; all NaN if they have another shape."""
         _, rows, columns = self._head(ACTIONS)
         if (rows, columns) != (count, ACTION_SIZE):
             return np.full((count, ACTION_SIZE), np.nan, np.float32)
@@ -124,7 +195,7 @@ class PolicyClient(Batched):
         return np.frombuffer(bytearray(data), np.float32).reshape(count, ACTION_SIZE)
 
     def _valid(self, actions: np.ndarray) -> np.ndarray:
-        """The actions, with zeros in the games that lose their round by them."""
+        """Return the actions, with zeros in the games that lose their round by them."""
         most = 1 + _ROUNDING
         if actions.size and not (actions.max() <= most and actions.min() >= -most):  # NaN too
             wrong = ~(np.abs(actions) <= most).all(axis=1)
@@ -133,7 +204,7 @@ class PolicyClient(Batched):
         return actions
 
     def _head(self, wanted: bytes) -> tuple[bytes, int, int]:
-        """The head of the wanted message; raises PolicyFailed for every other."""
+        """Receive the head of the wanted message; raises PolicyFailed for every other."""
         sandbox = self._running()
         kind, first, second = HEAD.unpack(sandbox.receive(HEAD.size))
         if kind == FAILED:

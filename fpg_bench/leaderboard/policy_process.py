@@ -1,4 +1,4 @@
-"""What runs in a policy's own process: it loads the policy, keeps its memory, and answers with actions."""
+"""Process of a submitted policy: it loads the policy, keeps its memory, and answers with actions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MEMORY = ("bad_alloc", "alloc", "memory")
 
 
 def main(inside: SandboxChild) -> None:
-    """Serve one policy until whoever started the process is gone."""
+    """Serve one policy until the parent process is gone."""
     connection = inside.connection
     try:
         serve(inside)
@@ -30,7 +30,7 @@ def main(inside: SandboxChild) -> None:
 
 
 def serve(inside: SandboxChild) -> None:
-    """Load the policy that comes first, then answer each message."""
+    """Load the policy, which is the first message, then answer each message."""
     connection, reader = inside.connection, Reader(inside.connection)
     kind, size, _ = HEAD.unpack(reader.read(HEAD.size))
     assert kind == LOAD
@@ -57,7 +57,7 @@ def serve(inside: SandboxChild) -> None:
 
 
 def _rehearse(noise: bool) -> None:
-    """Play a policy of ours once: all that opens files is loaded by it, and what draws is compiled."""
+    """Play a policy of our own once, so that everything that opens files is loaded and compiled."""
     from onnx import TensorProto, helper
 
     weights = helper.make_tensor("w", TensorProto.FLOAT, [15, 9], [0.0] * 135)
@@ -79,20 +79,20 @@ def _array(reader: Reader, kind: Any, rows: int, columns: int) -> np.ndarray:
 
 
 def _misshapen(memory: Any, count: int, size: int) -> bool:
-    """Whether the next state has another shape than the policy itself declares."""
+    """Return whether the next state has another shape than the policy declares."""
     return size > 0 and memory[0].shape != (count, size)
 
 
 def _send(connection: socket.socket, actions: Any, count: int) -> None:
-    """The actions, or only their shape where it is another than agreed."""
+    """Send the actions, or only their shape if it is wrong."""
     rows, columns = actions.shape if getattr(actions, "ndim", 0) == 2 else (0, 0)
-    whole = (rows, columns) == (count, ACTION_SIZE) and actions.dtype == np.float32
-    data = np.ascontiguousarray(actions).tobytes() if whole else b""
-    connection.sendall(HEAD.pack(ACTIONS, rows if whole else 0, columns) + data)
+    is_valid = (rows, columns) == (count, ACTION_SIZE) and actions.dtype == np.float32
+    data = np.ascontiguousarray(actions).tobytes() if is_valid else b""
+    connection.sendall(HEAD.pack(ACTIONS, rows if is_valid else 0, columns) + data)
 
 
 def _reason(error: Exception) -> str:
-    """One line on why it failed."""
+    """Return one line on why it failed."""
     text = " ".join(str(error).split())
     if isinstance(error, MemoryError) or any(word in text.lower() for word in _MEMORY):
         return "asks for more memory than it may use"

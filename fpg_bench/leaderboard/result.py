@@ -1,4 +1,4 @@
-"""A result: what a submission earned, meeting by meeting, in a file that shows when it was edited by hand."""
+"""Results of submissions: files of records that show when they were edited by hand."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.rows import Row
+from fpg_bench.common.schema import Strict, parse
 from fpg_bench.common.strict_json import read_object
 from fpg_bench.evaluation.record import Record, read_record
 from fpg_bench.evaluation.seeds import PROTOCOL
@@ -20,7 +21,7 @@ from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.suite import PLANNER, Suite
 from fpg_bench.evaluation.summary import Summary, summary_of
 from fpg_bench.leaderboard.tracks import PUBLIC
-from fpg_bench.leaderboard.transcripts import told as told_of
+from fpg_bench.leaderboard.transcripts import read_recording
 from fpg_bench.planning import as_planner
 from fpg_bench.version import __version__
 
@@ -28,198 +29,253 @@ if TYPE_CHECKING:
     from fpg_bench.leaderboard.submission import Submission
 
 VERIFIED, NOT_VERIFIED = "verified", "not verified"
-LARGEST = 4_000_000  # bytes; those of five training seeds in a season are 400,000
+LARGEST = 4_000_000  # bytes; five training seeds in a season take 400,000
 _DIGITS = 6
-_HEAD = {"kind", "slug", "track", "status", "reason", "fingerprint", "summary", "lines_sha256"}
-_TOLD = ("model", "server", "control", "prompt_hash")  # of a language model
-Suites = Mapping[str, Suite]  # what a submission plays, by what it says of it
+Suites = Mapping[str, Suite]  # the suites that a submission plays, by role
+
+
+class PlannerFacts(Strict):
+    """Facts about a planner in a fingerprint; those from ``runs`` on are of language models only."""
+
+    tier: str
+    matches: int
+    runs: int | None = None
+    season: int | None = None
+    prompt: str | None = None
+    model: str | None = None
+    server: str | None = None
+    control: str | None = None
+    prompt_hash: str | None = None
+
+
+class Fingerprint(Strict):
+    """Everything that decides a result.
+
+    Attributes:
+        version, protocol: of the package.
+        suites: name and hash of each suite, by role.
+        policies: hash of each policy, by training seed.
+        submission: hash of what was submitted.
+        planner: facts about a planner; None for players.
+    """
+
+    version: str
+    protocol: str
+    suites: dict[str, list[str]]
+    policies: dict[str, str]
+    submission: str
+    planner: PlannerFacts | None = None
+
+    def to_dict(self) -> Row:
+        """Return the fingerprint as it is written into results."""
+        return self.model_dump(exclude_unset=True)
+
+    def differences(self, other: Fingerprint) -> list[str]:
+        """Return the keys in which fingerprints differ, except the package's version."""
+        one, two = self.to_dict(), other.to_dict()
+        return sorted(key for key in (one.keys() | two.keys()) - {"version"} if one.get(key) != two.get(key))
+
+
+class Score(Strict):
+    """A score with its interval, and the units that the interval is over."""
+
+    value: float | None
+    low: float | None
+    high: float | None
+    over: str
+
+
+class Worst(Strict):
+    """The rival against which an entry earns least, and the return per step there."""
+
+    rival: str
+    return_per_step: float | None
+
+
+class Totals(Strict):
+    """Summary of a result: scores by role, and the measures over the public suite."""
+
+    training_seeds: int
+    rounds: int
+    lost: int
+    scores: dict[str, Score]
+    worst: dict[str, Worst]
+    measures: dict[str, float | None]
+
+    def to_dict(self) -> Row:
+        """Return the totals as they are written into results."""
+        return self.model_dump()
+
+
+class _Head(Strict):
+    """First row of a result's file."""
+
+    kind: Literal["result"]
+    slug: str
+    track: str
+    status: Literal["verified", "not verified"]
+    reason: str | None
+    fingerprint: Fingerprint
+    summary: Totals | None
+    lines_sha256: str
 
 
 @dataclass(frozen=True)
 class Result:
-    """A result's file: its first row, and a line per training seed and rival, none if not verified."""
+    """A result.
 
-    head: Row
-    records: tuple[Record, ...]
+    Attributes:
+        slug, track: whose it is.
+        fingerprint: what was played.
+        records: one per training seed and rival; empty if it is not verified.
+        totals: the summary of the records; None if it is not verified.
+        reason: why it is not verified; None if it is.
+    """
 
-    @property
-    def slug(self) -> str:
-        """The folder's name of the submission."""
-        return str(self.head["slug"])
+    slug: str
+    track: str
+    fingerprint: Fingerprint
+    records: tuple[Record, ...] = ()
+    totals: Totals | None = None
+    reason: str | None = None
 
     @property
     def verified(self) -> bool:
-        """Whether it was played to its end; only then it is ranked."""
-        return bool(self.head["status"] == VERIFIED)
+        """True if it was played to its end; only then it is ranked."""
+        return self.reason is None
 
     @property
-    def fingerprint(self) -> Row:
-        """What was run."""
-        found: Row = self.head["fingerprint"]
-        return found
+    def status(self) -> str:
+        """The status as text."""
+        return VERIFIED if self.verified else NOT_VERIFIED
 
     def summaries(self, suites: Suites) -> dict[str, Summary]:
-        """The summary over each suite, by what it says."""
+        """Return the summary over each suite, by role."""
         return {role: summary_of(self.records, suite) for role, suite in suites.items()}
 
 
-def fingerprint(submission: Submission, suites: Suites) -> Row:
-    """All that decides a result: the version, the protocol, the suites, and what was submitted."""
-    found = {
-        "version": __version__,
-        "protocol": PROTOCOL,
-        "suites": {role: [suite.name, suite.hash] for role, suite in suites.items()},
-        "policies": {str(policy.seed): policy.sha256 for policy in submission.policies},
-        "submission": submission.fingerprint,
-    }
-    if submission.track == PLANNER:
-        found["planner"] = planner_facts(submission, suites[PUBLIC])
-    return found
+def fingerprint(submission: Submission, suites: Suites) -> Fingerprint:
+    """Return the fingerprint of a submission on its suites."""
+    printed = Fingerprint(
+        version=__version__,
+        protocol=PROTOCOL,
+        suites={role: [suite.name, suite.hash] for role, suite in suites.items()},
+        policies={str(policy.seed): policy.sha256 for policy in submission.policies},
+        submission=submission.fingerprint,
+    )
+    if submission.track != PLANNER:
+        return printed
+    return printed.model_copy(update={"planner": planner_facts(submission, suites[PUBLIC])})
 
 
-def planner_facts(submission: Submission, suite: Suite) -> Row:
-    """What a result's fingerprint tells of a planner: its tier, its matches, and the language model.
+def planner_facts(submission: Submission, suite: Suite) -> PlannerFacts:
+    """Return the facts about a planner that a fingerprint holds.
 
     Raises:
-        UserError: there is no such planner, or its transcripts do not tell.
+        UserError: there is no such planner, or its transcripts cannot be read.
     """
-    matches = {"matches": suite.matches}
     if submission.script is not None:
-        return {"tier": as_planner(submission.script, suite.scenario).tier, **matches}
-    about, _ = told_of(submission.folder, suite)
-    prompt = Path(about["prompt"]).stem
-    runs = {"runs": submission.runs, "season": about["season"]}
-    return {"tier": "history", **matches, **runs, "prompt": prompt, **{key: about[key] for key in _TOLD}}
+        tier = as_planner(submission.script, suite.scenario).tier
+        return PlannerFacts(tier=tier, matches=suite.matches)
+    about, _ = read_recording(submission.folder, suite)
+    facts = {key: about[key] for key in ("model", "server", "control", "prompt_hash")}
+    facts |= {"tier": "history", "matches": suite.matches, "runs": submission.runs}
+    facts |= {"season": about.get("season"), "prompt": Path(about["prompt"]).stem}
+    return parse(PlannerFacts, facts, f"transcripts of {submission.slug}")
 
 
-def differing(one: Row, other: Row) -> list[str]:
-    """In what two fingerprints differ, the package's version aside: what it changed shows in the rounds."""
-    keys = (one.keys() | other.keys()) - {"version"}
-    return sorted(key for key in keys if one.get(key) != other.get(key))
-
-
-def verified_result(slug: str, track: str, printed: Row, records: Sequence[Record], suites: Suites) -> Result:
-    """The result of a submission all of whose rounds were played.
-
-    Args:
-        slug, track: whose.
-        printed: the fingerprint.
-        lines: of all its training seeds against all rivals.
-        suites: what was played.
-    """
-    return _result(slug, track, printed, tuple(records), summary(records, suites))
-
-
-def failed_result(slug: str, track: str, printed: Row, reason: str) -> Result:
-    """The result of a submission that could not be played to its end, and why."""
-    return _result(slug, track, printed, reason=reason)
-
-
-def _result(
-    slug: str,
-    track: str,
-    printed: Row,
-    records: tuple[Record, ...] = (),
-    told: Row | None = None,
-    reason: str | None = None,
-) -> Result:
-    head = {
-        "kind": "result",
-        "slug": slug,
-        "track": track,
-        "status": VERIFIED if reason is None else NOT_VERIFIED,
-        "reason": reason,
-        "fingerprint": printed,
-        "summary": told,
-        "lines_sha256": _sha256(records),
-    }
-    return Result(head, records)
-
-
-def summary(records: Sequence[Record], suites: Suites) -> Row:
-    """What the lines come to: per suite the score and the worst, and the measures over the known suite.
-
-    Args:
-        lines: of one submission.
-        suites: what was played.
-    """
-    found = {role: summary_of(records, suite) for role, suite in suites.items()}
-    known = found[PUBLIC]
-    return {
-        "training_seeds": known.training_seeds,
-        "rounds": sum(of.pooled.rounds for of in found.values()),
-        "lost": sum(of.pooled.lost for of in found.values()),
-        "scores": {role: interval_row(of.score) | {"over": of.over} for role, of in found.items()},
-        "worst": {
-            role: {"against": of.worst, "return": rounded(of.by_rival[of.worst].value)}
-            for role, of in found.items()
+def totals(records: Sequence[Record], suites: Suites) -> Totals:
+    """Return the summary of a submission's records on its suites."""
+    summaries = {role: summary_of(records, suite) for role, suite in suites.items()}
+    public = summaries[PUBLIC]
+    return Totals(
+        training_seeds=public.training_seeds,
+        rounds=sum(summary.pooled.rounds for summary in summaries.values()),
+        lost=sum(summary.pooled.lost for summary in summaries.values()),
+        scores={
+            role: Score(**interval_row(summary.score), over=summary.over)
+            for role, summary in summaries.items()
         },
-        "measures": {name: rounded(value) for name, value in known.measures.items()},
-    }
+        worst={
+            role: Worst(rival=summary.worst, return_per_step=rounded(summary.by_rival[summary.worst].value))
+            for role, summary in summaries.items()
+        },
+        measures={name: rounded(value) for name, value in public.measures.items()},
+    )
 
 
-def interval_row(interval: Interval) -> Row:
-    """An interval, rounded."""
+def interval_row(interval: Interval) -> dict[str, float | None]:
+    """Return an interval, rounded."""
     return {name: rounded(getattr(interval, name)) for name in ("value", "low", "high")}
 
 
 def rounded(value: float | None) -> float | None:
-    """To six digits that count; None where there is no finite number."""
+    """Round to six significant digits; None if there is no finite number."""
     return None if value is None or not math.isfinite(value) else float(f"{value:.{_DIGITS}g}")
 
 
+# Files
+
+
 def write_result(path: Path, result: Result) -> None:
-    """Write a result's file, whole."""
-    write_whole(path, _text([result.head]) + _text([record.row() for record in result.records]))
+    """Write a result's file."""
+    head = {
+        "kind": "result",
+        "slug": result.slug,
+        "track": result.track,
+        "status": result.status,
+        "reason": result.reason,
+        "fingerprint": result.fingerprint.to_dict(),
+        "summary": None if result.totals is None else result.totals.to_dict(),
+        "lines_sha256": _sha256(result.records),
+    }
+    write_whole(path, _text([head]) + _text([record.row() for record in result.records]))
 
 
 def read_result(path: Path, suites: Suites) -> Result:
-    """The result in a file, which must be just as it was written.
+    """Read the result in a file, which must be as it was written.
 
     Args:
         path: the file.
-        suites: what it should have been played on; a result on others is read, but not summed up anew.
+        suites: what it should have been played on; a result on others is read, but not summed up again.
 
     Raises:
-        UserError: it can't be read, is no result, is of an older protocol, or was edited: its lines are not
-            those that it was written with, or its summary does not follow from them.
+        UserError: it cannot be read, is no result, is of an older protocol, or was edited: its records are
+            not those that it was written with, or its summary does not follow from them.
     """
-    head, *rows = _rows(path)
-    if head.keys() != _HEAD or head["kind"] != "result" or head["status"] not in (VERIFIED, NOT_VERIFIED):
+    first, *rows = _rows(path)
+    printed = first.get("fingerprint")
+    if first.get("kind") != "result" or not isinstance(printed, dict):
         raise UserError(f"result {path}: its first line is not that of a result")
-    if not isinstance(head["fingerprint"], dict):
-        raise UserError(f"result {path}: fingerprint: expected a mapping")
-    if (head["track"], head["slug"]) != (path.parent.name, path.stem):
-        raise UserError(f"result {path}: is the result of {head['track']}/{head['slug']}")
-    if head["fingerprint"].get("protocol") != PROTOCOL or "suites" not in head["fingerprint"]:
+    if (first.get("track"), first.get("slug")) != (path.parent.name, path.stem):
+        raise UserError(f"result {path}: is the result of {first.get('track')}/{first.get('slug')}")
+    if printed.get("protocol") != PROTOCOL or "suites" not in printed:
         raise UserError(
             f"result {path}: of another protocol than this version's, {PROTOCOL!r}; play it again"
         )
+    head = parse(_Head, first, f"result {path}: line 1")
     records = tuple(read_record(row, f"result {path}: line {number}") for number, row in enumerate(rows, 2))
-    found = Result(head, records)
-    if head["lines_sha256"] != _sha256(records):
-        raise UserError(f"result {path}: edited by hand: its lines are not those it was written with")
-    if head["fingerprint"].get("suites") == {role: [of.name, of.hash] for role, of in suites.items()}:
-        check_records(found, suites, path)
-    return found
+    if head.lines_sha256 != _sha256(records):
+        raise UserError(f"result {path}: edited by hand: its records are not those it was written with")
+    if head.status == NOT_VERIFIED and (records or head.summary is not None or head.reason is None):
+        raise UserError(f"result {path}: edited by hand: not verified, but with records or without a reason")
+    if head.status == VERIFIED and (head.summary is None or head.reason is not None):
+        raise UserError(f"result {path}: edited by hand: verified, but without a summary or with a reason")
+    result = Result(head.slug, head.track, head.fingerprint, records, head.summary, head.reason)
+    played = {role: [suite.name, suite.hash] for role, suite in suites.items()}
+    if result.verified and head.fingerprint.suites == played:
+        check_records(result, suites, path)
+    return result
 
 
 def check_records(result: Result, suites: Suites, path: Path) -> None:
-    """Raise UserError where lines are not those of the suites, or the summary is not what they say."""
-    if not result.verified:
-        if result.records or result.head["summary"] is not None or not isinstance(result.head["reason"], str):
-            raise UserError(
-                f"result {path}: edited by hand: not verified, but with lines or without a reason"
-            )
-        return
+    """Raise UserError if records are not those of the suites, or the summary does not follow from them."""
     rounds = {suite.hash[:16]: suite.rounds for suite in suites.values()}
     if any(len(record.returns) != rounds.get(record.suite_hash) for record in result.records):
-        raise UserError(f"result {path}: holds a line of another suite, or of another number of rounds")
-    policies = result.fingerprint.get("policies")
-    seeds = sorted(policies) if isinstance(policies, dict) and policies else ["None"]
+        raise UserError(f"result {path}: holds a record of another suite, or of another number of rounds")
     expected = sorted(
         (result.slug, seed, suite.name, suite.hash[:16], rival.name)
-        for seed in seeds
+        for seed in sorted(result.fingerprint.policies) or ["None"]
         for suite in suites.values()
         for rival in suite.rivals
     )
@@ -228,18 +284,19 @@ def check_records(result: Result, suites: Suites, path: Path) -> None:
         for record in result.records
     )
     if there != expected:
-        raise UserError(f"result {path}: its lines are not one per training seed and rival")
-    if not _alike(summary(result.records, suites), result.head["summary"]):
-        raise UserError(f"result {path}: edited by hand: its summary does not follow from its lines")
+        raise UserError(f"result {path}: its records are not one per training seed and rival")
+    stated = None if result.totals is None else result.totals.to_dict()
+    if not _is_close(totals(result.records, suites).to_dict(), stated):
+        raise UserError(f"result {path}: edited by hand: its summary does not follow from its records")
 
 
-def _alike(one: Any, other: Any) -> bool:
-    """Whether two summaries are the same, but for the last digit that another machine may round otherwise."""
+def _is_close(one: Any, other: Any) -> bool:
+    """Return whether two summaries are equal up to the last digit, which machines may round differently."""
     if isinstance(one, dict):
         return (
             isinstance(other, dict)
             and one.keys() == other.keys()
-            and all(_alike(one[key], other[key]) for key in one)
+            and all(_is_close(one[key], other[key]) for key in one)
         )
     if isinstance(one, float) and isinstance(other, int | float):
         return math.isclose(one, other, rel_tol=1e-5, abs_tol=1e-9)
@@ -247,14 +304,14 @@ def _alike(one: Any, other: Any) -> bool:
 
 
 def _rows(path: Path) -> list[Row]:
-    """The rows of a file from anywhere: no more than so large, and strict JSON."""
+    """Read the rows of an untrusted file: bounded, and strict JSON."""
     try:
         if not path.is_file() or path.is_symlink():
             raise UserError(f"result {path}: not a file; run fpg-bench submit verify")
         if path.stat().st_size > LARGEST:
             raise UserError(f"result {path}: larger than {LARGEST} bytes")
-        records = path.read_bytes().removesuffix(b"\n").split(b"\n")
-        rows = [read_object(record) for record in records]
+        lines = path.read_bytes().removesuffix(b"\n").split(b"\n")
+        rows = [read_object(line) for line in lines]
     except OSError as error:
         raise UserError(f"result {path}: cannot be read: {error.strerror}") from error
     except ValueError as error:

@@ -1,14 +1,15 @@
-"""A process of its own for somebody's bytes: limits and walls around it, raw bytes in and out.
+"""Sandboxed processes for untrusted bytes: limits and walls around them, raw bytes in and out.
 
-What comes from the process is never unpickled. It is started from an environment without keys, in an empty
-folder, and ends when whoever started it does. Before it reads a byte of somebody's it greets, with the walls
-that stand around it.
+Nothing from the process is ever unpickled. It starts with an environment without keys, in an empty folder,
+and ends with its parent. Before it reads an untrusted byte it reports the walls that stand around it.
 """
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
+import re
 import signal
 import socket
 import struct
@@ -22,30 +23,32 @@ from dataclasses import dataclass
 from fpg_bench.common.errors import UserError
 from fpg_bench.leaderboard.isolation import Wall, missing
 
-# What the process may know of the environment: nothing that could be a secret.
+# Environment variables that the process gets: nothing that could be a secret.
 _KEPT = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "LANG")
+_SECRET = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIAL", re.IGNORECASE)
+_NEEDED = "RAY_"  # a cluster's
 _ONES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX")
 LARGEST_ANSWER = 1 << 26
-HELLO = struct.Struct("<II")  # the process as it is known outside, and the walls that stand
+HELLO = struct.Struct("<II")  # the process id as seen from outside, and the walls that stand
 _AT_ONCE = 1 << 16
 _LATER_S = 0.5  # by how much a time limit may be overdrawn
 
 
-_MISSING: dict[str, None] = {}  # what processes that were started here could not be kept from
+_MISSING: dict[str, None] = {}  # resources that processes could not be kept from
 
 
 def missing_here() -> list[str]:
-    """What this machine could not keep the processes from that it started; none where all is well."""
+    """Return the resources that this machine could not keep its sandboxed processes from."""
     return list(_MISSING)
 
 
 class PolicyFailed(UserError):
-    """A policy died, asked for more than its limits, or kept no contract: it cannot be verified."""
+    """A policy's process died, exceeded its limits, or broke the contract: it cannot be verified."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What the process may use; the time limits are generous, for nobody is scored by a clock.
+    """Limits of a process; those of time are generous, as no score depends on a clock.
 
     Attributes:
         memory_bytes: address space, the interpreter and its libraries included.
@@ -61,11 +64,11 @@ class Limits:
 
 
 class Sandbox:
-    """A running process of a module of ours, and the socket to it.
+    """Running sandboxed process of a module of this package, and the socket to it.
 
     Args:
-        module: its ``main`` is told an :class:`fpg_bench.leaderboard.sandbox_child.Inside`, and locks it down.
-        limits: what it may use.
+        module: its ``main`` takes an :class:`fpg_bench.leaderboard.sandbox_child.Inside`, and locks it down.
+        limits: of memory and time.
     """
 
     def __init__(self, module: str, limits: Limits) -> None:
@@ -77,10 +80,10 @@ class Sandbox:
         self._hello: tuple[int, Wall] | None = None
         cpu_s = int(limits.start_s + limits.total_s) + 1
         numbers = map(str, (theirs.fileno(), limits.memory_bytes, cpu_s))
-        words = [sys.executable, "-P", "-m", "fpg_bench.leaderboard.sandbox_child", module, *numbers]
+        command = [sys.executable, "-P", "-m", "fpg_bench.leaderboard.sandbox_child", module, *numbers]
         with theirs:
             self._process = subprocess.Popen(
-                words,
+                command,
                 env=_environment(),
                 cwd=self._folder.name,
                 stdin=subprocess.DEVNULL,
@@ -91,12 +94,12 @@ class Sandbox:
 
     @property
     def pid(self) -> int:
-        """The process that reads the bytes; before it has greeted, the one that was started."""
+        """Id of the process that reads the bytes; before its report, of the one that was started."""
         return self._process.pid if self._hello is None else self._hello[0]
 
     @contextlib.contextmanager
     def within(self, seconds: float) -> Iterator[None]:
-        """Limit what is sent and received meanwhile, together, and count it to the total.
+        """Limit the time of sending and receiving inside the block, and count it towards the total.
 
         Raises:
             PolicyFailed: no answer in time, or the process has ended.
@@ -121,7 +124,7 @@ class Sandbox:
         self._socket.sendall(b"".join(parts))
 
     def receive(self, count: int) -> bytes:
-        """Exactly so many bytes, inside :meth:`within`."""
+        """Receive exactly so many bytes, inside :meth:`within`."""
         if count > LARGEST_ANSWER:
             raise PolicyFailed(f"answers with {count:,} bytes")
         if self._hello is None:
@@ -133,7 +136,7 @@ class Sandbox:
     def close(self) -> None:
         """End the process."""
         self._socket.close()
-        if self._hello is not None:  # who was started stands for it, and ends with it
+        if self._hello is not None:  # the process that was started ends with it
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.kill(self._hello[0], signal.SIGKILL)
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -143,11 +146,11 @@ class Sandbox:
         self._folder.cleanup()
 
     def _wait(self) -> None:
-        """Let the socket wait until the deadline and no longer."""
+        """Set the socket's timeout to the deadline."""
         left = self._deadline - time.monotonic()
         if left <= 0:
             raise TimeoutError
-        if not left <= self._timeout < left + _LATER_S:  # to set it is a call of the system
+        if not left <= self._timeout < left + _LATER_S:  # setting it is a system call
             self._timeout = left + _LATER_S / 2
             self._socket.settimeout(self._timeout)
 
@@ -161,7 +164,7 @@ class Sandbox:
 
 
 class Reader:
-    """Reads bytes from a socket, as many at once as there are.
+    """Buffered reader of a socket.
 
     Args:
         connection: the socket.
@@ -172,7 +175,7 @@ class Reader:
         self._have = b""
 
     def read(self, count: int, before: Callable[[], None] = lambda: None) -> bytes:
-        """Exactly so many bytes; ``before`` is called before each wait.
+        """Read exactly so many bytes; ``before`` is called before each wait.
 
         Raises:
             EOFError: the other end is closed.
@@ -185,6 +188,27 @@ class Reader:
             self._have += found
         data, self._have = self._have[:count], self._have[count:]
         return data
+
+
+def forget_keys() -> list[str]:
+    """Remove keys from this process's environment, and return their names.
+
+    ``/proc/<pid>/environ`` shows the environment that a process was started with even after a variable was
+    deleted, so that memory is overwritten as well.
+    """
+    names = [name for name in os.environ if _SECRET.search(name) and not name.startswith(_NEEDED)]
+    for name in names:
+        _overwrite(name)
+        del os.environ[name]
+    return names
+
+
+def _overwrite(name: str) -> None:
+    library = ctypes.CDLL(None)
+    library.getenv.restype = ctypes.c_void_p
+    place = library.getenv(os.fsencode(name))
+    if place:
+        ctypes.memset(place, 0, len(os.fsencode(os.environ[name])))
 
 
 def _environment() -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Where a process for somebody's bytes begins: it takes limits, goes inside walls, and greets."""
+"""Entry point of sandboxed processes: sets limits, isolates itself, and runs a module's ``main``."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from fpg_bench.leaderboard.sandbox import HELLO
 
 
 class SandboxChild:
-    """The socket to whoever started the process, and the walls around it.
+    """Connection to the parent process, and the walls around this one.
 
     Args:
-        connection: the socket.
+        connection: the socket to the parent.
         standing: the walls that stand already.
-        outside: the process as those outside know it.
+        outside: this process's id as seen from outside.
     """
 
     def __init__(self, connection: socket.socket, standing: walls.Wall, outside: int) -> None:
@@ -26,7 +26,7 @@ class SandboxChild:
         self._standing, self._outside = standing, outside
 
     def lock_down(self) -> None:
-        """Open no file and start no process any more, once all is loaded; then greet who is outside."""
+        """Forbid files and processes, once everything is loaded; then report to the parent."""
         for kind in (resource.RLIMIT_FSIZE, resource.RLIMIT_NPROC):
             _limit(kind, 0)
         self._standing = walls.shut(self._standing)
@@ -34,7 +34,7 @@ class SandboxChild:
 
 
 def main() -> None:
-    """Take the limits, go inside the walls, then do what a module does: ``MODULE SOCKET MEMORY CPU``."""
+    """Set limits, isolate the process, and run a module; arguments: ``MODULE SOCKET MEMORY CPU``."""
     module, *numbers = sys.argv[1:]
     number, memory_bytes, cpu_s = map(int, numbers)
     _limit(resource.RLIMIT_AS, memory_bytes)

@@ -15,9 +15,8 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.schema import Items, Strict, parse
 from fpg_bench.evaluation.seeds import SeasonKey, seed_from
-from fpg_bench.leaderboard.check import examine
-from fpg_bench.leaderboard.folder import brief
-from fpg_bench.leaderboard.submission import TRACKS
+from fpg_bench.leaderboard.folders import TRACKS, brief
+from fpg_bench.leaderboard.submission import examine
 from fpg_bench.players.agent import baselines_folder, suites_folder
 from fpg_bench.players.player import SIDES
 

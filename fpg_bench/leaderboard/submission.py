@@ -1,86 +1,641 @@
-"""A submission to the leaderboard: data alone, which is read without running any of it."""
+"""Submissions to the leaderboard: folders of data, which are read and checked without running any of it."""
 
 from __future__ import annotations
 
-import dataclasses
+import functools
 import hashlib
 import json
-from dataclasses import dataclass
+import math
+import os
+import re
+import unicodedata
+from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
+from typing import Annotated, Any
+from urllib.parse import urlsplit
 
+from annotated_types import Ge, Le, Len
+from pydantic import AfterValidator, PlainValidator
+
+from fpg_bench.common.checks import is_whole
+from fpg_bench.common.errors import UserError, meant, nearest
 from fpg_bench.common.extras import need
-from fpg_bench.evaluation.suite import Suite
-from fpg_bench.leaderboard.policies import Policy
-from fpg_bench.leaderboard.submission_file import TRACKS, Training
-from fpg_bench.leaderboard.tracks import track_of
+from fpg_bench.common.files import read_json, read_yaml
+from fpg_bench.common.schema import Expected, Items, Strict, problems_of
+from fpg_bench.evaluation.statistics import FEW_SEEDS
+from fpg_bench.leaderboard.folders import (
+    TRACKS,
+    brief,
+    file_problem,
+    folder_problem,
+    list_names,
+    shown,
+    strays,
+)
+from fpg_bench.leaderboard.policy_client import MOST_BYTES, Policy, check_policies
+from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
+from fpg_bench.leaderboard.tracks import TRACKS as TABLES
+from fpg_bench.leaderboard.transcripts import FOLDER as TRANSCRIPTS
+from fpg_bench.leaderboard.transcripts import check_transcripts
+from fpg_bench.planning import LLM_CONTROLS, PLANNERS
+from fpg_bench.players.agent import baselines_folder, check_about
+from fpg_bench.players.scripted import SCRIPTED
 
 need("evaluate", "onnx", "scipy", "matplotlib", "joblib")
 
 __all__ = ["TRACKS", "Policy", "Submission", "Training"]
 
+ABOUT = "submission.yaml"
+PATHS = ("pursuit", "learned")
+MOST_TEXT_BYTES = 64_000  # of submission.yaml and agent.json
+MOST_STEPS = 10**13
+_SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
+_SEED = re.compile(r"seed_(0|[1-9]\d{0,5})")
+_FILES = ("agent.json", "policy.onnx")
+_OVERSHOOT = 1.05  # training ends with a whole rollout, a little after its budget
 
-@dataclass(frozen=True)
-class Submission:
-    """What somebody has entered; every text in it is untrusted.
+
+# Names. Two of them are the same if they look the same; see `plain`.
+
+# Alphabets that a name may be written in, and those that are used together.
+_ALPHABETS = frozenset(
+    {"ARABIC", "ARMENIAN", "BENGALI", "CYRILLIC", "DEVANAGARI", "GEORGIAN", "GREEK", "HEBREW", "LATIN"}
+    | {"TAMIL", "TELUGU", "THAI"}
+)
+_EAST_ASIAN = frozenset(["CJK", "HANGUL", "HIRAGANA", "IDEOGRAPHIC", "KATAKANA", "KATAKANA-HIRAGANA"])
+_PLAIN_LATIN = re.compile(r"LATIN (?:SMALL|CAPITAL) (?:LETTER|LIGATURE) ([A-Z]{1,2})(?: WITH .*)?")
+# Letters of other alphabets that look like Latin ones in upper or lower case.
+_LATIN_LOOK = frozenset("авгеєҽғһнікмопрстухьѕјѡѵүӏԁԛԝαγεηικνορστυχϲϝգզհոռսցօסყჿ")
+_ALIKE = str.maketrans({"0": "o", "1": "i", "l": "i", "j": "i", "|": "i", "!": "i", "×": "x"})
+# Blocks (first, last) of letters and marks that are invisible; others are controls or spaces by category.
+_INVISIBLE = (
+    *((0x34F, 0x34F), (0x115F, 0x1160), (0x17B4, 0x17B5), (0x180B, 0x180F), (0x2800, 0x2800)),
+    *((0x3164, 0x3164), (0xFE00, 0xFE0F), (0xFFA0, 0xFFA0), (0x1D159, 0x1D159), (0xE0000, 0xE0FFF)),
+)
+
+
+def plain(name: str) -> str:
+    """Return a name without differences that the eye overlooks: case, accents, spaces, punctuation.
+
+    Similar characters become one: 0 is o, 1 and l are i, ``rn`` is ``m``, ``vv`` is ``w``. A name without
+    letters and digits keeps its signs. Letters of other alphabets are not mapped, as :func:`alphabet_problem`
+    refuses names that mix them.
+    """
+    normal = unicodedata.normalize("NFKC", name.translate(_ALIKE)).casefold()
+    kept = [_base(letter) for letter in unicodedata.normalize("NFD", normal) if _is_significant(letter)]
+    reduced = "".join(kept).translate(_ALIKE).replace("rn", "m").replace("vv", "w")
+    return reduced or "".join(unicodedata.normalize("NFKC", name).casefold().split())
+
+
+def alphabet_problem(name: str) -> str | None:
+    """Return why the letters of a name could be taken for other ones; None if they could not."""
+    normal = unicodedata.normalize("NFKC", name).casefold()
+    letters = [letter for letter in normal if unicodedata.category(letter)[0] == "L"]
+    alphabets = sorted({_alphabet(letter) for letter in letters})
+    if set(alphabets) <= _EAST_ASIAN:
+        return None
+    if len(alphabets) > 1:
+        mixed = " and ".join(alphabet.title() for alphabet in alphabets)
+        return f"mixes {mixed} letters; use one alphabet"
+    if alphabets[0] not in _ALPHABETS:
+        return f"is written in {alphabets[0].title()} letters; use Latin ones"
+    if alphabets == ["LATIN"]:
+        odd = [letter for letter in letters if not _PLAIN_LATIN.fullmatch(unicodedata.name(letter))]
+        return f"holds {odd[0]!r}; use plain Latin letters" if odd else None
+    folded = unicodedata.normalize("NFD", "".join(letters))
+    is_latin_look = all(c in _LATIN_LOOK for c in folded if unicodedata.category(c)[0] == "L")
+    return "has only letters that look like Latin ones; use those" if is_latin_look else None
+
+
+def _alphabet(letter: str) -> str:
+    return unicodedata.name(letter, "UNKNOWN").split()[0]
+
+
+def _base(letter: str) -> str:
+    """Return the plain Latin letter or ASCII digit of a character, if it has one, else itself."""
+    if unicodedata.category(letter) == "Nd":
+        return str(unicodedata.digit(letter))
+    latin = _PLAIN_LATIN.fullmatch(unicodedata.name(letter, ""))
+    return latin[1].lower() if latin else letter
+
+
+def _is_significant(letter: str) -> bool:
+    return (unicodedata.category(letter)[0] in "LNS" or letter == "!") and not _is_invisible(letter)
+
+
+def _is_invisible(letter: str) -> bool:
+    return any(first <= ord(letter) <= last for first, last in _INVISIBLE)
+
+
+# The contents of submission.yaml
+
+
+def _text(value: object, most: int, lines: bool = False, least: int = 1) -> str:
+    """Return stripped text of so many characters, all of which are visible."""
+    if not isinstance(value, str):
+        raise UserError(f"expected text, got {shown(value)}; put it in quotes")
+    value = value.strip()
+    if not least <= len(value) <= most:
+        raise UserError(f"expected {least} to {most} characters, got {len(value)}")
+    for letter in value:
+        if unicodedata.category(letter)[0] == "C" and not (lines and letter == "\n"):
+            raise UserError(f"holds the control character U+{ord(letter):04X}; leave it out")
+        if _is_invisible(letter):
+            raise UserError(f"holds U+{ord(letter):04X}, which cannot be seen; leave it out")
+    return value
+
+
+def _optional_text(value: object) -> str | None:
+    return None if value is None else _text(value, 100)
+
+
+def _named(value: object, most: int) -> str:
+    """Return text with a letter or a digit in it."""
+    text = _text(value, most)
+    if not any(unicodedata.category(letter)[0] in "LN" for letter in text):
+        raise UserError(f"expected a letter or a digit at least, got {shown(text)}")
+    return text
+
+
+def _entry_name(value: object) -> str:
+    text = _named(value, 60)
+    if problem := alphabet_problem(text):
+        raise UserError(f"{shown(text)} {problem}")
+    return text
+
+
+def _choice(value: object, choices: tuple[str, ...]) -> str:
+    if not isinstance(value, str) or value not in choices:
+        hint = meant(value, choices) if isinstance(value, str) else ""
+        raise UserError(f"expected {', '.join(choices)}, got {shown(value)}{hint}")
+    return value
+
+
+def _path(value: object) -> str | None:
+    return None if value is None else _choice(value, PATHS)
+
+
+def _authors(value: object) -> tuple[str, ...]:
+    if not isinstance(value, list) or not 1 <= len(value) <= 20:
+        raise UserError(f"expected a list of 1 to 20 names, got {shown(value)}")
+    return tuple(_named(name, 80) for name in value)
+
+
+def _link(value: object) -> str | None:
+    if value is None:
+        return None
+    text = _text(value, 300)
+    try:
+        parts = urlsplit(text)
+        is_complete = parts.scheme == "https" and parts.hostname and parts.username is None
+    except ValueError:
+        is_complete = False
+    if not is_complete or any(letter in text for letter in " \"'<>\\`"):
+        raise UserError(f"expected null or a link that begins with https://, got {shown(text)}")
+    return text
+
+
+def _distinct(seeds: tuple[int, ...]) -> tuple[int, ...]:
+    if len(set(seeds)) < len(seeds):
+        raise UserError(f"one stands there twice: {shown(list(seeds))}")
+    return seeds
+
+
+_Word = Annotated[str, PlainValidator(partial(_text, most=60))]
+_Lines = Annotated[str, PlainValidator(partial(_text, most=2000, lines=True))]
+_Shipped = Annotated[str | None, PlainValidator(_optional_text)]
+_Seeds = Annotated[
+    Items[Annotated[int, Ge(0), Le(10**6)]],
+    Len(1, 20),
+    Expected("a list of 1 to 20 whole numbers from 0 to 1,000,000"),
+    AfterValidator(_distinct),
+]
+
+
+class Training(Strict):
+    """Cost of training: environment steps and hours of each run, and the training seeds."""
+
+    steps: Annotated[int, Ge(1), Le(MOST_STEPS), Expected(f"a whole number from 1 to {MOST_STEPS:,}")]
+    hours: Annotated[int | float, Ge(0), Le(10**6), Expected("a number from 0 to 1,000,000")]
+    seeds: _Seeds
+
+
+class SubmissionFile(Strict):
+    """Contents of ``submission.yaml``; every text in it is untrusted.
 
     Attributes:
-        folder: where it lies; its name is the submission's address in its track.
-        track: ``ally``, ``opponent`` or ``planner``.
-        name: what the page calls it.
+        name: the title on the board.
         reference: an https link, or None.
-        path: of the track ``opponent``: ``pursuit`` or ``learned``; else None.
-        training: None where nothing was trained.
-        saw: what it saw while it was trained.
-        unable: what it was not able to do.
-        script: the package's own player or planner that it names, or None.
-        zoo: the package's own agents that it names, as ``ally-scripted/ppo``, or None.
-        policies: by training seed; none where it is a script or transcripts.
-        transcripts: of a language model that plans; their files, sorted.
-        runs: how often that was recorded, as its authors say; None where nothing is.
+        track: ``ally``, ``opponent`` or ``planner``.
+        path: in the track ``opponent``, how it flies: ``pursuit`` or ``learned``; else None.
+        training: None if nothing was trained.
+        saw: the players, paths and scenarios that it was trained against.
+        unable: its limitations.
+        zoo: the package's own agents that it enters, such as ``ally-scripted/ppo``, or None.
+        script: the package's own player or planner that it enters, or None.
+        runs: the number of recordings of a language model, as its authors state it; None for others.
+    """
+
+    name: Annotated[str, PlainValidator(_entry_name)] = ""
+    authors: Annotated[tuple[str, ...], PlainValidator(_authors)] = ()
+    algorithm: _Word = ""
+    reference: Annotated[str | None, PlainValidator(_link)] = None
+    licence: _Word = ""
+    track: Annotated[str, PlainValidator(partial(_choice, choices=TRACKS))] = ""
+    path: Annotated[str | None, PlainValidator(_path)] = None
+    training: Training | None = None
+    saw: _Lines = ""
+    unable: _Lines = ""
+    description: Annotated[str, PlainValidator(partial(_text, most=2000, lines=True, least=0))] = ""
+    zoo: _Shipped = None
+    script: _Shipped = None
+    runs: Annotated[int | None, Ge(1), Le(10_000), Expected("a whole number from 1 to 10,000")] = None
+
+    @property
+    def is_recorded(self) -> bool:
+        """True for a language model that plans, which is entered by its transcripts."""
+        return self.track == "planner" and self.script is None
+
+
+_OPTIONAL = ("path", "description", "zoo", "script", "runs")
+REQUIRED = tuple(key for key in SubmissionFile.model_fields if key not in _OPTIONAL)
+
+
+class Submission(SubmissionFile):
+    """A submission that has passed all checks.
+
+    Attributes:
+        folder: its folder, whose name is unique in its track.
+        policies: by training seed; empty for a script or transcripts.
+        transcripts: the files of a language model that plans, sorted.
     """
 
     folder: Path
-    track: str
-    name: str
-    authors: tuple[str, ...]
-    algorithm: str
-    reference: str | None
-    licence: str
-    path: str | None
-    training: Training | None
-    saw: str
-    unable: str
-    description: str = ""
-    script: str | None = None
-    zoo: str | None = None
     policies: tuple[Policy, ...] = ()
     transcripts: tuple[Path, ...] = ()
-    runs: int | None = None
 
     @property
     def slug(self) -> str:
-        """The folder's name: unique in its track."""
+        """Name of the folder, unique in its track."""
         return self.folder.name
 
     @property
-    def suites(self) -> dict[str, Suite]:
-        """What it plays, by what that says; see :meth:`fpg_bench.leaderboard.tracks.Track.suites`."""
-        return track_of(self.track, self.path).suites(transcripts=bool(self.transcripts))
-
-    @property
     def fingerprint(self) -> str:
-        """SHA-256 of what was submitted: the suites of ``submission.yaml``, policies and transcripts."""
-        told = {
-            suite.name: getattr(self, suite.name)
-            for suite in dataclasses.fields(self)
-            if suite.name not in ("folder", "policies", "transcripts")
-        }
-        if self.runs is None:  # an entry that has none keeps its fingerprint
-            del told["runs"]
-        told["training"] = None if self.training is None else dataclasses.asdict(self.training)
-        told["policies"] = {policy.seed: policy.sha256 for policy in self.policies}
-        told["transcripts"] = {
+        """SHA-256 of what was submitted: contents of ``submission.yaml``, policies and transcripts."""
+        content = self.model_dump(include=set(SubmissionFile.model_fields))
+        if self.runs is None:  # an entry without runs keeps the fingerprint that it always had
+            del content["runs"]
+        content["policies"] = {policy.seed: policy.sha256 for policy in self.policies}
+        content["transcripts"] = {
             path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in self.transcripts
         }
-        text = json.dumps({"slug": self.slug, **told}, sort_keys=True)
+        text = json.dumps({"slug": self.slug, **content}, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def read_about(content: Mapping[str, Any]) -> tuple[SubmissionFile, list[str]]:
+    """Return the valid part of ``submission.yaml``, and one line per problem.
+
+    Args:
+        content: the mapping in ``submission.yaml``.
+    """
+    lines = []
+    for key in content:
+        if key not in SubmissionFile.model_fields:
+            hint = nearest(key, SubmissionFile.model_fields) if isinstance(key, str) else ""
+            lines.append(f"unknown key {shown(key)}{hint}")
+    lines += [f"lacks {key!r}" for key in REQUIRED if key not in content]
+    known = {key: content[key] for key in SubmissionFile.model_fields if key in content}
+    about, wrong = problems_of(SubmissionFile, known)
+    return about, lines + wrong + list(_contradictions(content, about))
+
+
+def _contradictions(content: Mapping[str, Any], about: SubmissionFile) -> Iterator[str]:
+    """Yield problems of keys that do not fit together."""
+    given = {key for key, value in content.items() if value is not None}
+    if about.track == "opponent" and "path" not in content:
+        yield "lacks 'path': pursuit or learned, which of the two tables it enters"
+    if about.track in ("ally", "planner") and "path" in given:
+        yield f"path: is of the track opponent only, not of {about.track}"
+    if {"zoo", "script"} <= given:
+        yield "zoo, script: only one of them"
+    if about.track == "planner" and "zoo" in given:
+        yield "zoo: its agents are no planners"
+    is_recorded = about.track == "planner" and "script" not in given
+    if is_recorded and "runs" not in given:
+        yield "lacks 'runs': how often the model was recorded for this, with the run that is entered"
+    if about.track and not is_recorded and "runs" in given:
+        yield "runs: is of a language model's transcripts only"
+    if {"script", "training"} <= given:
+        yield "training: a script is not trained; write null"
+    is_trained = about.track in ("ally", "opponent") and "script" not in given
+    if is_trained and "training" in content and "training" not in given:
+        yield "training: expected steps, hours and seeds, got null"
+
+
+# Folders of submissions
+
+
+def problems(folder: str | Path) -> list[str]:
+    """Return all problems of a submission's folder, one line each; none if it may be played.
+
+    On a board (``submissions/<track>/<name>``) a name that another entry of its table has is a problem, too.
+    """
+    submission, lines = examine(Path(folder))
+    return lines if submission is None else lines + [line for _, line in taken(submission)]
+
+
+def notes(submission: Submission, board: str | Path = "leaderboard") -> list[str]:
+    """Return remarks on a submission without problems, one line each.
+
+    Args:
+        submission: the submission.
+        board: the leaderboard's folder that it is probably meant for, if there is one.
+    """
+    lines, count = [], len(submission.policies)
+    if 0 < count < FEW_SEEDS:
+        lines.append(f"the board marks fewer than {FEW_SEEDS} training seeds, this has {count}")
+    board, home = Path(board), submission.folder.parent.parent
+    if home.name != "submissions":
+        lines.append("lies on no leaderboard; submit run takes <leaderboard>/submissions/<track>/<name>")
+    elif (board / "submissions").is_dir() and home.parent.resolve() != board.resolve():
+        written = f"{brief(home.parent)}/results"
+        lines.append(f"does not lie in {board}/submissions; submit run writes its result to {written}")
+    return lines
+
+
+def load_submission(
+    folder: str | Path, contract: bool = True, suites: TrackSuites | None = None
+) -> Submission:
+    """Load the submission of a folder, fully checked; nothing of it is run.
+
+    Args:
+        folder: the submission's folder.
+        contract: check the contents of its policies, too; not needed if they are not played.
+        suites: the tracks' suites; None: loaded when needed.
+
+    Raises:
+        UserError: the first of its problems (see :func:`problems`).
+    """
+    submission, lines = examine(Path(folder), contract, suites)
+    if submission is None:
+        raise UserError(f"submission {folder}: {lines[0]}")
+    return submission
+
+
+def examine(
+    folder: Path, contract: bool = True, suites: TrackSuites | None = None
+) -> tuple[Submission | None, list[str]]:
+    """Return the submission of a folder, None if it has problems, and all problems of it alone.
+
+    Args:
+        folder: the submission's folder.
+        contract: check the contents of its policies, too; not needed if they are not played.
+        suites: the tracks' suites; None: loaded when needed.
+    """
+    folder = Path(os.path.abspath(folder))
+    if problem := folder_problem(folder):
+        return None, [problem]
+    if problem := file_problem(folder / ABOUT, MOST_TEXT_BYTES):
+        return None, [f"{ABOUT}: {problem}"]
+    try:
+        content = read_yaml(folder / ABOUT, ABOUT)
+    except UserError as error:
+        return None, [str(error).replace(f" {folder / ABOUT}: ", ": ", 1)]
+    about, lines = read_about(content)
+    lines += [*_wrong_place(folder, about), *_wrong_names(folder, about)]
+    policies, wrong = _policies(folder, about, contract)
+    lines = [*_wrong_slug(folder), *(f"{ABOUT}: {line}" for line in lines), *wrong]
+    files: list[Path] = []
+    if about.is_recorded:
+        where = folder / TRANSCRIPTS
+        if problem := folder_problem(where):
+            lines.append(f"{TRANSCRIPTS}: {problem}")
+        else:
+            suite = (suites or TrackSuites()).of(TABLES["planner"], transcripts=True)[PUBLIC]
+            lines += check_transcripts(folder, suite)
+            files = [where / name for name in list_names(where)]
+    if lines:
+        return None, lines
+    entered = Submission.model_construct(
+        folder=folder, policies=policies, transcripts=tuple(files), **dict(about)
+    )
+    return entered, []
+
+
+def _wrong_slug(folder: Path) -> Iterator[str]:
+    if not _SLUG.fullmatch(folder.name):
+        yield (
+            f"the folder's name {shown(folder.name)}: expected at most 40 of a-z, 0-9 and -, "
+            "a letter or digit first"
+        )
+
+
+def _wrong_place(folder: Path, about: SubmissionFile) -> Iterator[str]:
+    """Yield a problem if the track is not that of the board's folder."""
+    around, track = folder.parent.name, about.track
+    says = f"track: says {track}, but the folder lies in"
+    if not track or track == around:
+        return
+    if around in TRACKS:
+        yield f"{says} {around}; move it to submissions/{track}, or write track: {around}"
+    elif folder.parent.parent.name == "submissions":
+        yield f"{says} {shown(around)}, which is no track; move it to submissions/{track}"
+
+
+def _wrong_names(folder: Path, about: SubmissionFile) -> Iterator[str]:
+    """Yield scripts and agents that the package does not have, and titles that are names of its scripts."""
+    if not about.track:
+        return
+    scripts = _scripts(about.track)
+    if about.script is not None and about.script not in scripts:
+        yield f"script: unknown {shown(about.script)}{nearest(about.script, scripts)}"
+    for key, name in (("name", about.name), ("the folder's name", folder.name)):
+        if plain(name) in map(plain, scripts) and name.strip().casefold() != about.script:
+            yield f"{key}: {shown(name)} is what a script of the package is called; choose another"
+    if about.zoo is not None and about.zoo not in _zoo():
+        hint = meant(about.zoo, _zoo())
+        yield f"zoo: the package ships no agents {shown(about.zoo)}{hint} (fpg-bench zoo lists them)"
+
+
+def _scripts(track: str) -> tuple[str, ...]:
+    if track == "planner":
+        return tuple(name for name in PLANNERS if name not in LLM_CONTROLS)
+    return SCRIPTED[track]
+
+
+@functools.cache
+def _zoo() -> tuple[str, ...]:
+    """Return the package's agents, ``view/algorithm`` each."""
+    agents = baselines_folder() / "agents"
+    names = {folder.parent.relative_to(agents).as_posix() for folder in agents.glob("*/*/seed_*")}
+    return tuple(sorted(names))
+
+
+def _policies(folder: Path, about: SubmissionFile, contract: bool) -> tuple[tuple[Policy, ...], list[str]]:
+    """Return the policies of a submission, and problems with them and with the names in its folder."""
+    has_own = about.script is None and about.zoo is None and about.track != "planner"
+    seeds = [path.name for path in seed_folders(folder).values()] if has_own else []
+    known = [ABOUT, *(seeds or ["seed_0"] if has_own else []), *([TRANSCRIPTS] if about.is_recorded else [])]
+    lines = strays(folder, known)
+    if has_own and not seeds:
+        return (), [*lines, "holds no seed_<k>/: the policy of each training seed"]
+    if not has_own and about.zoo not in _zoo():
+        return (), lines
+    home = folder if has_own else baselines_folder() / "agents" / str(about.zoo)
+    policies, wrong = read_policies(home, about.track if about.track in SCRIPTED else None, contract)
+    lines += wrong
+    if about.training is not None:
+        wrong = list(_wrong_training(about.training, seed_folders(home), policies))
+        lines += [f"{ABOUT}: training: {line}" for line in wrong]
+    return policies, lines
+
+
+def _wrong_training(training: Training, folders: Iterable[int], policies: Iterable[Policy]) -> Iterator[str]:
+    """Yield where the seeds and steps of training are not those of the policies."""
+    there, named = set(folders), set(training.seeds)
+    if lacking := _folder_names(named - there):
+        yield f"seeds: no folder {lacking}; there are: {_folder_names(there)}"
+    if unnamed := _folder_names(there - named):
+        yield f"seeds: does not name {unnamed}, which is there"
+    every: list[Any] = [policy.about.get("training_steps") for policy in policies]
+    steps: list[int] = [max(1, count) for count in every if _is_steps(count)]
+    if steps and not min(steps) / _OVERSHOOT <= training.steps <= max(steps) * _OVERSHOOT:
+        stated = f"{min(steps):,}" + (f" to {max(steps):,}" if min(steps) < max(steps) else "")
+        yield f"steps: says {training.steps:,}, but training_steps of agent.json {stated}"
+
+
+def _folder_names(seeds: Iterable[int]) -> str:
+    return ", ".join(f"seed_{seed}" for seed in sorted(seeds))
+
+
+def taken(submission: Submission) -> Iterator[tuple[str, str]]:
+    """Yield the other submissions of its table with the same name, each with a line that says so."""
+    if submission.folder.parent.name != submission.track:
+        return
+    own = (submission.path, plain(submission.name))
+    for name in sorted(os.listdir(submission.folder.parent)):  # all: no number of others hides one
+        other = submission.folder.parent / name
+        if name == submission.slug or folder_problem(other):
+            continue
+        if name.casefold() == submission.slug.casefold():
+            yield name, f"the folder's name: {shown(name)} differs by case only"
+        if _table_and_name(other) == own:
+            line = f"{ABOUT}: name: {shown(submission.name)} is that of {shown(name)}, too; choose another"
+            yield name, line
+
+
+def _table_and_name(folder: Path) -> tuple[str | None, str] | None:
+    """Return the path and the plain name of a submission, None if they cannot be read."""
+    try:
+        stamp = (folder / ABOUT).lstat()
+    except OSError:
+        return None
+    return _read_table_and_name(folder, stamp.st_mtime_ns, stamp.st_size)
+
+
+@functools.lru_cache(maxsize=4096)
+def _read_table_and_name(folder: Path, changed: int, size: int) -> tuple[str | None, str] | None:
+    if file_problem(folder / ABOUT, MOST_TEXT_BYTES):
+        return None
+    try:
+        about, _ = read_about(read_yaml(folder / ABOUT, ABOUT))
+    except UserError:
+        return None
+    return (about.path, plain(about.name)) if about.name else None
+
+
+# Folders of policies
+
+
+def seed_folders(folder: Path) -> dict[int, Path]:
+    """Return the folders ``seed_<k>`` in a folder, by training seed."""
+    matches = [(match, folder / name) for name in list_names(folder) if (match := _SEED.fullmatch(name))]
+    return dict(sorted((int(match[1]), path) for match, path in matches))
+
+
+def read_policies(
+    folder: Path, side: str | None, contract: bool = True
+) -> tuple[tuple[Policy, ...], list[str]]:
+    """Return the policies of a folder by training seed, and one line per problem with them.
+
+    Args:
+        folder: holds ``seed_<k>``, each with ``agent.json`` and ``policy.onnx``.
+        side: the side that they must play; None: either.
+        contract: check the contents of the policies, too, which takes a process.
+    """
+    policies: list[Policy] = []
+    lines: list[str] = []
+    for seed, path in seed_folders(folder).items():
+        policy, wrong = _read_policy(path, seed, side)
+        lines += [f"{path.name}{line}" for line in wrong]
+        if policy is None:
+            continue
+        if same := [other.seed for other in policies if other.sha256 == policy.sha256]:
+            line = f"{path.name}: holds the same policy as seed_{same[0]}; a seed is a training of its own"
+            lines.append(line)
+        policies.append(policy)
+    intact = [policy for policy in policies if _is_described(policy)] if contract else []
+    for policy, wrong in zip(intact, check_policies([policy.model for policy in intact]), strict=True):
+        lines += [f"seed_{policy.seed}/policy.onnx: {line}" for line in wrong]
+    return tuple(policies), lines
+
+
+def _is_described(policy: Policy) -> bool:
+    """Return whether ``agent.json`` describes this file, as far as it can be read."""
+    return not policy.about or bool(policy.about.get("policy_sha256") == policy.sha256)
+
+
+def _read_policy(path: Path, seed: int, side: str | None) -> tuple[Policy | None, list[str]]:
+    """Return one seed's policy, and the problems of its folder."""
+    if problem := folder_problem(path):
+        return None, [f": {problem}"]
+    lines = [f"/{line}" for line in strays(path, _FILES)]
+    limits = zip(_FILES, (MOST_TEXT_BYTES, MOST_BYTES), strict=True)
+    unreadable = [f"/{name}: {line}" for name, most in limits if (line := file_problem(path / name, most))]
+    if unreadable:
+        return None, lines + unreadable
+    about, wrong = _read_agent(path / "agent.json", seed, side)
+    model = (path / "policy.onnx").read_bytes()
+    policy = Policy(seed, about, model, hashlib.sha256(model).hexdigest())
+    if not _is_described(policy):
+        wrong.append(
+            "policy_sha256: is not that of policy.onnx beside it, which was cut off or changed since"
+        )
+    return policy, lines + [f"/agent.json: {line}" for line in wrong]
+
+
+def _read_agent(path: Path, seed: int, side: str | None) -> tuple[dict[str, Any], list[str]]:
+    """Return the contents of ``agent.json``, and its problems."""
+    try:
+        about = read_json(path, "agent")
+        check_about(about, "agent", side)
+    except UserError as error:
+        line = str(error).replace(f"agent {path}: ", "").removeprefix("agent: ").replace("agent.json ", "")
+        return {}, [line]
+    lines = []
+    trained, steps, algorithm = (about[key] for key in ("training_seed", "training_steps", "algorithm"))
+    if trained != seed or isinstance(trained, bool):
+        lines.append(f"training_seed: expected {seed}, as the folder is called, got {shown(trained)}")
+    if not _is_steps(steps):
+        expected = f"a whole number from 0 to {MOST_STEPS:,}"
+        lines.append(f"training_steps: expected {expected}, got {shown(steps)}")
+    if not isinstance(algorithm, str) or len(algorithm) > 60:
+        lines.append(f"algorithm: expected text of at most 60 characters, got {shown(algorithm)}")
+    if not _is_finite(about):
+        lines.append("holds a number that is not finite")
+    return about, lines
+
+
+def _is_steps(value: Any) -> bool:
+    return is_whole(value, 0) and value <= MOST_STEPS
+
+
+def _is_finite(value: Any) -> bool:
+    """Return whether all numbers in a JSON value are finite."""
+    if isinstance(value, float):
+        return math.isfinite(value)
+    if isinstance(value, dict):
+        return all(map(_is_finite, value.values()))
+    return all(map(_is_finite, value)) if isinstance(value, list) else True

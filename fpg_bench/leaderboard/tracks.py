@@ -1,10 +1,11 @@
-"""Tracks: what entries of one kind play, and which numbers are made of it."""
+"""Tracks of the board, and the suites that their entries play."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 from fpg_bench.evaluation.seeds import SEASON, SeasonKey, current_season
@@ -12,7 +13,7 @@ from fpg_bench.evaluation.suite import Suite, load_suite
 from fpg_bench.players.agent import suites_folder
 
 PUBLIC, PUBLIC_SEEDS, UNSEEN, SHIFTED, RESPONSES = "public", "public-seeds", "unseen", "shifted", "responses"
-PUBLIC_SEEDS_MATCHES = 25  # on seeds that everybody knew: only to see whether they were learned by heart
+PUBLIC_SEEDS_MATCHES = 25  # on public seeds: only to see whether they were learned by heart
 TRANSCRIPT_MATCHES = 20  # of each ally: a fifth of the tokens of the suite's 100, for wider intervals
 
 
@@ -24,8 +25,8 @@ class Track:
         key: its name.
         side: who is entered, and the folder of submissions: ``ally``, ``opponent`` or ``planner``.
         path: of opponents, how they fly; else None.
-        title: what the page calls it.
-        public: the name of the suite that everybody knows.
+        title: its title on the page.
+        public: the name of the public suite.
     """
 
     key: str
@@ -34,46 +35,73 @@ class Track:
     title: str
     public: str
 
-    @property
-    def suite(self) -> Suite:
-        """The suite that everybody knows."""
-        return load_suite(self.public, shipped=True)
 
-    def suites(self, transcripts: bool = False, season: SeasonKey | None = None) -> dict[str, Suite]:
-        """What an entry plays, by what it says of it.
+class TrackSuites:
+    """Loader of the suites of tracks, which loads each of them once.
 
-        ``known`` is the public suite, ``unseen`` that of the season, ``shifted`` the public one under changed
-        rules: all on seeds that follow from the season's, which nobody knew before entries were closed.
-        ``public`` is the first again on seeds that everybody knew. ``responses`` are best responses to
-        single entries. Before a season is closed all is played on the seeds that everybody knows.
+    Args:
+        season: the season; None: the newest closed one.
+    """
+
+    def __init__(self, season: SeasonKey | None = None) -> None:
+        self._season = season
+        self._loaded: dict[str, Suite] = {}
+        self._played: dict[tuple[str, bool], dict[str, Suite]] = {}
+
+    @cached_property
+    def season(self) -> SeasonKey | None:
+        """The season that is on; None before the first one is closed."""
+        return self._season or current_season()
+
+    def public(self, track: Track) -> Suite:
+        """Return the public suite of a track."""
+        return self._load(track.public)
+
+    def of(self, track: Track, transcripts: bool = False) -> Mapping[str, Suite]:
+        """Return the suites that an entry of a track plays, by role.
+
+        ``public`` is the public suite, ``unseen`` that of the season, ``shifted`` the public one with changed
+        rules, ``responses`` best responses to single entries. All are played on seeds that follow from the
+        season's seed, which nobody knew before entries were closed. ``public-seeds`` is the public suite on
+        public seeds. Before the first season is closed, everything is played on public seeds.
 
         Args:
-            transcripts: whether the entry is a language model's, recorded on the first public matches.
-            season: the season that is on; None: the newest one that is closed.
+            track: the track.
+            transcripts: true for a language model's entry, recorded on the first matches on public seeds.
         """
-        season = season or current_season()
-        public = self.suite
+        key = track.key, transcripts
+        if key not in self._played:
+            self._played[key] = self._suites(track, transcripts)
+        return self._played[key]
+
+    def _suites(self, track: Track, transcripts: bool) -> dict[str, Suite]:
+        public = self.public(track)
         if transcripts:
             return {PUBLIC: dataclasses.replace(public, matches=min(public.matches, TRANSCRIPT_MATCHES))}
-        seeds = SEASON if season is None else season.seed
-        found = {PUBLIC: dataclasses.replace(public, season=seeds)}
+        seeds = SEASON if self.season is None else self.season.seed
+        suites = {PUBLIC: dataclasses.replace(public, season=seeds)}
         others = {}
-        if season is not None:
-            found[PUBLIC_SEEDS] = dataclasses.replace(
+        if self.season is not None:
+            suites[PUBLIC_SEEDS] = dataclasses.replace(
                 public, matches=min(public.matches, PUBLIC_SEEDS_MATCHES)
             )
-            others[UNSEEN] = season.suite_name(self.public)
-        stem = self.public.removesuffix("-v1")
+            others[UNSEEN] = self.season.suite_name(track.public)
+        stem = track.public.removesuffix("-v1")
         others |= {SHIFTED: f"{stem}-shifted-v1", RESPONSES: f"{stem}-responses-v1"}
         for role, name in others.items():
             if (suites_folder() / f"{name}.yml").is_file():
-                found[role] = dataclasses.replace(load_suite(name, shipped=True), season=seeds)
-        return found
+                suites[role] = dataclasses.replace(self._load(name), season=seeds)
+        return suites
+
+    def _load(self, name: str) -> Suite:
+        if name not in self._loaded:
+            self._loaded[name] = load_suite(name, shipped=True)
+        return self._loaded[name]
 
 
-def ranked_by(suites: Collection[str]) -> str:
-    """What ranks entries that play these suites: the unseen one where there is one, else the known one."""
-    return UNSEEN if UNSEEN in suites else PUBLIC
+def ranked_by(roles: Collection[str]) -> str:
+    """Return the role of the suite that ranks: the unseen one if entries play it, else the public one."""
+    return UNSEEN if UNSEEN in roles else PUBLIC
 
 
 TRACKS = MappingProxyType(
@@ -96,5 +124,5 @@ TRACKS = MappingProxyType(
 
 
 def track_of(side: str, path: str | None) -> Track:
-    """The track of a submission; the one of its side where it names no path."""
+    """Return the track of a submission by its side and path."""
     return next(track for track in TRACKS.values() if (track.side, track.path) == (side, path))

@@ -1,4 +1,4 @@
-"""What is wrong with the transcripts of a language model that somebody submits; nobody is asked."""
+"""Checks of submitted transcripts of a language model; no model is asked."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.compare import ABOUT, PROMPT, nonce_of, transcript_file, transcript_name
 from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_key
 from fpg_bench.evaluation.suite import Suite
-from fpg_bench.leaderboard.folder import names
-from fpg_bench.leaderboard.tracks import PUBLIC, TRACKS
+from fpg_bench.leaderboard.folders import list_names
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt
 from fpg_bench.planning.llm.transcript import FIRST, LAST, Attempt, Where, chain_start, follows, packed_rows
 
@@ -25,51 +24,51 @@ LARGEST_FOLDER = 10_000_000  # bytes, as it lies in the repository; a terse mode
 _LARGEST = {ABOUT: 10_000, PROMPT: 16_000}
 _MOST_REPEATS = 2  # of the history in a prompt: more would make one that fills the memory
 _LONGEST_NAME, _LONGEST_PATH = 100, 1000  # of a prompt, its file may be told
-_MOST = {"seconds": 1e7, "calls": 1e4, "tokens_in": 1e9, "tokens_out": 1e9}
+_LIMITS = {"seconds": 1e7, "calls": 1e4, "tokens_in": 1e9, "tokens_out": 1e9}
 _RAW_CUT = 10_000  # characters that are kept of a long raw reply
 
 _ABOUT_KEYS = ("model", "server", "control", "prompt", "prompt_hash", "suite_hash", "begun")
 
 
-def check_transcripts(folder: Path, suite: Suite | None = None) -> list[str]:
-    """What is wrong with a submission's transcripts as far as they show it, one line each.
+def check_transcripts(folder: Path, suite: Suite) -> list[str]:
+    """Return the problems of a submission's transcripts, one line each.
 
-    That their prompts are those of the game shows only when it is played again.
+    Whether their prompts are those of the game shows only when they are played again.
 
     Args:
-        folder: the submission's.
-        suite: what was to be played; None: the track's.
+        folder: the submission's folder.
+        suite: the suite that was to be played.
     """
-    plays, where = suite or TRACKS["planner"].suites(transcripts=True)[PUBLIC], folder / FOLDER
-    if found := list(_wrong_files(where, plays)):
-        return found
+    where = folder / FOLDER
+    if problems := list(_wrong_files(where, suite)):
+        return problems
     try:
-        about, _ = told(folder, plays)
+        about, _ = read_recording(folder, suite)
     except UserError as error:
         return [local(error, folder)]
-    for ally in plays.rivals:
+    for ally in suite.rivals:
         try:
-            _check_transcript(transcript_file(where, ally.name), about, plays)
+            _check_transcript(transcript_file(where, ally.name), about, suite)
         except UserError as error:
-            found.append(local(error, folder))
-    return found
+            problems.append(local(error, folder))
+    return problems
 
 
 def local(error: Exception, folder: Path) -> str:
-    """An error's text in one line that names the submission's files by their place in it, on any machine."""
+    """Return an error's text in one line, with file names relative to the submission's folder."""
     text = " ".join(str(error).replace(f"{folder}/", "").split())
     return text if len(text) <= 300 else f"{text[:299]}…"
 
 
-def told(folder: Path, suite: Suite) -> tuple[Row, Prompt]:
-    """What is told of all of a submission's transcripts, and the prompt that they were made with.
+def read_recording(folder: Path, suite: Suite) -> tuple[Row, Prompt]:
+    """Return the contents of ``planner.json`` of a submission, and the prompt of its transcripts.
 
     Args:
-        folder: the submission's.
-        suite: what was played.
+        folder: the submission's folder.
+        suite: the suite that was played.
 
     Raises:
-        UserError: it cannot be read, or is not of this field's matches or this prompt.
+        UserError: they cannot be read, or are of other matches or another prompt.
     """
     file = folder / FOLDER / PROMPT
     about = _about(folder / FOLDER / ABOUT, suite)
@@ -91,7 +90,7 @@ def _wrong_files(where: Path, suite: Suite) -> Iterator[str]:
     needed = [transcript_name(ally.name) for ally in suite.rivals]
     known = {*_LARGEST, *needed, *(name + PACKED for name in needed)}
     size = 0
-    for path in (where / name for name in names(where)):
+    for path in (where / name for name in list_names(where)):
         if path.is_dir() and not path.is_symlink():
             yield f"{FOLDER}/{path.name!r:.60}: is a folder; the files lie in {FOLDER} itself"
         elif path.is_symlink() or not path.is_file():
@@ -125,9 +124,9 @@ def _about(file: Path, suite: Suite) -> Row:
 
 
 def _check_nonce(file: Path, about: Row) -> None:
-    """Raise UserError for a run whose sign of having begun after a season was closed is none.
+    """Raise UserError if the nonce does not show that the run began after a season was closed.
 
-    One that was begun before the first season has no such sign, and says so.
+    Runs that began before the first season have no nonce.
     """
     current, number = current_season(), about.get("season")
     if number is None and about.get("nonce", "") is None:
@@ -139,17 +138,17 @@ def _check_nonce(file: Path, about: Row) -> None:
 
 
 def _check_plain(file: Path) -> None:
-    """Raise UserError for a prompt whose few characters stand for very many."""
+    """Raise UserError for a prompt that expands to far more text than it holds."""
     text = file.read_bytes()
     try:
         repeated = any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader))
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise UserError(f"{file}: not valid YAML: {error}") from error
-    words = [match.group() for match in Template.pattern.finditer(text.decode("utf-8", "replace"))]
+    names = [match.group() for match in Template.pattern.finditer(text.decode("utf-8", "replace"))]
     if repeated:
         raise UserError(f"{file}: holds an alias (*name); write out what it stands for")
     for word in ("history", "rounds"):
-        if sum(word in found for found in words) > _MOST_REPEATS:
+        if sum(word in name for name in names) > _MOST_REPEATS:
             raise UserError(f"{file}: ${word} stands there more than {_MOST_REPEATS} times")
 
 
@@ -157,14 +156,14 @@ def _check_plain(file: Path) -> None:
 
 
 def _check_transcript(file: Path, about: Row, suite: Suite) -> None:
-    """Check that a transcript holds all attempts at the plans of its matches, and no others."""
-    found: dict[Where, Attempt] = {}
+    """Check that a transcript holds exactly the attempts at the plans of its matches."""
+    attempts: dict[Where, Attempt] = {}
     rows = packed_rows(file)
     for number, row in enumerate(rows, 1):
         where = f"transcript {file}: line {number}"
         attempt = _attempt(row, where)
-        _check_told(attempt, row, about, where)
-        if found.setdefault(attempt.where, attempt) is not attempt:
+        _check_made(attempt, row, about, where)
+        if attempts.setdefault(attempt.where, attempt) is not attempt:
             raise UserError(f"{where} is another attempt at what was asked before{_at(attempt.where)}")
     plans = [
         (seed, 0, k)
@@ -172,12 +171,12 @@ def _check_transcript(file: Path, about: Row, suite: Suite) -> None:
         for k in range(suite.rounds_per_match)
     ]
     expected: set[Where] = {(*plan, FIRST) for plan in plans}
-    if lacking := sorted(expected - found.keys()):
+    if lacking := sorted(expected - attempts.keys()):
         raise UserError(f"transcript {file}: lacks {len(lacking)} of {len(plans)} plans{_at(lacking[0])}")
-    again = {(*plan, LAST) for plan in plans if found[*plan, FIRST].asks_again}
-    if lacking := sorted(again - found.keys()):
+    again = {(*plan, LAST) for plan in plans if attempts[*plan, FIRST].asks_again}
+    if lacking := sorted(again - attempts.keys()):
         raise UserError(f"transcript {file}: lacks the second attempt{_at(lacking[0])}")
-    if extra := sorted(found.keys() - expected - again):
+    if extra := sorted(attempts.keys() - expected - again):
         raise UserError(f"transcript {file}: holds an attempt that nothing asks for{_at(extra[0])}")
     link = chain_start(about, file.name.removesuffix(PACKED))
     for number, row in enumerate(rows, 1):
@@ -192,9 +191,9 @@ def _attempt(row: Row, where: str) -> Attempt:
     if row.get("kind") != "attempt":
         raise UserError(f"{where} is no attempt; a transcript of plan compare holds nothing else")
     attempt = Attempt.of(row, where)
-    for name in ("seed", "match", "round", "attempt", *_MOST):
+    for name in ("seed", "match", "round", "attempt", *_LIMITS):
         value = getattr(attempt, name)
-        if isinstance(value, bool) or (value is not None and not 0 <= value <= _MOST.get(name, math.inf)):
+        if isinstance(value, bool) or (value is not None and not 0 <= value <= _LIMITS.get(name, math.inf)):
             raise UserError(f"{where}: {name}: {value!r:.40} cannot be")
     try:
         changed = attempt.unlike(row.get("raw"))
@@ -208,8 +207,8 @@ def _attempt(row: Row, where: str) -> Attempt:
     return attempt
 
 
-def _check_told(attempt: Attempt, row: Row, about: Row, where: str) -> None:
-    """Check that an attempt was made as is told of all, and shows what was asked and answered."""
+def _check_made(attempt: Attempt, row: Row, about: Row, where: str) -> None:
+    """Check that an attempt was made as ``planner.json`` says, and shows its request and reply."""
     unasked = attempt.error == "budget" and attempt.text is None
     if attempt.request is None and not unasked:
         raise UserError(f"{where} does not show what was asked")
@@ -221,6 +220,6 @@ def _check_told(attempt: Attempt, row: Row, about: Row, where: str) -> None:
         if value != about[name]:
             raise UserError(f"{where} was made with {name} {value!r:.60}, and not {about[name]!r:.60}")
     raw = row.get("raw")
-    whole = isinstance(raw, dict) or (isinstance(raw, str) and len(raw) == _RAW_CUT)
-    if attempt.text is not None and not whole:
+    is_shown = isinstance(raw, dict) or (isinstance(raw, str) and len(raw) == _RAW_CUT)
+    if attempt.text is not None and not is_shown:
         raise UserError(f"{where} does not show the raw reply")

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from fpg_bench.evaluation.play import play
-from fpg_bench.leaderboard.onnx_contract import check_policies
-from fpg_bench.leaderboard.playing import Part, part_records
-from fpg_bench.leaderboard.smoke_test import trial
-from fpg_bench.leaderboard.tracks import TRACKS
+from fpg_bench.leaderboard.playing import Part, part_records, smoke_test
+from fpg_bench.leaderboard.policy_client import check_policies
+from fpg_bench.leaderboard.tracks import TRACKS, TrackSuites
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.row_wise import row_wise
@@ -27,7 +26,7 @@ GAMES, STEPS = 8, 12
 
 @pytest.fixture
 def suite(small_suites):
-    return TRACKS["ally"].suite
+    return TrackSuites().public(TRACKS["ally"])
 
 
 def games(player, some):
@@ -44,7 +43,7 @@ def games(player, some):
 
 def test_their_files_are_sound():
     found = check_policies(list(READERS.values()))
-    assert [name for name, records in zip(READERS, found, strict=True) if records] == []
+    assert [name for name, lines in zip(READERS, found, strict=True) if lines] == []
 
 
 @pytest.mark.parametrize("name", READERS)
@@ -73,7 +72,7 @@ def test_so_it_is_when_it_is_played(suite):
     (record,) = part_records(part, [(suite, suite.rivals[0])])
     player = OnnxPlayer(READERS["hidden"], {})
     assert record == play(part.entry(player, suite), suite, suite.rivals[0])
-    assert trial(as_policy(READERS["hidden"]), suite) == []
+    assert smoke_test(as_policy(READERS["hidden"]), suite) == []
 
 
 @pytest.mark.parametrize("data", [*honest().values(), model_bytes(state=3, noise=2)])

@@ -7,12 +7,13 @@ import pytest
 from typer.testing import CliRunner
 
 from fpg_bench.cli import app
+from fpg_bench.leaderboard import verification
 from fpg_bench.leaderboard.board import make_board
-from fpg_bench.leaderboard.cases import result_file
-from fpg_bench.leaderboard.check import problems
-from fpg_bench.leaderboard.crossplay import crossplay_file, play_missing
+from fpg_bench.leaderboard.crossplay import play_missing
+from fpg_bench.leaderboard.folders import crossplay_file, result_file
 from fpg_bench.leaderboard.site.build import build_site
-from fpg_bench.leaderboard.verify import verify
+from fpg_bench.leaderboard.submission import problems
+from fpg_bench.leaderboard.verification import verify
 from tests.attacks.json_texts import hostile_texts
 from tests.attacks.pull_requests import spoil
 from tests.leaderboard.entering import enter
@@ -22,7 +23,7 @@ pytestmark = pytest.mark.slow
 COUNT = 40
 
 
-def quiet(record):
+def quiet(line):
     pass
 
 
@@ -45,8 +46,8 @@ def stormed(entered):
         about = (folder / "submission.yaml").read_text()
         (folder / "submission.yaml").write_text(about.replace("Linear", slug))
         result = result_file(entered, "ally", slug)
-        head, *records = result_file(entered, "ally", "linear").read_text().splitlines(keepends=True)
-        result.write_text("".join([json.dumps(json.loads(head) | {"slug": slug}) + "\n", *records]))
+        head, *lines = result_file(entered, "ally", "linear").read_text().splitlines(keepends=True)
+        result.write_text("".join([json.dumps(json.loads(head) | {"slug": slug}) + "\n", *lines]))
         spoil(folder, result, seed)
     return entered
 
@@ -57,15 +58,15 @@ def test_verify_gives_each_its_own_verdict_and_the_honest_ones_hold(stormed):
     assert len(verdicts) == COUNT + 3
     good = {name for name, verdict in verdicts.items() if verdict.good}
     assert good == {"ally/wise", "ally/linear", "opponent/near"}
-    assert not [record for record in said if "a bug" in record]
-    assert all(record.isprintable() for record in said)
+    assert not [line for line in said if "a bug" in line]
+    assert all(line.isprintable() for line in said)
 
 
 def test_build_and_crossplay_go_on_without_them(stormed, tmp_path):
     said = []
     assert play_missing(stormed, rounds=2, say=said.append) == []
     board = make_board(stormed, said.append)
-    assert not [record for record in said if "a bug" in record]
+    assert not [line for line in said if "a bug" in line]
     ranked = [entry.slug for entry, figures in board.tracks[0].verified() if figures.rank]
     assert sorted(ranked) == ["linear", "wise"]
     build_site(board, tmp_path / "site", {})
@@ -74,9 +75,9 @@ def test_build_and_crossplay_go_on_without_them(stormed, tmp_path):
 def test_check_says_what_is_wrong_with_each(stormed):
     for seed in range(COUNT):
         folder = stormed / f"submissions/ally/hostile-{seed}"
-        for record in problems(folder):
-            assert "a bug" not in record
-            record.encode()
+        for line in problems(folder):
+            assert "a bug" not in line
+            line.encode()
 
 
 @pytest.mark.parametrize("seed", [3, 12])
@@ -88,14 +89,14 @@ def test_the_command_line_says_it_in_lines(stormed, seed):
 def test_a_hostile_line_of_cross_play_is_left_out_alone(entered, tmp_path):
     play_missing(entered, rounds=100, say=quiet)
     file = crossplay_file(entered)
-    (sound,) = (json.loads(record) for record in file.read_text().splitlines() if '"wise"' in record)
+    (sound,) = (json.loads(line) for line in file.read_text().splitlines() if '"wise"' in line)
     forged = [sound | {"ally_rewards": [99.0, 99.0]}, sound | {"lost": "x"}, sound | {"ally": "linear"}]
     texts = [text.replace(b"\n", b" ") for _, text in hostile_texts(40, base=sound)]
     texts += [json.dumps(row).encode() for row in forged]
     file.write_bytes(file.read_bytes() + b"\n".join(texts) + b"\n")
     said = []
     board = make_board(entered, said.append)
-    assert any("crossplay.jsonl" in record and "left out" in record for record in said)
+    assert any("crossplay.jsonl" in line and "left out" in line for line in said)
     assert repr(board.crossplay).count("99.0") == 0
     build_site(board, tmp_path / "site", {})
     assert play_missing(entered, rounds=100, say=quiet) == []
@@ -103,20 +104,18 @@ def test_a_hostile_line_of_cross_play_is_left_out_alone(entered, tmp_path):
 
 
 def test_even_a_bug_of_ours_stops_nobody_else(entered, monkeypatch):
-    from fpg_bench.leaderboard import cases
+    known = verification.load_submission
 
-    known = cases.load_submission
-
-    def fails(folder, contract=True):
+    def fails(folder, *how):
         if folder.name == "wise":
             raise KeyError("nobody thought of this")
-        return known(folder, contract)
+        return known(folder, *how)
 
-    monkeypatch.setattr(cases, "load_submission", fails)
+    monkeypatch.setattr(verification, "load_submission", fails)
     verdicts = {verdict.name: verdict for verdict in verify(entered, say=quiet)}
     assert {name: verdict.good for name, verdict in verdicts.items()} == {
         "ally/wise": False,
         "ally/linear": True,
         "opponent/near": True,
     }
-    assert verdicts["ally/wise"].record == "a bug: KeyError: 'nobody thought of this'"
+    assert verdicts["ally/wise"].line == "a bug: KeyError: 'nobody thought of this'"

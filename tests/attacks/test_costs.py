@@ -2,7 +2,7 @@
 
 import pytest
 
-from fpg_bench.leaderboard.onnx_contract import check_policies
+from fpg_bench.leaderboard.policy_client import check_policies
 from tests.attacks.costly import costly
 
 POLICIES = costly()

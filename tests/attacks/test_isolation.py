@@ -16,7 +16,7 @@ from fpg_bench.leaderboard import sandbox
 from fpg_bench.leaderboard.isolation import Wall, missing
 from fpg_bench.leaderboard.playing import OPEN
 from fpg_bench.leaderboard.sandbox import Limits, Sandbox
-from fpg_bench.leaderboard.verify import verify
+from fpg_bench.leaderboard.verification import verify
 from tests.attacks.prisoner import escapes
 from tests.leaderboard.entering import enter
 
@@ -97,16 +97,16 @@ def test_and_said_in_the_verdict(board, in_process, monkeypatch):
     monkeypatch.setattr("fpg_bench.leaderboard.playing.missing_here", lambda: ["files", "the network"])
     enter(board, "ally", "linear", seeds=(0,))
     enter(board, "ally", "wise", script="expert")
-    records = {verdict.name: verdict.record for verdict in verify(board, say=lambda record: None)}
-    assert records["ally/linear"].endswith("; this machine cannot keep a policy from files, the network")
-    assert "cannot" not in records["ally/wise"]
+    lines = {verdict.name: verdict.line for verdict in verify(board, say=lambda line: None)}
+    assert lines["ally/linear"].endswith("; this machine cannot keep a policy from files, the network")
+    assert "cannot" not in lines["ally/wise"]
     assert OPEN not in (board / "results/ally/linear.jsonl").read_text()
 
 
 FORGETS = """
 import os
 from pathlib import Path
-from fpg_bench.leaderboard.secrets import forget_keys
+from fpg_bench.leaderboard.sandbox import forget_keys
 print(*sorted(forget_keys()))
 print(dict(os.environ), Path("/proc/self/environ").read_bytes())
 """

@@ -10,8 +10,8 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
-from fpg_bench.leaderboard.cases import at_work
-from fpg_bench.leaderboard.verify import verify
+from fpg_bench.leaderboard.folders import at_work
+from fpg_bench.leaderboard.verification import verify
 from fpg_bench.training.checkpoint import load_checkpoint
 from tests.leaderboard.entering import enter
 
@@ -36,7 +36,7 @@ import sys
 from pathlib import Path
 import platformdirs
 platformdirs.user_cache_path = lambda name: Path(sys.argv[2])
-from fpg_bench.leaderboard.cases import at_work
+from fpg_bench.leaderboard.folders import at_work
 with at_work(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

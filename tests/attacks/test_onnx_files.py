@@ -2,7 +2,7 @@
 
 import pytest
 
-from fpg_bench.leaderboard.onnx_contract import check_policies
+from fpg_bench.leaderboard.policy_client import check_policies
 from fpg_bench.players.agent import OnnxPlayer
 from tests.attacks.onnx_files import hostile_files
 

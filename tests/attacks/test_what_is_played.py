@@ -8,7 +8,7 @@ import pytest
 from onnx import ModelProto, helper
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.leaderboard.onnx_contract import check_policy
+from fpg_bench.leaderboard.policy_client import check_policy
 from fpg_bench.players.agent import OnnxPlayer, _read
 from tests.leaderboard.making import model, node, value, weights
 from tests.training.making import policy

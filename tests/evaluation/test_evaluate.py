@@ -247,7 +247,7 @@ def test_a_dataframe_has_a_row_per_entry_and_needs_pandas_alone(suite, monkeypat
 
 
 @pytest.mark.slow
-def test_the_lines_and_the_table_are_the_same_to_the_bit(suite, agents, tmp_path):
+def test_the_lines_and_the_table_are_the_identical(suite, agents, tmp_path):
     players = [*agents, "expert", "idle", "expert"]
     for out, jobs in (("many", 2), ("one", 1)):
         evaluate(players, suite, tmp_path / out, jobs=jobs, say=lambda record: None)

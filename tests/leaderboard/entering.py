@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
+from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.seeds import PROTOCOL, seed_from
 from fpg_bench.leaderboard.policy_client import PolicyFailed
+from fpg_bench.leaderboard.result import Result, totals, write_result
+from fpg_bench.leaderboard.verification import Case
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
-from tests.leaderboard.making import policy
+from tests.leaderboard.making import write_seed
 from tests.leaderboard.recording import PLANNER_SUITE
 
 SUITE = {
@@ -88,25 +90,17 @@ def enter(board: Path, track: str, slug: str, **other: Any) -> Path:
     if track == "opponent":
         about["path"] = "pursuit"
     (folder / "submission.yaml").write_text(yaml.safe_dump(about | other))
+    env_id = "FPG/AllyVsScripted-v0" if track == "ally" else "FPG/OpponentVsScripted-v0"
     for seed in seeds:
-        _agent(folder / f"seed_{seed}", track, seed)
+        write_seed(folder / f"seed_{seed}", seed, algorithm="none", id=env_id, training_steps=10)
     return folder
 
 
-def _agent(folder: Path, side: str, seed: int) -> None:
-    model = policy(seed)
-    about = {
-        "format": 1,
-        "algorithm": "none",
-        "id": "FPG/AllyVsScripted-v0" if side == "ally" else "FPG/OpponentVsScripted-v0",
-        "scenario": "0",
-        "training_seed": seed,
-        "training_steps": 10,
-        "policy_sha256": hashlib.sha256(model).hexdigest(),
-    }
-    folder.mkdir()
-    (folder / "policy.onnx").write_bytes(model)
-    (folder / "agent.json").write_text(json.dumps(about))
+def write_verified(case: Case, lines: Iterable[Record]) -> None:
+    """Write these records as the verified result of a case."""
+    lines = tuple(lines)
+    slug, track = case.submission.slug, case.submission.track
+    write_result(case.path, Result(slug, track, case.fingerprint, lines, totals(lines, case.suites)))
 
 
 class InProcess:

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 from onnx import TensorProto, helper, numpy_helper
 
-from fpg_bench.leaderboard.submission import Policy
+from fpg_bench.leaderboard.policy_client import Policy
 
 FIELDS = {
     "name": "Mine",

@@ -12,14 +12,12 @@ from fpg_bench.cli import app
 from fpg_bench.cli.leaderboard import build
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.leaderboard.board import CROSSPLAY, make_board
-from fpg_bench.leaderboard.cases import make_case
 from fpg_bench.leaderboard.crossplay import play_missing
 from fpg_bench.leaderboard.ranking import nash
-from fpg_bench.leaderboard.result import verified_result, write_result
 from fpg_bench.leaderboard.site.page_data import policy_data, submitted_policies
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
-from fpg_bench.leaderboard.verify import verify
-from tests.leaderboard.entering import SUITE, close_season, enter, write_suite
+from fpg_bench.leaderboard.verification import make_case, verify
+from tests.leaderboard.entering import SUITE, close_season, enter, write_suite, write_verified
 from tests.leaderboard.making import model, node, weights
 
 pytestmark = pytest.mark.slow
@@ -319,9 +317,9 @@ def improve_public(board, slug, points):
         dataclasses.replace(record, returns=tuple((np.array(record.returns) + more).tolist()))
         if record.suite_hash == public.hash[:16]
         else record
-        for record in case.known.records
+        for record in case.result.records
     ]
-    write_result(case.path, verified_result(slug, "ally", case.printed, records, case.suites))
+    write_verified(case, records)
 
 
 def flagged(board):

@@ -9,12 +9,12 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.leaderboard.board import make_board
-from fpg_bench.leaderboard.cases import make_case, result_file
 from fpg_bench.leaderboard.changed_entries import Changes, changed_entries, pairs_at
-from fpg_bench.leaderboard.crossplay import crossplay_file, play_missing
-from fpg_bench.leaderboard.result import read_result, verified_result, write_result
-from fpg_bench.leaderboard.verify import verify
-from tests.leaderboard.entering import enter
+from fpg_bench.leaderboard.crossplay import play_missing
+from fpg_bench.leaderboard.folders import crossplay_file, result_file
+from fpg_bench.leaderboard.result import read_result
+from fpg_bench.leaderboard.verification import make_case, verify
+from tests.leaderboard.entering import enter, write_verified
 
 
 def git(board, *words):
@@ -27,8 +27,8 @@ def trusted(board, in_process):
     """A board with one honest entry of each side, its results and pairs, all committed."""
     enter(board, "ally", "honest", seeds=(0, 1))
     enter(board, "opponent", "script", script="adaptive")
-    assert all(verdict.good for verdict in verify(board, say=lambda record: None))
-    play_missing(board, rounds=4, say=lambda record: None)
+    assert all(verdict.good for verdict in verify(board, say=lambda line: None))
+    play_missing(board, rounds=4, say=lambda line: None)
     git(board, "init", "--quiet")
     git(board, "add", "--all")
     git(board, "commit", "--quiet", "--message", "as it was")
@@ -42,8 +42,7 @@ def forged(board, name):
     records = [
         dataclasses.replace(record, returns=tuple(x + 9.0 for x in record.returns)) for record in kept.records
     ]
-    result = verified_result(kept.slug, case.submission.track, kept.fingerprint, records, case.suites)
-    write_result(case.path, result)
+    write_verified(case, records)
     return kept, case
 
 
@@ -60,10 +59,10 @@ def test_new_and_changed_entries_are_found(trusted):
 def test_the_lines_of_who_verifies_take_the_place_of_forged_ones(trusted):
     kept, case = forged(trusted, "ally/honest")
     assert read_result(case.path, case.suites).records != kept.records
-    (verdict,) = verify(trusted, ["ally/honest"], sample=0.01, since="HEAD", say=lambda record: None)
+    (verdict,) = verify(trusted, ["ally/honest"], sample=0.01, since="HEAD", say=lambda line: None)
     assert not verdict.good
-    assert verdict.record.startswith("replaced: the result that came along does not hold: ")
-    assert "; commit this one: verified: known " in verdict.record
+    assert verdict.line.startswith("replaced: the result that came along does not hold: ")
+    assert "; commit this one: verified: public " in verdict.line
     assert read_result(case.path, case.suites).records == kept.records
 
 
@@ -71,35 +70,35 @@ def test_a_result_that_can_not_even_be_read_is_replaced(trusted):
     case = make_case(trusted, trusted / "submissions" / "ally/honest")
     whole = case.path.read_text()
     case.path.write_text("[" * 500)
-    (verdict,) = verify(trusted, ["ally/honest"], since="HEAD", say=lambda record: None)
-    assert verdict.record.startswith("replaced: the result that came along is none of this entry's, or was")
+    (verdict,) = verify(trusted, ["ally/honest"], since="HEAD", say=lambda line: None)
+    assert verdict.line.startswith("replaced: the result that came along is none of this entry's, or was")
     assert case.path.read_text() == whole
 
 
 def test_an_honest_result_that_came_along_is_good(trusted):
     enter(trusted, "ally", "newcomer", seeds=(2,))
-    (first,) = verify(trusted, ["ally/newcomer"], say=lambda record: None)
+    (first,) = verify(trusted, ["ally/newcomer"], say=lambda line: None)
     before = result_file(trusted, "ally", "newcomer").read_bytes()
-    (verdict,) = verify(trusted, ["ally/newcomer"], since="HEAD", say=lambda record: None)
-    assert (verdict.good, verdict.record) == (True, first.record)
+    (verdict,) = verify(trusted, ["ally/newcomer"], since="HEAD", say=lambda line: None)
+    assert (verdict.good, verdict.line) == (True, first.line)
     assert result_file(trusted, "ally", "newcomer").read_bytes() == before
 
 
 def test_what_was_claimed_is_not_forgotten_when_playing_is_broken_off(trusted, monkeypatch):
     forged(trusted, "ally/honest")
     with monkeypatch.context() as broken:
-        broken.setattr("fpg_bench.leaderboard.verify.run_jobs", lambda *how, **more: 1 / 0)
+        broken.setattr("fpg_bench.leaderboard.verification.run_jobs", lambda *how, **more: 1 / 0)
         with pytest.raises(ZeroDivisionError):
-            verify(trusted, since="HEAD", say=lambda record: None)
-    verdicts = {v.name: v for v in verify(trusted, since="HEAD", say=lambda record: None)}
-    assert verdicts["ally/honest"].record.startswith("replaced: ")
+            verify(trusted, since="HEAD", say=lambda line: None)
+    verdicts = {v.name: v for v in verify(trusted, since="HEAD", say=lambda line: None)}
+    assert verdicts["ally/honest"].line.startswith("replaced: ")
     assert verdicts["opponent/script"].good
 
 
 def test_the_result_of_an_entry_that_breaks_the_contract_goes(trusted):
     result = result_file(trusted, "ally", "honest")
     (trusted / "submissions/ally/honest/seed_0/policy.onnx").write_bytes(b"nothing")
-    found = {v.name: v.good for v in verify(trusted, since="HEAD", say=lambda record: None)}
+    found = {v.name: v.good for v in verify(trusted, since="HEAD", say=lambda line: None)}
     assert found == {"ally/honest": False, "opponent/script": True}
     assert not result.exists()
     said = []
@@ -111,17 +110,17 @@ def test_a_rival_that_is_gone_is_told(trusted, with_result):
     shutil.rmtree(trusted / "submissions/ally/honest")
     if with_result:
         result_file(trusted, "ally", "honest").unlink()
-    found = {v.name: v for v in verify(trusted, since="HEAD", say=lambda record: None)}
+    found = {v.name: v for v in verify(trusted, since="HEAD", say=lambda line: None)}
     assert not found["ally/honest"].good
-    assert "gone" in found["ally/honest"].record
+    assert "gone" in found["ally/honest"].line
     assert found["opponent/script"].good
 
 
 @pytest.mark.parametrize("slug", ["aaa", "zzz"])
 def test_who_comes_later_has_not_the_name_of_who_was_there(trusted, slug):
-    enter(trusted, "ally", slug, seeds=(2,), name="Ноnest")
-    verdicts = {v.name: v for v in verify(trusted, since="HEAD", say=lambda record: None)}
-    assert "is that of 'honest', too" in verdicts[f"ally/{slug}"].record
+    enter(trusted, "ally", slug, seeds=(2,), name="H0nest")
+    verdicts = {v.name: v for v in verify(trusted, since="HEAD", say=lambda line: None)}
+    assert "is that of 'honest', too" in verdicts[f"ally/{slug}"].line
     assert verdicts["ally/honest"].good
     assert [entry.slug for entry in make_board(trusted).tracks[0].entries] == ["honest"]
     with pytest.raises(UserError, match="is that of 'honest', too"):
@@ -131,7 +130,7 @@ def test_who_comes_later_has_not_the_name_of_who_was_there(trusted, slug):
 def test_a_forged_name_and_result_show_nobody_twice(trusted):
     """Of two that both have a result the first stays; what came since a revision is never the first."""
     folder = enter(trusted, "ally", "zzz", seeds=(2,))
-    assert verify(trusted, ["ally/zzz"], say=lambda record: None)[0].good
+    assert verify(trusted, ["ally/zzz"], say=lambda line: None)[0].good
     (folder / "submission.yaml").write_text((folder / "submission.yaml").read_text().replace("Zzz", "Honest"))
     said = []
     assert [entry.slug for entry in make_board(trusted, said.append).tracks[0].entries] == ["honest"]
@@ -177,7 +176,7 @@ def test_an_entry_that_is_a_link_has_changed(trusted, tmp_path):
     (trusted / "submissions/ally/honest").rename(tmp_path / "elsewhere")
     (trusted / "submissions/ally/honest").symlink_to(tmp_path / "elsewhere")
     assert changed_entries(trusted, "HEAD").entries == {"ally/honest"}
-    verdicts = {v.name: v.good for v in verify(trusted, since="HEAD", say=lambda record: None)}
+    verdicts = {v.name: v.good for v in verify(trusted, since="HEAD", say=lambda line: None)}
     assert verdicts == {"ally/honest": False, "opponent/script": True}
 
 
@@ -188,8 +187,8 @@ def test_changes_of_other_files_are_named_and_refused_until_they_are_known(trust
         "since: 2 files of no entry are not as they were: results/best_responses.jsonl, season.yml; read them"
     )
     with pytest.raises(UserError, match=said):
-        verify(trusted, since="HEAD", say=lambda record: None)
-    assert all(v.good for v in verify(trusted, since="HEAD", changes_known=True, say=lambda record: None))
+        verify(trusted, since="HEAD", say=lambda line: None)
+    assert all(v.good for v in verify(trusted, since="HEAD", changes_known=True, say=lambda line: None))
 
 
 def test_a_link_or_a_repository_that_came_is_named_wherever_it_lies(trusted):
@@ -210,7 +209,7 @@ def test_forged_pairs_are_dropped_and_played_again(trusted):
     file = crossplay_file(trusted)
     row = json.loads(file.read_text())
     file.write_text(json.dumps(row | {"jamming_success_rate": 0.0}) + "\n")
-    found = play_missing(trusted, rounds=4, trusted=pairs_at(trusted, "HEAD"), say=lambda record: None)
+    found = play_missing(trusted, rounds=4, trusted=pairs_at(trusted, "HEAD"), say=lambda line: None)
     assert any("jammed" in record and record.endswith("; replaced, commit this one") for record in found)
     assert json.loads(file.read_text()) == row
 
@@ -218,7 +217,7 @@ def test_forged_pairs_are_dropped_and_played_again(trusted):
 def test_trusted_pairs_and_honest_ones_stay(trusted):
     for trust in (pairs_at(trusted, "HEAD"), []):
         before = crossplay_file(trusted).read_bytes()
-        assert play_missing(trusted, rounds=4, trusted=trust, say=lambda record: None) == []
+        assert play_missing(trusted, rounds=4, trusted=trust, say=lambda line: None) == []
         assert crossplay_file(trusted).read_bytes() == before
 
 

@@ -4,8 +4,9 @@ import subprocess
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.leaderboard.check import load_submission, notes, problems
-from fpg_bench.leaderboard.tracks import PUBLIC
+from fpg_bench.leaderboard.playing import suites_of
+from fpg_bench.leaderboard.submission import load_submission, notes, problems
+from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
 from tests.leaderboard.making import FIELDS, policy, write_seed, write_submission
 from tests.programs import fpg
 
@@ -16,18 +17,18 @@ BOMB = "\n".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}' if i else 'x'] * 9)}]" 
 
 def only(folder):
     """The one line that is said of a submission."""
-    (record,) = problems(folder)
-    assert "\n" not in record
-    assert len(record) < 250
+    (line,) = problems(folder)
+    assert "\n" not in line
+    assert len(line) < 250
     with pytest.raises(UserError) as raised:
         load_submission(folder)
-    assert record in str(raised.value)
-    return record
+    assert line in str(raised.value)
+    return line
 
 
 def public_suite(submission):
-    """The name of the suite that everybody knows, of a submission's track."""
-    return submission.suites[PUBLIC].name
+    """The name of the public suite of a submission's track."""
+    return suites_of(submission, TrackSuites())[PUBLIC].name
 
 
 def test_a_sound_submission_is_read(tmp_path):
@@ -87,9 +88,12 @@ def test_the_opponents_path_decides_the_field(tmp_path, path, suite):
         ({"training": None}, "training: expected steps, hours and seeds, got null"),
         ({"training": {"steps": 1, "hours": 1}}, "training: lacks seeds"),
         ({"training": {"steps": 1, "hours": 1, "seeds": [0, 0]}}, "one stands there twice"),
-        ({"training": {"steps": 1, "hours": float("nan"), "seeds": [0, 1]}}, "hours: expected a number"),
-        ({"training": {"steps": 1, "hours": float("inf"), "seeds": [0, 1]}}, "hours: expected a number"),
-        ({"training": {"steps": True, "hours": 1, "seeds": [0, 1]}}, "steps: expected a whole number"),
+        ({"training": TRAINED | {"hours": float("nan")}}, "training.hours: expected a number"),
+        ({"training": TRAINED | {"hours": float("inf")}}, "training.hours: expected a number"),
+        ({"training": TRAINED | {"hours": 10**400}}, "training.hours: expected a number"),
+        ({"training": TRAINED | {"seeds": [0, True]}}, "training.seeds: expected a list of 1 to 20 whole"),
+        ({"training": TRAINED | {"gpus": 1}}, "training: unknown key 'gpus'; known: hours, seeds, steps"),
+        ({"training": TRAINED | {"steps": True}}, "training.steps: expected a whole number"),
         (
             {"training": TRAINED | {"seeds": [0, 1, 5, 7]}},
             "training: seeds: no folder seed_5, seed_7; there are: seed_0, seed_1",
@@ -105,19 +109,19 @@ def test_the_opponents_path_decides_the_field(tmp_path, path, suite):
         ),
     ],
 )
-def test_suites_that_do_not_do_are_named(tmp_path, change, record):
-    assert record in only(write_submission(tmp_path / "mine", **change))
+def test_suites_that_do_not_do_are_named(tmp_path, change, line):
+    assert line in only(write_submission(tmp_path / "mine", **change))
 
 
 def test_everything_that_is_wrong_is_said_at_once(tmp_path):
     folder = write_submission(tmp_path / "Mine!", name="", licence=..., track="opponent")
     (folder / "notes.txt").write_text("x")
     os.remove(folder / "seed_1" / "policy.onnx")
-    records = problems(folder)
+    lines = problems(folder)
     for part in ("'Mine!'", "name: expected 1 to 60", "lacks 'licence'", "lacks 'path'", "'notes.txt'"):
-        assert any(part in record for record in records), part
-    assert any(record.startswith("seed_0/agent.json: plays the ally") for record in records)
-    assert "seed_1/policy.onnx: is missing" in records
+        assert any(part in line for line in lines), part
+    assert any(line.startswith("seed_0/agent.json: plays the ally") for line in lines)
+    assert "seed_1/policy.onnx: is missing" in lines
 
 
 @pytest.mark.parametrize(
@@ -138,13 +142,13 @@ def test_everything_that_is_wrong_is_said_at_once(tmp_path):
     ],
     ids=["bomb", "cycle", "tag", "time", "int", "deep", "digits", "twice", "list", "null", "large", "torn"],
 )
-def test_hostile_yaml_is_one_line(tmp_path, text, record):
+def test_hostile_yaml_is_one_line(tmp_path, text, line):
     folder = write_submission(tmp_path / "mine")
     (folder / "submission.yaml").write_text(text)
     found = problems(folder)
     assert len(found) == 1
     assert found[0].startswith("submission.yaml: ")
-    assert record in found[0]
+    assert line in found[0]
 
 
 def test_what_is_no_text_is_one_line(tmp_path):
@@ -165,7 +169,7 @@ def test_links_lead_nowhere(tmp_path):
         copy = write_submission(tmp_path / f"copy-{path[:4]}")
         subprocess.run(["rm", "-r", str(copy / path)], check=True)
         (copy / path).symlink_to(target)
-        assert any(record.startswith(f"{path}: is a link") for record in problems(copy))
+        assert any(line.startswith(f"{path}: is a link") for line in problems(copy))
 
 
 def test_what_is_no_file_is_not_opened(tmp_path):
@@ -183,9 +187,9 @@ def test_files_that_are_too_large_are_not_read(tmp_path):
     for name, size in (("policy.onnx", 5_000_001), ("agent.json", 64_001)):
         with (folder / "seed_0" / name).open("wb") as file:
             file.truncate(size)
-    records = problems(folder)
-    assert "seed_0/policy.onnx: holds 5,000,001 bytes, at most 5,000,000 are allowed" in records
-    assert "seed_0/agent.json: holds 64,001 bytes, at most 64,000 are allowed" in records
+    lines = problems(folder)
+    assert "seed_0/policy.onnx: holds 5,000,001 bytes, at most 5,000,000 are allowed" in lines
+    assert "seed_0/agent.json: holds 64,001 bytes, at most 64,000 are allowed" in lines
 
 
 def test_unknown_names_are_strays(tmp_path):
@@ -193,11 +197,11 @@ def test_unknown_names_are_strays(tmp_path):
     for name in ("seed_01", "seed_x", "..evil", "a\nb"):
         (folder / name).mkdir()
     (folder / "seed_0" / "weights.bin").write_text("x")
-    records = problems(folder)
-    assert len(records) == 5
-    assert any(record.endswith("; known: seed_0, seed_1, submission.yaml") for record in records)
-    assert all("is no file of a submission" in record and "\n" not in record for record in records)
-    assert any(record.startswith("seed_0/'weights.bin'") for record in records)
+    lines = problems(folder)
+    assert len(lines) == 5
+    assert any(line.endswith("; known: seed_0, seed_1, submission.yaml") for line in lines)
+    assert all("is no file of a submission" in line and "\n" not in line for line in lines)
+    assert any(line.startswith("seed_0/'weights.bin'") for line in lines)
 
 
 @pytest.mark.parametrize("name", ["../../../etc", "ally-scripted/../..", "/etc/passwd", "ally-scripted/pp"])
@@ -210,7 +214,7 @@ def test_scripts_that_are_not_there(tmp_path):
     folder = write_submission(tmp_path / "mine", (), training=None, script="os:system")
     assert "script: unknown 'os:system'" in only(folder)
     both = write_submission(tmp_path / "b", (), training=None, script="expert", zoo="ally-scripted/ppo")
-    assert any("only one of them" in record for record in problems(both))
+    assert any("only one of them" in line for line in problems(both))
 
 
 @pytest.mark.parametrize(
@@ -227,12 +231,12 @@ def test_scripts_that_are_not_there(tmp_path):
         ({"algorithm": "x" * 61}, "algorithm: expected text"),
     ],
 )
-def test_agents_that_do_not_fit_are_named(tmp_path, change, record):
+def test_agents_that_do_not_fit_are_named(tmp_path, change, line):
     folder = write_submission(tmp_path / "mine")
     write_seed(folder / "seed_1", 1, **change)
     found = only(folder)
     assert found.startswith("seed_1/agent.json: ")
-    assert record in found
+    assert line in found
 
 
 def test_an_agents_keys_stand_there_once(tmp_path):
@@ -287,9 +291,9 @@ def test_names_are_taken_once_on_a_board(tmp_path):
         ("aly", "'aly', which is no track; move it to submissions/ally"),
     ],
 )
-def test_a_folder_in_another_track_is_told_where_to_go(tmp_path, track, record):
+def test_a_folder_in_another_track_is_told_where_to_go(tmp_path, track, line):
     lost = write_submission(tmp_path / "submissions" / track / "lost")
-    assert problems(lost)[0] == f"submission.yaml: track: says ally, but the folder lies in {record}"
+    assert problems(lost)[0] == f"submission.yaml: track: says ally, but the folder lies in {line}"
 
 
 def test_script_tags_in_names_are_text(tmp_path):
@@ -305,8 +309,8 @@ def test_notes_tell_of_few_seeds_and_of_other_boards(tmp_path, monkeypatch):
     script = {"training": None, "script": "expert", "name": "expert"}
     assert notes(load_submission(write_submission(place / "expert", (), **script))) == []
     other = write_submission(tmp_path / "other/submissions/ally/mine", (0, 1, 2), training=training)
-    record = "does not lie in leaderboard/submissions; submit run writes its result to other/results"
-    assert notes(load_submission(other)) == [record]
+    line = "does not lie in leaderboard/submissions; submit run writes its result to other/results"
+    assert notes(load_submission(other)) == [line]
     assert notes(load_submission(other), "nowhere") == []
     few = write_submission(tmp_path / "mine", (0,), training=TRAINED | {"seeds": [0]})
     assert notes(load_submission(few)) == ["the board marks fewer than 3 training seeds, this has 1", NOWHERE]
@@ -325,5 +329,5 @@ def test_the_verb_says_line_by_line(tmp_path):
         f"note: {NOWHERE}",
         "nothing is wrong",
     ]
-    assert (found.returncode, found.stdout) == (0, "".join(f"{sound}: {record}\n" for record in said))
+    assert (found.returncode, found.stdout) == (0, "".join(f"{sound}: {line}\n" for line in said))
     assert fpg("submit", "check", tmp_path / "none").returncode == 1

@@ -9,18 +9,21 @@ from fpg_bench.evaluation.play import LOST_SCORE, play
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.leaderboard.crossplay import Team, check_pairs, play_missing, play_pair
-from fpg_bench.leaderboard.pairs import (
+from fpg_bench.leaderboard.crossplay import (
     BoardEntry,
     Pairs,
-    crossplay_file,
+    Team,
+    check_pairs,
     fully_played,
     pair_key,
+    play_missing,
+    play_pair,
     players_of_board,
 )
+from fpg_bench.leaderboard.folders import crossplay_file
 from fpg_bench.leaderboard.playing import Part
-from fpg_bench.leaderboard.submission import Policy
-from fpg_bench.leaderboard.verify import verify
+from fpg_bench.leaderboard.policy_client import Policy
+from fpg_bench.leaderboard.verification import verify
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.registry import as_player
 from tests.leaderboard.entering import close_season, enter
@@ -123,7 +126,7 @@ def entered(board, in_process):
         enter(board, "ally", slug, script=slug)
     enter(board, "opponent", "adaptive", script="adaptive")
     enter(board, "opponent", "linear", seeds=(0, 1))
-    assert all(verdict.good for verdict in verify(board, say=lambda record: None))
+    assert all(verdict.good for verdict in verify(board, say=lambda line: None))
     return board
 
 
@@ -145,7 +148,7 @@ def test_only_new_pairs_are_played(entered):
     assert play_all(entered) == "crossplay: 0 of 4 pairs to play"
     enter(entered, "ally", "always-hop", script="always-hop")
     enter(entered, "ally", "unplayed", script="reactive")
-    verify(entered, ["ally/always-hop"], say=lambda record: None)
+    verify(entered, ["ally/always-hop"], say=lambda line: None)
     assert play_all(entered, jobs=2) == "crossplay: 2 of 6 pairs to play"
     assert rows(entered)[2:] == first
     assert rows(entered)[0]["ally"] == "always-hop"
@@ -178,7 +181,7 @@ def test_who_lacks_pairs_is_taken_out(played, left):
 
 def test_a_policy_that_fails_leaves_a_gap_and_a_line(entered, in_process):
     in_process.fails = True
-    assert play_missing(entered, say=lambda record: None) == [
+    assert play_missing(entered, say=lambda line: None) == [
         "expert - linear: took longer than it may",
         "idle - linear: took longer than it may",
     ]
@@ -215,9 +218,9 @@ def test_a_new_season_wants_new_pairs(entered, small_suites):
     play_all(entered)
     before = rows(entered)
     close_season(small_suites)
-    assert play_missing(entered, say=lambda record: None) == []
+    assert play_missing(entered, say=lambda line: None) == []
     assert rows(entered) == []
-    verify(entered, update=True, say=lambda record: None)
+    verify(entered, update=True, say=lambda line: None)
     assert play_all(entered) == "crossplay: 4 of 4 pairs to play"
     assert not {row["key"] for row in before} & {row["key"] for row in rows(entered)}
 

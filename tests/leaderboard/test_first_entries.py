@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from fpg_bench.leaderboard.board import make_board
-from fpg_bench.leaderboard.cases import make_case, submission_folders
-from fpg_bench.leaderboard.check import load_submission
-from fpg_bench.leaderboard.onnx_contract import check_policies
-from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN
+from fpg_bench.leaderboard.folders import submission_folders
+from fpg_bench.leaderboard.policy_client import check_policies
+from fpg_bench.leaderboard.submission import load_submission
+from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN, TrackSuites
+from fpg_bench.leaderboard.verification import make_case
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.training.zoo import load_zoo
 from fpg_bench.version import __version__
@@ -36,10 +37,11 @@ def test_everybody_on_the_board_is_verified():
     folders = submission_folders(BOARD)
     policies = [policy for folder in folders for policy in load_submission(folder, contract=False).policies]
     check_policies([policy.model for policy in policies])  # in one process: each entry starts its own else
+    suites = TrackSuites()
     for folder in folders:
-        case = make_case(BOARD, folder)
-        assert case.known is not None, f"{case.name}: no result; run fpg-bench submit verify"
-        assert case.known.verified, case.name
+        case = make_case(BOARD, folder, suites=suites)
+        assert case.result is not None, f"{case.name}: no result; run fpg-bench submit verify"
+        assert case.result.verified, case.name
         assert case.path.stat().st_size < 500_000
 
 
@@ -108,7 +110,7 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
     committed = (BOARD / "results/ally/expert.jsonl").read_bytes()
     (then,) = re.findall(b'"version":"(.+?)"', committed)
     assert written.read_bytes() == committed.replace(then, __version__.encode(), 1)
-    written.write_text(written.read_text().replace('"known":{"value":', '"known":{"value":9', 1))
+    written.write_text(written.read_text().replace('"public":{"value":', '"public":{"value":9', 1))
     verified = submit("verify", "--folder", str(tmp_path), "--sample", "5%", "--sample-seed", "3")
     assert verified.returncode == 1
     assert "edited by hand" in verified.stdout

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from onnx import ModelProto, TensorProto, helper, numpy_helper
 
-from fpg_bench.leaderboard.onnx_contract import check_policies, check_policy
+from fpg_bench.leaderboard.policy_client import check_policies, check_policy
 from fpg_bench.players.agent import baselines_folder
 from tests.leaderboard.making import model, node, policy, through, value, weights, whole
 
@@ -132,8 +132,8 @@ def found():
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_policies_are_named_in_one_line(name, found):
     assert len(found[name]) == (3 if name == "own function" else 1)
-    assert any(re.search(HOSTILE[name][1], record) for record in found[name])
-    assert all("\n" not in record and len(record) <= 400 for record in found[name])
+    assert any(re.search(HOSTILE[name][1], line) for line in found[name])
+    assert all("\n" not in line and len(line) <= 400 for line in found[name])
 
 
 def test_sound_policies_pass():

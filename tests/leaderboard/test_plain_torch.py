@@ -5,8 +5,8 @@ from pathlib import Path
 
 import torch
 
-from fpg_bench.leaderboard.check import load_submission, problems
-from fpg_bench.leaderboard.onnx_contract import check_policy
+from fpg_bench.leaderboard.policy_client import check_policy
+from fpg_bench.leaderboard.submission import load_submission, problems
 from fpg_bench.players.agent import load_agent
 
 ROOT = Path(__file__).parents[2]

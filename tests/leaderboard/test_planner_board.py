@@ -12,15 +12,13 @@ import yaml
 
 from fpg_bench.evaluation import compare
 from fpg_bench.leaderboard.board import make_board
-from fpg_bench.leaderboard.cases import make_case
-from fpg_bench.leaderboard.check import problems
-from fpg_bench.leaderboard.result import verified_result, write_result
+from fpg_bench.leaderboard.submission import problems
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, UNSEEN
-from fpg_bench.leaderboard.verify import verify
+from fpg_bench.leaderboard.verification import make_case, verify
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 
 from . import recording
-from .entering import close_season, enter
+from .entering import close_season, enter, write_verified
 
 BOARD = Path(__file__).parents[2] / "leaderboard"
 NAMES = ["planner/hold", "planner/pursuit", "planner/toy"]
@@ -55,10 +53,10 @@ def quietly(board, *names, **how):
 def test_a_board_of_planners_is_verified_and_holds(entered):
     first = quietly(entered)
     assert list(first) == NAMES
-    assert all(good and line.startswith("verified: known ") for good, line in first.values())
+    assert all(good and line.startswith("verified: public ") for good, line in first.values())
     kept = {path: path.read_bytes() for path in (entered / "results").rglob("*.jsonl")}
     again = quietly(entered, sample=0.01, sample_seed=1)
-    assert all(good and line.startswith("holds: 1 of 1 lines") for good, line in again.values())
+    assert all(good and line.startswith("holds: 1 of 1 records") for good, line in again.values())
     assert {path: path.read_bytes() for path in kept} == kept
 
 
@@ -108,9 +106,9 @@ def test_a_share_of_valid_answers_that_was_edited_is_found(entered):
     case = make_case(entered, entered / "submissions" / "planner" / "toy")
     lines = [
         dataclasses.replace(line, plans=dataclasses.replace(line.plans, statuses={"ok": 6}))
-        for line in case.known.records
+        for line in case.result.records
     ]
-    write_result(case.path, verified_result("toy", "planner", case.printed, lines, case.suites))
+    write_verified(case, lines)
     good, line = quietly(entered, "planner/toy")["planner/toy"]
     assert not good
     assert "the result does not hold: planner-v1, idle: other plans" in line
@@ -119,7 +117,7 @@ def test_a_share_of_valid_answers_that_was_edited_is_found(entered):
 def test_a_model_stands_behind_planners_once_a_season_is_closed(entered, small_suites):
     """It has met the first public matches alone, so it has a score of what is known, and no rank."""
     close_season(small_suites, planner={"rivals": [{"ally": "reactive"}]})
-    assert quietly(entered)["planner/toy"][1].startswith("verified: known ")
+    assert quietly(entered)["planner/toy"][1].startswith("verified: public ")
     assert quietly(entered)["planner/hold"][0]
     track = next(track for track in make_board(entered).tracks if track.key == "planner")
     assert track.ranked_by == UNSEEN
@@ -193,8 +191,8 @@ def test_all_planners_that_ask_no_model_stand_on_the_board_as_their_scores_say()
     found = {}
     for name in (name for name in PLANNERS if name not in LLM_CONTROLS):
         case = make_case(BOARD, BOARD / "submissions" / "planner" / name)
-        assert case.known is not None, f"{name}: no result; run fpg-bench submit verify"
-        assert case.known.verified, name
-        found[name] = case.known.head["summary"]["scores"]["public"]["value"]
+        assert case.result is not None, f"{name}: no result; run fpg-bench submit verify"
+        assert case.result.verified, name
+        found[name] = case.result.totals.scores["public"].value
     assert found["hold"] < found["random"] < found["hill-climb"] < found["interceptor"] < found["pursuit"]
     assert found["optimised"] == max(found.values())

@@ -10,9 +10,9 @@ from fpg_bench.evaluation.entry import Entry, Same
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.scenario import STANDARD
+from fpg_bench.leaderboard.playing import smoke_test
 from fpg_bench.leaderboard.policy_client import Limits, PolicyClient, PolicyFailed
 from fpg_bench.leaderboard.sandbox import Sandbox
-from fpg_bench.leaderboard.smoke_test import trial
 from fpg_bench.players.agent import OnnxPlayer
 from tests.leaderboard.making import as_policy, model, node, policy, through, value, weights, whole
 from tests.players.test_agent import model_bytes
@@ -177,8 +177,8 @@ def test_its_process_knows_no_key_has_no_files_and_ends_with_its_host(monkeypatc
         assert os.listdir(place) == []
     assert b"secret" not in known
     assert b"PATH" in known
-    for record in ("Max file size             0 ", "Max core file size        0 "):
-        assert record in limits
+    for line in ("Max file size             0 ", "Max core file size        0 "):
+        assert line in limits
     assert not place.exists()
     assert not Path(f"/proc/{pid}").exists()
 
@@ -199,6 +199,6 @@ def test_a_process_that_cannot_begin_is_told():
 
 @pytest.mark.slow
 def test_a_trial_says_what_would_go_wrong():
-    assert trial(as_policy(policy(0))) == []
-    assert "loses rounds" in trial(as_policy(through("Sqrt")))[0]
-    assert "more memory" in trial(as_policy(GIGABYTES))[0]
+    assert smoke_test(as_policy(policy(0))) == []
+    assert "loses rounds" in smoke_test(as_policy(through("Sqrt")))[0]
+    assert "more memory" in smoke_test(as_policy(GIGABYTES))[0]

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from fpg_bench.leaderboard import onnx_contract, onnx_rules, policies
-from fpg_bench.leaderboard.check import problems
+from fpg_bench.leaderboard import host, onnx_checks, submission
 from fpg_bench.leaderboard.policy_client import Limits
-from fpg_bench.leaderboard.submission_file import read_fields
+from fpg_bench.leaderboard.submission import problems, read_about
 from tests.pages import Reader, blocks, broken_links, small, small_baselines
 from tests.programs import ROOT
 
@@ -46,15 +45,15 @@ def test_the_page_s_snippets_make_a_sound_submission(entered):
 
 
 def test_every_key_is_told_of():
-    _, wrong = read_fields({})
+    _, wrong = read_about({})
     assert [line for line in wrong if f"`{line.removeprefix('lacks ').strip(chr(39))}`" not in PAGE] == []
 
 
 def test_the_page_s_limits_are_the_code_s():
-    assert f"| {onnx_contract.MOST_BYTES // 10**6} MB |" in PAGE
-    assert f"| {onnx_rules.MOST_MULTIPLY_ADDS:,};" in PAGE
-    assert f"{onnx_rules.MOST_NODES:,} at most" in PAGE
-    assert f"| {policies.MOST_TEXT_BYTES // 1000} kB each" in PAGE
+    assert f"| {host.MOST_BYTES // 10**6} MB |" in PAGE
+    assert f"| {onnx_checks.MOST_MULTIPLY_ADDS:,};" in PAGE
+    assert f"{onnx_checks.MOST_NODES:,} at most" in PAGE
+    assert f"| {submission.MOST_TEXT_BYTES // 1000} kB each" in PAGE
     limits = Limits()
     assert f"| {limits.memory_bytes >> 30} GB |" in PAGE
     assert f"| {limits.call_s:g} s an answer, {limits.total_s / 60:g} minutes in all" in PAGE

@@ -9,8 +9,8 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.suite import identity, load_suite
-from fpg_bench.leaderboard.tracks import TRACKS
-from fpg_bench.leaderboard.verify import verify
+from fpg_bench.leaderboard.tracks import TRACKS, TrackSuites
+from fpg_bench.leaderboard.verification import verify
 from tests.leaderboard.entering import enter
 
 pytestmark = pytest.mark.slow
@@ -68,10 +68,13 @@ def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board
     assert all(row["agent"].endswith("seed_1") for row in rows[:2])
     assert all(0 <= row["jammed"] <= 1 for row in rows)
     suite = load_suite("ally-responses-v1")
-    assert suite == TRACKS["ally"].suites()["responses"]
+    assert suite == TrackSuites().of(TRACKS["ally"])["responses"]
     (met,) = suite.rivals
     assert (met.name, met.players) == ("response to linear", ("responses-v1/ally/linear",))
-    assert (met.scenario.opponent_path, suite.scale) == ("pursuit", TRACKS["ally"].suite.scale)
+    assert (met.scenario.opponent_path, suite.scale) == (
+        "pursuit",
+        TrackSuites().public(TRACKS["ally"]).scale,
+    )
     assert len(identity(met.players[0])) == 64
     (other,) = load_suite("opponent-learned-responses-v1").rivals
     assert other.scenario.opponent_path == "learned"
@@ -91,7 +94,7 @@ def test_the_strongest_of_an_entry_s_responses_is_met_by_all(script, board, smal
     strongest = min(rows, key=lambda row: row["return"])
     about = json.loads((small_suites / "suites/responses-v1/ally/linear/agent.json").read_text())
     assert about["training_seed"] == strongest["training_seed"]
-    verdicts = verify(board, ["ally/wise"], say=lambda record: None)
+    verdicts = verify(board, ["ally/wise"], say=lambda line: None)
     assert verdicts[0].good
     head = json.loads((board / "results/ally/wise.jsonl").read_text().splitlines()[0])
     assert head["summary"]["worst"]["responses"]["against"] == "response to linear"

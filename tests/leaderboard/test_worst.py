@@ -7,7 +7,7 @@ from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.leaderboard.board import CROSSPLAY, worst_case
-from fpg_bench.leaderboard.pairs import Pair
+from fpg_bench.leaderboard.crossplay import Pair
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SHIFTED, UNSEEN
 
 

@@ -22,7 +22,6 @@ from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import RULES
 from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
-from fpg_bench.leaderboard.check import load_submission
 from fpg_bench.leaderboard.site.views import (
     HIDDEN,
     MEASURES,
@@ -32,6 +31,7 @@ from fpg_bench.leaderboard.site.views import (
     measure_of,
     ordered_suites,
 )
+from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES

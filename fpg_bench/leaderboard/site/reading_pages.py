@@ -1,4 +1,4 @@
-"""Rules, protocol, measures and glossary of the documentation as pages of the site, so that no other host is needed."""
+"""Rules, protocol, measures and glossary of the documentation as pages of the site, without another host."""
 
 from __future__ import annotations
 

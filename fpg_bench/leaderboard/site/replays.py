@@ -19,12 +19,11 @@ from fpg_bench.evaluation.rounds import begin, play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.leaderboard.board import Board, Figures
-from fpg_bench.leaderboard.check import load_submission
-from fpg_bench.leaderboard.playing import Matchup, make_match, parts_of
+from fpg_bench.leaderboard.playing import Matchup, parts_of, running_player, suites_of
 from fpg_bench.leaderboard.sandbox import PolicyFailed
 from fpg_bench.leaderboard.site.views import ROLES, format_number
-from fpg_bench.leaderboard.submission import Submission
-from fpg_bench.leaderboard.tracks import PUBLIC, RESPONSES, UNSEEN
+from fpg_bench.leaderboard.submission import Submission, load_submission
+from fpg_bench.leaderboard.tracks import PUBLIC, RESPONSES, UNSEEN, TrackSuites
 from fpg_bench.rendering.recording import Recording
 from fpg_bench.rendering.replay import FORMAT, replay_data, script_json
 from fpg_bench.version import __version__
@@ -77,14 +76,14 @@ def make_replays(
         progress: called with each entry's name.
         simulate: play the rounds that are missing.
     """
-    replays = {}
+    replays, suites = {}, TrackSuites()
     for track in board.tracks:
         for entry, figures in track.verified():
             progress(f"{track.key}/{entry.slug}")
             home = Path(folder) / "submissions" / track.key.partition("-")[0] / entry.slug
             with contextlib.suppress(PolicyFailed, UserError):  # submit verify names the problem
-                submission = load_submission(home, contract=simulate)
-                matchups = _choose(submission.suites, figures)
+                submission = load_submission(home, simulate, suites)
+                matchups = _choose(suites_of(submission, suites), figures)
                 rounds = list(_rounds(submission, matchups, track.key, Path(out), simulate))
                 if rounds:
                     replays[track.key, entry.slug] = rounds
@@ -118,7 +117,7 @@ def _rounds(
         return
     if submission.track == PLANNER and submission.script is None:
         raise UserError("transcripts are not shown as rounds")
-    with make_match(parts_of(submission)[0].plays) as player:
+    with running_player(parts_of(submission)[0].plays) as player:
         for (label, (suite, rival)), file in zip(matchups.items(), files, strict=True):
             yield simulate_round(submission, player, suite, rival, label, file)
 

@@ -1,31 +1,43 @@
-"""The contract of a submitted policy, part by part: what the file may hold, and what it may cost.
+"""Checks of submitted ``policy.onnx`` files: what a file may hold, and what it may cost.
 
-It runs in a process of its own (see :mod:`fpg_bench.leaderboard.onnx_contract`), as a file may be made to
-hurt whoever parses it.
+A file may be made to exploit its parser, so this module runs in a process of its own under limits, which
+:func:`fpg_bench.leaderboard.policy_client.check_policies` starts.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
+import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
 
 import onnx
-from onnx import AttributeProto, GraphProto, ModelProto, NodeProto, TensorProto
+from onnx import (
+    AttributeProto,
+    GraphProto,
+    ModelProto,
+    NodeProto,
+    TensorProto,
+    TypeProto,
+    ValueInfoProto,
+    shape_inference,
+)
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.leaderboard.onnx_contract import SIZE
-from fpg_bench.leaderboard.onnx_cost import LARGEST_RANK, multiply_adds
+from fpg_bench.leaderboard.policy_client import SIZE
 from fpg_bench.leaderboard.sandbox import Reader
 from fpg_bench.leaderboard.sandbox_child import SandboxChild
 from fpg_bench.players.onnx_file import check_signature, plain_model
 
 MOST_MULTIPLY_ADDS = 2_000_000
 MOST_NODES = 2000
+LARGEST_RANK = 8
+# Batch sizes in which costs are counted: those of one round and few, of a suite's rounds, and of their shares
+# among training seeds.
+BATCHES = (1, 2, 3, 7, 20, 25, 34, 50, 64, 100, 257)
 DOMAINS = ("", "ai.onnx")
-# Deterministic, without loops and without memory of their own, and what they cost can be counted.
+# Deterministic operators without loops and without memory, whose cost can be counted.
 _NAMES = """
 Abs Acos Acosh Add And ArgMax ArgMin Asin Asinh Atan Atanh AveragePool BatchNormalization Cast CastLike
 Ceil Celu Clip Concat Constant ConstantOfShape Conv Cos Cosh CumSum Div Elu Equal Erf Exp Expand EyeLike
@@ -47,35 +59,35 @@ _KINDS = {
 _DATA = ("raw_data", "float_data", "double_data", "int32_data", "int64_data", "uint64_data", "string_data")
 _VALUES = [AttributeProto.FLOAT, AttributeProto.INT, AttributeProto.STRING, AttributeProto.TENSOR]
 _VALUES += [AttributeProto.FLOATS, AttributeProto.INTS, AttributeProto.STRINGS]
+Shape = tuple[int, ...]
 
 
 def main(inside: SandboxChild) -> None:
-    """Files in, what is wrong with each out, as JSON, until whoever started the process is gone."""
+    """Receive files and answer with their problems as JSON, until the parent process is gone."""
     inside.lock_down()
     connection, reader = inside.connection, Reader(inside.connection)
     with contextlib.suppress(EOFError, ConnectionError):
         while True:
             (size,) = SIZE.unpack(reader.read(SIZE.size))
             try:
-                found = violations(reader.read(size))
+                problems = violations(reader.read(size))
             except MemoryError:
-                found = ["takes more memory to read than a policy may"]
-            answer = json.dumps([line[:400] for line in found[:50]]).encode()
+                problems = ["takes more memory to read than a policy may"]
+            answer = json.dumps([line[:400] for line in problems[:50]]).encode()
             connection.sendall(SIZE.pack(len(answer)) + answer)
 
 
 def violations(data: bytes) -> list[str]:
-    """All that is wrong with a policy, one line each."""
+    """Return all problems of a policy, one line each."""
     try:
         model = plain_model(data)
     except UserError as error:
         return [str(error)]
-    found = list(dict.fromkeys(_structure(model)))
-    return found or _meaning(model)
+    return list(dict.fromkeys(_structure(model))) or _meaning(model)
 
 
 def _structure(model: ModelProto) -> Iterator[str]:
-    """What can be seen without working anything out."""
+    """Yield problems that show without inferring shapes."""
     own = sum(opset.domain in DOMAINS for opset in model.opset_import)
     if own != 1:
         yield f"imports {own} sets of ONNX's own operators, expected one"
@@ -101,7 +113,7 @@ def _structure(model: ModelProto) -> Iterator[str]:
 
 
 def _twice(names: Iterable[str]) -> str | None:
-    """The first name that stands there twice."""
+    """Return the first name that occurs twice."""
     return next((name for name, times in Counter(names).items() if times > 1), None)
 
 
@@ -150,7 +162,8 @@ def _signature(graph: GraphProto) -> Iterator[str]:
     weights = {tensor.name for tensor in graph.initializer}
     inputs = [value for value in graph.input if value.name not in weights]
     try:
-        check_signature({v.name: _shape(v) for v in inputs}, {v.name: _shape(v) for v in graph.output})
+        declared = ({value.name: _declared_shape(value) for value in side} for side in (inputs, graph.output))
+        check_signature(*declared)
     except UserError as error:
         yield str(error).removeprefix("policy.onnx: ")
         return
@@ -159,13 +172,13 @@ def _signature(graph: GraphProto) -> Iterator[str]:
             yield f"{_word(value.name)}: expected float32"
 
 
-def _shape(value: Any) -> list[Any]:
+def _declared_shape(value: ValueInfoProto) -> list[int | str]:
     dims = value.type.tensor_type.shape.dim
     return [d.dim_value if d.HasField("dim_value") else d.dim_param or "n" for d in dims]
 
 
 def _meaning(model: ModelProto) -> list[str]:
-    """What ONNX itself says of it, and what it costs."""
+    """Return problems that ONNX's own checker finds, or an excessive cost."""
     try:
         onnx.checker.check_model(model, full_check=True)
     except Exception as error:  # the checker's, shape inference's and protobuf's kinds
@@ -186,5 +199,118 @@ def _first_line(error: Exception) -> str:
 
 
 def _word(text: str) -> str:
-    """Somebody's word as a message may show it."""
+    """Quote untrusted text, shortened, for a message."""
     return repr(text if len(text) <= 40 else f"{text[:37]}...")
+
+
+# Cost
+
+
+def multiply_adds(model: ModelProto) -> int:
+    """Return the multiply-adds per row, in the batch size in which a row costs most.
+
+    An operator costs its products, or all numbers that it reads and writes, whichever are more. An operator
+    over windows or over several tensors reads each of their numbers.
+
+    Raises:
+        UserError: a size that does not follow from the file, or not in every batch size.
+    """
+    return max(-(-_of_batch(model, rows) // rows) for rows in BATCHES)
+
+
+def _of_batch(model: ModelProto, rows: int) -> int:
+    graph = _sized(model, rows).graph
+    shapes: dict[str, Shape | None] = {tensor.name: tuple(tensor.dims) for tensor in graph.initializer}
+    for value in (*graph.input, *graph.value_info, *graph.output):
+        shapes[value.name] = _known(value.type)
+    return sum(_cost(node, shapes) for node in graph.node)
+
+
+def _sized(model: ModelProto, rows: int) -> ModelProto:
+    """Return the model with all sizes inferred for a batch of so many rows."""
+    copy = ModelProto()
+    copy.CopyFrom(model)
+    del copy.graph.value_info[:]  # the file's own statements are not trusted
+    for value in (*copy.graph.input, *copy.graph.output):
+        if value.type.tensor_type.shape.dim:
+            first = value.type.tensor_type.shape.dim[0]
+            if not first.HasField("dim_value"):
+                first.dim_value = rows
+    try:
+        return shape_inference.infer_shapes(copy, strict_mode=True, data_prop=True)
+    except Exception as error:  # shape inference has kinds of its own
+        raise UserError(f"its sizes cannot be worked out: {' '.join(str(error).split())}") from error
+
+
+def _known(kind: TypeProto) -> Shape | None:
+    if not kind.tensor_type.HasField("shape"):
+        return None
+    dims = kind.tensor_type.shape.dim
+    if not all(dim.HasField("dim_value") for dim in dims):
+        return None
+    return tuple(dim.dim_value for dim in dims)
+
+
+def _cost(node: NodeProto, shapes: dict[str, Shape | None]) -> int:
+    inputs, outputs = ([_shape(node, name, shapes) for name in names] for names in (node.input, node.output))
+    numbers = sum(math.prod(shape) for shape in (*inputs, *outputs))
+    product = _PRODUCTS.get(node.op_type)
+    return max(product(node, inputs, outputs) if product else 0, numbers, 1)
+
+
+def _shape(node: NodeProto, name: str, shapes: dict[str, Shape | None]) -> Shape:
+    """Return the shape of a tensor; (0,) for an optional one that is left out."""
+    if not name:
+        return (0,)
+    shape = shapes.get(name)
+    if shape is None:
+        raise UserError(
+            f"operator {node.op_type!r}: the size of {name[:40]!r} does not follow from the file; "
+            "export with every size fixed but the batch"
+        )
+    if any(size < 0 for size in shape):
+        raise UserError(f"operator {node.op_type!r}: {name[:40]!r} has a size below 0")
+    if len(shape) > LARGEST_RANK:
+        raise UserError(f"operator {node.op_type!r}: {name[:40]!r} has more than {LARGEST_RANK} axes")
+    return shape
+
+
+def _matmul(node: NodeProto, inputs: list[Shape], outputs: list[Shape]) -> int:
+    return math.prod(outputs[0]) * inputs[0][-1]
+
+
+def _gemm(node: NodeProto, inputs: list[Shape], outputs: list[Shape]) -> int:
+    flipped = any(a.name == "transA" and a.i for a in node.attribute)
+    return math.prod(outputs[0]) * inputs[0][0 if flipped else 1]
+
+
+def _conv(node: NodeProto, inputs: list[Shape], outputs: list[Shape]) -> int:
+    """Count a kernel per number of the output (channels of its group, then the window)."""
+    return math.prod(outputs[0]) * math.prod(inputs[1][1:])
+
+
+def _pool(node: NodeProto, inputs: list[Shape], outputs: list[Shape]) -> int:
+    """Count a window per number of the output."""
+    windows = (list(a.ints) for a in node.attribute if a.name == "kernel_shape")
+    return math.prod(outputs[0]) * math.prod(next(windows, [1]))
+
+
+def _several(node: NodeProto, inputs: list[Shape], outputs: list[Shape]) -> int:
+    """Count one number of every input per number of the output, however small the input is."""
+    return math.prod(outputs[0]) * len(inputs)
+
+
+def _recurrent(node: NodeProto, inputs: list[Shape], outputs: list[Shape]) -> int:
+    """Count each step's products with W (directions, gates x hidden, input) and R (..., hidden)."""
+    steps, batch = inputs[0][:2]
+    return steps * batch * (math.prod(inputs[1]) + math.prod(inputs[2]))
+
+
+_PRODUCTS: dict[str, Callable[[NodeProto, list[Shape], list[Shape]], int]] = {
+    "MatMul": _matmul,
+    "Gemm": _gemm,
+    "Conv": _conv,
+    **dict.fromkeys(("AveragePool", "MaxPool"), _pool),
+    **dict.fromkeys(("Max", "Mean", "Min", "Sum"), _several),
+    **dict.fromkeys(("LSTM", "GRU", "RNN"), _recurrent),
+}

@@ -1,0 +1,162 @@
+"""Folders of a leaderboard: where things lie, and checks that untrusted folders hold plain files only."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import shutil
+import stat
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+
+import platformdirs
+
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.rows import RowFile
+
+TRACKS = ("ally", "opponent", "planner")  # folders of submissions; opponents have two tables
+_MOST_NAMES = 200
+
+
+def submission_folders(board: Path, names: Sequence[str] = ()) -> list[Path]:
+    """Return the folders of a board's submissions, sorted by track and name.
+
+    Args:
+        board: the leaderboard's folder.
+        names: ``track/name`` each; empty: all.
+
+    Raises:
+        UserError: no board there, or no submission of that name.
+    """
+    root = board / "submissions"
+    if not root.is_dir():
+        raise UserError(f"leaderboard {board}: has no folder submissions")
+    folders = {
+        f"{track}/{folder.name}": folder
+        for track in TRACKS
+        for folder in sorted((root / track).glob("*"))
+        if not folder.name.startswith(".")
+    }
+    for name in names:
+        if name not in folders:
+            elsewhere = [other for other in folders if other.partition("/")[2] == name.partition("/")[2]]
+            hint = f"; did you mean {elsewhere[0]!r}?" if elsewhere else nearest(name, folders)
+            raise UserError(f"no submission {name!r} in {root}{hint}")
+    return [folders[name] for name in (sorted(set(names)) or folders)]
+
+
+def result_file(board: Path, track: str, slug: str) -> Path:
+    """Return the path of a submission's result."""
+    return board / "results" / track / f"{slug}.jsonl"
+
+
+def crossplay_file(board: Path) -> Path:
+    """Return the path of the results of cross-play."""
+    return board / "results" / "crossplay.jsonl"
+
+
+def work_folder(board: Path) -> Path:
+    """Return a folder for unfinished work, outside the repository, where no submission can put files."""
+    checkout = hashlib.sha256(str(board.resolve()).encode()).hexdigest()[:12]
+    return platformdirs.user_cache_path("fpg_bench") / "leaderboard" / checkout
+
+
+@contextlib.contextmanager
+def at_work(board: Path) -> Iterator[None]:
+    """Lock a board's unfinished work for this process.
+
+    Raises:
+        UserError: another process is at work on the board.
+    """
+    with contextlib.ExitStack() as held:
+        try:
+            held.enter_context(RowFile(work_folder(board) / "at-work").locked())
+        except UserError as error:
+            raise UserError(f"leaderboard {board}: another process plays it; wait for its end") from error
+        yield
+
+
+def set_aside(board: Path, track: str, slug: str) -> Path:
+    """Move an untrusted result off the board, whatever it is; return the path where it lies then."""
+    path = result_file(board, track, slug)
+    aside = result_file(work_folder(board) / "claimed", track, slug)
+    if path.is_symlink() or path.exists():
+        remove(aside)
+        aside.parent.mkdir(parents=True, exist_ok=True)
+        shutil.move(path, aside)
+    return aside
+
+
+def remove(path: Path) -> None:
+    """Remove a file, link or folder, if it exists."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    path.unlink(missing_ok=True)
+
+
+# Folders from others
+
+
+def folder_problem(path: Path) -> str | None:
+    """Return why a path is no plain folder; None if it is one."""
+    mode = _mode(path)
+    if mode is None:
+        return "is not there"
+    if stat.S_ISLNK(mode):
+        return "is a link; put the folder itself there"
+    return None if stat.S_ISDIR(mode) else "is no folder"
+
+
+def file_problem(path: Path, most_bytes: int) -> str | None:
+    """Return why a path is no plain file of at most so many bytes; None if it is one."""
+    mode = _mode(path)
+    if mode is None:
+        return "is missing"
+    if stat.S_ISLNK(mode):
+        return "is a link; put the file itself there"
+    if not stat.S_ISREG(mode):
+        return "is no plain file"
+    size = path.lstat().st_size
+    if size > most_bytes:
+        return f"holds {size:,} bytes, at most {most_bytes:,} are allowed"
+    return None
+
+
+def list_names(folder: Path) -> list[str]:
+    """Return the names in a folder, sorted; the first few hundred only."""
+    with os.scandir(folder) as entries:
+        return sorted(entry.name for entry in islice(entries, _MOST_NAMES))
+
+
+def strays(folder: Path, known: Iterable[str]) -> list[str]:
+    """Return one line per name in a folder that is not known."""
+    known = list(known)
+    return [
+        f"{shown(name)}: is no file of a submission{nearest(name, known)}"
+        for name in list_names(folder)
+        if name not in known
+    ]
+
+
+def brief(path: Path) -> str:
+    """Return a path as text, relative to the working folder if it lies in there."""
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
+
+
+def shown(value: object, most: int = 60) -> str:
+    """Return an untrusted value as one short line."""
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number of thousands of digits
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= most else f"{text[: most - 4]}...{text[-1]}"
+
+
+def _mode(path: Path) -> int | None:
+    try:
+        return path.lstat().st_mode
+    except (OSError, ValueError):  # a name with a null byte
+        return None

@@ -1,0 +1,610 @@
+"""Verification: submissions are played, or played again and compared with their results."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+import random
+import shutil
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError, meant, printable
+from fpg_bench.common.parallel import Job, folder_job, outcome_of, run_jobs
+from fpg_bench.evaluation.record import TALLIES, Record
+from fpg_bench.evaluation.suite import Suite
+from fpg_bench.game.measures import GREATEST
+from fpg_bench.leaderboard.changed_entries import changed_entries
+from fpg_bench.leaderboard.folders import (
+    TRACKS,
+    at_work,
+    brief,
+    remove,
+    result_file,
+    set_aside,
+    submission_folders,
+    work_folder,
+)
+from fpg_bench.leaderboard.playing import (
+    Key,
+    Matchup,
+    Part,
+    failure_in,
+    fill,
+    key_of,
+    matchups_of,
+    open_in,
+    parts_of,
+    records_in,
+    suites_of,
+)
+from fpg_bench.leaderboard.result import (
+    Fingerprint,
+    Result,
+    fingerprint,
+    read_result,
+    totals,
+    write_result,
+)
+from fpg_bench.leaderboard.submission import Submission, load_submission, taken
+from fpg_bench.leaderboard.tracks import TrackSuites, ranked_by
+
+_SUBMITTED = {"submission", "policies", "planner"}  # keys of a fingerprint that depend on the submission
+
+
+# Cases: submissions with their results
+
+
+@dataclass(frozen=True)
+class Case:
+    """A submission to be verified.
+
+    Attributes:
+        submission: the submission.
+        suites: the suites that it plays, by role.
+        fingerprint: of the submission on these suites.
+        path: the file of its result.
+        result: its result; None if there is none that counts.
+        work: the folder of unfinished work.
+        wanted: the matchups of each of its parts that are to be played.
+        claimed: the file of an untrusted result that came along with it; None if its result is trusted.
+    """
+
+    submission: Submission
+    suites: Mapping[str, Suite]
+    fingerprint: Fingerprint
+    path: Path
+    result: Result | None
+    work: Path
+    wanted: tuple[tuple[Part, tuple[Matchup, ...]], ...]
+    claimed: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """Name in messages: ``track/slug``."""
+        return f"{self.submission.track}/{self.submission.slug}"
+
+    @property
+    def is_complete(self) -> bool:
+        """True if everything that it could play is wanted."""
+        return sum(len(matchups) for _, matchups in self.wanted) == len(_matchup_keys(self))
+
+
+def make_case(
+    board: Path,
+    folder: Path,
+    update: bool = False,
+    new: Collection[str] = (),
+    suites: TrackSuites | None = None,
+) -> Case:
+    """Return the case of a submission's folder, fully checked; see :func:`entered` and :func:`case_of`."""
+    suites = suites or TrackSuites()
+    return case_of(board, entered(board, folder, new=new, suites=suites), update, suites)
+
+
+def entered(
+    board: Path,
+    folder: Path,
+    contract: bool = True,
+    new: Collection[str] = (),
+    suites: TrackSuites | None = None,
+) -> Submission:
+    """Load the submission of a board's folder, whose name no earlier one has.
+
+    Earlier are entries that are not new, then those with a result, then those whose folder's name is first.
+
+    Args:
+        board: the leaderboard's folder.
+        folder: the submission's folder.
+        contract: check the contents of its policies, too.
+        new: the submissions, ``track/name``, that are new or have changed.
+        suites: the tracks' suites; None: loaded when needed.
+
+    Raises:
+        UserError: the first of its problems.
+    """
+    submission = load_submission(folder, contract, suites)
+    track = submission.track
+
+    def place(name: str) -> tuple[bool, bool, str]:
+        return f"{track}/{name}" in new, not result_file(board, track, name).exists(), name
+
+    for name, line in taken(submission):
+        if place(name) < place(submission.slug):
+            raise UserError(f"submission {folder}: {line}")
+    return submission
+
+
+def case_of(
+    board: Path, submission: Submission, update: bool = False, suites: TrackSuites | None = None
+) -> Case:
+    """Return a submission with its result; everything that it plays is wanted.
+
+    Args:
+        board: the leaderboard's folder.
+        submission: one of its submissions.
+        update: ignore a result that does not fit.
+        suites: the tracks' suites; None: loaded anew.
+
+    Raises:
+        UserError: a result that was edited, or is of something else.
+    """
+    played = suites_of(submission, suites or TrackSuites())
+    printed = fingerprint(submission, played)
+    path = result_file(board, submission.track, submission.slug)
+    try:
+        result = _result_at(path, submission, played, printed)
+    except UserError:
+        if not update:
+            raise
+        result = None
+    digest = hashlib.sha256(printed.model_dump_json().encode()).hexdigest()[:16]
+    work = work_folder(board) / submission.track / f"{submission.slug}-{digest}"
+    everything = tuple(matchups_of(played.values()))
+    wanted = tuple((part, everything) for part in parts_of(submission))
+    return Case(submission, played, printed, path, result, work, wanted)
+
+
+def _result_at(
+    path: Path, submission: Submission, suites: Mapping[str, Suite], printed: Fingerprint
+) -> Result | None:
+    """Read the result of just this submission on just these suites; None if there is no file.
+
+    Raises:
+        UserError: a result that was edited, or is of something else.
+    """
+    if not path.exists() and not path.is_symlink():
+        return None
+    result = read_result(path, suites)
+    differing = result.fingerprint.differences(printed)
+    if not differing:
+        return result
+    if set(differing) <= _SUBMITTED:
+        changed = "transcript" if submission.transcripts else "policy"
+        raise UserError(
+            f"submission.yaml or a {changed} changed since this result was made; {_again(submission)}"
+        )
+    raise UserError(f"result {path}: of other {', '.join(differing)}; {_again(submission)}")
+
+
+def _again(submission: Submission) -> str:
+    return f"make it again: fpg-bench submit run --update {brief(submission.folder)}"
+
+
+# Samples
+
+
+def check_share(share: float) -> None:
+    """Raise UserError for a share that is not above 0 and at most 1."""
+    if not 0 < share <= 1:
+        raise UserError(f"sample: expected a share above 0 and at most 100 %, got {100 * share:g} %")
+
+
+def sampled(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
+    """Draw records to be played again at random, at least one per result; cases without result stay whole.
+
+    Args:
+        cases: the cases.
+        share: of all records, above 0 and at most 1.
+        seed: of the draw.
+    """
+    cases, rng = list(cases), random.Random(seed)
+    records = [
+        (number, part, key)
+        for number, case in enumerate(cases)
+        if case.result is not None and case.result.verified
+        for part, key in _matchup_keys(case)
+    ]
+    drawn = set(rng.sample(records, math.ceil(share * len(records))))
+    for number in sorted({record[0] for record in records} - {record[0] for record in drawn}):
+        drawn.add(rng.choice([record for record in records if record[0] == number]))
+    return [
+        _thinned(case, {(part, key) for number, part, key in drawn if number == k})
+        for k, case in enumerate(cases)
+    ]
+
+
+def _matchup_keys(case: Case) -> list[tuple[str, Key]]:
+    """Return everything that could be played of a case, by the names of part and matchup."""
+    matchups = matchups_of(case.suites.values())
+    return [(part.name, key_of(*matchup)) for part in parts_of(case.submission) for matchup in matchups]
+
+
+def _thinned(case: Case, drawn: set[tuple[str, Key]]) -> Case:
+    if case.result is None:
+        return case
+    left = (
+        (part, tuple(matchup for matchup in matchups if (part.name, key_of(*matchup)) in drawn))
+        for part, matchups in case.wanted
+    )
+    return dataclasses.replace(case, wanted=tuple((part, matchups) for part, matchups in left if matchups))
+
+
+# Agreement of records
+
+# Returns are compared in shares of the distance from 0 to 100 on the suite's scale.
+ROUND_WITHIN, MEAN_WITHIN = 1e-3, 5e-3
+SHARE_OF_ROUNDS = 0.99
+_STEPS_WITHIN = 0.005  # of all steps, for counts of steps
+_LEVEL_WITHIN = 0.005  # of a sum of levels or rates
+_POINTS_WITHIN = 0.01
+_SAME_WITHIN = 1e-6  # of sums over identical rounds, which are rounded once more when they are added up
+_LEVELS = ("snr_db", "capacity_mbit_s")
+_RETURNS = ("ally_return", "opponent_return")
+_BY_STEP = tuple(name for name in TALLIES if name not in (*_LEVELS, *_RETURNS, "steps", GREATEST))
+_Pair = tuple[Record, Record]
+
+
+def disagreements(played: Iterable[Record], kept: Iterable[Record], suites: Mapping[str, Suite]) -> list[str]:
+    """Return why a result does not hold, one line each; none if it does.
+
+    At least 99 % of all rounds must return the same within a thousandth of the distance from 0 to 100, and
+    the mean against each rival must agree within half a hundredth of that distance.
+
+    Args:
+        played: records just played, perhaps against some rivals only.
+        kept: the records of the result.
+        suites: the suites that they were played on.
+    """
+    before = {_record_key(record): record for record in kept}
+    pairs = [(record, before[_record_key(record)]) for record in played]
+    changed = [pair for pair in pairs if not pair[0].same_as(pair[1])]
+    if not changed:
+        return []
+    spans = {  # of a round's return, from 0 to 100
+        suite.hash[:16]: (suite.scale.top - suite.scale.zero) * suite.scenario.steps_per_round
+        for suite in suites.values()
+    }
+    lines = _round_disagreements(pairs, spans) + _mean_disagreements(pairs, spans)
+    return lines + [line for now, then in changed for line in _sum_disagreements(now, then, spans)]
+
+
+def identical(played: Iterable[Record], kept: Iterable[Record]) -> int:
+    """Return the number of records that are the same to the bit."""
+    before = {_record_key(record): record for record in kept}
+    return sum(record.same_as(before[_record_key(record)]) for record in played)
+
+
+def _record_key(record: Record) -> tuple[int | None, str, str, str]:
+    return record.training_seed, record.suite, record.suite_hash, record.rival
+
+
+def _round_disagreements(pairs: Sequence[_Pair], spans: Mapping[str, float]) -> list[str]:
+    near = [
+        np.abs(np.subtract(now.returns, then.returns)) <= ROUND_WITHIN * spans[now.suite_hash]
+        for now, then in pairs
+    ]
+    share = float(np.concatenate(near).mean())
+    if share >= SHARE_OF_ROUNDS:
+        return []
+    return [f"{100 * (1 - share):.1f} % of {sum(map(len, near))} rounds return something else"]
+
+
+def _mean_disagreements(pairs: Sequence[_Pair], spans: Mapping[str, float]) -> list[str]:
+    lines = []
+    for which in dict.fromkeys(_record_key(now)[1:] for now, _ in pairs):
+        of_rival = [pair for pair in pairs if _record_key(pair[0])[1:] == which]
+        means = [np.mean([record.returns for record in side]) for side in zip(*of_rival, strict=True)]
+        if abs(means[0] - means[1]) > MEAN_WITHIN * spans[which[1]]:
+            where = _where(of_rival[0][0])
+            lines.append(f"{where}: mean return {means[0]:.1f}, the result says {means[1]:.1f}")
+    return lines
+
+
+def _sum_disagreements(now: Record, then: Record, spans: Mapping[str, float]) -> list[str]:
+    """Compare lost rounds, sums, frequency points and plans of a record."""
+    seed = "" if now.training_seed is None else f"seed {now.training_seed}, "
+    where, lines = f"{seed}{_where(now)}", []
+    if abs(now.lost - then.lost) > (1 - SHARE_OF_ROUNDS) * len(now.returns):
+        lines.append(f"{where}: {now.lost} rounds lost, the result says {then.lost}")
+    if now.plans != then.plans:
+        lines.append(f"{where}: other plans: {now.plans}, the result says {then.plans}")
+    for name, most in _tolerances(now, then, spans[now.suite_hash]).items():
+        if abs(now.tally[name] - then.tally[name]) > most:
+            lines.append(f"{where}: {name} {now.tally[name]:g}, the result says {then.tally[name]:g}")
+    for name in ("ally_points", "jam_points"):
+        shares = [
+            np.array(getattr(record, name)) / max(sum(getattr(record, name)), 1) for record in (now, then)
+        ]
+        if len(shares[0]) != len(shares[1]) or np.abs(shares[0] - shares[1]).sum() / 2 > _POINTS_WITHIN:
+            lines.append(f"{where}: other {name}")
+    return lines
+
+
+def _tolerances(now: Record, then: Record, span: float) -> dict[str, float]:
+    """Return how far the sums of two records may differ; the longest outage may, as one round decides it."""
+    if now.rounds_sha256 == then.rounds_sha256:
+        return {name: _SAME_WITHIN * abs(value) for name, value in now.tally.items()}
+    within = {"steps": 0.0} | dict.fromkeys(_BY_STEP, _STEPS_WITHIN * now.tally["steps"])
+    within |= {name: _LEVEL_WITHIN * abs(now.tally[name]) for name in _LEVELS}
+    return within | dict.fromkeys(_RETURNS, MEAN_WITHIN * span * len(now.returns))
+
+
+def _where(record: Record) -> str:
+    return f"{record.suite}, {record.rival}"
+
+
+# Verdicts
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict on one submission, and the line that explains it."""
+
+    name: str
+    good: bool
+    line: str
+
+
+def _judge(case: Case) -> tuple[bool, str]:
+    """Return the verdict on a case that was played; writes the result if there is none."""
+    folders = [(case.work / part.name, matchups) for part, matchups in case.wanted]
+    failures = (failure_in(folder) for folder, _ in folders)
+    failure = next((line for line in failures if line is not None), None)
+    records: list[Record] = []
+    for folder, matchups in folders if failure is None else ():
+        there = records_in(folder)
+        records += [there[key_of(*matchup)] for matchup in matchups]
+    if case.is_complete and records and all(record.lost == len(record.returns) for record in records):
+        failure = "all of its rounds are lost by rule: its answers are no valid actions"
+    if case.result is None:
+        return _judge_first(case, records, failure)
+    if not case.result.verified:
+        if not case.wanted:
+            return True, "not verified; not part of a sample"
+        if failure is None:
+            return False, f"the result is not verified, but it plays; {_again(case.submission)}"
+        return True, f"not verified, as before: {failure}"
+    if failure is not None:
+        return False, f"the result is verified, but now: {failure}"
+    differing = disagreements(records, case.result.records, case.suites)
+    if differing:
+        others = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
+        return False, f"the result does not hold: {differing[0]}{others}"
+    same = identical(records, case.result.records)
+    return True, f"holds: {same} of {len(records)} records played again are the same to the bit"
+
+
+def _judge_first(case: Case, records: list[Record], failure: str | None) -> tuple[bool, str]:
+    """Write the first result of a case."""
+    result = Result(case.submission.slug, case.submission.track, case.fingerprint, reason=failure)
+    if failure is None:
+        result = dataclasses.replace(result, records=tuple(records), totals=totals(records, case.suites))
+    write_result(case.path, result)
+    line = _describe(result)
+    wrong = None if case.claimed is None or failure else _false_claim(case, case.claimed, records)
+    if wrong is not None:
+        return False, f"replaced: the result that came along {wrong}; commit this one: {line}"
+    return failure is None, line
+
+
+def _false_claim(case: Case, claimed: Path, records: list[Record]) -> str | None:
+    """Return what is wrong with a result that came along; None if it holds or there was none."""
+    read = outcome_of(partial(_result_at, claimed, case.submission, case.suites, case.fingerprint))
+    if read.error is not None:
+        return "is none of this entry's, or was edited"
+    claim: Result | None = read.result
+    if claim is None:
+        return None
+    if not claim.verified:
+        return "says that it is not verified"
+    differing = disagreements(records, claim.records, case.suites)
+    return f"does not hold: {differing[0]}" if differing else None
+
+
+def _describe(result: Result) -> str:
+    """Return a result as one line."""
+    if result.totals is None:
+        return f"not verified: {result.reason}"
+    lost, rounds, scores = result.totals.lost, result.totals.rounds, result.totals.scores
+    role = ranked_by(scores)
+    score = scores[role]
+    lost_text = f", {lost:,} of {rounds:,} rounds lost by rule" if lost else ""
+    return f"verified: {role} {score.value:.1f} [{score.low:.1f}, {score.high:.1f}]{lost_text}"
+
+
+def _open_walls(case: Case) -> str:
+    """Return what the processes of a case's policies could not be kept from, in words; else nothing."""
+    names = dict.fromkeys(name for part, _ in case.wanted for name in open_in(case.work / part.name))
+    return f"; this machine cannot keep a policy from {', '.join(names)}" if names else ""
+
+
+# Boards
+
+
+def verify(
+    board: str | Path,
+    names: Sequence[str] = (),
+    *,
+    sample: float | None = None,
+    sample_seed: int | None = None,
+    update: bool = False,
+    since: str | None = None,
+    changes_known: bool = False,
+    say: Callable[[str], None] = print,
+    jobs: int = 1,
+    backend: str = "loky",
+    address: str | None = None,
+) -> list[Verdict]:
+    """Verify submissions; one with problems does not stop the others.
+
+    A submission without a result is played and its result written. Any other is played again and compared
+    with its result. An interrupted verification is resumed.
+
+    Args:
+        board: the leaderboard's folder.
+        names: ``track/name`` each; empty: all.
+        sample: play only this share of the records again, drawn at random, at least one per submission.
+        sample_seed: of the draw; None: a new one, which is reported.
+        update: play again, and replace, results that do not fit the submission or were edited.
+        since: a trusted git revision. Entries whose submission or result differs from it are played in full,
+            whatever the sample, and their results are replaced; the results that came along are compared.
+        changes_known: accept that other files changed since, too.
+        say: called with a line per submission as it ends.
+        jobs: number of policies that are played at once.
+        backend: ``loky`` or ``ray``; see :func:`fpg_bench.common.parallel.run_jobs`.
+        address: of a Ray cluster.
+
+    Returns:
+        The verdicts, by track and name.
+
+    Raises:
+        UserError: no such board or submission, a share out of range, unknown changes, or no cluster.
+    """
+    if sample is not None:
+        check_share(sample)
+    board = Path(board)
+    new = frozenset() if since is None else _new_entries(board, since, changes_known)
+    with at_work(board):
+        verification = _Verification(say, board, new)
+        cases = verification.cases(submission_folders(board, names), update)
+        if sample is not None:
+            seed = random.SystemRandom().randrange(2**32) if sample_seed is None else sample_seed
+            say(f"sample: {100 * sample:g} % of all records, --sample-seed {seed}")
+            cases = sampled(cases, sample, seed)
+        if not names:
+            verification.check_strays()
+        every = [job for case in cases for job in verification.jobs(case)]
+        verification.failed |= run_jobs(every, jobs, backend, address, say=None)
+        for case in cases:
+            verification.settle(case)
+    return sorted(verification.verdicts.values(), key=lambda verdict: verdict.name)
+
+
+def _new_entries(board: Path, since: str, changes_known: bool) -> frozenset[str]:
+    """Return the entries that changed since a revision; other changes must be known."""
+    changes = changed_entries(board, since)
+    if changes.others and not changes_known:
+        few = ", ".join(changes.others[:5]) + (", ..." if len(changes.others) > 5 else "")
+        raise UserError(
+            f"since: {len(changes.others)} files of no entry are not as they were: {few}; read them, then "
+            "say --changes-known"
+        )
+    return changes.entries
+
+
+class _Verification:
+    """Collects verdicts; each submission is settled as soon as its last record is there."""
+
+    def __init__(self, say: Callable[[str], None], board: Path, new: Collection[str]) -> None:
+        self.verdicts: dict[str, Verdict] = {}
+        self.failed: dict[str, str] = {}
+        self._say, self._board, self._new = say, board, new
+
+    def cases(self, folders: Sequence[Path], update: bool) -> list[Case]:
+        """Return the cases of folders; those that are wrong, or gone, get their verdicts."""
+        aside = {name: outcome_of(partial(set_aside, self._board, *name.split("/"))) for name in self._new}
+        for name in sorted(self._new):
+            if not (self._board / "submissions" / name).is_dir():
+                self._give(name, False, "its submission was there, or its result came, and is gone")
+        suites, cases = TrackSuites(), []
+        for folder in folders:
+            name = f"{folder.parent.name}/{folder.name}"
+            read = outcome_of(partial(make_case, self._board, folder, update, self._new, suites))
+            error = read.error if name not in aside else read.error or aside[name].error
+            if error is not None:
+                self._give(name, False, error)
+            else:
+                claimed = aside[name].result if name in aside else None
+                cases.append(dataclasses.replace(read.result, claimed=claimed))
+        return cases
+
+    def check_strays(self) -> None:
+        """Give a verdict on results whose submission is not there."""
+        for track in TRACKS:
+            for path in sorted((self._board / "results" / track).glob("*.jsonl")):
+                if not (self._board / "submissions" / track / path.stem).is_dir():
+                    self._give(f"{track}/{path.stem}", False, f"result {path}: no such submission")
+
+    def jobs(self, case: Case) -> Iterator[Job]:
+        """Yield a job per part of a case."""
+        for part, matchups in case.wanted:
+            folder = case.work / part.name
+            done = partial(_is_done, folder, matchups)
+            job = folder_job(_job_name(case, part), folder, partial(fill, part, matchups), done)
+            yield dataclasses.replace(job, keep=partial(self._keep, job, case))
+
+    def settle(self, case: Case) -> None:
+        """Give the verdict on a case, unless it was given already."""
+        if case.name in self.verdicts:
+            return
+        names = [_job_name(case, part) for part, _ in case.wanted]
+        if errors := [self.failed[name] for name in names if name in self.failed]:
+            self._give(case.name, False, errors[0])
+            return
+        judged, walls = outcome_of(partial(_judge, case)), outcome_of(partial(_open_walls, case))
+        shutil.rmtree(case.work, ignore_errors=True)
+        if case.claimed is not None:
+            remove(case.claimed)
+        good, line = judged.result if judged.error is None else (False, judged.error)
+        self._give(case.name, good, line + (walls.result or ""))
+
+    def _keep(self, job: Job, case: Case, result: Any) -> None:
+        job.keep(result)
+        if all(_is_done(case.work / part.name, matchups) for part, matchups in case.wanted):
+            self.settle(case)
+
+    def _give(self, name: str, good: bool, line: str) -> None:
+        self.verdicts[name] = Verdict(name, good, printable(line))
+        self._say(printable(f"{name}: {line}"))
+
+
+def _job_name(case: Case, part: Part) -> str:
+    return f"{case.name} {part.name}"
+
+
+def _is_done(folder: Path, matchups: Sequence[Matchup]) -> bool:
+    there = records_in(folder)
+    return failure_in(folder) is not None or all(key_of(*matchup) in there for matchup in matchups)
+
+
+def run_one(
+    folder: str | Path,
+    update: bool = False,
+    *,
+    say: Callable[[str], None] = print,
+    jobs: int = 1,
+    backend: str = "loky",
+    address: str | None = None,
+) -> Verdict:
+    """Verify the submission of a folder ``<board>/submissions/<track>/<name>``; see :func:`verify`.
+
+    Raises:
+        UserError: a folder that lies elsewhere, or no cluster.
+    """
+    given, folder = folder, Path(folder).resolve()
+    track = folder.parent.name
+    if folder.parent.parent.name != "submissions" or track not in TRACKS:
+        hint = meant(track, TRACKS) if folder.parent.parent.name == "submissions" else ""
+        expected = f"<leaderboard>/submissions/<{'|'.join(TRACKS)}>/<name>"
+        raise UserError(f"{given}: expected a folder {expected}{hint}")
+    board = Path(brief(folder.parents[2]))
+    name = f"{track}/{folder.name}"
+    (verdict,) = verify(board, [name], update=update, say=say, jobs=jobs, backend=backend, address=address)
+    return verdict
