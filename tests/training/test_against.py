@@ -8,7 +8,6 @@ import pytest
 import torch
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import DUEL
 from fpg_bench.common.rows import RowFile
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.players.agent import load_agent
@@ -36,7 +35,7 @@ def respond(out, against, env_id=AGAINST_ALLIES, **options):
 
 
 @pytest.mark.slow
-def test_a_run_against_somebody_says_so_and_is_made_again_by_what_it_says(ally, tmp_path):
+def test_the_players_met_are_part_of_a_run_s_description(ally, tmp_path):
     agent = str(ally / "agent")
     respond(tmp_path / "run", [agent, "expert"])
     about = json.loads((tmp_path / "run" / "run.json").read_text())
@@ -48,7 +47,7 @@ def test_a_run_against_somebody_says_so_and_is_made_again_by_what_it_says(ally, 
 
 
 @pytest.mark.slow
-def test_an_agent_that_is_another_one_by_now_is_not_taken_for_the_same(ally, tmp_path):
+def test_a_run_against_a_replaced_agent_is_another_run(ally, tmp_path):
     shutil.copytree(ally / "agent", tmp_path / "other")
     respond(tmp_path / "run", str(tmp_path / "other"))
     about = json.loads((tmp_path / "run" / "run.json").read_text())
@@ -60,7 +59,7 @@ def test_an_agent_that_is_another_one_by_now_is_not_taken_for_the_same(ally, tmp
 
 
 @pytest.mark.slow
-def test_every_player_named_is_met(ally, tmp_path, monkeypatch):
+def test_every_named_player_is_met(ally, tmp_path, monkeypatch):
     met = []
     monkeypatch.setattr("fpg_bench.training.train.make_games", lambda *a, **k: met.append(k) or 1 / 0)
     for env_id, other in ((AGAINST_ALLIES, "ally"), (AGAINST_OPPONENTS, "opponent")):
@@ -87,7 +86,7 @@ def test_every_player_named_is_met(ally, tmp_path, monkeypatch):
         ("FPG/OpponentVsScripted-v0", "{ally}/agent", "is no script"),
     ],
 )
-def test_somebody_that_can_t_be_met(ally, tmp_path, env_id, against, message):
+def test_impossible_players_are_refused(ally, tmp_path, env_id, against, message):
     other = tmp_path / "other"
     other.mkdir()
     about = json.loads((ally / "agent" / "agent.json").read_text()) | {"id": "FPG/AllyVsScripted-v9"}
@@ -100,15 +99,8 @@ def test_somebody_that_can_t_be_met(ally, tmp_path, env_id, against, message):
     assert not (tmp_path / "run").exists()
 
 
-def test_somebody_named_twice_or_where_both_sides_learn(tmp_path):
-    with pytest.raises(UserError, match="names the ally, and so does ally"):
-        respond(tmp_path / "run", "expert", ally="idle")
-    with pytest.raises(UserError, match="both sides learn"):
-        train("maddpg", DUEL, tmp_path / "run", against="expert")
-
-
 @pytest.mark.slow
-def test_a_run_that_starts_from_another_begins_as_good_as_that_ended(ally, tmp_path):
+def test_a_run_starts_with_the_score_of_the_run_it_starts_from(ally, tmp_path):
     train_tiny("ppo", tmp_path / "next", REWARDS, steps=400, evaluations=1, start=ally, seed=1)
     rows = RowFile(tmp_path / "next" / "evaluations.jsonl").read()
     before = RowFile(ally / "evaluations.jsonl").read()[-1]
@@ -120,7 +112,7 @@ def test_a_run_that_starts_from_another_begins_as_good_as_that_ended(ally, tmp_p
 
 @pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["ppo", "sac", "recurrent-ppo"])
-def test_all_that_was_learned_is_taken_over(algorithm, tmp_path):
+def test_weights_optimizer_and_normalization_are_loaded(algorithm, tmp_path):
     parameters = load_hyperparameters(algorithm, ALLY, settings(algorithm))
     first, second = (make_model(algorithm, make_sb3(ALLY, 4, 0), parameters, seed) for seed in (0, 1))
     first.learn(400)
@@ -141,7 +133,7 @@ def flat(model):
 
 
 @pytest.mark.slow
-def test_a_start_that_does_not_fit(ally, tmp_path):
+def test_an_unsuitable_start_is_refused(ally, tmp_path):
     for changes, options, message in (
         (REWARDS, {"start": tmp_path / "nowhere"}, "start .*run.json: cannot be read"),
         (REWARDS | WIDER, {"start": ally}, "no finished run of PPO with these networks"),

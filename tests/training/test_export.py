@@ -124,7 +124,7 @@ def test_memory_gives_the_same_bits_in_a_batch_and_alone():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [nn.Tanh, nn.Mish])
-def test_nothing_of_this_machine_is_exported(kind):
+def test_the_file_holds_no_paths_of_this_machine(kind):
     """Neither of ours nor of the exporter, which reads Mish."""
     model = a_model(PPO, policy_kwargs={"activation_fn": kind})
     assert (plain_onnx(Actor(model)) is None) == (kind is nn.Mish)
@@ -180,7 +180,7 @@ def test_the_usual_layers_need_no_exporter(algorithm, words, monkeypatch):
     ("algorithm", "frames", "words"),
     [(PPO, 1, {}), (SAC, 3, {}), (RecurrentPPO, 3, {"lstm_hidden_size": 6, "n_lstm_layers": 2})],
 )
-def test_they_play_to_the_bit_as_by_the_exporter(algorithm, frames, words, monkeypatch):
+def test_our_own_onnx_equals_the_exporter_s_to_the_bit(algorithm, frames, words, monkeypatch):
     model = a_model(algorithm, True, frames, policy_kwargs=words)
     written = plain_onnx(Actor(model))
     monkeypatch.setattr(export, "plain_onnx", lambda actor: None)
@@ -227,7 +227,7 @@ def hooked(model):
     ],
     ids=["own", "norm", "prelu", "hooked"],
 )
-def test_what_layers_do_not_say_is_read_by_the_exporter(words, change):
+def test_unknown_layers_are_read_by_the_exporter(words, change):
     model = a_model(PPO, policy_kwargs=words)
     if change:
         change(model)

@@ -86,14 +86,14 @@ def test_a_zip_is_read_without_its_pickles(kind, algorithm, frames, options, tmp
         ({}, "dqn", "algorithm 'dqn'"),
     ],
 )
-def test_a_zip_that_does_not_tell_enough_names_the_other_road(options, algorithm, message, tmp_path):
+def test_a_zip_that_cannot_be_read_safely_names_the_alternative(options, algorithm, message, tmp_path):
     saved(PPO, tmp_path, **options)
     with pytest.raises(UserError, match=message) as raised:
         load_zip(tmp_path / "model.zip", algorithm, ID)
     assert "fpg_bench.export_agent(model, folder" in str(raised.value)
 
 
-def test_what_is_no_zip_of_a_model_is_told(tmp_path):
+def test_a_file_that_is_no_model_is_refused(tmp_path):
     (tmp_path / "text.zip").write_text("no zip")
     with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:
         archive.writestr("data", json.dumps({}))
@@ -102,7 +102,7 @@ def test_what_is_no_zip_of_a_model_is_told(tmp_path):
             load_zip(tmp_path / name, "ppo", ID)
 
 
-def test_what_is_no_zip_is_not_asked_for_its_algorithm_or_seed(tmp_path):
+def test_a_file_that_is_no_zip_is_refused_before_its_options(tmp_path):
     (tmp_path / "normalize.pkl").write_bytes(b"a pickle")
     with pytest.raises(UserError, match=r"normalize\.pkl is no zip .* a run's is called model\.zip"):
         export_verb(tmp_path / "normalize.pkl", tmp_path / "mine")
@@ -112,7 +112,7 @@ def test_what_is_no_zip_is_not_asked_for_its_algorithm_or_seed(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.process
-def test_the_verb_reads_runs_and_zips(tmp_path):
+def test_export_reads_runs_and_zips(tmp_path):
     train_tiny("ppo", tmp_path / "run", seed=3)
     found = export(tmp_path / "run", "--out", tmp_path / "mine" / "seed_3")
     assert found.returncode == 0, found.stderr

@@ -1,4 +1,4 @@
-"""A start from imitation: the pupil does what the teacher does before it learns by itself."""
+"""Imitation of a teacher before training."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def flown(model, games, steps=250):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["ppo", "ppo-stack2"])
-def test_a_pupil_flies_at_the_ally_as_its_teacher_does_and_its_spread_is_untouched(algorithm):
+def test_the_model_flies_as_its_teacher_and_keeps_its_standard_deviation(algorithm):
     model, games, parameters = pupil(
         algorithm, policy_kwargs=NETS, n_envs=8, imitate=LESSON, normalize={"norm_obs": False}
     )
@@ -49,7 +49,7 @@ def test_a_pupil_flies_at_the_ally_as_its_teacher_does_and_its_spread_is_untouch
 
 
 @pytest.mark.slow
-def test_a_run_imitates_once_says_so_and_goes_on_without_the_teacher(tmp_path):
+def test_a_run_imitates_once_and_reports_the_error(tmp_path):
     words = {"imitate": LESSON | {"steps": 400}}
     options = {"path": "learned", "ally": "idle", "steps": 400}
     folder = tmp_path / "run"
@@ -76,7 +76,7 @@ def test_a_run_imitates_once_says_so_and_goes_on_without_the_teacher(tmp_path):
         ("recurrent-ppo", {"teacher": "adaptive"}, "RecurrentPPO can't"),
     ],
 )
-def test_a_lesson_that_cannot_be_given_is_refused_before_anything_is_written(
+def test_invalid_imitation_is_refused_before_anything_is_written(
     tmp_path, algorithm, lesson, words
 ):
     with pytest.raises(UserError, match=words):

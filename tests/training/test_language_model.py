@@ -36,7 +36,7 @@ def lines(path, kind):
 
 
 @pytest.mark.slow
-def test_a_run_keeps_what_each_round_flew_and_is_repeated_from_that_without_a_server(
+def test_a_run_is_repeated_from_its_transcript_without_a_server(
     tmp_path, tiny, monkeypatch
 ):
     with FaultServer([ok(path_text(shift)) for shift in range(40)]) as server:
@@ -59,7 +59,7 @@ def test_a_run_keeps_what_each_round_flew_and_is_repeated_from_that_without_a_se
     assert not (tmp_path / "again" / "transcript.jsonl").exists()
 
 
-def test_without_an_endpoint_it_says_what_to_set(tmp_path, tiny, monkeypatch):
+def test_a_missing_endpoint_is_one_line(tmp_path, tiny, monkeypatch):
     monkeypatch.delenv("FPG_LLM_BASE_URL", raising=False)
     with pytest.raises(UserError, match="FPG_LLM_BASE_URL"):
         train("ppo", LLM, tmp_path / "run", **tiny)
@@ -72,7 +72,7 @@ def test_a_transcript_belongs_to_a_language_model(tmp_path, tiny):
 
 
 @pytest.mark.slow
-def test_caps_hold_in_training_and_what_was_paid_for_is_kept_at_a_restart(tmp_path, tiny, monkeypatch):
+def test_caps_hold_in_training_and_a_restart_keeps_the_transcript(tmp_path, tiny, monkeypatch):
     with FaultServer([ok(path_text())]) as server:
         monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
         monkeypatch.setenv("FPG_LLM_MODEL", "tiny")

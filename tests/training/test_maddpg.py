@@ -60,7 +60,7 @@ def model():
 
 
 @pytest.mark.slow
-def test_it_finds_the_equilibrium_of_a_strongly_monotone_game(model):
+def test_maddpg_finds_the_equilibrium_of_a_strongly_monotone_game(model):
     acts = model.predict(np.zeros(4, np.float32))[0][[0, 2]]
     assert acts == pytest.approx(EQUILIBRIUM, abs=0.05)
 
@@ -76,7 +76,7 @@ def test_a_penalty_keeps_actions_near_its_limit(limit, least, most):
 
 
 @pytest.mark.slow
-def test_critics_know_what_everybody_does_and_whose_reward_it_is(model):
+def test_critics_see_all_actions_and_learn_their_own_reward(model):
     seen, acts = torch.zeros(2, 4), torch.tensor([[0.5, 0.0, 0.5], [-0.5, 0.0, 0.5]])
     with torch.no_grad():
         found = torch.cat([critic(seen, acts)[0] for critic in model.policy.critics], 1).numpy()
@@ -86,7 +86,7 @@ def test_critics_know_what_everybody_does_and_whose_reward_it_is(model):
 
 
 @pytest.mark.slow
-def test_an_actor_sees_its_own_part_alone(model):
+def test_an_actor_sees_only_its_own_observation(model):
     rng = np.random.default_rng(0)
     seen = rng.uniform(-1, 1, (5, 4)).astype(np.float32)
     other = seen.copy()
@@ -97,7 +97,7 @@ def test_an_actor_sees_its_own_part_alone(model):
 
 
 @pytest.mark.slow
-def test_it_is_saved_loaded_and_gone_on_with(model, tmp_path):
+def test_a_loaded_model_continues_to_learn(model, tmp_path):
     model.save(tmp_path / "model.zip")
     model.save_replay_buffer(tmp_path / "buffer.pkl")
     again = MADDPG.load(tmp_path / "model.zip", env=QuadraticGame(4))
@@ -128,7 +128,7 @@ def test_the_same_seed_learns_the_same():
 
 
 @pytest.mark.slow
-def test_it_plays_both_sides_of_the_game():
+def test_maddpg_plays_both_sides_of_the_game():
     games = make_sb3_duel(4, seed=0)
     model = MADDPG("JointPolicy", games, learning_starts=40, policy_kwargs={"net_arch": [16]}).learn(1240)
     assert model._n_updates == 300

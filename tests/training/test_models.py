@@ -19,7 +19,7 @@ from fpg_bench.training.algorithms import ALGORITHMS, find_algorithm
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import ACTIVATIONS, as_activation, make_games, make_model
-from fpg_bench.training.tuning.space import load_space, merged
+from fpg_bench.training.tuning.space import from_params, load_space, merge_values, to_params
 from tests.training.own import Mine
 from tests.training.tiny import ALLY, SMALL, settings, train, train_tiny
 
@@ -254,8 +254,8 @@ def test_a_search_space_may_hold_activations(tmp_path):
     (tmp_path / "space.yml").write_text(line)
     space = load_space("ppo", tmp_path / "space.yml")
     chosen = {"policy_kwargs.activation_fn": "Mish"}
-    assert space.params_of(settings("ppo", policy_kwargs=SMALL | {"activation_fn": "Mish"})) == chosen
-    model = model_of("ppo", merged(settings("ppo"), space.values(chosen)))
+    assert to_params(space, settings("ppo", policy_kwargs=SMALL | {"activation_fn": "Mish"})) == chosen
+    model = model_of("ppo", merge_values(settings("ppo"), from_params(space, chosen)))
     assert isinstance(model.policy.mlp_extractor.policy_net[1], nn.Mish)
 
 

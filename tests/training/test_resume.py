@@ -79,7 +79,7 @@ def stopped(algorithm, out, monkeypatch, at=600, **options):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_a_run_goes_on_where_it_was_and_ends_with_the_steps_asked_for(algorithm, tmp_path, monkeypatch):
+def test_a_resumed_run_continues_from_its_checkpoint_and_ends_with_its_budget(algorithm, tmp_path, monkeypatch):
     policy = settings(algorithm)["policy_kwargs"] | {"activation_fn": "ELU"}
     changes = {"learning_rate": "lin_0.001", "policy_kwargs": policy}
     first = stopped(algorithm, tmp_path / "run", monkeypatch, changes=changes)
@@ -125,7 +125,7 @@ def test_a_truncated_checkpoint_is_one_clear_line(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_checkpoint_that_is_not_written_to_its_end_leaves_the_one_before(tmp_path, monkeypatch):
+def test_an_incomplete_checkpoint_leaves_the_one_before(tmp_path, monkeypatch):
     real = checkpoint.write_json
     written = []
 
@@ -163,7 +163,7 @@ def test_a_folder_in_use_by_another_process_is_refused(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_scores_of_a_run_that_goes_on_stand_once(tmp_path, monkeypatch):
+def test_a_resumed_run_has_each_evaluation_once(tmp_path, monkeypatch):
     stopped("ppo", tmp_path / "run", monkeypatch, at=800, evaluations=3)
     train_tiny("ppo", tmp_path / "run", resume=True, evaluations=3)
     rows = RowFile(tmp_path / "run" / "evaluations.jsonl").read()
@@ -205,7 +205,7 @@ def wait_for_steps(folder, steps, process):
 
 @pytest.mark.slow
 @pytest.mark.process
-def test_killed_once_and_stopped_once_it_still_ends_with_the_steps_asked_for(tmp_path):
+def test_a_killed_and_interrupted_run_ends_with_its_budget(tmp_path):
     out, budget, reached = tmp_path / "run", 2000, 0
     for stop in (signal.SIGKILL, signal.SIGINT):
         process = started(out, budget)
