@@ -79,7 +79,7 @@ def stopped(algorithm, out, monkeypatch, at=600, **options):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_a_resumed_run_continues_from_its_checkpoint_and_ends_with_its_budget(algorithm, tmp_path, monkeypatch):
+def test_a_resumed_run_continues_from_its_checkpoint_to_its_budget(algorithm, tmp_path, monkeypatch):
     policy = settings(algorithm)["policy_kwargs"] | {"activation_fn": "ELU"}
     changes = {"learning_rate": "lin_0.001", "policy_kwargs": policy}
     first = stopped(algorithm, tmp_path / "run", monkeypatch, changes=changes)
