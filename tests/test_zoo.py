@@ -31,11 +31,11 @@ groups:
   small:
     id: FPG/AllyVsScripted-v0
     options: {path: circle}
-    suites: [FIELD]
+    suites: [SUITE]
     steps: {td3: 5200}
   duel-ally:
     id: FPG/duel_v0
-    suites: [FIELD]
+    suites: [SUITE]
     steps: {maddpg: 48}
   duel-opponent:
     id: FPG/duel_v0

@@ -33,7 +33,7 @@ groups:
   small:
     id: FPG/AllyVsScripted-v0
     options: {path: [pursuit, circle]}
-    suites: [FIELD]
+    suites: [SUITE]
     steps: {ppo: 2000, td3: 1000}
 """
 
@@ -42,7 +42,7 @@ def make_zoo(folder: Path, more: str = "") -> Zoo:
     """A zoo without agents; ``more`` are suites beside its first."""
     suite = folder / "small-v1.yml"
     suite.write_text(SUITE)
-    (folder / "zoo.yml").write_text(ZOO.replace("[FIELD]", f"[{suite}{more}]"))
+    (folder / "zoo.yml").write_text(ZOO.replace("[SUITE]", f"[{suite}{more}]"))
     return load_zoo(folder)
 
 
