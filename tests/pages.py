@@ -19,7 +19,7 @@ from tests.programs import ROOT, python
 BUDGETS = (
     (r"(--steps |\bsteps: |steps\": |timesteps=)[\d_]+", r"\g<1>2000"),
     (r"(.*) --seeds 0-2 (.*)", r"\1 --seed 0 \2/seed_0\n\1 --seed 1 \2/seed_1\n\1 --seed 2 \2/seed_2"),
-    (r"fpg-bench train ", "fpg-bench train --evaluations 0 "),
+    (r"fpg-bench train ", "fpg-bench train --n-evals 0 "),
     (r"n_steps=\d+", "n_steps=32"),
     (r"--matches \d+", "--matches 1"),
     (r"matches=\d+", "matches=1"),
@@ -121,7 +121,10 @@ class Reader:
             self._environment[name] = self._given.get(name, value)
         elif verb == "fpg-bench":
             self._runs(line, python("-c", self._command, *words, **self._where))
-        elif verb not in ("make", "."):  # the targets of make have a test of their own; the environment is active
+        elif verb not in (
+            "make",
+            ".",
+        ):  # the targets of make have a test of their own; the environment is active
             where = {"cwd": self._folder, "env": self._environment}
             self._runs(line, subprocess.run(["sh", "-c", line], capture_output=True, text=True, **where))
 

@@ -14,8 +14,7 @@ import pytest
 import typer
 
 from fpg_bench import __version__
-from fpg_bench.cli import app
-from fpg_bench.cli import verbs as verbs_module
+from fpg_bench.cli import app, evaluation, training
 from fpg_bench.cli.options import whole_number
 from fpg_bench.common.rows import RowFile
 from fpg_bench.game.compiling import cache_folder
@@ -98,7 +97,7 @@ def test_players_lists_all_that_can_be_named():
 
 
 @pytest.mark.process
-def test_fields_lists_each_with_its_rivals():
+def test_suites_lists_each_with_its_rivals():
     found = fpg("suites")
     assert found.returncode == 0, found.stderr
     for path in suites_folder().glob("*.yml"):
@@ -126,7 +125,7 @@ def test_play_prints_a_round_and_writes_a_page(tmp_path):
 def test_train_evaluate_table(tmp_path):
     (tmp_path / "tiny.yml").write_text(TINY)
     words = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "run", "--hyperparams", "tiny.yml")
-    words = (*words, "--opponent", "tone,comb", "--evaluations", "1", "--resume")
+    words = (*words, "--opponent", "tone,comb", "--n-evals", "1", "--resume")
     found = fpg(*words, folder=tmp_path)
     assert found.returncode == 0, found.stderr
     assert "agent: run/agent\n" in found.stdout
@@ -174,8 +173,8 @@ def test_train_evaluate_table(tmp_path):
         (("play", "--out", "round.xyz"), ".xyz"),
         (("play", "--out", "/proc/there/round.html"), "cannot be written"),
         (("export", "normalize.pkl", "--out", "seed_0"), "no such file"),
-        (("submit", "verify", "--sample", "500%"), "at most 100 %, got 500 %"),
-        (("submit", "crossplay", "--check", "500%"), "at most 100 %, got 500 %"),
+        (("leaderboard", "verify", "--sample", "500%"), "at most 100 %, got 500 %"),
+        (("leaderboard", "crossplay", "--check", "500%"), "at most 100 %, got 500 %"),
         (("table", "nowhere"), "cannot be read"),
         (("trian",), "train"),
         (("play", "--sed", "1"), "--seed"),
@@ -319,8 +318,8 @@ def test_ctrl_c_in_a_librarys_call_back_is_heard_all_the_same():
 
 def test_where_no_bar_can_be_drawn_a_line_says_what_is_under_way(monkeypatch, capsys):
     now = iter(range(0, 1000, 20))
-    monkeypatch.setattr(verbs_module, "time", SimpleNamespace(monotonic=lambda: next(now)))
-    with verbs_module.shown_progress() as show:
+    monkeypatch.setattr(evaluation, "time", SimpleNamespace(monotonic=lambda: next(now)))
+    with evaluation.shown_progress() as show:
         for k in range(4):
             show(f"meeting {k}")
     assert capsys.readouterr().err.split("\n") == ["meeting 1", "meeting 3", ""]
@@ -335,7 +334,7 @@ def test_a_run_that_is_stopped_before_it_saved_says_so(monkeypatch, capsys, tmp_
         if saved:
             (tmp_path / "checkpoints" / "000000000100").mkdir(parents=True)
         with pytest.raises(KeyboardInterrupt):
-            verbs_module.train("ppo", "FPG/AllyVsScripted-v0", tmp_path)
+            training.train("ppo", "FPG/AllyVsScripted-v0", tmp_path)
         assert ("no step is saved yet" in capsys.readouterr().err) == (not saved)
 
 

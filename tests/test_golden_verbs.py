@@ -9,10 +9,12 @@ differ in their training, and keeps what both have in common.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import re
 import shutil
+import sqlite3
 import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -75,33 +77,34 @@ CASES = {
         ("comparison/*.jsonl", "comparison/*.csv"),
     ),
     "train": Case(
-        "train ppo FPG/AllyVsScripted-v0 --hyperparams tiny.yml --steps @steps --evaluations 0 --out run",
+        "train ppo FPG/AllyVsScripted-v0 --hyperparams tiny.yml --steps @steps --n-evals 0 --out run",
         ("run/run.json", "run/agent/agent.json"),
     ),
     "export": Case("export shipped --out mine/seed_0", ("mine/seed_0/agent.json", "-")),
     "tune": Case(
-        "tune ppo FPG/AllyVsScripted-v0 --trials 1 --seeds 1 --steps @steps --rounds 1 --out study",
-        ("study/*.log",),
+        "tune run ppo FPG/AllyVsScripted-v0 --n-trials 1 --n-seeds 1 --steps @steps --rounds 1 --out study",
+        ("study/*.db",),
     ),
-    "tune-report": Case("tune-report study", ()),
-    "tune-write": Case("tune-write study best.yml --best 1 --seeds 1 --steps @steps", ("best.yml",)),
-    "exploit": Case(
-        "exploit idle --steps @steps --seeds 1 --hyperparams tiny.yml --out exploited", ("exploited/*.json",)
+    "tune-report": Case("tune report study", ()),
+    "tune-export": Case("tune export study best.yml --n-best 1 --n-seeds 1 --steps @steps", ("best.yml",)),
+    "best-response": Case(
+        "best-response idle --steps @steps --n-seeds 1 --hyperparams tiny.yml --out exploited",
+        ("exploited/*.json",),
     ),
     "selfplay": Case(
-        "selfplay ppo --generations 1 --steps @steps --hyperparams tiny.yml --evaluations 0 --out duels",
+        "selfplay ppo --generations 1 --steps @steps --hyperparams tiny.yml --n-evals 0 --out duels",
         ("duels/ally/agent.json", "duels/opponent/agent.json"),
     ),
     "submit-check": Case("submit check board/submissions/ally/idle"),
     "submit-run": Case("submit run board/submissions/opponent/tone", ("board/results/opponent/tone.jsonl",)),
-    "submit-verify": Case("submit verify ally/idle --folder board --sample 1% --sample-seed 3"),
-    "submit-crossplay": Case("submit crossplay --folder board", ("board/results/crossplay.jsonl",)),
+    "leaderboard-verify": Case("leaderboard verify ally/idle --folder board --sample 1% --sample-seed 3"),
+    "leaderboard-crossplay": Case("leaderboard crossplay --folder board", ("board/results/crossplay.jsonl",)),
     "leaderboard-build": Case(
         "leaderboard build --folder board --no-replays --out site", ("site/board.json", "site/ranking.html")
     ),
-    "season-show": Case("season show season-1", kept=60),
+    "suites-season": Case("suites season-1", kept=60),
     "reproduce": Case(
-        "reproduce fig7 --scenario figures --budget hundredth --seeds 10 --first-seed 100 --out reproduced",
+        "reproduce fig7 --scenario figures --budget hundredth --n-seeds 10 --first-seed 100 --out reproduced",
         ("reproduced/report-figures.md",),
         kept=120,
     ),
@@ -138,8 +141,12 @@ def run(case: Case, folder: Path, steps: int = STEPS) -> list[list[float | str]]
 
 def groups_of(path: Path) -> Iterator[Any]:
     """What stands together in a file: a record, a row, a line, or all of it."""
+    if path.suffix == ".db":
+        with contextlib.closing(sqlite3.connect(path)) as database:
+            yield from database.execute("SELECT param_value, distribution_json FROM trial_params")
+        return
     text = path.read_text()
-    if path.suffix in (".jsonl", ".log"):
+    if path.suffix == ".jsonl":
         yield from map(json.loads, text.splitlines())
     elif path.suffix == ".json":
         yield json.loads(text)

@@ -23,8 +23,8 @@ from tests.working import begun, wait_for
 
 pytestmark = pytest.mark.process
 
-TRAIN = ("train", "ppo", "FPG/AllyVsScripted-v0", "--hyperparams", "tiny.yml", "--evaluations", "0")
-LONG = ("--seeds", "0-2", "--jobs", "2", "--out", "runs", "--steps", "100000000")
+TRAIN = ("train", "ppo", "FPG/AllyVsScripted-v0", "--hyperparams", "tiny.yml", "--n-evals", "0")
+LONG = ("--seeds", "0-2", "--n-jobs", "2", "--out", "runs", "--steps", "100000000")
 PAGE = (Path(__file__).parents[1] / "docs" / "cluster.md").read_text()
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL)
 
@@ -183,12 +183,14 @@ def folder(tmp_path):
 
 
 def test_train_and_evaluate_from_the_command_line(folder):
-    result = fpg(*TRAIN, "--seeds", "0-1", "--jobs", 2, "--out", "runs", folder=folder)
+    result = fpg(*TRAIN, "--seeds", "0-1", "--n-jobs", 2, "--out", "runs", folder=folder)
     assert result.returncode == 0, result.stderr
     assert result.stderr == ""
     assert "agents: runs/seed_*/agent" in result.stdout
     agents = [f"runs/seed_{seed}/agent" for seed in (0, 1)]
-    result = fpg("evaluate", *agents, "idle", "--matches", 1, "--jobs", 2, "--out", "results", folder=folder)
+    result = fpg(
+        "evaluate", *agents, "idle", "--matches", 1, "--n-jobs", 2, "--out", "results", folder=folder
+    )
     assert result.returncode == 0, result.stderr
     assert len((folder / "results" / "records.jsonl").read_text().splitlines()) == 30
 

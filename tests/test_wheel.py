@@ -85,15 +85,15 @@ EXTRAS = {
     "evaluate": Extra(
         (
             "zoo",
-            f"evaluate expert {AGENT} --matches 1 --jobs 2 --out results",
+            f"evaluate expert {AGENT} --matches 1 --n-jobs 2 --out results",
             "table results",
             "plan compare circle --matches 1 --out planners",
             f"submit check {ROOT}/leaderboard/submissions/opponent/adaptive",
         ),
         (
             "submit run nowhere",
-            "submit verify --folder nowhere",
-            "submit crossplay --folder nowhere",
+            "leaderboard verify --folder nowhere",
+            "leaderboard crossplay --folder nowhere",
             "fpg_bench.evaluate(['nobody'])",
             "fpg_bench.write_agent('nowhere', b'')",
         ),
@@ -109,22 +109,21 @@ EXTRAS = {
     ),
     "llm": Extra(tries=("plan probe --deadline 1",)),
     "local-llm": Extra(tries=("llm serve --model agent.json",)),
-    "fast": Extra(("reproduce tables --learner jax --seeds 1 --out fast",), base="train"),
+    "fast": Extra(("reproduce tables --learner jax --n-seeds 1 --out fast",), base="train"),
     "train": Extra(
         (
             "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2).reset()",
-            "train ppo FPG/AllyVsScripted-v0 --steps 2000 --evaluations 1 --out run",
+            "train ppo FPG/AllyVsScripted-v0 --steps 2000 --n-evals 1 --out run",
             "export run --out exported/seed_0",
             "fpg_bench.export_agent(__import__('stable_baselines3').PPO('MlpPolicy', "
             "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2)), 'live', training_seed=0)",
-            "reproduce tables --seeds 1 --out reproduced",
+            "reproduce tables --n-seeds 1 --out reproduced",
         ),
         (
             "selfplay nothing --out nowhere",
-            "exploit nobody --out nowhere",
-            "season show nothing",
-            "season audit nothing --work nowhere",
-            "season close ../nothing --work nowhere --board nowhere",
+            "best-response nobody --out nowhere",
+            "leaderboard audit-season nothing --work nowhere",
+            "leaderboard close-season ../nothing --work nowhere --folder nowhere",
         ),
     ),
     "tune": Extra(

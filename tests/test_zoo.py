@@ -129,7 +129,7 @@ def test_the_verb_lists_what_is_shipped():
 
 
 def test_the_list_tells_scores_and_what_has_changed(tmp_path, monkeypatch, capsys):
-    from fpg_bench.cli.zoo import zoo as verb
+    from fpg_bench.cli.listing import zoo as verb
     from fpg_bench.training import zoo as zoos
 
     zoo = make_zoo(tmp_path)

@@ -14,26 +14,27 @@ from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.cli import export, leaderboard, llm, plan, reproduce, season, selfplay, tune, verbs, zoo
+from fpg_bench.cli import evaluation, leaderboard, listing, llm, plan, reproduce, training, tune
 from fpg_bench.common.errors import UserError, printable
 
 app = typer.Typer(
     help="Benchmark suite for the UAV frequency point game.",
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 for verb in (
-    zoo.envs,
-    verbs.play,
-    verbs.train,
-    verbs.evaluate,
-    verbs.table,
-    zoo.zoo,
-    zoo.players,
-    zoo.suites,
-    selfplay.selfplay,
-    selfplay.best_responses,
-    export.export,
+    evaluation.play,
+    training.train,
+    evaluation.evaluate,
+    evaluation.table,
+    training.best_response,
+    training.selfplay,
+    training.export,
     reproduce.reproduce,
+    listing.envs,
+    listing.players,
+    listing.suites,
+    listing.zoo,
 ):
     app.command()(verb)
 app.add_typer(tune.app, name="tune")
@@ -41,7 +42,6 @@ app.add_typer(plan.app, name="plan")
 app.add_typer(llm.app, name="llm")
 app.add_typer(leaderboard.submit, name="submit")
 app.add_typer(leaderboard.leaderboard, name="leaderboard")
-app.add_typer(season.app, name="season")
 _DEBUG = False
 _STOPPED = 130
 _AGAIN_S = 0.05
@@ -59,9 +59,9 @@ def _print_version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
-    debug: Annotated[bool, typer.Option(help="show the traceback of an error")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
     version: Annotated[
-        bool, typer.Option("--version", help="print the version", callback=_print_version, is_eager=True)
+        bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
     ] = False,
 ) -> None:
     global _DEBUG

@@ -12,35 +12,40 @@ from fpg_bench.cli.options import AddressOption, BackendOption, JobsOption, say
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import need
 
-submit = typer.Typer(help="Check and verify submissions to the leaderboard.", no_args_is_help=True)
-leaderboard = typer.Typer(help="Build and show the leaderboard's site.", no_args_is_help=True)
+submit = typer.Typer(help="Check a submission and play it.", no_args_is_help=True)
+leaderboard = typer.Typer(
+    help="Build the leaderboard's site, verify its results, close its seasons.", no_args_is_help=True
+)
 SITE = Path("leaderboard/site")
 UpdateOption = Annotated[
-    bool, typer.Option("--update", help="play anew, and replace, results that do not fit or were edited")
+    bool,
+    typer.Option("--update", help="Play results that do not fit or were edited again, and replace them."),
 ]
 SinceOption = Annotated[
     str | None,
-    typer.Option(help="a git revision that is trusted: what is new since is played whole, and replaced"),
+    typer.Option(help="A trusted git revision; entries changed since are played again and replaced."),
 ]
 ChangesKnownOption = Annotated[
-    bool, typer.Option("--changes-known", help="with --since: you have read the other files that changed")
+    bool,
+    typer.Option("--changes-known", help="With --since: you have reviewed the other files that changed."),
 ]
-FolderOption = Annotated[Path, typer.Option(help="the leaderboard's folder")]
+FolderOption = Annotated[Path, typer.Option(help="Folder of the leaderboard.")]
 
 
+@leaderboard.callback()
 @submit.callback()
-def _forget() -> None:
-    """Check and verify submissions to the leaderboard."""
+def _forget_keys() -> None:
+    """Check a submission and play it."""
     from fpg_bench.leaderboard.sandbox import forget_keys
 
     forget_keys()
 
 
 @submit.command()
-def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")]) -> None:
-    """Say what is wrong with a submission, line by line, and try its policies in a few rounds.
+def check(folder: Annotated[Path, typer.Argument(help="Folder of the submission.")]) -> None:
+    """Check a submission's files and try its policies in a few rounds.
 
-    A note is no fault.
+    Each fault is one line. Notes are no faults.
 
     Example: fpg-bench submit check leaderboard/submissions/ally/my-agent
     """
@@ -65,43 +70,45 @@ def check(folder: Annotated[Path, typer.Argument(help="the submission's folder")
 
 @submit.command()
 def run(
-    folder: Annotated[Path, typer.Argument(help="<leaderboard>/submissions/<track>/<name>")],
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of the submission, <leaderboard>/submissions/<track>/<name>.")
+    ],
     update: UpdateOption = False,
-    jobs: JobsOption = 1,
+    n_jobs: JobsOption = 1,
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Play a submission and write its result; where it has one, play again and compare.
+    """Play a submission and write its result, or compare with the existing one.
 
     Example: fpg-bench submit run leaderboard/submissions/ally/my-agent
     """
     from fpg_bench.leaderboard.verification import run_one
 
-    verdict = run_one(folder, update, jobs=jobs, backend=backend, address=address, say=say)
+    verdict = run_one(folder, update, jobs=n_jobs, backend=backend, address=address, say=say)
     raise typer.Exit(0 if verdict.good else 1)
 
 
-@submit.command()
+@leaderboard.command()
 def verify(
-    names: Annotated[list[str] | None, typer.Argument(help="track/name; none: all")] = None,
+    names: Annotated[list[str] | None, typer.Argument(help="Entries, track/name. Default: all.")] = None,
     folder: FolderOption = Path("leaderboard"),
     sample: Annotated[
         str | None,
-        typer.Option(help="play again only so many lines, drawn at random, as 5%; one of each at least"),
+        typer.Option(help="Share of records to play again, as 5%, drawn at random; at least one per entry."),
     ] = None,
     sample_seed: Annotated[
-        int | None, typer.Option(help="of the draw; default: a new one, which is said")
+        int | None, typer.Option(help="Seed of the draw. Default: a new one, which is printed.")
     ] = None,
     update: UpdateOption = False,
     since: SinceOption = None,
     changes_known: ChangesKnownOption = False,
-    jobs: JobsOption = 1,
+    n_jobs: JobsOption = 1,
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Play submissions again and compare with their results; write those that are missing.
+    """Play entries again and compare with their results; write missing ones.
 
-    Example: fpg-bench submit verify --sample 5%
+    Example: fpg-bench leaderboard verify --sample 5%
     """
     from fpg_bench.leaderboard.verification import verify as verify_all
 
@@ -113,7 +120,7 @@ def verify(
         update=update,
         since=since,
         changes_known=changes_known,
-        jobs=jobs,
+        jobs=n_jobs,
         backend=backend,
         address=address,
         say=say,
@@ -123,28 +130,28 @@ def verify(
     raise typer.Exit(1 if bad else 0)
 
 
-@submit.command()
+@leaderboard.command()
 def crossplay(
     folder: FolderOption = Path("leaderboard"),
     check: Annotated[
-        str | None, typer.Option(help="play so many of the pairs again, as 5%, instead of those that lack")
+        str | None, typer.Option(help="Share of existing pairs to play again and compare, as 5%.")
     ] = None,
-    sample_seed: Annotated[int, typer.Option(help="of the draw")] = 0,
+    sample_seed: Annotated[int, typer.Option(help="Seed of the draw.")] = 0,
     since: SinceOption = None,
-    jobs: JobsOption = 1,
+    n_jobs: JobsOption = 1,
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Play every verified ally against every opponent, where that was not done yet.
+    """Play every verified ally against every verified opponent; existing pairs are kept.
 
-    Example: fpg-bench submit crossplay
+    Example: fpg-bench leaderboard crossplay
     """
     from fpg_bench.leaderboard.changed_entries import pairs_at
     from fpg_bench.leaderboard.crossplay import check_pairs, play_missing
 
     trusted = None if since is None else pairs_at(folder, since)
     if check is None:
-        where: dict[str, Any] = {"jobs": jobs, "backend": backend, "address": address}
+        where: dict[str, Any] = {"jobs": n_jobs, "backend": backend, "address": address}
         failed = play_missing(folder, trusted=trusted, say=say, **where)
     else:
         failed = check_pairs(folder, _share(check), sample_seed)
@@ -163,19 +170,17 @@ def _share(text: str) -> float:
 
 @leaderboard.command()
 def build(
-    out: Annotated[Path, typer.Option(help="the site's folder")] = SITE,
+    out: Annotated[Path, typer.Option(help="Folder of the site.")] = SITE,
     folder: FolderOption = Path("leaderboard"),
     replays: Annotated[
-        bool, typer.Option(help="simulate the rounds to watch that are not there; those that are stay")
+        bool, typer.Option(help="Simulate missing rounds to watch; existing ones are kept.")
     ] = True,
     docs: Annotated[
         str,
-        typer.Option(
-            help="where the documentation's site is, from OUT; default: its rules stand in the site"
-        ),
+        typer.Option(help="URL of the documentation, relative to OUT. Default: the site includes the rules."),
     ] = "",
 ) -> None:
-    """Write the site: it needs no network and no server.
+    """Write the site, which needs no network and no server.
 
     Example: fpg-bench leaderboard build
     """
@@ -183,12 +188,10 @@ def build(
     from rich.progress import Progress
 
     from fpg_bench.leaderboard.board import make_board
-    from fpg_bench.leaderboard.sandbox import forget_keys
     from fpg_bench.leaderboard.site.build import build_site, check_folder
     from fpg_bench.leaderboard.site.page_data import submitted_policies
     from fpg_bench.leaderboard.site.replays import make_replays
 
-    forget_keys()
     check_folder(out)
     with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("ranks", total=None)
@@ -209,10 +212,12 @@ def build(
 
 @leaderboard.command()
 def serve(
-    site: Annotated[Path, typer.Argument(help="the site's folder")] = SITE,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="of this machine; 0: any that is free")] = 8000,
+    site: Annotated[Path, typer.Argument(help="Folder of the site.")] = SITE,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port on this machine; 0 for any free one.")
+    ] = 8000,
 ) -> None:
-    """Show a built site on this machine, until Ctrl-C.
+    """Serve a built site on this machine, until Ctrl-C.
 
     Example: fpg-bench leaderboard serve --port 8000
     """
@@ -227,3 +232,76 @@ def serve(
             server.serve_forever()
         except KeyboardInterrupt:
             say("stopped")
+
+
+@leaderboard.command()
+def close_season(
+    name: Annotated[str, typer.Argument(help="The season's number, or the name of a training population.")],
+    work: Annotated[Path, typer.Option(help="Folder of the candidates, in which a stopped closing resumes.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the suite. Default: baselines/suites/<name>.")
+    ] = None,
+    folder: FolderOption = Path("leaderboard"),
+    side: Annotated[str | None, typer.Option(help="Train candidates of this side only.")] = None,
+    n_candidates: Annotated[
+        int | None, typer.Option(min=1, help="Number of candidates of each side. Default: the recipe's.")
+    ] = None,
+    size: Annotated[
+        int | None, typer.Option(min=1, help="Number of members of each side. Default: the recipe's.")
+    ] = None,
+    n_jobs: JobsOption = 2,
+    backend: BackendOption = "loky",
+    address: AddressOption = None,
+) -> None:
+    """Close a season: train candidates from a seed given by the entries, and select the suite from them.
+
+    Example: fpg-bench leaderboard close-season 2 --work runs/season-2
+    """
+    from fpg_bench.leaderboard import close_season as closing_season
+    from fpg_bench.leaderboard.close_season import CANDIDATES, SIZE, make_closing
+    from fpg_bench.players.agent import baselines_folder
+    from fpg_bench.players.player import SIDES
+
+    closing = make_closing(name, folder, work, n_candidates or CANDIDATES, size or SIZE)
+    season = closing_season.close_season(
+        closing,
+        out or baselines_folder() / "suites" / closing.name,
+        SIDES if side is None else [side],
+        workers=n_jobs,
+        backend=backend,
+        address=address,
+        say=say,
+    )
+    if season is not None:
+        say(f"{season.name}: closed, hash {season.hash[:16]}, {season.folder}")
+
+
+@leaderboard.command()
+def audit_season(
+    name: Annotated[str, typer.Argument(help="A shipped season (season-1), or its folder.")],
+    work: Annotated[Path, typer.Option(help="Folder to train in.")],
+    folder: FolderOption = Path("leaderboard"),
+    member: Annotated[
+        list[str] | None, typer.Option(help="Member to train again; may be given several times.")
+    ] = None,
+    n_members: Annotated[
+        int, typer.Option(min=1, help="Number of members of each side, where none is named.")
+    ] = 2,
+    n_jobs: JobsOption = 2,
+) -> None:
+    """Train members of a season again, and compare the entries' returns against both.
+
+    Example: fpg-bench leaderboard audit-season season-1 --work runs/audit
+    """
+    from fpg_bench.leaderboard import audit_season as auditing
+    from fpg_bench.leaderboard.season import load_season, read_entries
+
+    season = load_season(name)
+    for audited in auditing.audit_season(
+        season, read_entries(folder), work, member, n_members, workers=n_jobs, say=say
+    ):
+        policies = "the same policy" if audited.is_same else "another policy"
+        say(
+            f"{audited.side}/{audited.name}: {policies}; entries earn {audited.difference:.2f} per step "
+            f"more or less, correlation {audited.correlation:.3f}"
+        )

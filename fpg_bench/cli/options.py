@@ -5,18 +5,27 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable
 from decimal import Decimal, InvalidOperation
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from fpg_bench.common.errors import printable
 
+# Panels of long lists of options, in the order in which they are shown.
+GAME = "Game"
+TRAINING = "Training"
+EVALUATION = "Evaluation"
+OUTPUT = "Output"
+PARALLEL = "Parallel processes"
+LLM = "Language model"
+
 
 def whole_number(text: str) -> int:
-    """The number above 0 of ``2000000``, ``2_000_000`` or ``2e6``.
+    """Parse a positive integer, written as ``2000000``, ``2_000_000`` or ``2e6``.
 
     Raises:
-        typer.BadParameter: it is none, or above 10^15.
+        typer.BadParameter: not a positive integer, or above 10^15.
     """
     try:
         number = Decimal(str(text))
@@ -28,61 +37,112 @@ def whole_number(text: str) -> int:
 
 
 def steps_option(help: str) -> Any:
-    """``--steps``, also as ``2e6``."""
-    return typer.Option(parser=whole_number, metavar="STEPS", help=help)
+    """Return the option ``--steps``, which also takes ``2e6``."""
+    return typer.Option(parser=whole_number, metavar="STEPS", help=help, rich_help_panel=TRAINING)
 
 
-_PLAYER = "a script, a shipped agent, an agent's folder or package.module:object (fpg-bench players)"
-PlayerOption = Annotated[str, typer.Option(help=_PLAYER)]
+_PLAYER = "a script, a shipped agent, an agent's folder or package.module:object (see fpg-bench players)"
+PlayerOption = Annotated[str, typer.Option(help=f"The player: {_PLAYER}.")]
 PlayersOption = Annotated[
-    str | None, typer.Option(help=f"against whom: {_PLAYER}, or suite:NAME; several, separated by commas")
+    str | None,
+    typer.Option(
+        help=f"The other side's player: {_PLAYER}, or suite:NAME. Several are separated by commas.",
+        rich_help_panel=GAME,
+    ),
 ]
-ScenarioOption = Annotated[str | None, typer.Option(help="standard, paper, figures or a YAML file")]
-PathOption = Annotated[str | None, typer.Option(help="how the opponent flies; several, separated by commas")]
-PlannerOption = Annotated[str | None, typer.Option(help="who plans the opponent's path between rounds")]
+ScenarioOption = Annotated[
+    str | None,
+    typer.Option(help="The scenario: standard, paper, figures or a YAML file.", rich_help_panel=GAME),
+]
+PathOption = Annotated[
+    str | None,
+    typer.Option(help="The opponent's flight path; several are separated by commas.", rich_help_panel=GAME),
+]
+PlannerOption = Annotated[
+    str | None,
+    typer.Option(help="The planner of the opponent's path between rounds.", rich_help_panel=GAME),
+]
+KnowledgeOption = Annotated[
+    str | None,
+    typer.Option(help="The ally's knowledge base: expert, none or a YAML file.", rich_help_panel=GAME),
+]
+JammingTypesOption = Annotated[
+    str | None, typer.Option(help="Allowed jamming types, separated by commas.", rich_help_panel=GAME)
+]
 
-WideOption = Annotated[bool, typer.Option("--wide", help="all columns, for a wide terminal")]
-JobsOption = Annotated[int, typer.Option(min=1, help="how many at once, one core each")]
-BackendOption = Annotated[str, typer.Option(help="where: loky, processes of this machine, or ray, a cluster")]
+HyperparamsOption = Annotated[
+    Path | None,
+    typer.Option(help="A YAML file of hyper-parameters to use instead.", rich_help_panel=TRAINING),
+]
+
+WideOption = Annotated[bool, typer.Option("--wide", help="Print all columns, for a wide terminal.")]
+JobsOption = Annotated[
+    int,
+    typer.Option(
+        "--n-jobs", min=1, help="Number of parallel processes, one core each.", rich_help_panel=PARALLEL
+    ),
+]
+BackendOption = Annotated[
+    str,
+    typer.Option(help="loky for processes on this machine, or ray for a cluster.", rich_help_panel=PARALLEL),
+]
 AddressOption = Annotated[
-    str | None, typer.Option(help="ray: host:port of the cluster; default: RAY_ADDRESS, else this machine")
+    str | None,
+    typer.Option(
+        help="Address of the Ray cluster, host:port. Default: RAY_ADDRESS, else this machine.",
+        rich_help_panel=PARALLEL,
+    ),
 ]
 
 # Of the planner llm; the defaults are those of LLMPlanner.
 PromptOption = Annotated[
-    str | None, typer.Option(help="llm: brief, paper, standard or a YAML file; default: the server's")
+    str | None,
+    typer.Option(
+        help="The prompt: brief, paper, standard or a YAML file. Default: the server's.", rich_help_panel=LLM
+    ),
 ]
-ServerOption = Annotated[str | None, typer.Option(help="llm: the server's profile or YAML file")]
-CallsOption = Annotated[int | None, typer.Option(min=1, help="llm: most calls of the run; default: 20000")]
+ServerOption = Annotated[
+    str | None, typer.Option(help="The server's profile, or its YAML file.", rich_help_panel=LLM)
+]
+CallsOption = Annotated[
+    int | None, typer.Option(min=1, help="Maximum calls of the run. Default: 20000.", rich_help_panel=LLM)
+]
 TokensOption = Annotated[
-    int | None, typer.Option(min=1, help="llm: most tokens, read and written; default: 200 million")
+    int | None,
+    typer.Option(min=1, help="Maximum tokens, read and written. Default: 200 million.", rich_help_panel=LLM),
 ]
 SecondsOption = Annotated[
-    float | None, typer.Option(min=0, help="llm: most seconds in calls; default: a week")
+    float | None,
+    typer.Option(min=0, help="Maximum seconds spent in calls. Default: a week.", rich_help_panel=LLM),
 ]
 DeadlineOption = Annotated[
-    float | None, typer.Option(min=0, help="llm: seconds that a call may take; default: 30, or as measured")
+    float | None,
+    typer.Option(
+        min=0, help="Seconds that a call may take. Default: 30, or as measured.", rich_help_panel=LLM
+    ),
 ]
 TemperatureOption = Annotated[
-    float | None, typer.Option(min=0, max=2, help="llm: what the server is sent; default: its profile's")
+    float | None,
+    typer.Option(min=0, max=2, help="Sampling temperature. Default: the profile's.", rich_help_panel=LLM),
 ]
 SamplingSeedOption = Annotated[
-    int | None, typer.Option(min=0, help="llm: decides the seeds that the server is sent; default: 0")
+    int | None,
+    typer.Option(min=0, help="Decides the seeds that the server is sent. Default: 0.", rich_help_panel=LLM),
 ]
 
 
 def llm_options(deadline: float | None, **options: Any) -> dict[str, Any]:
-    """Those of the planner llm that were said, by the names of LLMPlanner."""
+    """Return the given options of the planner llm, by the names of LLMPlanner."""
     return {name: value for name, value in (options | {"deadline_s": deadline}).items() if value is not None}
 
 
 def listed(value: str | None) -> Any:
-    """One word, or a list of several that are separated by commas."""
+    """Split a list that is separated by commas; leave a single word as it is."""
     return value.split(",") if value is not None and "," in value else value
 
 
 def say(line: str) -> None:
-    """Print a line at once, also into a file; what it quotes of others does nothing to a terminal."""
+    """Print a line at once, also into a file, without control characters."""
     print(printable(line), flush=True)
 
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fpg_bench.cli.options import (
+    GAME,
+    LLM,
     CallsOption,
     DeadlineOption,
     PromptOption,
@@ -35,17 +37,21 @@ app = typer.Typer(help="Plan the opponent's path between the rounds of a match."
 
 @app.command()
 def run(
-    planner: Annotated[str, typer.Option(help="who plans: a name, llm, or package.module:object")] = (
-        "interceptor"
-    ),
-    ally: Annotated[str, typer.Option(help="the ally's player")] = "expert",
-    opponent: Annotated[str, typer.Option(help="who jams for the opponent")] = "adaptive",
+    planner: Annotated[
+        str, typer.Option(help="The planner: a name (see fpg-bench players), llm, or package.module:object.")
+    ] = ("interceptor"),
+    ally: Annotated[str, typer.Option(help="The ally's player.", rich_help_panel=GAME)] = "expert",
+    opponent: Annotated[
+        str, typer.Option(help="The player that jams for the opponent.", rich_help_panel=GAME)
+    ] = "adaptive",
     scenario: ScenarioOption = None,
-    seed: Annotated[int, typer.Option(help="decides the match")] = 0,
-    rounds: Annotated[int, typer.Option(min=1, help="rounds of the match")] = 10,
-    out: Annotated[Path | None, typer.Option(help="a folder, or a file that ends in .jsonl")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the match.", rich_help_panel=GAME)] = 0,
+    rounds: Annotated[int, typer.Option(min=1, help="Number of rounds.", rich_help_panel=GAME)] = 10,
+    out: Annotated[Path | None, typer.Option(help="A folder, or a file that ends in .jsonl.")] = None,
     prompt: PromptOption = None,
-    control: Annotated[str | None, typer.Option(help="llm: none, shuffled-rewards or no-history")] = None,
+    control: Annotated[
+        str | None, typer.Option(help="none, shuffled-rewards or no-history.", rich_help_panel=LLM)
+    ] = None,
     server: ServerOption = None,
     temperature: TemperatureOption = None,
     sampling_seed: SamplingSeedOption = None,
@@ -53,11 +59,13 @@ def run(
     tokens: TokensOption = None,
     seconds: SecondsOption = None,
     deadline: DeadlineOption = None,
-    talk: Annotated[bool, typer.Option("--talk", help="llm: print what it is asked and answers")] = False,
+    talk: Annotated[
+        bool, typer.Option("--talk", help="Print prompts and answers.", rich_help_panel=LLM)
+    ] = False,
 ) -> None:
-    """Play one match of a planner, draw its paths, and keep it in a file; a stopped one goes on.
+    """Play one match of a planner and write it to a file; a stopped match resumes.
 
-    Beside the file lie paths.png, drawn anew every few seconds, and replay.html, all rounds to be watched.
+    Writes paths.png, updated every few seconds, and replay.html with all rounds beside the file.
 
     Example: fpg-bench plan run --planner interceptor --ally expert --rounds 10
     """
@@ -107,12 +115,12 @@ def run(
 
 @app.command()
 def replay(
-    file: Annotated[Path, typer.Argument(help="what plan run has written")],
+    file: Annotated[Path, typer.Argument(help="File written by plan run.")],
     allow: Annotated[
-        list[str] | None, typer.Option(help="code that the file may name: package.module:object")
+        list[str] | None, typer.Option(help="Code that the file may name: package.module:object.")
     ] = None,
 ) -> None:
-    """Repeat a match from its file, without network, and check that it is identical to the bit.
+    """Replay a match from its file, without network, and check that it is identical to the bit.
 
     Example: fpg-bench plan replay runs/plan/interceptor-expert-0/match.jsonl
     """
@@ -127,10 +135,10 @@ def replay(
 def probe(
     server: ServerOption = None,
     deadline: Annotated[
-        float | None, typer.Option(min=0.1, help="seconds that each question may take; default: 30")
+        float | None, typer.Option(min=0.1, help="Seconds that each question may take. Default: 30.")
     ] = None,
 ) -> None:
-    """Try the language model that the environment names: what its server honours.
+    """Probe the language model that the environment names for the features of its server.
 
     Example: fpg-bench plan probe --deadline 60
     """
@@ -156,15 +164,17 @@ def compare(
     planners: Annotated[
         list[str] | None,
         typer.Argument(
-            help="planners, package.module:object, llm, llm-shuffled-rewards, llm-no-history; "
-            "all (as if none is named): those that ask no language model"
+            help="Planners, package.module:object, llm, llm-shuffled-rewards, llm-no-history. "
+            "Default: all that ask no language model."
         ),
     ] = None,
-    suite: Annotated[str, typer.Option(help="a suite's name or YAML file")] = "planner-v1",
-    out: Annotated[Path, typer.Option(help="the results folder")] = Path("comparison"),
-    matches: Annotated[int | None, typer.Option(help="matches per ally; default: the suite's")] = None,
+    suite: Annotated[str, typer.Option(help="A suite's name or YAML file.")] = "planner-v1",
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("comparison"),
+    matches: Annotated[
+        int | None, typer.Option(help="Number of matches per ally. Default: the suite's.")
+    ] = None,
     transcripts: Annotated[
-        Path | None, typer.Option(help="a folder of language models' transcripts: one more planner each")
+        Path | None, typer.Option(help="Folder of language models' transcripts, one more planner each.")
     ] = None,
     prompt: PromptOption = None,
     server: ServerOption = None,
@@ -175,13 +185,15 @@ def compare(
     seconds: SecondsOption = None,
     deadline: DeadlineOption = None,
     wide: WideOption = False,
-    concurrency: Annotated[int | None, typer.Option(min=1, help="llm: calls under way at once")] = None,
+    concurrency: Annotated[
+        int | None, typer.Option(min=1, help="Maximum concurrent calls.", rich_help_panel=LLM)
+    ] = None,
 ) -> None:
-    """Compare planners by a suite of allies; what is in the folder already is not played again.
+    """Compare planners on a suite of allies; existing records are kept and not played again.
 
     Example: fpg-bench plan compare circle hill-climb interceptor --matches 10 --out results/planners
     """
-    from fpg_bench.cli.verbs import shown_progress, table
+    from fpg_bench.cli.evaluation import shown_progress, table
     from fpg_bench.evaluation.compare import compare as compare_planners
 
     caps = {"calls": calls, "tokens": tokens, "seconds": seconds, "concurrency": concurrency}

@@ -7,28 +7,51 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import say
+from fpg_bench.cli.options import LLM, TRAINING, AddressOption, BackendOption, JobsOption, say
 
 
 def reproduce(
-    target: Annotated[str, typer.Argument(help="fig3, fig4, fig5, fig6, fig7, tables or all")] = "all",
-    scenario: Annotated[str, typer.Option(help="paper, standard or figures")] = "paper",
-    seeds: Annotated[int | None, typer.Option(min=1, help="runs a condition; default: the budget's")] = None,
-    first_seed: Annotated[int, typer.Option(min=0, help="of training: other ones to confirm")] = 0,
+    target: Annotated[str, typer.Argument(help="fig3, fig4, fig5, fig6, fig7, tables or all.")] = "all",
+    out: Annotated[Path, typer.Option(help="Folder of rows, figures and reports.")] = Path("reproduced"),
+    scenario: Annotated[str, typer.Option(help="paper, standard or figures.")] = "paper",
     budget: Annotated[
-        str, typer.Option(help="quick (minutes), full (hours), hundredth, tenth or paper")
+        str,
+        typer.Option(
+            help="quick (minutes), full (hours), hundredth, tenth or paper.", rich_help_panel=TRAINING
+        ),
     ] = "quick",
-    out: Annotated[Path, typer.Option(help="the folder of rows, figures and reports")] = Path("reproduced"),
-    jobs: Annotated[int, typer.Option(min=1, help="runs at once, one thread each")] = 2,
-    backend: Annotated[str, typer.Option(help="loky (this machine) or ray (a cluster)")] = "loky",
-    address: Annotated[str | None, typer.Option(help="of the Ray cluster, host:port")] = None,
-    llm: Annotated[bool, typer.Option("--llm", help="run the environment's language model as well")] = False,
-    transcript: Annotated[
-        Path | None, typer.Option(help="replay this language model's transcript; no server is asked")
+    n_seeds: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Number of training seeds of each condition. Default: the budget's.",
+            rich_help_panel=TRAINING,
+        ),
     ] = None,
-    learner: Annotated[str, typer.Option(help="torch, or jax, which is faster (extra fast)")] = "torch",
+    first_seed: Annotated[
+        int,
+        typer.Option(
+            min=0, help="First training seed; fresh ones confirm a finding.", rich_help_panel=TRAINING
+        ),
+    ] = 0,
+    learner: Annotated[
+        str, typer.Option(help="torch, or jax, which is faster (extra fast).", rich_help_panel=TRAINING)
+    ] = "torch",
+    n_jobs: JobsOption = 2,
+    backend: BackendOption = "loky",
+    address: AddressOption = None,
+    llm: Annotated[
+        bool,
+        typer.Option("--llm", help="Run the environment's language model as well.", rich_help_panel=LLM),
+    ] = False,
+    transcript: Annotated[
+        Path | None,
+        typer.Option(
+            help="Replay this language model's transcript; no server is asked.", rich_help_panel=LLM
+        ),
+    ] = None,
 ) -> None:
-    """Run the paper's experiments over seeds, draw its figures and say what holds; run it again to go on.
+    """Run the paper's experiments, draw its figures and report its claims; run it again to resume.
 
     Example: fpg-bench reproduce fig7 --budget quick --out reproduced
     """
@@ -40,10 +63,10 @@ def reproduce(
         target,
         out,
         scenario=scenario,
-        seeds=seeds,
+        seeds=n_seeds,
         first_seed=first_seed,
         budget=budget,
-        workers=jobs,
+        workers=n_jobs,
         backend=backend,
         address=address,
         llm=words if asked else None,

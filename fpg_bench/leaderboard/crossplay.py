@@ -131,7 +131,7 @@ def players_of_board(board: Path) -> tuple[list[CrossplayEntry], list[CrossplayE
     for folder in submission_folders(board):
         if folder.parent.name in SIDES:
             read = outcome_of(partial(make_case, board, folder, suites=suites))
-            cases += [read.result] if read.error is None else []  # submit verify says what is wrong
+            cases += [read.result] if read.error is None else []  # leaderboard verify says what is wrong
     return players_of(cases)
 
 

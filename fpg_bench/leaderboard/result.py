@@ -307,7 +307,7 @@ def _rows(path: Path) -> list[Row]:
     """Read the rows of an untrusted file: bounded, and strict JSON."""
     try:
         if not path.is_file() or path.is_symlink():
-            raise UserError(f"result {path}: not a file; run fpg-bench submit verify")
+            raise UserError(f"result {path}: not a file; run fpg-bench leaderboard verify")
         if path.stat().st_size > LARGEST:
             raise UserError(f"result {path}: larger than {LARGEST} bytes")
         lines = path.read_bytes().removesuffix(b"\n").split(b"\n")

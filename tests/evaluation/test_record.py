@@ -146,7 +146,10 @@ def test_a_record_lacks_nothing(key):
         ({"statuses": {"ok": 1}}, "plans: lacks tokens"),
         ({"statuses": {"ok": -1}, "tokens": None, "seconds": 0.0}, "statuses.ok: expected a whole number, 0"),
         ({"statuses": {"ok": 1}, "tokens": None, "seconds": NAN}, "seconds: expected a finite number"),
-        ({"statuses": {"ok": 1}, "tokens": 1.5, "seconds": 0.0}, "tokens: expected a whole number, 0 or more"),
+        (
+            {"statuses": {"ok": 1}, "tokens": 1.5, "seconds": 0.0},
+            "tokens: expected a whole number, 0 or more",
+        ),
         ({"statuses": dict.fromkeys(map(str, range(101)), 1), "tokens": None}, "more than 100 statuses"),
     ],
 )

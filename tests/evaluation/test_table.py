@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from fpg_bench.cli.verbs import print_table
+from fpg_bench.cli.evaluation import print_table
 from fpg_bench.evaluation.suite import Scale, load_suite
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.table import as_csv, caption, lines_of_table, markdown, write_table

@@ -354,7 +354,7 @@ def test_cross_play_names_who_is_not_in_it_on_its_page(entered, tmp_path):
     build_site(make_board(entered), tmp_path / "site")
     page = (tmp_path / "site/crossplay.html").read_text()
     assert "Not in it yet: Brand New." in page
-    assert "fpg-bench submit crossplay" in page
+    assert "fpg-bench leaderboard crossplay" in page
 
 
 def test_the_command_on_an_entry_s_page_plays_it_again(entered, tmp_path, monkeypatch):
@@ -362,7 +362,7 @@ def test_the_command_on_an_entry_s_page_plays_it_again(entered, tmp_path, monkey
 
     build_site(make_board(entered), tmp_path / "site")
     page = (tmp_path / "site/entries/ally/still.html").read_text()
-    program, *words = re.search(r"<code>(fpg-bench submit verify .*?)</code>", page)[1].split()
+    program, *words = re.search(r"<code>(fpg-bench leaderboard verify .*?)</code>", page)[1].split()
     assert program == "fpg-bench"
     (tmp_path / "leaderboard").symlink_to(entered, target_is_directory=True)
     monkeypatch.chdir(tmp_path)

@@ -240,16 +240,22 @@ def test_an_audit_trains_a_member_again(season, board, tmp_path, monkeypatch):
 @pytest.mark.process
 def test_the_verbs_answer_in_lines(closed, board, tmp_path):
     season, work = closed
-    shown = fpg("season", "show", season.folder, "--board", board)
+    shown = fpg("suites", season.folder, "--folder", board)
     assert shown.returncode == 0, shown.stderr
     assert f"season-1: season 1 of protocol {season.protocol}, hash {season.hash}" in shown.stdout
     refused = [
-        (("close", "1", "--board", board, "--work", work, "--out", season.folder), "is closed already"),
-        (("audit", season.folder, "--work", tmp_path, "--board", tmp_path), "holds no submissions"),
-        (("show", "season-99"), "no 'season-99'"),
+        (
+            ("leaderboard", "close-season", "1", "--folder", board, "--work", work, "--out", season.folder),
+            "is closed already",
+        ),
+        (
+            ("leaderboard", "audit-season", season.folder, "--work", tmp_path, "--folder", tmp_path),
+            "holds no submissions",
+        ),
+        (("suites", "season-99"), "unknown suite 'season-99'"),
     ]
     for words, message in refused:
-        found = fpg("season", *words)
+        found = fpg(*words)
         assert found.returncode == 2
         assert message in found.stderr
         assert found.stderr.count("\n") == 1

@@ -40,7 +40,7 @@ def test_everybody_on_the_board_is_verified():
     suites = TrackSuites()
     for folder in folders:
         case = make_case(BOARD, folder, suites=suites)
-        assert case.result is not None, f"{case.name}: no result; run fpg-bench submit verify"
+        assert case.result is not None, f"{case.name}: no result; run fpg-bench leaderboard verify"
         assert case.result.verified, case.name
         assert case.path.stat().st_size < 500_000
 
@@ -91,11 +91,7 @@ def test_worst_is_no_higher_than_any_score(shown):
 
 def test_crossplay_has_all_pairs(board):
     missing = board.crossplay.missing
-    assert missing == {"ally": (), "opponent": ()}, "pairs are missing; run fpg-bench submit crossplay"
-
-
-def submit(*words):
-    return fpg("submit", *words)
+    assert missing == {"ally": (), "opponent": ()}, "pairs are missing; run fpg-bench leaderboard crossplay"
 
 
 @pytest.mark.process
@@ -103,7 +99,7 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
     folder = tmp_path / "submissions" / "ally" / "expert"
     shutil.copytree(BOARD / "submissions/ally/expert", folder)
     shutil.copytree(BOARD / "submissions/opponent/tone", tmp_path / "submissions/opponent/tone")
-    run = submit("run", str(folder))
+    run = fpg("submit", "run", str(folder))
     assert (run.returncode, run.stderr) == (0, "")
     assert run.stdout.startswith("ally/expert: verified: ")
     written = tmp_path / "results/ally/expert.jsonl"
@@ -111,11 +107,11 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
     (then,) = re.findall(b'"version":"(.+?)"', committed)
     assert written.read_bytes() == committed.replace(then, __version__.encode(), 1)
     written.write_text(written.read_text().replace('"public":{"value":', '"public":{"value":9', 1))
-    verified = submit("verify", "--folder", str(tmp_path), "--sample", "5%", "--sample-seed", "3")
+    verified = fpg("leaderboard", "verify", "--folder", str(tmp_path), "--sample", "5%", "--sample-seed", "3")
     assert verified.returncode == 1
     assert "edited by hand" in verified.stdout
     assert verified.stdout.endswith("2 verdicts, 1 bad\n")
-    crossed = submit("crossplay", "--folder", str(tmp_path))
+    crossed = fpg("leaderboard", "crossplay", "--folder", str(tmp_path))
     assert (crossed.returncode, crossed.stdout) == (0, "crossplay: 0 of 0 pairs to play\n")
 
 
@@ -128,6 +124,6 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
     ],
 )
 def test_bad_words_are_one_line(words, message):
-    found = submit(*words)
+    found = fpg("leaderboard", *words)
     assert found.returncode == 2
     assert found.stderr.strip() == f"fpg-bench: {message}"

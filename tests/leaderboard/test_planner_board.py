@@ -191,7 +191,7 @@ def test_all_planners_that_ask_no_model_stand_on_the_board_as_their_scores_say()
     found = {}
     for name in (name for name in PLANNERS if name not in LLM_CONTROLS):
         case = make_case(BOARD, BOARD / "submissions" / "planner" / name)
-        assert case.result is not None, f"{name}: no result; run fpg-bench submit verify"
+        assert case.result is not None, f"{name}: no result; run fpg-bench leaderboard verify"
         assert case.result.verified, name
         found[name] = case.result.totals.scores["public"].value
     assert found["hold"] < found["random"] < found["hill-climb"] < found["interceptor"] < found["pursuit"]

@@ -302,7 +302,7 @@ def test_several_at_once_give_the_same_results(board):
 
 
 def command(board):
-    words = [sys.executable, "-m", "fpg_bench.cli", "submit", "verify", "--folder", str(board)]
+    words = [sys.executable, "-m", "fpg_bench.cli", "leaderboard", "verify", "--folder", str(board)]
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 

@@ -10,7 +10,7 @@ from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
 
 import fpg_bench
-from fpg_bench.cli.export import export as export_verb
+from fpg_bench.cli.training import export as export_verb
 from fpg_bench.common.errors import UserError
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.export import export_agent

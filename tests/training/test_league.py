@@ -272,15 +272,15 @@ def test_a_response_may_imitate_the_strongest_player_first(ally, tmp_path, monke
 @pytest.mark.process
 def test_best_responses_from_the_command_line(ally, tmp_path):
     (tmp_path / "tiny.yml").write_text(yaml.safe_dump({"FPG/OpponentVsPolicy-v0": settings("ppo")}))
-    words = ["--out", "out", "--steps", "400", "--seeds", "1", "--hyperparams", "tiny.yml"]
+    words = ["--out", "out", "--steps", "400", "--n-seeds", "1", "--hyperparams", "tiny.yml"]
     done = fpg("best-response", ally, *words, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
     made, *_ = result["responses"]
-    assert f"ppo, 400 steps, seed 0: {made['return']:.2f} a step, jammed" in done.stdout
+    assert f"ppo, 400 steps, seed 0: {made['return']:.2f} per step, jammed" in done.stdout
     found = result["lowest"]
-    assert f"lowest {found['return']:.2f} a step, against {found['against']}" in done.stdout
-    assert ("they are no best ones yet" in done.stdout) == (found["against"] in result["scripts"])
+    assert f"lowest {found['return']:.2f} per step, against {found['against']}" in done.stdout
+    assert ("they are not best responses yet" in done.stdout) == (found["against"] in result["scripts"])
     done = fpg("best-response", "no/such", *words, folder=tmp_path)
     assert done.returncode == 2
     assert done.stderr == "fpg-bench: agent 'no/such': neither a shipped agent nor a folder\n"
@@ -435,7 +435,7 @@ def test_invalid_settings_of_self_play_are_refused(tmp_path, changes, message):
 def test_self_play_from_the_command_line(tmp_path):
     entries = dict.fromkeys(("FPG/AllyVsPolicy-v0", "FPG/OpponentVsPolicy-v0"), TINY)
     (tmp_path / "tiny.yml").write_text(yaml.safe_dump(entries))
-    words = ["--generations", "1", "--steps", "400", "--path", "learned", "--evaluations", "0"]
+    words = ["--generations", "1", "--steps", "400", "--path", "learned", "--n-evals", "0"]
     done = fpg("selfplay", "ppo", "--hyperparams", "tiny.yml", *words, "--out", "out", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()

@@ -189,7 +189,7 @@ def _flat(content: Mapping[str, Any]) -> list[tuple[str, str]]:
 def commands(track: BoardTrack, entry: BoardEntry) -> list[tuple[str, str]]:
     """Return the commands that play an entry again and, where the package trained it, train it again."""
     folder = track.key.partition("-")[0]
-    lines = [("Play it again and compare", f"fpg-bench submit verify {folder}/{entry.slug}")]
+    lines = [("Play it again and compare", f"fpg-bench leaderboard verify {folder}/{entry.slug}")]
     if entry.kind == "zoo" and entry.plays is not None:
         group = entry.plays.partition("/")[0]
         script = (

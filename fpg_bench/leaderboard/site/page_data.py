@@ -340,4 +340,4 @@ def _first_policy(folder: Path) -> Row | None:
         policies = load_submission(folder, contract=False).policies
         return policy_data(min(policies, key=lambda policy: policy.seed).model) if policies else None
     except UserError:
-        return None  # submit verify names the problem
+        return None  # leaderboard verify names the problem

@@ -81,7 +81,7 @@ def make_replays(
         for entry, figures in track.verified():
             progress(f"{track.key}/{entry.slug}")
             home = Path(folder) / "submissions" / track.key.partition("-")[0] / entry.slug
-            with contextlib.suppress(PolicyFailed, UserError):  # submit verify names the problem
+            with contextlib.suppress(PolicyFailed, UserError):  # leaderboard verify names the problem
                 submission = load_submission(home, simulate, suites)
                 matchups = _choose(suites_of(submission, suites), figures)
                 rounds = list(_rounds(submission, matchups, track.key, Path(out), simulate))

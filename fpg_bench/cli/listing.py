@@ -1,13 +1,14 @@
-"""What there is to name: ``fpg-bench envs``, ``zoo`` (the shipped agents), ``players`` and ``suites``."""
+"""The verbs that list what can be named: ``envs``, ``zoo``, ``players`` and ``suites``."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fpg_bench.cli.options import name_all
+from fpg_bench.cli.options import name_all, say
 from fpg_bench.common.extras import need
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def envs() -> None:
-    """List the environment ids, what they default to, and what each side sees and chooses.
+    """List the environment ids with their defaults, observations and actions.
 
     Example: fpg-bench envs
     """
@@ -39,7 +40,7 @@ def envs() -> None:
 
 
 def zoo() -> None:
-    """List the shipped agents: algorithm, seed and steps, their score, and whether their files are whole.
+    """List the shipped agents with their training steps and scores, and check their files.
 
     Example: fpg-bench zoo
     """
@@ -58,11 +59,11 @@ def zoo() -> None:
             if member.group == group:
                 typer.echo(_line(member, scores.get((member.algorithm, member.seed))))
     size = sum(file.stat().st_size for member in members for file in member.folder.iterdir())
-    typer.echo(f"{len(members)} agents, {size / 1e6:.1f} MB; scores over the first suite of its view")
+    typer.echo(f"{len(members)} agents, {size / 1e6:.1f} MB; scores over the first suite of its environment")
 
 
 def _scores(shipped: Zoo, group: ZooGroup) -> dict[tuple[str, int | None], float]:
-    """The score of each agent of a view over its public suite, by algorithm and seed."""
+    """Return the score of each agent of an environment over its public suite, by algorithm and seed."""
     from fpg_bench.evaluation.suite import load_suite
     from fpg_bench.evaluation.summary import summarise
 
@@ -78,7 +79,7 @@ def _line(member: ZooAgent, score: float | None) -> str:
 
 
 def players() -> None:
-    """List who can be named as a player or planner, and the paths that an opponent flies.
+    """List the players, planners and flight paths that can be named.
 
     Example: fpg-bench players
     """
@@ -92,26 +93,40 @@ def players() -> None:
         name_all(f"scripts, {side}", SCRIPTED[side])
         name_all(f"agents, {side}", _agents(member for member in members if member.group.side == side))
         name_all(f"populations, {side}", _populations(side))
-    name_all("either side", ["oracle: sees the full state, so it stands in no suite"])
+    name_all("either side", ["oracle: sees the full state, so it is in no suite"])
     for tier, names in _planners().items():
         name_all(f"planners, tier {tier}", names)
     name_all("paths", PATHS)
     typer.echo("Your own: an agent's folder, or package.module:object. All agents' scores: fpg-bench zoo")
 
 
-def suites() -> None:
-    """List the suites: who is measured against whom.
+def suites(
+    name: Annotated[
+        str | None, typer.Argument(help="A suite or a season to describe. Default: list all suites.")
+    ] = None,
+    folder: Annotated[
+        Path, typer.Option(help="Folder of the leaderboard, for a season's late entries.")
+    ] = Path("leaderboard"),
+) -> None:
+    """List the suites with their rivals, or describe one of them or a season.
 
-    Example: fpg-bench suites
+    Example: fpg-bench suites season-1
     """
     from fpg_bench.evaluation.suite import load_suite
     from fpg_bench.players.agent import suites_folder
 
-    for path in sorted(suites_folder().glob("*.yml")):
-        suite = load_suite(path.stem)
+    if name is not None and ((suites_folder() / name).is_dir() or Path(name).is_dir()):
+        from fpg_bench.leaderboard.audit_season import describe_season
+
+        for line in describe_season(name, folder):
+            say(line)
+        return
+    names = sorted(path.stem for path in suites_folder().glob("*.yml")) if name is None else [name]
+    for suite in map(load_suite, names):
         typer.echo(f"{suite.name}: {_described(suite)}")
         name_all("", [rival.name for rival in suite.rivals])
-    typer.echo("Your own: a YAML file of the same form, see docs/measures.md")
+    if name is None:
+        typer.echo("Your own: a YAML file of the same form, see docs/measures.md")
 
 
 def _described(suite: Suite) -> str:
@@ -121,7 +136,7 @@ def _described(suite: Suite) -> str:
 
 
 def _agents(members: Iterable[ZooAgent]) -> list[str]:
-    """The agents' names, training seeds together."""
+    """Return the agents' names, with training seeds grouped."""
     seeds: dict[str, list[str]] = {}
     for member in members:
         seeds.setdefault(f"{member.group.name}/{member.algorithm}", []).append(str(member.seed))
@@ -132,7 +147,7 @@ def _agents(members: Iterable[ZooAgent]) -> list[str]:
 
 
 def _populations(side: str) -> list[str]:
-    """The suites whose agents ``suite:NAME`` draws from."""
+    """Return the suites whose agents ``suite:NAME`` draws from."""
     from fpg_bench.players.agent import suites_folder
 
     folders = {path.parents[2].name for path in suites_folder().glob(f"*/{side}/*/agent.json")}
@@ -140,7 +155,7 @@ def _populations(side: str) -> list[str]:
 
 
 def _planners() -> dict[str, list[str]]:
-    """The planners by what they know."""
+    """Return the planners by tier."""
     from fpg_bench.game.scenario import STANDARD
     from fpg_bench.planning import LLM_CONTROLS, PLANNERS, TIERS, as_planner
     from fpg_bench.planning.llm.llm_planner import LLMPlanner

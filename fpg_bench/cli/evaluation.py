@@ -1,0 +1,161 @@
+"""The verbs ``play``, ``evaluate`` and ``table``, and what prints progress and tables."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fpg_bench.cli.options import (
+    OUTPUT,
+    AddressOption,
+    BackendOption,
+    JobsOption,
+    PathOption,
+    PlannerOption,
+    PlayerOption,
+    ScenarioOption,
+    WideOption,
+    listed,
+)
+from fpg_bench.common.errors import printable
+
+
+def play(
+    ally: PlayerOption = "expert",
+    opponent: PlayerOption = "adaptive",
+    scenario: ScenarioOption = None,
+    path: PathOption = None,
+    planner: PlannerOption = None,
+    seed: Annotated[int, typer.Option(help="Seed of the match.")] = 0,
+    every: Annotated[
+        int, typer.Option(min=1, help="Print every n-th step only.", rich_help_panel=OUTPUT)
+    ] = 10,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Write a film (.gif, .mp4) or a page (.html) instead.", rich_help_panel=OUTPUT),
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option(help="Replace an existing file.", rich_help_panel=OUTPUT)
+    ] = False,
+) -> None:
+    """Play one round and show it as text, a film or an interactive page.
+
+    Example: fpg-bench play --ally expert-spread --opponent adaptive --seed 12
+    """
+    from fpg_bench.evaluation.watching import watch
+
+    watch(
+        ally,
+        opponent,
+        scenario=scenario,
+        path=listed(path),
+        planner=planner,
+        seed=seed,
+        out=out,
+        every=every,
+        overwrite=overwrite,
+    )
+
+
+def evaluate(
+    players: Annotated[
+        list[str], typer.Argument(help="Scripts, shipped agents, agent folders, or all-scripted.")
+    ],
+    suite: Annotated[str, typer.Option(help="A suite's name or YAML file.")] = "ally-v1",
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("results"),
+    matches: Annotated[
+        int | None, typer.Option(help="Number of matches per rival. Default: the suite's.")
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="Name of the agents in the table.")] = None,
+    wide: WideOption = False,
+    n_jobs: JobsOption = 1,
+    backend: BackendOption = "loky",
+    address: AddressOption = None,
+) -> None:
+    """Evaluate players on a suite; existing records are kept and not played again.
+
+    Example: fpg-bench evaluate runs/ppo_0/agent all-scripted --suite ally-v1 --out results/mine
+    """
+    from fpg_bench.evaluation.evaluate import evaluate as evaluate_players
+
+    with shown_progress() as show:
+        evaluate_players(
+            players,
+            suite,
+            out,
+            matches=matches,
+            name=name,
+            progress=lambda entry, rival, rounds: show(f"{entry.name} - {rival.name}"),
+            jobs=n_jobs,
+            backend=backend,
+            address=address,
+            say=show,
+        )
+    table(out, wide)
+
+
+def table(
+    folder: Annotated[Path, typer.Argument(help="Folder of the results.")], wide: WideOption = False
+) -> None:
+    """Print the table of a results folder, and write it as Markdown, CSV and PNG.
+
+    Example: fpg-bench table results/mine --wide
+    """
+    from fpg_bench.evaluation import table as tables
+    from fpg_bench.evaluation.evaluate import read_results
+
+    summaries, suite = read_results(folder)
+    tables.write_table(summaries, suite, folder)
+    width = None if wide else terminal_width()
+    head, *lines = tables.lines_of_table(summaries, suite, width)
+    print_table(head, lines, tables.caption(suite))
+    typer.echo(f"written: {folder}/table.md, table.csv, table.png")
+
+
+@contextlib.contextmanager
+def shown_progress() -> Iterator[Callable[[str], None]]:
+    """Something to tell what is under way: it draws it on a terminal, and else prints it now and then."""
+    from rich.progress import Progress
+
+    from fpg_bench.common.parallel import LINE_EVERY_S
+
+    told = time.monotonic()
+    with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
+        task = bar.add_task("", total=None)
+
+        def show(line: str) -> None:
+            nonlocal told
+            bar.update(task, description=line)
+            if bar.disable and time.monotonic() - told >= LINE_EVERY_S:
+                told = time.monotonic()
+                print(printable(line), file=sys.stderr, flush=True)
+
+        yield show
+
+
+def terminal_width() -> int:
+    """How many characters a line of the terminal has; 80 where there is none."""
+    from rich.console import Console
+
+    return Console().width
+
+
+def print_table(names: list[str], lines: list[list[str]], below: str) -> None:
+    """Print a table, whole however narrow the terminal is, and its caption."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    drawn = Table(*names, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for line in lines:
+        drawn.add_row(*line)
+    width = terminal_width()
+    wide = Console(width=max(width, 1000))
+    Console(width=max(width, wide.measure(drawn).maximum)).print(drawn)
+    Console(width=width, highlight=False).print(below)

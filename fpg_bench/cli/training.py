@@ -1,0 +1,432 @@
+"""The verbs of training: ``train``, ``selfplay``, ``best-response`` and ``export``."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fpg_bench.cli.options import (
+    EVALUATION,
+    GAME,
+    LLM,
+    OUTPUT,
+    TRAINING,
+    AddressOption,
+    BackendOption,
+    CallsOption,
+    DeadlineOption,
+    HyperparamsOption,
+    JammingTypesOption,
+    JobsOption,
+    KnowledgeOption,
+    PathOption,
+    PlannerOption,
+    PlayersOption,
+    PromptOption,
+    ScenarioOption,
+    SecondsOption,
+    ServerOption,
+    TokensOption,
+    listed,
+    llm_options,
+    say,
+    steps_option,
+    whole_number,
+)
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import Row
+
+if TYPE_CHECKING:
+    from fpg_bench.training.run_folder import RunFolder
+
+ZIP = "Zip of Stable-Baselines3"
+
+
+def train(
+    algorithm: Annotated[
+        str,
+        typer.Argument(
+            help="ppo, ppo-fast, ppo-stack8, recurrent-ppo, sac, td3, maddpg, or package.module:Class."
+        ),
+    ],
+    env_id: Annotated[str, typer.Argument(metavar="ID", help="The environment id (see fpg-bench envs).")],
+    out: Annotated[Path, typer.Option(help="Folder of the run.", rich_help_panel=OUTPUT)],
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue an unfinished run.", rich_help_panel=OUTPUT)
+    ] = False,
+    restart: Annotated[
+        bool, typer.Option("--restart", help="Start an unfinished run anew.", rich_help_panel=OUTPUT)
+    ] = False,
+    steps: Annotated[
+        int | None, steps_option("Training budget, 2e6 for instance. Default: the hyper-parameter file's.")
+    ] = None,
+    hyperparams: HyperparamsOption = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Training seed. Default: 0.", rich_help_panel=TRAINING)
+    ] = None,
+    seeds: Annotated[
+        str | None,
+        typer.Option(
+            help="Training seeds of several runs, 0-4 or 0,2,5, each in OUT/seed_k.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of a finished run, whose weights training starts from.", rich_help_panel=TRAINING
+        ),
+    ] = None,
+    reward: Annotated[
+        str | None,
+        typer.Option(
+            help="own (default), zero_sum, jamming, overlap or ally_cost.", rich_help_panel=TRAINING
+        ),
+    ] = None,
+    suite: Annotated[
+        str | None,
+        typer.Option(
+            help="Suite that the policy is evaluated on during training. Default: the id's.",
+            rich_help_panel=EVALUATION,
+        ),
+    ] = None,
+    n_evals: Annotated[
+        int,
+        typer.Option(
+            min=0, help="Number of evaluations during training; 0 for none.", rich_help_panel=EVALUATION
+        ),
+    ] = 20,
+    against: Annotated[
+        str | None,
+        typer.Option(help="As --opponent or --ally, whichever is the other side.", rich_help_panel=GAME),
+    ] = None,
+    scenario: ScenarioOption = None,
+    opponent: PlayersOption = None,
+    ally: PlayersOption = None,
+    path: PathOption = None,
+    planner: PlannerOption = None,
+    knowledge: KnowledgeOption = None,
+    jamming_types: JammingTypesOption = None,
+    n_jobs: JobsOption = 2,
+    backend: BackendOption = "loky",
+    address: AddressOption = None,
+    transcript: Annotated[
+        Path | None,
+        typer.Option(
+            help="Replay the plans of another run's transcript; no server is asked.", rich_help_panel=LLM
+        ),
+    ] = None,
+    prompt: PromptOption = None,
+    server: ServerOption = None,
+    calls: CallsOption = None,
+    tokens: TokensOption = None,
+    seconds: SecondsOption = None,
+    deadline: DeadlineOption = None,
+) -> None:
+    """Train an algorithm on an environment and export the agent.
+
+    Example: fpg-bench train ppo FPG/AllyVsScripted-v0 --steps 2e6 --out runs/ppo_0
+    """
+    from fpg_bench.training.config import GameOptions, RunConfig
+    from fpg_bench.training.run_folder import RunFolder
+    from fpg_bench.training.train import parse_seeds, train_seeds
+    from fpg_bench.training.train import train as train_run
+
+    game = GameOptions(
+        scenario=scenario,
+        opponent=listed(opponent),
+        ally=listed(ally),
+        path=listed(path),
+        planner=planner,
+        knowledge=knowledge,
+        jamming_types=listed(jamming_types),
+        reward=reward,
+    )
+    llm = llm_options(deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds)
+    config = RunConfig(
+        algorithm,
+        env_id,
+        seed or 0,
+        steps,
+        hyperparams,
+        game,
+        suite=suite,
+        against=listed(against),
+        start=start,
+        transcript=transcript,
+        llm=llm,
+    )
+    if seeds is None and (backend, address) != ("loky", None):
+        raise UserError("backend, address: are for a list of runs; name its --seeds")
+    if seed is not None and seeds is not None:
+        raise UserError("seed, seeds: say one of them")
+    if seeds is not None:
+        listed_seeds = parse_seeds(seeds)
+        train_seeds(
+            config,
+            out,
+            listed_seeds,
+            evaluations=n_evals,
+            restart=restart,
+            workers=n_jobs,
+            backend=backend,
+            address=address,
+            say=say,
+        )
+        for each in listed_seeds:
+            print_scores(RunFolder(out / f"seed_{each}"), f"seed {each}: ")
+        typer.echo(f"agents: {out}/seed_*/agent\nall curves: tensorboard --logdir {out}")
+        return
+    folder = RunFolder(out)
+    already = folder.is_finished()
+    try:
+        agent = train_run(config, out, evaluations=n_evals, resume=resume, restart=restart)
+    except KeyboardInterrupt as stop:
+        kept = "the last checkpoint is kept" if folder.has_checkpoint() else "no step is saved yet"
+        saved = str(stop) or kept
+        typer.echo(f"{saved}; go on by the same command with --resume", err=True)
+        raise
+    if already:
+        typer.echo("this run was finished before; nothing was trained")
+    print_scores(folder)
+    if folder.curve.exists():
+        typer.echo(f"learning curve: {folder.curve}")
+    typer.echo(f"agent: {agent}\nall curves: tensorboard --logdir {out}")
+
+
+def print_scores(run: RunFolder, head: str = "") -> None:
+    """Print what the policy of each side scored at the end of a run; nothing where it was never scored."""
+    for side, score in run.last_scores().items():
+        shown = "none" if score is None else f"{score:.1f}"
+        typer.echo(f"{head}{side}'s score at the end of training (few rounds, tuning seeds): {shown}")
+
+
+def selfplay(
+    algorithm: Annotated[str, typer.Argument(help="The algorithm, as for train.")],
+    out: Annotated[Path, typer.Option(help="Folder of all generations.")],
+    generations: Annotated[
+        int, typer.Option(min=1, help="Number of generations of each side.", rich_help_panel=TRAINING)
+    ] = 10,
+    steps: Annotated[int, steps_option("Training budget of a generation of a side.")] = 500_000,
+    pool: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            help="Maximum past generations of the other side to train against.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = 5,
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="Seed of the draws from past generations and of the matches.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = 0,
+    hyperparams: HyperparamsOption = None,
+    n_evals: Annotated[
+        int,
+        typer.Option(
+            min=0, help="Number of evaluations of a generation on its suite.", rich_help_panel=EVALUATION
+        ),
+    ] = 1,
+    scenario: ScenarioOption = None,
+    path: PathOption = None,
+    knowledge: KnowledgeOption = None,
+    jamming_types: JammingTypesOption = None,
+) -> None:
+    """Train both sides in turns against past generations of each other; run it again to resume.
+
+    Example: fpg-bench selfplay ppo --generations 10 --out runs/selfplay
+    """
+    from fpg_bench.training.league import selfplay as play
+
+    agents = play(
+        algorithm,
+        out,
+        generations=generations,
+        steps=steps,
+        pool=pool,
+        seed=seed,
+        hyperparams=hyperparams,
+        evaluations=n_evals,
+        scenario=scenario,
+        path=listed(path),
+        knowledge=knowledge,
+        jamming_types=listed(jamming_types),
+    )
+    say(f"agents: {agents['ally']}, {agents['opponent']}")
+
+
+def best_response(
+    agent: Annotated[
+        str, typer.Argument(help="A shipped agent, an agent's folder, a script, or package.module:object.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of the best responses and best_responses.json.")],
+    side: Annotated[
+        str | None,
+        typer.Option(help="The player's side: ally or opponent. Default: the agent's.", rich_help_panel=GAME),
+    ] = None,
+    scenario: ScenarioOption = None,
+    path: PathOption = None,
+    steps: Annotated[
+        str,
+        typer.Option(
+            help="Training budget of each best response; several are separated by commas.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = "500000",
+    n_seeds: Annotated[
+        int,
+        typer.Option(
+            min=1, help="Number of training seeds of each algorithm and budget.", rich_help_panel=TRAINING
+        ),
+    ] = 3,
+    algorithm: Annotated[
+        str,
+        typer.Option(
+            help="The algorithm, as for train; several are separated by commas.", rich_help_panel=TRAINING
+        ),
+    ] = "ppo",
+    start: Annotated[
+        str,
+        typer.Option(
+            help="nothing, strongest (imitate the strongest known rival first), or both.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = "nothing",
+    hyperparams: HyperparamsOption = None,
+    reward: Annotated[
+        str,
+        typer.Option(
+            help="zero_sum: lower the player's return; own: raise the response's.", rich_help_panel=TRAINING
+        ),
+    ] = "zero_sum",
+) -> None:
+    """Train best responses to a fixed player and report its return against each.
+
+    Example: fpg-bench best-response runs/ppo_0/agent --steps 500000 --out runs/exploited
+    """
+    from fpg_bench.training.league import best_responses as respond
+    from fpg_bench.training.league import response_label
+
+    row = respond(
+        agent,
+        out,
+        steps=[whole_number(word) for word in steps.split(",")],
+        seeds=n_seeds,
+        algorithm=algorithm.split(","),
+        start=start.split(","),
+        hyperparams=hyperparams,
+        side=side,
+        scenario=scenario,
+        path=listed(path),
+        reward=reward,
+    )
+    for response in row["responses"]:
+        say(f"{response_label(response)}: {response['return']:.2f} per step, jammed {_percent(response)}")
+    scripts = row["scripts"]
+    strongest = min(scripts, key=lambda name: scripts[name]["return"])
+    met = scripts[strongest]
+    say(f"strongest script, {strongest}: {met['return']:.2f} per step, jammed {_percent(met)}")
+    say(f"{agent}: lowest {row['lowest']['return']:.2f} per step, against {row['lowest']['against']}")
+    if row["lowest"]["against"] == strongest:
+        say(f"{strongest} takes more than these responses: they are not best responses yet; raise --steps")
+
+
+def _percent(met: Row) -> str:
+    return f"{100 * met['measures']['jamming_success_rate']:.0f} %"
+
+
+def export(
+    source: Annotated[Path, typer.Argument(help="Folder of a run, or a zip written by SB3's save.")],
+    out: Annotated[Path, typer.Option(help="Folder of the agent, <submission>/seed_<k>.")],
+    side: Annotated[
+        str | None, typer.Option(help="For a run that trained both sides: ally or opponent.")
+    ] = None,
+    algo: Annotated[
+        str | None, typer.Option(help="For a zip: ppo, a2c, sac or td3.", rich_help_panel=ZIP)
+    ] = None,
+    env_id: Annotated[
+        str, typer.Option("--id", help="For a zip: the environment id.", rich_help_panel=ZIP)
+    ] = "FPG/AllyVsScripted-v0",
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="For a zip: the training seed. Default: taken from the folder's name.",
+            rich_help_panel=ZIP,
+        ),
+    ] = None,
+    not_normalized: Annotated[
+        bool,
+        typer.Option(
+            "--not-normalized", help="For a zip: it was trained without VecNormalize.", rich_help_panel=ZIP
+        ),
+    ] = False,
+) -> None:
+    """Export a trained model as an agent's folder, and compare it with the model's predict.
+
+    Example: fpg-bench export runs/ppo_0 --out leaderboard/submissions/ally/my-agent/seed_0
+    """
+    if (out / "agent.json").exists():
+        raise UserError(f"export: {out} holds an agent; choose another folder, or remove it")
+    if source.is_dir():
+        difference = _from_run(source, out, side)
+    else:
+        difference = _from_zip(source, out, algo, env_id, seed, not_normalized)
+    told = "unknown" if difference is None else f"{difference:.2g}"
+    typer.echo(f"agent: {out}\nlargest difference to predict: {told}")
+
+
+def _from_run(run: Path, out: Path, side: str | None) -> Any:
+    """Copy the agent of a run's folder, which was compared when it was exported."""
+    from fpg_bench.common.files import write_whole
+    from fpg_bench.players.agent import load_agent
+
+    agent = run / "agent" if (run / "agent").is_dir() else run
+    if side is not None and (agent / side).is_dir():
+        agent = agent / side
+    if not (agent / "agent.json").is_file():
+        both = (agent / "ally").is_dir()
+        hint = "; say --side ally or --side opponent" if both else "; is the run finished?"
+        raise UserError(f"export: {run} holds no agent{hint}")
+    about = load_agent(agent, side).about
+    for name in ("policy.onnx", "agent.json"):
+        write_whole(out / name, (agent / name).read_bytes())
+    return about.get("largest_difference")
+
+
+def _from_zip(
+    path: Path, out: Path, algorithm: str | None, env_id: str, seed: int | None, not_normalized: bool
+) -> float:
+    from fpg_bench.training.export import export_agent
+    from fpg_bench.training.sb3_zip import INSTEAD, load_zip
+
+    if not path.is_file():
+        raise UserError(f"export: {path} is neither a run's folder nor a zip: there is no such file")
+    if not zipfile.is_zipfile(path):
+        raise UserError(f"export: {path} is no zip that SB3's save has written; a run's is called model.zip")
+    if algorithm is None:
+        raise UserError("export: a zip does not say its algorithm; say --algo ppo, a2c, sac or td3")
+    if not not_normalized:
+        raise UserError(
+            "export: a zip does not say whether VecNormalize was used, and its statistics are a pickle, "
+            f"which is not opened; say --not-normalized if it was not, else {INSTEAD}"
+        )
+    training_seed = _seed(out, seed)
+    return export_agent(
+        load_zip(path, algorithm, env_id), out, training_seed=training_seed, algorithm=algorithm
+    )
+
+
+def _seed(out: Path, seed: int | None) -> int:
+    named = re.fullmatch(r"seed_(\d+)", out.name)
+    if seed is None and named is None:
+        raise UserError("export: say --seed, the training seed, or call the folder seed_<k>")
+    return int(named[1]) if seed is None and named else int(seed or 0)

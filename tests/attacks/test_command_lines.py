@@ -1,0 +1,74 @@
+"""Wrong command lines: each ends with one clear line and a status, and none with a traceback."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import typer
+
+from fpg_bench import cli
+
+HOSTILE = (
+    "no/such\x1b[31mthing",
+    "\N{RIGHT-TO-LEFT OVERRIDE}gnp.exe",
+    "../../etc/passwd",
+    "a" * 5000,
+    "'; --",
+)
+
+
+def verbs(group: Any = None, words: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """All commands with their words."""
+    for name, command in (group or typer.main.get_command(cli.app)).commands.items():
+        if hasattr(command, "commands"):
+            yield from verbs(command, (*words, name))
+        else:
+            yield (*words, name), command
+
+
+def spoiled(words: tuple[str, ...], command: Any) -> Iterator[tuple[str, ...]]:
+    """Command lines of a verb that are wrong in one way each."""
+    arguments = [each for each in command.params if each.param_type_name == "argument"]
+    options = [each for each in command.params if each.param_type_name == "option"]
+    given = [word for each in arguments if each.required for word in ("something",)]
+    given += [word for each in options if each.required for word in (each.opts[0], "somewhere")]
+    yield (*words, *given, "--no-such-option")
+    yield (*words, *given, "--no-such-option", "1")
+    if given:
+        yield words
+    if not any(each.nargs == -1 for each in arguments):
+        yield (*words, *given, *["surplus"] * (len(arguments) + 1))
+    for option in options:
+        if option.is_flag:
+            yield (*words, *given, f"{option.opts[0]}=maybe")
+            continue
+        yield (*words, *given, option.opts[0])
+        if isinstance(option.default, int | float) or option.bare_type in (int, float):
+            yield (*words, *given, option.opts[0], "many")
+
+
+RECORDS = [record for words, command in verbs() for record in spoiled(words, command)]
+RECORDS += [
+    (*words, value) for words in (("train",), ("evaluate",), ("table",), ("export",)) for value in HOSTILE
+]
+RECORDS += [(value,) for value in HOSTILE]
+
+
+@pytest.mark.parametrize(
+    "line", RECORDS, ids=lambda record: " ".join(record)[:60].encode("unicode_escape").decode()
+)
+def test_a_wrong_command_line_is_one_line(record, monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["fpg-bench", *record])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    printed = capsys.readouterr()
+    assert end.value.code in (1, 2)
+    assert printed.err.startswith("fpg-bench: ")
+    assert printed.err.count("\n") == 1
+    assert "a bug" not in printed.err
+    assert printed.err[:-1].isprintable()
+    assert not list(tmp_path.iterdir())
