@@ -50,19 +50,19 @@ def spoiled(words: tuple[str, ...], command: Any) -> Iterator[tuple[str, ...]]:
             yield (*words, *given, option.opts[0], "many")
 
 
-RECORDS = [record for words, command in verbs() for record in spoiled(words, command)]
-RECORDS += [
+LINES = [line for words, command in verbs() for line in spoiled(words, command)]
+LINES += [
     (*words, value) for words in (("train",), ("evaluate",), ("table",), ("export",)) for value in HOSTILE
 ]
-RECORDS += [(value,) for value in HOSTILE]
+LINES += [(value,) for value in HOSTILE]
 
 
 @pytest.mark.parametrize(
-    "line", RECORDS, ids=lambda record: " ".join(record)[:60].encode("unicode_escape").decode()
+    "line", LINES, ids=lambda line: " ".join(line)[:60].encode("unicode_escape").decode()
 )
-def test_a_wrong_command_line_is_one_line(record, monkeypatch, capsys, tmp_path):
+def test_a_wrong_command_line_is_one_line(line, monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["fpg-bench", *record])
+    monkeypatch.setattr(sys, "argv", ["fpg-bench", *line])
     with pytest.raises(SystemExit) as end:
         cli.main()
     printed = capsys.readouterr()
