@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from fpg_bench.envs.two_player import make_duel
     from fpg_bench.evaluation.evaluate import evaluate
     from fpg_bench.game.scenario import Scenario, preset
-    from fpg_bench.players.agent import load_agent
-    from fpg_bench.players.writing import write_agent
+    from fpg_bench.players.agent import load_agent, write_agent
     from fpg_bench.training.export import export_agent
 
 _HOMES = {
@@ -34,7 +33,7 @@ _HOMES = {
     "supersuit_vec_env": "fpg_bench.envs.supersuit_bridge",
     "evaluate": "fpg_bench.evaluation.evaluate",
     "load_agent": "fpg_bench.players.agent",
-    "write_agent": "fpg_bench.players.writing",
+    "write_agent": "fpg_bench.players.agent",
     "export_agent": "fpg_bench.training.export",
 }
 

@@ -175,7 +175,7 @@ def test_the_rules_document_every_field(name):
 def test_the_measures_are_all_documented():
     import numpy as np
 
-    from fpg_bench.game.measures import measures
+    from fpg_bench.game.metrics import measures
     from fpg_bench.game.state import TALLY
 
     names = measures(dict.fromkeys(TALLY.names, 0), np.zeros((2, 3)))

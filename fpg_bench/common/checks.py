@@ -1,4 +1,4 @@
-"""What users write, in files and in calls, is checked here: keys, whole numbers, words, truth values."""
+"""Checks of values that users write, in files and in calls."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from fpg_bench.common.errors import UserError, nearest
 
 
 def is_whole(value: Any, least: int = 1) -> bool:
-    """Whether a value is a whole number of at least ``least``; a truth value is none."""
+    """Return True for an integer of at least ``least``; a bool is not one."""
     return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= least
 
 
 def whole(value: Any, where: str, least: int = 1) -> int:
-    """The value, a whole number of at least ``least``; raises UserError for all else, ``where`` begins it."""
+    """Return the value if it is an integer of at least ``least``; raise UserError otherwise."""
     if not is_whole(value, least):
         bound = "a whole number above 0" if least == 1 else f"a whole number, {least} or more"
         raise UserError(f"{where}: expected {bound}, got {value!r}")
@@ -23,21 +23,21 @@ def whole(value: Any, where: str, least: int = 1) -> int:
 
 
 def flag(value: Any, where: str) -> bool:
-    """The value, true or false; raises UserError for all else."""
+    """Return the value if it is a bool; raise UserError otherwise."""
     if not isinstance(value, bool):
         raise UserError(f"{where}: expected true or false, got {value!r}")
     return value
 
 
 def mapping(value: Any, where: str) -> Mapping[Any, Any]:
-    """The value, a mapping; raises UserError for all else."""
+    """Return the value if it is a mapping; raise UserError otherwise."""
     if not isinstance(value, Mapping):
         raise UserError(f"{where}: expected a mapping, got {value!r}")
     return value
 
 
 def check_keys(content: Any, known: Collection[str], where: str, needed: Collection[str] = ()) -> None:
-    """Raise UserError for a key that is not known, with the nearest one, or for one that is needed and lacks.
+    """Raise UserError for an unknown key, naming the nearest known one, or for a missing key.
 
     Args:
         content: what was read; anything but a mapping is refused, too.

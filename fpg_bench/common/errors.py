@@ -1,4 +1,4 @@
-"""The error that a user can mend, and the hint at the word that was meant."""
+"""Errors that users can mend, and suggestions for misspelt words."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ _NEAR = 0.6  # of difflib's ratio
 
 
 class UserError(ValueError):
-    """Bad input: the message says in one line what is wrong, where, and what to write instead.
+    """Bad input. The message says in one line what is wrong, where, and what to write instead.
 
     The command line prints the message and exits with 2; every other exception is a bug.
     """
 
 
 class UnknownOptionError(UserError, TypeError):
-    """An option that a call does not have; also a TypeError, which frameworks that probe for one expect."""
+    """An unknown option of a call; also a TypeError, which frameworks that probe for one expect."""
 
 
 def printable(text: str) -> str:
-    """A text from outside as a terminal may be told it: no control character, no half of a letter."""
+    """Return a text from outside with control characters and lone surrogates replaced."""
     return "".join(c if c.isprintable() or c == "\n" else "�" for c in text)
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """What to append to an error about an unknown word: the nearest known one, else all of them."""
+    """Return the end of an error message on an unknown word: the nearest known word, or all of them."""
     known = sorted(set(known))
     return meant(word, known) or f"; known: {', '.join(known)}"
 
 
 def meant(word: str, known: Iterable[str]) -> str:
-    """What to append to an error about an unknown word: the nearest known one, nothing where none is near.
+    """Return the end of an error message on an unknown word: the nearest known word, or nothing.
 
     Of words as ``a/b`` the last parts must be near, too: all that lies in one folder begins alike.
     """
@@ -41,7 +41,7 @@ def meant(word: str, known: Iterable[str]) -> str:
 
 
 def _ends_near(word: str, name: str) -> bool:
-    """Whether the last parts are near; true where the words have not as many parts."""
+    """Return True if the last parts of two paths are similar, or the paths differ in depth."""
     if word.count("/") != name.count("/"):
         return True
     last, end = (text.rpartition("/")[2] for text in (word, name))

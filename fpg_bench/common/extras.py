@@ -1,4 +1,4 @@
-"""The packages that only some of the suite needs: what is missing is told in one line, with its extra.
+"""Optional dependencies: a missing package is one clear line that names its extra.
 
 The core plays the game: views, scripts, shipped agents, ``play``. Everything else stands in an extra of
 ``pyproject.toml``, and whoever needs a package of one says so here before work begins.
@@ -13,7 +13,7 @@ from fpg_bench.common.errors import UserError
 
 
 def need(extra: str, *packages: str) -> None:
-    """Make sure that packages which an extra brings can be imported; none of them is loaded by this.
+    """Check that packages of an extra can be imported, without importing them.
 
     Args:
         extra: its name in ``pyproject.toml``.
@@ -28,7 +28,7 @@ def need(extra: str, *packages: str) -> None:
 
 
 def has(package: str) -> bool:
-    """Whether a package can be imported; it is not loaded by this."""
+    """Return True if a package can be imported, without importing it."""
     if package in sys.modules:
         return sys.modules[package] is not None
     return find_spec(package) is not None

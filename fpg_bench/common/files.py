@@ -1,4 +1,4 @@
-"""Reading and writing files so that a bad one is a clear error and a good one is never half written."""
+"""Reading and writing of files: bad content is a clear error, and no file is left half written."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _BRACKET = re.compile(r"[\[\]{}]")
 
 
 class _CarefulLoader(yaml.SafeLoader):
-    """YAML's safe loader, which refuses a key that is written twice and aliases that blow a file up."""
+    """YAML's safe loader, which also refuses duplicate keys and aliases that expand without bound."""
 
     def get_single_node(self) -> yaml.Node | None:
         node = super().get_single_node()
@@ -50,7 +50,7 @@ class _CarefulLoader(yaml.SafeLoader):
 
 
 def _expanded(node: yaml.Node, known: dict[int, int]) -> int:
-    """How many values a node stands for, where each alias is written out."""
+    """Return the number of values that a node stands for once its aliases are expanded."""
     if id(node) not in known:
         known[id(node)] = _MOST_NODES + 1  # inside itself it would be endless
         parts = node.value if isinstance(node, yaml.CollectionNode) else ()
@@ -60,7 +60,7 @@ def _expanded(node: yaml.Node, known: dict[int, int]) -> int:
 
 
 def read_yaml(path: Path, what: str) -> dict[str, Any]:
-    """The mapping in a YAML file, loaded safely.
+    """Return the mapping in a YAML file, loaded safely.
 
     Raises:
         UserError: the file cannot be read, is not YAML, or holds no mapping; ``what`` begins the message.
@@ -80,12 +80,12 @@ def read_yaml(path: Path, what: str) -> dict[str, Any]:
 
 @functools.lru_cache(maxsize=32)
 def _parsed(text: str) -> Any:
-    """What a YAML text says; a board reads the same fields again and again, and its parser is slow."""
+    """Parse a YAML text; cached, as the same suites are read again and again and the parser is slow."""
     return _CarefulLoader(text).get_single_data()
 
 
 def _too_deep(text: str) -> bool:
-    """Whether brackets are opened within brackets too often, quoted ones too."""
+    """Return True if brackets are nested too deeply, quoted ones included."""
     depth = 0
     for bracket in _BRACKET.finditer(text):
         depth = depth + 1 if bracket[0] in "[{" else max(depth - 1, 0)
@@ -95,7 +95,7 @@ def _too_deep(text: str) -> bool:
 
 
 def read_json(path: Path, what: str) -> dict[str, Any]:
-    """The object in a JSON file; raises as :func:`read_yaml` does."""
+    """Return the object in a JSON file; raises as :func:`read_yaml` does."""
     text = _read(path, what)
     try:
         content = read_plain(text, nan=True)
@@ -105,7 +105,7 @@ def read_json(path: Path, what: str) -> dict[str, Any]:
 
 
 def read_bounded(path: Path, what: str, most: int) -> bytes:
-    """What is in a file, unpacked where its name ends in ``.gz``; no more than ``most`` bytes are ever held.
+    """Return the bytes of a file, unpacked if its name ends in ``.gz``, and never more than ``most``.
 
     Raises:
         UserError: it can't be read or unpacked, or is longer; ``what`` begins the message.
@@ -123,7 +123,7 @@ def read_bounded(path: Path, what: str, most: int) -> bytes:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file under a temporary name and rename it, so that it is there whole or not at all."""
+    """Write a file atomically: under a temporary name, which is then renamed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     data = content.encode() if isinstance(content, str) else content
     _sweep(path)
@@ -139,12 +139,12 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 def _begun(path: Path) -> str:
-    """How the names begin of what processes of this machine have begun to write in place of a file."""
+    """Return the prefix of this machine's temporary files for a path."""
     return f".{path.name}.{socket.gethostname()}-"
 
 
 def _sweep(path: Path) -> None:
-    """Take away what processes have left that were killed while they wrote this file."""
+    """Remove temporary files of processes that were killed while they wrote a path."""
     for left in path.parent.glob(f"{glob.escape(_begun(path))}*"):
         pid = left.name.removeprefix(_begun(path)).partition("-")[0]
         if pid.isdecimal() and not _alive(int(pid)):
@@ -162,7 +162,7 @@ def _alive(pid: int) -> bool:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write ``content`` as indented JSON, whole."""
+    """Write ``content`` as indented JSON, atomically."""
     write_whole(path, json.dumps(content, indent=2) + "\n")
 
 

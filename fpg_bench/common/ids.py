@@ -1,4 +1,4 @@
-"""The environment ids and what they default to. Importing this costs nothing."""
+"""Environment ids and their defaults. Importing this module is cheap."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fpg_bench.common.errors import UserError, nearest
 
 @dataclass(frozen=True)
 class EnvConfig:
-    """One id: which side learns, who plays the other, and how the opponent flies.
+    """Configuration of one id: the learning side, the other side's player, the opponent's path.
 
     ``scripted`` says that the other side must be a script; ``planner`` is set where the opponent flies
     what a path planner says, over ``rounds_per_match`` rounds.
@@ -27,7 +27,7 @@ class EnvConfig:
 
     @property
     def other_side(self) -> str:
-        """The keyword that names the other side's player: ``opponent`` or ``ally``."""
+        """The keyword of the other side's player: ``opponent`` or ``ally``."""
         return "opponent" if self.side == "ally" else "ally"
 
 
@@ -82,12 +82,12 @@ DUEL = "FPG/duel_v0"
 
 
 def policy_env(side: str) -> EnvConfig:
-    """The view in which a side plays against any player."""
+    """Return the environment in which a side plays against any player."""
     return next(view for view in ENVS.values() if view.side == side and not view.scripted)
 
 
 def sides_of(name: str) -> tuple[str, ...]:
-    """The sides that the caller plays in an id: one of a view, both of the duel.
+    """Return the sides that the caller plays in an id: one, or both in the duel.
 
     Raises:
         UserError: no such id.
@@ -96,7 +96,7 @@ def sides_of(name: str) -> tuple[str, ...]:
 
 
 def find_env(name: str) -> EnvConfig:
-    """The view of an id, with or without the ``fpg_bench:`` in front.
+    """Return the configuration of an id, with or without the prefix ``fpg_bench:``.
 
     Raises:
         UserError: no such id; the message suggests the nearest.

@@ -1,4 +1,4 @@
-"""Objects of the user's own code, named ``package.module:object``."""
+"""Import of objects from the user's own code, named ``package.module:object``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fpg_bench.common.errors import UserError
 
 
 def import_object(name: str, what: str, methods: Sequence[str], scenario: Any) -> Any:
-    """The object that ``package.module:object`` names, the present folder included.
+    """Return the object that ``package.module:object`` names; the current folder is searched, too.
 
     A class or function is called first to make it, told the scenario if it takes an argument.
 
@@ -29,7 +29,7 @@ def import_object(name: str, what: str, methods: Sequence[str], scenario: Any) -
 
 
 def imported(name: str, what: str) -> Any:
-    """What ``package.module:object`` names, as it is, the present folder included.
+    """Return what ``package.module:object`` names, as it is; the current folder is searched, too.
 
     Raises:
         UserError: no such module or object, or a module that fails; ``what`` begins the message.
@@ -48,7 +48,7 @@ def imported(name: str, what: str) -> Any:
 
 
 def ready(found: Any, what: str, methods: Sequence[str], scenario: Any) -> Any:
-    """An object with one of the methods: the one found, or what it makes as a class or function.
+    """Return an object with one of the methods: the given one, or what it makes if it is a class or function.
 
     Raises:
         UserError: making it fails, or it has none of the methods; ``what`` begins the message.
@@ -61,17 +61,17 @@ def ready(found: Any, what: str, methods: Sequence[str], scenario: Any) -> Any:
 
 
 def has_any(thing: Any, methods: Sequence[str]) -> bool:
-    """Whether an object has at least one of the methods."""
+    """Return True if an object has at least one of the methods."""
     return any(callable(getattr(thing, method, None)) for method in methods)
 
 
 def reason(error: Exception) -> str:
-    """What an exception of the user's code says, with its kind, in one line."""
+    """Return the type and message of an exception in one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def _made(maker: Any, what: str, scenario: Any) -> Any:
-    """What a class or function makes, told the scenario if it takes an argument."""
+    """Call a class or function, with the scenario if it takes an argument."""
     try:
         return maker(scenario) if inspect.signature(maker).parameters else maker()
     except UserError:

@@ -1,4 +1,4 @@
-"""Rows: one JSON line per thing that happened, only ever appended, so that nothing computed is lost."""
+"""Append-only files of JSON rows, so that no computed result is lost."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _GUARD = threading.Lock()
 
 
 class RowFile:
-    """An append-only file of rows. A last line that was cut off while it was written is dropped.
+    """An append-only file of JSON lines. A partial last line is dropped.
 
     Args:
         path: the file; it need not exist.
@@ -39,7 +39,7 @@ class RowFile:
         self._needs = needs
 
     def read(self, left_out: Callable[[str], None] | None = None) -> list[Row]:
-        """All whole rows.
+        """Return all complete rows.
 
         Args:
             left_out: told a line per line that is no row, which is left out then; None: it is an error.
@@ -78,7 +78,7 @@ class RowFile:
         return row
 
     def append(self, rows: Iterable[Row]) -> None:
-        """Add rows in one write and flush them; a torn last line is cut off first."""
+        """Append rows in one write; a partial last line is cut off first."""
         text = "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._cut_torn_line()
@@ -87,7 +87,7 @@ class RowFile:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Hold the file for this process alone; several parts of a process may hold it together.
+        """Hold an advisory lock on the file, released when the process dies; shared within the process.
 
         Raises:
             UserError: another process holds it.
@@ -116,7 +116,7 @@ class RowFile:
         return file
 
     def _cut_torn_line(self) -> None:
-        """Cut off a last line that was not written whole; whole files are only looked at their end."""
+        """Cut off a partial last line; of complete files only the last byte is read."""
         if not self.path.exists() or not self.path.stat().st_size:
             return
         with self.path.open("r+b") as file:

@@ -1,4 +1,4 @@
-"""The one reader of JSON that comes from outside: plain, bounded, and read by everybody in one way."""
+"""The only reader of JSON from outside: strict, bounded, and the same for all readers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _HALF_PAIR = re.compile(r"\\u[dD][89a-fA-F]")
 
 
 def read_plain(text: str | bytes, most: int = LONGEST, nan: bool = False, halves: bool = False) -> Any:
-    """What a JSON text says.
+    """Return the content of a JSON text.
 
     Args:
         text: bytes are UTF-8.
@@ -47,7 +47,7 @@ def read_plain(text: str | bytes, most: int = LONGEST, nan: bool = False, halves
 
 
 def read_object(text: str | bytes, most: int = LONGEST, nan: bool = False) -> dict[str, Any]:
-    """The object that a JSON text is; raises as :func:`read_plain` does, and ValueError for anything else."""
+    """Return the object in a JSON text; raises as :func:`read_plain`, and ValueError for anything else."""
     content = read_plain(text, most, nan)
     if not isinstance(content, dict):
         raise ValueError(f"expected an object in braces, got {type(content).__name__}")
@@ -84,7 +84,7 @@ def _refuse(word: str) -> None:
 
 
 def _check_depth(content: Any) -> None:
-    """Raise ValueError where brackets stand too deep; without recursion."""
+    """Raise ValueError if brackets are nested too deeply; without recursion."""
     level, depth = [content], 0
     while level := [part for item in level if isinstance(item, dict | list) for part in _parts(item)]:
         depth += 1
@@ -97,7 +97,7 @@ def _parts(item: dict[str, Any] | list[Any]) -> Any:
 
 
 def _check_letters(content: Any) -> None:
-    """Raise ValueError where a text holds half of a surrogate pair, which no file can be written with."""
+    """Raise ValueError for a lone surrogate, which cannot be written to a file."""
     try:
         json.dumps(content, ensure_ascii=False).encode("utf-8")
     except UnicodeEncodeError:

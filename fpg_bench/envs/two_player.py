@@ -11,7 +11,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.game import rng
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.full_state import full_state
-from fpg_bench.game.measures import measures, pool
+from fpg_bench.game.metrics import measures, pool
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.planning import Limits, Plan, Planner, Request, as_planner, plan_all
 from fpg_bench.planning.planner import planner_name

@@ -18,7 +18,7 @@ from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.rounds import MatchBatch, begin, make_match, play_round
 from fpg_bench.game.batch import check_seeds
-from fpg_bench.game.measures import measures
+from fpg_bench.game.metrics import measures
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import TALLY
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
@@ -44,7 +44,7 @@ class Round:
 
     @property
     def measures(self) -> dict[str, float | None]:
-        """The standard measures, by the names of :func:`fpg_bench.game.measures.measures`."""
+        """The standard measures, by the names of :func:`fpg_bench.game.metrics.measures`."""
         return measures(self.row, np.array([self.row["ally_points"], self.row["jam_points"]]))
 
     @property

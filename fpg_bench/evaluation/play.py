@@ -20,7 +20,7 @@ from fpg_bench.evaluation.record import TALLIES, Plans, Record
 from fpg_bench.evaluation.rounds import MatchBatch, make_match, play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
-from fpg_bench.game.measures import pool as pooled_tally
+from fpg_bench.game.metrics import pool as pooled_tally
 from fpg_bench.planning import as_planner
 
 Seeds = Callable[[int], list[int]]  # gives so many

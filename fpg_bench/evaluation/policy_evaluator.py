@@ -14,7 +14,7 @@ from fpg_bench.evaluation.record import Pooled
 from fpg_bench.evaluation.rounds import MatchBatch, play_round
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.suite import PLANNER, Scale, Suite, load_suite
-from fpg_bench.game.measures import pool
+from fpg_bench.game.metrics import pool
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.players.player import Player
 from fpg_bench.players.scripted import player_seeds

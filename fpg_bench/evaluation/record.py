@@ -15,7 +15,7 @@ from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import Expected, parse
-from fpg_bench.game.measures import GREATEST, measures
+from fpg_bench.game.metrics import GREATEST, measures
 from fpg_bench.game.state import TALLY
 
 TALLIES = tuple(TALLY.names or ())
@@ -146,7 +146,7 @@ class Pooled:
 
     @property
     def measures(self) -> dict[str, float | None]:
-        """:func:`fpg_bench.game.measures.measures`, with both sides' returns as means per round."""
+        """:func:`fpg_bench.game.metrics.measures`, with both sides' returns as means per round."""
         returns = {name: self.tally[name] / self.rounds for name in ("ally_return", "opponent_return")}
         return measures(self.tally, self.histogram) | returns
 

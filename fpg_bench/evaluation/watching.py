@@ -71,7 +71,7 @@ def watch(
             :func:`fpg_bench.envs.two_player.make_duel`.
 
     Returns:
-        The measures of each round, by the names of :func:`fpg_bench.game.measures.measures`.
+        The measures of each round, by the names of :func:`fpg_bench.game.metrics.measures`.
 
     Raises:
         UserError: an unknown player, option or suffix, a number out of range, a file that is there

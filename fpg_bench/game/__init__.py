@@ -1,1 +1,1 @@
-"""The rules of the game: NumPy and Numba only."""
+"""The rules of the game, in NumPy and Numba only."""

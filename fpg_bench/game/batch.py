@@ -1,4 +1,4 @@
-"""The only door into the rules: N games, stepped at once."""
+"""A batch of N games, stepped together: the only entrance to the rules."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MAX_SEED = 2**63 - 1
 
 
 class ActionError(UserError):
-    """An action that cannot be played; the message names the side and the game."""
+    """Invalid actions; the message names the side and the game."""
 
 
 class GameBatch:
@@ -71,7 +71,7 @@ class GameBatch:
         self._bind()
 
     def _bind(self) -> None:
-        """The kernel's arguments, gathered once: a call is a few hundred nanoseconds."""
+        """Collect the kernel's arguments once, as a call takes a few hundred nanoseconds."""
         self._arguments: tuple[Any, ...] = (
             self.games,
             self.tallies,
@@ -92,7 +92,7 @@ class GameBatch:
         horizons: np.ndarray | None = None,
         new_match: bool = False,
     ) -> None:
-        """Begin rounds: new matches where ``seeds`` are given, else the next round of each match.
+        """Begin rounds: new matches if ``seeds`` are given, otherwise the next round of each match.
 
         After a match's last round the game goes on with the next match of its own seed.
 
@@ -132,7 +132,7 @@ class GameBatch:
         self._note_flown()
 
     def check_reset(self, mask: np.ndarray, horizons: np.ndarray | None) -> None:
-        """Raise UserError where a mask has another shape or a horizon lies outside the round."""
+        """Raise UserError for a mask of the wrong shape, or a horizon outside the round."""
         if mask.shape != (self.count,):
             raise UserError(f"reset: expected a mask of shape ({self.count},), got {mask.shape}")
         longest = self.scenario.steps_per_round
@@ -140,7 +140,7 @@ class GameBatch:
             raise UserError(f"reset: expected horizons of 1 to {longest} steps, got {horizons!r}")
 
     def step(self, ally_actions: np.ndarray, opponent_actions: np.ndarray) -> None:
-        """Play one step of every game whose round is not over; the others stay as they are.
+        """Play one step of every game whose round is not over; other games do not change.
 
         Args:
             ally_actions, opponent_actions: ``(N, 9)`` floats, clipped to [-1, 1].
@@ -160,7 +160,7 @@ class GameBatch:
         self._note_flown()
 
     def keep_flown(self) -> None:
-        """Keep from now on where each ally is after each second of its round."""
+        """Record from now on the ally's position after each second of its round."""
         self.flown_m = np.zeros((self.count, self.scenario.steps_per_round + 1, 3))
 
     def _note_flown(self) -> None:
@@ -168,7 +168,7 @@ class GameBatch:
             self.flown_m[np.arange(self.count), self.games["step"]] = self.games["ally_position"]
 
     def _step_in_threads(self) -> None:
-        """Split the games; the calling thread takes the last part."""
+        """Divide the games among threads; the calling thread takes the last part."""
         if self._pool is None:
             kernel.play(0, 0, *self._arguments)  # compile before the threads meet
             self._pool = ThreadPoolExecutor(self.threads - 1, thread_name_prefix="arena")
@@ -192,7 +192,7 @@ class GameBatch:
             raise ActionError(f"{side} action{where}: index {index} is {target[bad, index]}")
 
     def set_waypoints(self, game: int, waypoints: np.ndarray) -> None:
-        """Give one game the waypoints that its opponent flies where the path is ``waypoints``.
+        """Set the waypoints of one game, which its opponent flies under the path ``waypoints``.
 
         Args:
             game: its index.
@@ -214,7 +214,7 @@ class GameBatch:
         self.waypoints[game] = waypoints
 
     def pursue(self, mask: np.ndarray) -> None:
-        """Let opponents that fly themselves pursue the ally in this round, as the path ``pursuit`` has it.
+        """Make opponents pursue the ally in this round instead of flying themselves (path ``learned``).
 
         Call it before the round's first step; other paths stay as they are.
 
@@ -224,7 +224,7 @@ class GameBatch:
         self.games["path"][mask & (self.games["path"] == LEARNED)] = PURSUIT
 
     def ally_path(self, game: int) -> np.ndarray:
-        """Where one game's ally is after each second of its round if it flies at full speed.
+        """Return the ally's positions in one game after each second of its round, at full speed.
 
         Returns:
             ``(steps_per_round + 1, 3)`` in m, its start first.
@@ -242,13 +242,13 @@ class GameBatch:
 
 
 def described(actions: Any) -> str:
-    """What was handed over instead of actions, for an error: dtype and shape, else the type."""
+    """Return the dtype and shape of an array, or the type of anything else, for an error message."""
     is_array = isinstance(actions, np.ndarray)
     return f"{actions.dtype} {actions.shape}" if is_array else type(actions).__name__
 
 
 def check_seeds(seeds: Any, count: int) -> np.ndarray:
-    """``(count,)`` seeds as uint64: from one whole number s (s, s + 1, ...) or one per game.
+    """Return ``(count,)`` seeds as uint64: from one integer s (s, s + 1, ...), or one per game.
 
     Raises:
         UserError: not whole, out of [0, 2^63), or another number of them.

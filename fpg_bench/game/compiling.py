@@ -1,4 +1,4 @@
-"""Numba with a cache on disk that notices every change of the rules, and says when it compiles."""
+"""Numba compilation with a disk cache that notices every change of the rules."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _UNUSED_DAYS = 30
 
 
 def source_digest() -> str:
-    """A digest of all that is compiled, and of the versions of Numba and NumPy that it is compiled for."""
+    """Return a digest of all compiled sources and of the versions of Numba and NumPy."""
     digest = hashlib.sha256(f"{numba.__version__} {numpy.__version__}".encode())
     for name in _SOURCES:
         for path in sorted((_PACKAGE / name).glob("*.py")):
@@ -38,7 +38,7 @@ def source_digest() -> str:
 
 @functools.cache
 def cache_folder() -> Path | None:
-    """Where compiled code is kept: one folder per content of the rules and version of Numba.
+    """Return the cache folder of compiled code, one per digest of the sources.
 
     Numba's own cache looks at the file of the compiled function alone and would keep running an
     old version of what that function calls. None where the folder can't be written.
@@ -58,7 +58,7 @@ def cache_folder() -> Path | None:
 
 
 def _remove_unused(root: Path) -> None:
-    """Remove what older versions have left: each change of the rules begins a new folder."""
+    """Remove the cache folders of older versions that have not been used for a month."""
     for folder in root.glob("compiled-*"):
         with contextlib.suppress(OSError):  # another process may be removing it too
             if time.time() - folder.stat().st_mtime > _UNUSED_DAYS * 24 * 3600:
@@ -66,7 +66,7 @@ def _remove_unused(root: Path) -> None:
 
 
 class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: ignore[misc]
-    """Names a function of this package by its room, wherever the package lies.
+    """Names cached functions by their package folder, wherever the package is installed.
 
     The folder's digest says what is in it already. So a second environment, or a second copy of the same
     sources, compiles nothing. Numba 0.61 can't be told of it, and compiles anew in each place.
@@ -74,7 +74,7 @@ class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: 
 
     @classmethod
     def get_suitable_cache_subpath(cls, py_file: str) -> str:
-        """The name of the room: ``game``, for instance; for a file elsewhere, Numba's own name."""
+        """Return the package folder, such as ``game``; for other files, Numba's own name."""
         path = Path(py_file).resolve()
         if path.parent.parent == _PACKAGE.resolve():
             return path.parent.name
@@ -83,7 +83,7 @@ class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: 
 
 
 def compiled(function: Callable) -> Any:
-    """Compile a function of the game: no fast-math (same bits everywhere), no GIL, cached on disk.
+    """Compile a function of the game: no fast-math (identical bits), no GIL, cached on disk.
 
     All of a step is put into one piece of machine code, without Numba's reference counts (``_nrt``):
     the game allocates nothing, and counting took more time than some of its equations.
@@ -96,7 +96,7 @@ def compiled(function: Callable) -> Any:
 
 @contextlib.contextmanager
 def _cached_in(folder: Path | None) -> Iterator[None]:
-    """Have Numba keep what is declared inside in this folder; its settings are then as they were."""
+    """Within the context, let Numba cache functions in this folder."""
     wanted = {"CACHE_DIR": str(folder or ""), "CACHE_LOCATOR_CLASSES": f"{__name__}.{ByContent.__name__}"}
     before = {name: getattr(config, name, "") for name in wanted}
     vars(config).update(wanted)
@@ -107,20 +107,20 @@ def _cached_in(folder: Path | None) -> Iterator[None]:
 
 
 def _amount(folder: Path | None) -> str:
-    """How much is to be compiled, and about how long that takes: all of it took 9 s of a core of 2026."""
+    """Return how many functions are to be compiled and a rough time (9 s on one core for all)."""
     if folder is not None and any(folder.rglob("*.nbi")):
         return "what is new to the game, a few seconds"
     return "the game, about ten seconds on a free core"
 
 
 class _Notice(event.Listener):
-    """Says once on standard error that the game is being compiled, when it is."""
+    """Prints one line on standard error when the game is being compiled."""
 
     def __init__(self) -> None:
         self.given = False
 
     def on_start(self, started: event.Event) -> None:
-        """A function is not in the cache, and begins to be compiled."""
+        """Called when a function is not in the cache and is compiled."""
         ours = started.data["dispatcher"].py_func.__module__.startswith("fpg_bench.")
         if ours and not self.given:
             self.given = True
@@ -129,7 +129,7 @@ class _Notice(event.Listener):
             print(f"fpg_bench: compiling {_amount(folder)} ({where})", file=sys.stderr, flush=True)
 
     def on_end(self, ended: event.Event) -> None:
-        """Nothing to say."""
+        """Called when a compilation has ended; does nothing."""
 
 
 event.register("numba:compile", _Notice())

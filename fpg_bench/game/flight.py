@@ -1,4 +1,4 @@
-"""Where the two fly: the ally's Bezier curve, and the opponent's patrols, pursuit and waypoints.
+"""Flight: the ally's Bezier curve; the opponent's patrols, pursuit, waypoints and own flight.
 
 A ``game`` is a record of dtype ``state.GAME``; positions are changed in place.
 """
@@ -15,13 +15,13 @@ CIRCLE, TRIANGLE, RECTANGLE, PURSUIT, LEARNED, WAYPOINTS = range(len(PATHS))
 
 @compiled
 def distance_m(a, b):
-    """Euclidean distance of two positions."""
+    """Return the Euclidean distance of two positions in m."""
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
 @compiled
 def bezier(control_points, axis, t):
-    """One coordinate of the cubic Bezier curve at parameter t in [0, 1]."""
+    """Return one coordinate of the cubic Bezier curve at the parameter t in [0, 1]."""
     u = 1.0 - t
     return (
         u * u * u * control_points[0, axis]
@@ -33,7 +33,7 @@ def bezier(control_points, axis, t):
 
 @compiled
 def begin_curve(game, chords):
-    """Put the ally at the start of its curve, flying out."""
+    """Put the ally at the start of its curve, flying outbound."""
     game.chord, game.outbound = -1, True
     for axis in range(3):
         game.ally_position[axis] = bezier(game.control_points, axis, 0.0)
@@ -43,7 +43,7 @@ def begin_curve(game, chords):
 
 @compiled
 def fly_curve(game, metres, rules):
-    """Move the ally along its curve, measured along the arc in chords, turning round at both ends."""
+    """Move the ally along its curve by arc length (in chords); it turns round at both ends."""
     left = metres
     for _ in range(4 * rules.chords):  # a bound for curves of (almost) no length
         room = game.chord_length_m - game.chord_offset_m if game.outbound else game.chord_offset_m
@@ -59,7 +59,7 @@ def fly_curve(game, metres, rules):
 
 @compiled
 def _enter_next_chord(game, chords):
-    """Step to the neighbouring chord in the direction of flight, or turn round on the last one."""
+    """Move to the next chord in the direction of flight, or turn round on the last one."""
     curve, start, vector = game.control_points, game.chord_start, game.chord_vector
     if game.chord == (chords - 1 if game.outbound else 0):
         game.outbound = not game.outbound
@@ -80,7 +80,7 @@ def _enter_next_chord(game, chords):
 
 @compiled
 def place_on_patrol(position, path, flown_m, rules):
-    """The place on a circle, triangle or rectangle after ``flown_m`` metres, counter-clockwise from +x.
+    """Compute the position on a patrol after ``flown_m`` metres, counter-clockwise from +x.
 
     The polygons are regular, their first corner at +x, and inscribed in the circle.
     """
@@ -101,7 +101,7 @@ def place_on_patrol(position, path, flown_m, rules):
 
 @compiled
 def _fly_to(position, target, metres):
-    """Move toward a target by at most ``metres``."""
+    """Move towards a target by at most ``metres``."""
     distance = distance_m(position, target)
     if distance > 0.0:
         share = min(metres, distance) / distance
@@ -111,7 +111,7 @@ def _fly_to(position, target, metres):
 
 @compiled
 def fly_waypoints(position, waypoints, step, horizon, speed):
-    """Move toward the waypoint that is next, so as to be there when it is due: i at (i + 1) T / n."""
+    """Move towards the next waypoint, to arrive when it is due: waypoint i at (i + 1) T / n."""
     n = waypoints.shape[0]
     due = (step * n) // horizon
     seconds = -((-(due + 1) * horizon) // n) - step
@@ -120,7 +120,7 @@ def fly_waypoints(position, waypoints, step, horizon, speed):
 
 @compiled
 def fly_opponent(game, action, waypoints, rules):
-    """Move the opponent one second; the ally must not have moved yet (pursuit aims at its start)."""
+    """Move the opponent by one second, before the ally moves: pursuit aims at the ally's start."""
     position, speed, step = game.opponent_position, rules.opponent_speed, game.step
     if game.path <= RECTANGLE:
         place_on_patrol(position, game.path, speed * (step + 1), rules)
@@ -137,6 +137,6 @@ def fly_opponent(game, action, waypoints, rules):
 
 @compiled
 def keep_inside(position, rules):
-    """Nobody leaves the box."""
+    """Clip a position to the box."""
     for axis in range(3):
         position[axis] = min(max(position[axis], 0.0), rules.box[axis])

@@ -1,4 +1,4 @@
-"""The full state as numbers: for centralised critics and oracle players, never part of an observation."""
+"""Full state as a vector: for centralised critics and oracles, never part of an observation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FULL_STATE_SIZE = PATH + len(PATHS)
 
 
 def full_state(batch: GameBatch) -> np.ndarray:
-    """The full state of every game, ``(N, 54)`` float32 in [-1, 1].
+    """Return the full state of every game, ``(N, 54)`` float32 in [-1, 1].
 
     Both observations (which hold the true frequency, jamming, known frequency and time to the next
     check), share of the round played, the ally's direction and place on its curve, the curve's control

@@ -1,4 +1,4 @@
-"""Which frequency point the ally hops to: its own preference, or the expert knowledge base."""
+"""Hopping: the ally's next frequency point, by its preference or by the expert knowledge base."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ PREFERENCE, KNOWLEDGE_GATE, STRATEGY_SCORES = 3, 4, 5
 
 @compiled
 def point_mhz(point, rules):
-    """The frequency of a point."""
+    """Return the frequency of a point in MHz."""
     return rules.band_low + point * rules.point_spacing
 
 
 @compiled
 def choose_point(point, observation, action, key, step, rules):
-    """The point to hop to. ``observation`` is the ally's own, the only thing the knowledge base reads."""
+    """Return the point to hop to. The knowledge base reads the ally's own observation only."""
     if rules.knowledge and (rules.always_hops or action[KNOWLEDGE_GATE] > 0.0):
         return _expert_point(point, observation, action, key, step, rules)
     return math.floor((action[PREFERENCE] + 1.0) / 2.0 * (rules.points - 1) + 0.5)
@@ -48,7 +48,7 @@ def _expert_point(point, observation, action, key, step, rules):
 
 @compiled
 def _choose_strategy(observation, action):
-    """The strategy of the highest score: 1 for the sensed type's, plus actions 5-8; ties to the lowest."""
+    """Return the strategy of the highest score: actions 5-8, plus 1 for the sensed type."""
     best, best_score = 0, -math.inf
     for strategy in range(TYPES):
         score = observation[SENSED_TYPE + strategy] + action[STRATEGY_SCORES + strategy]
@@ -59,7 +59,7 @@ def _choose_strategy(observation, action):
 
 @compiled
 def _is_free(candidate, point, strategy, centre, rules):
-    """Whether a point is not the current one and lies outside the strategy's footprint and guard."""
+    """Return True for a point other than the current one, outside the strategy's footprint and guard."""
     offset = footprint_distance_mhz(point_mhz(candidate, rules) - centre, rules.strategy_spacing[strategy])
     return (candidate != point) & (offset > rules.strategy_half_width[strategy])
 
@@ -76,7 +76,7 @@ def _nth_free(n, point, strategy, centre, rules):
 
 @compiled
 def _nth_farthest(n, point, strategy, centre, rules):
-    """The n-th of the free points in falling distance from the centre, ties to the lowest point."""
+    """Return the n-th free point in descending distance from the centre, ties to the lowest point."""
     last_distance, last_point = math.inf, -1
     for _ in range(n + 1):
         best, best_distance = point, -1.0

@@ -1,4 +1,4 @@
-"""Jamming: which type and centre the opponent chooses, and what its footprint covers (Eq. 7-10)."""
+"""Jamming: the opponent's choice of type and centre, and the footprint (Eq. 7-10)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fpg_bench.game.state import TYPES
 
 @compiled
 def footprint_distance_mhz(offset_mhz, tooth_spacing):
-    """Distance from the footprint's centre line: to f_j, or to the nearest tooth of a comb through f_j."""
+    """Return the distance in MHz from the footprint's centre f_j, or from a comb's nearest tooth."""
     if tooth_spacing > 0.0:
         offset_mhz -= tooth_spacing * math.floor(offset_mhz / tooth_spacing + 0.5)
     return abs(offset_mhz)
@@ -18,14 +18,14 @@ def footprint_distance_mhz(offset_mhz, tooth_spacing):
 
 @compiled
 def covers(jamming_type, jamming_mhz, frequency_mhz, rules):
-    """Whether a footprint holds a frequency (the overlap rule; nothing wraps at the band's ends)."""
+    """Return True if a footprint covers a frequency; nothing wraps at the ends of the band."""
     distance = footprint_distance_mhz(frequency_mhz - jamming_mhz, rules.tooth_spacing[jamming_type])
     return distance <= rules.half_width[jamming_type]
 
 
 @compiled
 def choose_type(scores, rules):
-    """The allowed type of the highest score (actions 0-3), ties to the lowest index."""
+    """Return the allowed type with the highest score (actions 0-3), ties to the lowest index."""
     best = -1
     for kind in range(TYPES):
         if rules.allowed[kind] == 1 and (best < 0 or scores[kind] > scores[best]):
@@ -35,7 +35,7 @@ def choose_type(scores, rules):
 
 @compiled
 def tune_mhz(tuning, in_band, known_mhz, rules):
-    """The footprint's centre: an offset from the known frequency, or a place in the band (actions 4, 5)."""
+    """Return the footprint's centre: an offset from the known frequency, or a place in the band."""
     if in_band:
         return rules.band_middle + tuning * rules.band_half
     centre = known_mhz + tuning * rules.tuning_span

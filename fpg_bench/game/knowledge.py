@@ -1,4 +1,4 @@
-"""The expert knowledge base: read from YAML, one entry per jamming type (paper, Section 4.2)."""
+"""The expert knowledge base, read from YAML: one entry per jamming type (paper, Section 4.2)."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _KEYS = ("spectrum", "guard_mhz", "strategy", "candidates", "spread", "advice")
 
 
 class KnowledgeError(UserError):
-    """A knowledge base that cannot be used; the message names the file, the entry and the key."""
+    """An invalid knowledge base; the message names the file, the entry and the key."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One jamming type: its spectrum, and the counter-strategy to it.
+    """Entry of one jamming type: its spectrum, and the counter-strategy.
 
     ``candidates`` is 0 where the strategy draws from all free points, else how many of the free
     points farthest from the sensed centre it draws from. ``spacing_mhz`` is 0 for a spectrum in
@@ -40,17 +40,17 @@ class Entry:
 
 @dataclass(frozen=True)
 class KnowledgeBase:
-    """The entries in the order of the jamming types: tone, narrowband, broadband, comb."""
+    """Entries in the order of the jamming types: tone, narrowband, broadband, comb."""
 
     entries: tuple[Entry, ...]
 
     def canonical(self) -> list[dict[str, Any]]:
-        """What the game reads of it, for the scenario's hash: words of advice are not played."""
+        """Return what the game reads, for the scenario's hash; the advice is not part of it."""
         return [{k: v for k, v in vars(e).items() if k not in ("strategy", "advice")} for e in self.entries]
 
 
 def load_knowledge(name: str, jamming_types: tuple[str, ...]) -> KnowledgeBase | None:
-    """The knowledge base ``expert`` of the package, a YAML file's, or None for ``none``.
+    """Load the knowledge base ``expert`` of the package or a YAML file; None for ``none``.
 
     Raises:
         UserError: the file cannot be read, or an entry or key is missing, unknown or bad.

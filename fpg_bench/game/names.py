@@ -1,4 +1,4 @@
-"""The words of the game: jamming types, paths and the variants of its rules."""
+"""Names of jamming types, paths, variants of the rules, and of observed and chosen numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The radio link: path loss, noise, SNR and capacity (Eq. 1-3). Levels in dB and dBm."""
+"""Radio link: path loss, noise, SNR and capacity (Eq. 1-3). Levels in dB and dBm."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ _DB = 10.0 / math.log(10.0)  # 10 log10 x = _DB ln x
 
 @compiled
 def path_loss_db(distance_m, frequency_mhz, rules):
-    """Eq. 1: L = 32.44 + 20 log10 d(km) + 20 log10 f(MHz), the distance being at least 1 m."""
+    """Return the path loss in dB (Eq. 1): 32.44 + 20 log10 d(km) + 20 log10 f(MHz), d at least 1 m."""
     d_km = max(distance_m, rules.minimum_distance) / 1000.0
     return rules.path_loss_constant + 2.0 * _DB * math.log(d_km * frequency_mhz)
 
 
 @compiled
 def power_sum_dbm(a_dbm, b_dbm):
-    """The level of two powers together: 10 log10(10^(a/10) + 10^(b/10))."""
+    """Return the level of two powers together in dBm: 10 log10(10^(a/10) + 10^(b/10))."""
     high = max(a_dbm, b_dbm)
     return high + _DB * math.log(1.0 + math.exp((min(a_dbm, b_dbm) - high) / _DB))
 
 
 @compiled
 def noise_dbm(spreading, rules):
-    """N in the ally's present bandwidth."""
+    """Return the noise level N in dBm in the bandwidth that the ally uses."""
     return rules.spread_noise if spreading else rules.noise
 
 
 @compiled
 def snr_db(signal_dbm, jamming_dbm, covered, spreading, fading_db, rules):
-    """SNR at the ally. Not covered: S - N. Covered: S over noise and jamming together.
+    """Return the SNR at the ally in dB: S - N if not covered, otherwise S over noise and jamming.
 
     With the rules of ``paper`` the covered signal is first weakened by the jamming level, as Eq. 2 has
     it (I = S - J), and then compared with noise and jamming as in Eq. 3: interference counts twice.
@@ -45,6 +45,6 @@ def snr_db(signal_dbm, jamming_dbm, covered, spreading, fading_db, rules):
 
 @compiled
 def capacity_mbit_s(snr, spreading, rules):
-    """Eq. 3: C = B log2(1 + 10^(SNR/10)), B in MHz, so C in Mbit/s."""
+    """Return the capacity in Mbit/s (Eq. 3): C = B log2(1 + 10^(SNR/10)), B in MHz."""
     bandwidth = rules.spread_bandwidth if spreading and rules.spread_capacity else rules.bandwidth
     return bandwidth * math.log2(1.0 + math.exp(snr / _DB))

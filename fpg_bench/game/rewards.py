@@ -1,4 +1,4 @@
-"""The rewards of both sides (Eq. 4-6)."""
+"""Rewards of both sides (Eq. 4-6)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fpg_bench.game.state import SPREAD_PIECES
 
 @compiled
 def spread_cost(seconds, rules):
-    """Eq. 4: D(t) over the seconds spent spreading without a break; continuous, 0 when not spreading."""
+    """Return D(t) of Eq. 4 after t seconds of uninterrupted spreading; 0 when not spreading."""
     cost = 0.0
     for piece in range(SPREAD_PIECES):
         start = rules.spread_from[piece]
@@ -21,7 +21,7 @@ def spread_cost(seconds, rules):
 
 @compiled
 def reward(game, rules):
-    """Eq. 5 and 6 on the step just played; SNR_r is the SNR up to the cap."""
+    """Compute the rewards of the last step (Eq. 5 and 6); SNR_r is the SNR up to the cap."""
     snr, clean = min(game.snr_db, rules.snr_cap), min(game.clean_snr_db, rules.snr_cap)
     hop = rules.hop_cost if game.hopped else 0.0
     near = rules.distance_reward if game.distance_m < rules.distance_reward_m else 0.0

@@ -1,4 +1,4 @@
-"""Chance: every draw is keyed by (match seed, round, step, purpose), never taken from a queue.
+"""Random numbers: each draw is keyed by (match seed, round, step, purpose), without a sequence.
 
 So a draw that is not used shifts no other, and a game's chance depends on nothing but its key: not on
 the batch it is played in, the order of the games or the number of threads. The keyed hash is the
@@ -44,7 +44,7 @@ PLAYER_DRAW = 8  # scripted players draw from their own key
 
 @compiled
 def mix(z):
-    """One round of the SplitMix64 finaliser on a 64-bit number."""
+    """Apply one round of the SplitMix64 finaliser to a 64-bit number."""
     z = (z ^ (z >> _S30)) * _MIX_1
     z = (z ^ (z >> _S27)) * _MIX_2
     return z ^ (z >> _S31)
@@ -52,37 +52,37 @@ def mix(z):
 
 @compiled
 def match_key(seed, match):
-    """The key of a match: the seed's ``match``-th, counted from 0."""
+    """Return the key of a match: number ``match`` of its seed, from 0."""
     return mix(mix(np.uint64(seed) + _GOLDEN) + np.uint64(match) * _GOLDEN)
 
 
 @compiled
 def round_key(key, number):
-    """The key of a match's round ``number``, counted from 0."""
+    """Return the key of a round: number ``number`` of its match, from 0."""
     return mix((key ^ _MIX_1) + (np.uint64(number) + _ONE) * _GOLDEN)
 
 
 @compiled
 def bits(key, step, purpose):
-    """64 random bits for one purpose at one step."""
+    """Return 64 random bits for one purpose at one step."""
     return mix(key + (np.uint64(step) * np.uint64(PURPOSES) + np.uint64(purpose) + _ONE) * _GOLDEN)
 
 
 @compiled
 def uniform(key, step, purpose):
-    """A number in [0, 1)."""
+    """Return a random number in [0, 1)."""
     return float(bits(key, step, purpose) >> _S11) * _TWO_TO_MINUS_53
 
 
 @compiled
 def integer(key, step, purpose, count):
-    """A whole number in [0, count)."""
+    """Return a random integer in [0, count)."""
     return min(int(uniform(key, step, purpose) * count), count - 1)
 
 
 @compiled
 def gaussians(key, step, purpose):
-    """Two independent standard normal numbers (Box and Muller)."""
+    """Return two independent standard normal numbers (Box-Muller)."""
     word = bits(key, step, purpose)
     u = 1.0 - float(word >> _S11) * _TWO_TO_MINUS_53
     angle = 2.0 * math.pi * float(mix(word + _GOLDEN) >> _S11) * _TWO_TO_MINUS_53
@@ -92,13 +92,13 @@ def gaussians(key, step, purpose):
 
 @compiled
 def derived_keys(out, round_keys, purpose):
-    """Fill ``out`` (N,) uint64 with one key per game for one of a round's purposes."""
+    """Fill ``out`` (N,) uint64 with one key per game, for one purpose of its round."""
     for i in range(out.shape[0]):
         out[i] = bits(round_keys[i], 0, purpose)
 
 
 @compiled
 def derived_integers(out, round_keys, purpose, count):
-    """Fill ``out`` (N,) int64 with whole numbers in [0, count) for one of a round's purposes."""
+    """Fill ``out`` (N,) int64 with integers in [0, count), for one purpose of each round."""
     for i in range(out.shape[0]):
         out[i] = integer(round_keys[i], 0, purpose, count)

@@ -1,4 +1,4 @@
-"""A scenario as the kernel reads it: one record, with what can be computed once computed."""
+"""Compilation of a scenario into the record that the kernel reads."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fpg_bench.game.state import RULES
 
 
 def rules_record(scenario: Scenario) -> np.ndarray:
-    """The rules as a one-element record array of dtype ``state.RULES``."""
+    """Return the rules as a one-element record array of dtype ``state.RULES``."""
     s = scenario
     rules = np.zeros(1, RULES)
     row = rules[0]
@@ -59,7 +59,7 @@ def rules_record(scenario: Scenario) -> np.ndarray:
 
 
 def noise_dbm(density_dbm_hz: float, bandwidth_mhz: float) -> float:
-    """Noise power in dBm over a bandwidth: N = density + 10 log10 B with B in Hz."""
+    """Return the noise power in dBm over a bandwidth: N = density + 10 log10 B, B in Hz."""
     return density_dbm_hz + 10 * math.log10(bandwidth_mhz * 1e6)
 
 

@@ -1,23 +1,162 @@
-"""What is played: every number of the game, validated, with three presets and a hash."""
+"""Scenarios: every number of the game, validated, with three presets and a hash."""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
 import json
+import numbers
+import os
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from fpg_bench.common.checks import check_keys
-from fpg_bench.common.errors import nearest
+from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.game.knowledge import KnowledgeBase, load_knowledge
-from fpg_bench.game.names import DETECTIONS, HOPPING, JAMMING_TYPES, SNR_MODELS
-from fpg_bench.game.released import RELEASED, RULES_VERSION
-from fpg_bench.game.validation import ScenarioError, check_mix, checked
+from fpg_bench.game.names import DETECTIONS, HOPPING, JAMMING_TYPES, MOST_PATHS, PATHS, SNR_MODELS
+
+
+class ScenarioError(UserError):
+    """An invalid scenario; the message names the field, its value and what would be valid."""
+
+
+def checked(spec: dataclasses.Field, value: Any) -> Any:
+    """Return ``value`` in the field's own type; raise ScenarioError if it is invalid."""
+    rules = spec.metadata
+    if "length" in rules:
+        if not isinstance(value, list | tuple) or len(value) != rules["length"]:
+            raise ScenarioError(f"{spec.name}: expected {rules['length']} numbers, got {value!r}")
+        whole = all(isinstance(item, int) for item in spec.default)  # type: ignore[union-attr]
+        return tuple(_checked_number(spec.name, item, rules["low"], rules["high"], whole) for item in value)
+    if "low" in rules:
+        return _checked_number(spec.name, value, rules["low"], rules["high"], isinstance(spec.default, int))
+    if "choices" in rules:
+        return _checked_word(spec.name, value, rules["choices"])
+    return _OTHER_CHECKS[spec.name](spec.name, value)
+
+
+def _checked_number(name: str, value: Any, low: float, high: float, whole: bool) -> Any:
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        hint = " (YAML reads 1e2 as a word: write 100.0 or 1.0e+2)" if isinstance(value, str) else ""
+        raise ScenarioError(f"{name}: expected a number, got {value!r}{hint}")
+    number: Any = value  # mypy knows no order of numbers.Real
+    if not low <= number <= high:  # NaN too
+        raise ScenarioError(f"{name}: {value!r} is outside [{low:g}, {high:g}]")
+    if whole and number % 1:
+        raise ScenarioError(f"{name}: expected a whole number, got {value!r}")
+    return int(number) if whole else float(number)
+
+
+def _checked_word(name: str, value: Any, choices: tuple[str, ...]) -> str:
+    if not isinstance(value, str) or value not in choices:
+        raise ScenarioError(f"{name}: unknown value {value!r}{nearest(str(value), choices)}")
+    return value
+
+
+def _checked_bool(name: str, value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise ScenarioError(f"{name}: expected true or false, got {value!r}")
+    return value
+
+
+def _checked_types(name: str, value: Any) -> tuple[str, ...]:
+    value = (value,) if isinstance(value, str) else value
+    if not isinstance(value, list | tuple) or not value:
+        raise ScenarioError(f"{name}: expected one or more of {', '.join(JAMMING_TYPES)}, got {value!r}")
+    chosen = {_checked_word(name, item, JAMMING_TYPES) for item in value}
+    return tuple(item for item in JAMMING_TYPES if item in chosen)
+
+
+def _checked_paths(name: str, value: Any) -> str | tuple[str, ...]:
+    if isinstance(value, str):
+        return _checked_word(name, value, PATHS)
+    if not isinstance(value, list | tuple) or not value:
+        raise ScenarioError(f"{name}: expected one or more of {', '.join(PATHS)}, got {value!r}")
+    if len(value) > MOST_PATHS:
+        raise ScenarioError(f"{name}: at most {MOST_PATHS} paths to draw from, got {len(value)}")
+    words = tuple(_checked_word(name, item, PATHS) for item in value)
+    return words[0] if len(words) == 1 else words
+
+
+def _checked_curve(name: str, value: Any) -> tuple[tuple[float, ...], ...] | None:
+    if value is None or value == "none":
+        return None
+    if not isinstance(value, list | tuple) or len(value) != 4:
+        raise ScenarioError(f"{name}: expected four control points or null, got {value!r}")
+    for point in value:
+        if not isinstance(point, list | tuple) or len(point) != 3:
+            raise ScenarioError(f"{name}: expected control points of three numbers, got {point!r}")
+    return tuple(tuple(_checked_number(name, item, 0, 1e5, False) for item in point) for point in value)
+
+
+def _checked_cap(name: str, value: Any) -> float | None:
+    return None if value in (None, "none") else _checked_number(name, value, -1000, 1000, False)
+
+
+def _checked_knowledge(name: str, value: Any) -> str:
+    if not isinstance(value, str | Path):
+        raise ScenarioError(f"{name}: expected 'expert', 'none' or a file, got {value!r}")
+    return str(value) if value in ("expert", "none") else os.path.abspath(value)
+
+
+_OTHER_CHECKS = {
+    "spread_capacity": _checked_bool,
+    "reselect_on_despread": _checked_bool,
+    "jamming_types": _checked_types,
+    "opponent_path": _checked_paths,
+    "ally_path_m": _checked_curve,
+    "snr_cap_db": _checked_cap,
+    "knowledge": _checked_knowledge,
+}
+
+
+def check_mix(scenario: Any) -> None:
+    """Refuse combinations of fields that are impossible together; the message names both."""
+    s = scenario
+    if s.band_low_mhz >= s.band_high_mhz:
+        raise ScenarioError(f"band_low_mhz {s.band_low_mhz} must lie below band_high_mhz {s.band_high_mhz}")
+    for name in ("ally_speed_m_s", "first_check_s", "check_interval_s", "ally_path_altitude_m"):
+        low, high = getattr(s, name)
+        if low > high:
+            raise ScenarioError(f"{name}: its first value {low} must not exceed its second {high}")
+    if s.ally_path_altitude_m[1] > s.box_m[2]:
+        raise ScenarioError(f"ally_path_altitude_m {s.ally_path_altitude_m} does not fit box_m {s.box_m}")
+    inside = {"base_station_m": [s.base_station_m], "ally_path_m": s.ally_path_m or ()}
+    r = s.patrol_radius_m
+    centre = s.patrol_centre_m
+    inside["patrol_centre_m"] = [
+        centre,
+        (centre[0] + r, centre[1] + r, centre[2]),
+        (centre[0] - r, centre[1] - r, 0),
+    ]
+    for name, points in inside.items():
+        for point in points:
+            if any(not 0 <= x <= size for x, size in zip(point, s.box_m, strict=True)):
+                extra = f" with patrol_radius_m {r}" if name == "patrol_centre_m" else ""
+                raise ScenarioError(f"{name}{extra}: {point} lies outside box_m {s.box_m}")
+    if s.ally_path_m is not None and (length := _length_m(s.ally_path_m)) < s.ally_speed_m_s[1]:
+        raise ScenarioError(
+            f"ally_path_m {s.ally_path_m}: {length:.3g} m long, "
+            f"flown in less than a second at ally_speed_m_s {s.ally_speed_m_s}"
+        )
+    starts = s.spread_cost_from_s
+    if starts[0] != 0 or list(starts) != sorted(starts):
+        raise ScenarioError(f"spread_cost_from_s: {starts} must begin at 0 and not fall")
+    if s.waypoints > s.steps_per_round:
+        raise ScenarioError(f"waypoints {s.waypoints} exceed steps_per_round {s.steps_per_round}")
+
+
+def _length_m(control_points: tuple[tuple[float, ...], ...]) -> float:
+    """Return the length of a Bezier curve in m, measured in 256 chords."""
+    t = np.linspace(0, 1, 257)[:, None]
+    p0, p1, p2, p3 = np.asarray(control_points)
+    curve = (1 - t) ** 3 * p0 + 3 * (1 - t) ** 2 * t * p1 + 3 * (1 - t) * t**2 * p2 + t**3 * p3
+    return float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
 
 
 def _number(default: float, low: float, high: float, doc: str) -> Any:
@@ -38,7 +177,7 @@ def _other(default: Any, doc: str) -> Any:
 
 @dataclass(frozen=True)
 class Scenario:
-    """Everything that is a number in the rules; the defaults are the preset ``standard``.
+    """All numbers of the rules; the defaults are the preset ``standard``.
 
     One step is one second. Vary one with :func:`dataclasses.replace`, read a user's own with
     :meth:`from_yaml`, take the paper's with :func:`preset` (``"paper"``).
@@ -144,24 +283,24 @@ class Scenario:
 
     @property
     def knowledge_base(self) -> KnowledgeBase | None:
-        """The parsed expert knowledge base, None where ``knowledge`` is ``none``."""
+        """The parsed expert knowledge base; None if ``knowledge`` is ``none``."""
         return self._knowledge_base  # type: ignore[attr-defined]
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """The opponent paths that a round may draw, at least one."""
+        """The opponent's paths, at least one; a round draws from them."""
         return (self.opponent_path,) if isinstance(self.opponent_path, str) else self.opponent_path
 
     @property
     def point_spacing_mhz(self) -> float:
-        """Distance of neighbouring frequency points in MHz."""
+        """Distance of adjacent frequency points in MHz."""
         return (self.band_high_mhz - self.band_low_mhz) / (self.frequency_points - 1)
 
     @property
     def hash(self) -> str:
-        """SHA-256 of what is played, as 64 hexadecimal digits; two equal hashes play the same game.
+        """SHA-256 of the rules, as 64 hexadecimal digits; equal hashes mean equal games.
 
-        Only fields that differ from the released rules (:mod:`fpg_bench.game.released`) enter it, so a new
+        Only fields that differ from the released rules (:mod:`fpg_bench.game.scenario`) enter it, so a new
         field with a neutral default keeps every hash, and a changed default changes it.
         """
         released = {spec.name: spec.default for spec in fields(self)} | RELEASED[RULES_VERSION]
@@ -180,7 +319,7 @@ class Scenario:
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> Scenario:
-        """Read a scenario: a mapping of field names, over the preset that ``preset`` names.
+        """Read a scenario from YAML: a mapping of field names, applied to the preset named ``preset``.
 
         A relative ``knowledge`` file is looked for beside the YAML file.
 
@@ -203,7 +342,7 @@ class Scenario:
             raise ScenarioError(f"scenario {path}: {error}") from error
 
     def to_yaml(self, path: str | Path) -> None:
-        """Write every field, so that :meth:`from_yaml` gives an equal scenario."""
+        """Write every field, so that :meth:`from_yaml` returns an equal scenario."""
         content = json.loads(json.dumps({spec.name: getattr(self, spec.name) for spec in fields(self)}))
         write_whole(Path(path), yaml.safe_dump(content, sort_keys=False))
 
@@ -236,7 +375,7 @@ PRESETS = {"standard": STANDARD, "paper": PAPER, "figures": FIGURES}
 
 
 def preset(name: str) -> Scenario:
-    """The preset ``standard`` (the leaderboard's), ``paper`` (the letter) or ``figures`` (another reading).
+    """Return the preset ``standard`` (the leaderboard's), ``paper`` (as printed) or ``figures``.
 
     Raises:
         ScenarioError: another name.
@@ -247,7 +386,7 @@ def preset(name: str) -> Scenario:
 
 
 def as_scenario(scenario: Scenario | str | Path | None, **changes: Any) -> Scenario:
-    """A scenario from what users write: an object, a preset's name, a YAML file, or None (standard).
+    """Return a scenario from what users write: an object, a preset, a YAML file, or None (standard).
 
     Args:
         scenario: what is played.
@@ -267,3 +406,63 @@ def as_scenario(scenario: Scenario | str | Path | None, **changes: Any) -> Scena
         raise ScenarioError(f"scenario: expected a Scenario, a preset or a YAML file, got {scenario!r}")
     changes = {name: value for name, value in changes.items() if value is not None}
     return dataclasses.replace(found, **changes) if changes else found
+
+
+RULES_VERSION = 1
+
+RELEASED: dict[int, dict[str, Any]] = {
+    1: {
+        "box_m": (1500.0, 1500.0, 600.0),
+        "base_station_m": (750.0, 750.0, 0.0),
+        "steps_per_round": 300,
+        "rounds_per_match": 1,
+        "band_low_mhz": 150.0,
+        "band_high_mhz": 250.0,
+        "frequency_points": 15,
+        "path_loss_constant_db": 32.44,
+        "minimum_distance_m": 1.0,
+        "base_power_dbm": 45.0,
+        "opponent_power_dbm": 20.0,
+        "noise_density_dbm_hz": -170.0,
+        "bandwidth_mhz": 5.0,
+        "spread_bandwidth_mhz": 2400.0,
+        "fading_sd_db": 1.0,
+        "snr_threshold_db": 8.0,
+        "snr_model": "sinr",
+        "spread_capacity": False,
+        "jamming_types": ("tone", "narrowband", "broadband", "comb"),
+        "jamming_coefficients": (1.5, 1.2, 0.4, 0.8),
+        "footprint_half_widths_mhz": (2.5, 10.0, 25.0, 2.5),
+        "comb_spacing_points": 4,
+        "footprint_tolerance_mhz": 1e-06,
+        "detection": "emission",
+        "first_check_s": (1, 5),
+        "check_interval_s": (4, 6),
+        "ally_emission_dbm": -12.0,
+        "ally_speed_m_s": (5.0, 10.0),
+        "ally_path_m": None,
+        "ally_path_altitude_m": (50.0, 550.0),
+        "ally_path_chords": 256,
+        "reselect_on_despread": False,
+        "hopping": "gated",
+        "opponent_path": "pursuit",
+        "opponent_speed_m_s": 10.0,
+        "tuning_span_mhz": 50.0,
+        "patrol_centre_m": (750.0, 750.0, 300.0),
+        "patrol_radius_m": 300.0,
+        "waypoints": 16,
+        "sensing_centre_sd_mhz": 1.0,
+        "sensing_type_error": 0.1,
+        "spreading_scale_s": 60.0,
+        "snr_scale_db": 80.0,
+        "age_scale_s": 60.0,
+        "check_scale_s": 6.0,
+        "snr_cap_db": 30.0,
+        "hop_cost": 40.0,
+        "spread_cost_from_s": (0.0, 10.0, 20.0, 40.0),
+        "spread_cost_per_s": (0.5, 1.0, 1.2, 1.5),
+        "distance_reward": 20.0,
+        "distance_reward_m": 30.0,
+        "snr_drop_weight": 1.0,
+    },
+}

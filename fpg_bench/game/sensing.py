@@ -1,4 +1,4 @@
-"""What each side gets to know: detection checks, the spectrum monitor, and both observations."""
+"""Sensing: detection checks, the ally's spectrum monitor, and the observations of both sides."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ KNOWN_FREQUENCY, KNOWN_AGE, NEXT_CHECK, JAM_CENTRE, JAM_TYPE, LAST_CHECK = 6, 7,
 
 @compiled
 def check(game, rules):
-    """A detection check where one is due: what it hears becomes the known frequency, with age 0."""
+    """Run a detection check if one is due; a frequency it hears becomes known, with age 0."""
     game.age_s += 1
     game.checked = game.step + 1 == game.next_check
     if not game.checked:
@@ -38,7 +38,7 @@ def check(game, rules):
 
 @compiled
 def hears(game, rules):
-    """Whether the opponent hears the ally in the step just played.
+    """Return True if the opponent hears the ally in the last step.
 
     ``emission``: the ally's emission at the opponent's own receiver, against the noise in the ally's
     present bandwidth, with a fading draw of its own. ``link``: the ally's own SNR, and no spreading.
@@ -52,7 +52,7 @@ def hears(game, rules):
 
 @compiled
 def sense(game, centre_error, rules):
-    """The ally's spectrum monitor on the step just played: centre with an error, type at times wrong."""
+    """Update the ally's spectrum monitor: the centre has an error, the type is at times wrong."""
     game.sensed_mhz = game.jamming_mhz + rules.sensing_sd * centre_error
     game.sensed_type = game.jamming_type
     chance = rng.uniform(game.round_key, game.step, rng.SENSED_TYPE)
@@ -68,7 +68,7 @@ def _clip(x):
 
 @compiled
 def _positions(out, own, other, rules):
-    """Own position in the box, and the other's relative to it; the root keeps 30 m visible in 1500 m."""
+    """Write the own position and the other's relative one; the signed root resolves 30 m in 1500 m."""
     for axis in range(3):
         per_size = rules.per_box[axis]
         out[OWN_POSITION + axis] = _clip(2.0 * own[axis] * per_size - 1.0)

@@ -1,4 +1,4 @@
-"""The records of the game: one game's state, a round's tally, and the rules as the kernel reads them.
+"""Record dtypes: the state of a game, the tally of a round, and the rules of the kernel.
 
 N games are one structured array. Positions are in metres, frequencies in MHz, times in steps (s).
 """

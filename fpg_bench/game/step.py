@@ -1,4 +1,4 @@
-"""One step of N games, and the start of their rounds: the order of events, in compiled code."""
+"""Compiled kernel: one step of N games, and the start of their rounds."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from fpg_bench.game.flight import (
 )
 from fpg_bench.game.hopping import choose_point, point_mhz
 from fpg_bench.game.jamming import choose_type, covers, tune_mhz
+from fpg_bench.game.metrics import count_step
 from fpg_bench.game.radio import path_loss_db, snr_db
 from fpg_bench.game.rewards import reward
 from fpg_bench.game.sensing import ally_observation, check, opponent_observation, sense
-from fpg_bench.game.tally import count_step
 
 # The indices of both actions; 3-8 of the ally are read in choosing.py, 6-8 of the opponent in flight.py.
 HOP_GATE, SPREAD_GATE, SPEED = 0, 1, 2
@@ -33,7 +33,7 @@ _LOW, _HIGH = np.float32(-1.0), np.float32(1.0)
 
 @compiled
 def clip_actions(actions):
-    """Clip a flat array of actions to [-1, 1] in place; False where one of them is NaN or infinite."""
+    """Clip a flat array of actions to [-1, 1] in place; return False if one is NaN or infinite."""
     usable = True
     for i in range(actions.size):
         usable &= math.isfinite(actions[i])
@@ -110,7 +110,7 @@ def _move(game, ally_action, opponent_action, waypoints, rules):
 
 @compiled
 def trace_ally(path, games, rules_array):
-    """Fill ``path`` with the ally's places from its round's start on, one a second, at full speed."""
+    """Fill ``path`` with the ally's positions from the start of its round, each second, at full speed."""
     game, rules = games[0], rules_array[0]
     begin_curve(game, rules.chords)
     for k in range(path.shape[0]):
@@ -123,7 +123,7 @@ def trace_ally(path, games, rules_array):
 
 @compiled
 def _transmit(game, fading, rules):
-    """Coverage, fading, and the SNR with and without jamming, at the end positions."""
+    """Compute coverage, fading, and the SNR with and without jamming, at the final positions."""
     f = game.frequency_mhz
     game.distance_m = distance_m(game.ally_position, game.opponent_position)
     game.covered = covers(game.jamming_type, game.jamming_mhz, f, rules)
@@ -136,7 +136,7 @@ def _transmit(game, fading, rules):
 
 @compiled
 def _record_segment(game, segments, rules):
-    """The planner's history: per n-th part of a round, the position in its middle and the mean reward."""
+    """Record the planner's history: per n-th of a round, the middle position and the mean reward."""
     n, horizon = rules.waypoints, rules.steps
     i = (game.step * n) // horizon
     start, end = -(-i * horizon // n), -(-(i + 1) * horizon // n)
@@ -148,7 +148,7 @@ def _record_segment(game, segments, rules):
 
 @compiled
 def begin(games, mask, ally_observations, opponent_observations, segments, rules_array):
-    """Begin the masked games' rounds; ``seed``, ``match``, ``round`` and ``horizon`` are set already."""
+    """Begin rounds in the masked games; ``seed``, ``match``, ``round`` and ``horizon`` are set before."""
     rules = rules_array[0]
     for i in range(games.shape[0]):
         if not mask[i]:
@@ -163,7 +163,7 @@ def begin(games, mask, ally_observations, opponent_observations, segments, rules
 
 @compiled
 def _begin_match(game, key, rules):
-    """What all rounds of a match share: the ally's path and the opponent's start."""
+    """Draw what all rounds of a match share: the ally's path and the opponent's start."""
     game.round_key = rng.round_key(key, game.round)
     for corner in range(4):
         for axis in range(3):

@@ -19,7 +19,7 @@ from fpg_bench.common.errors import UserError, meant, printable
 from fpg_bench.common.parallel import Job, folder_job, outcome_of, run_jobs
 from fpg_bench.evaluation.record import TALLIES, Record
 from fpg_bench.evaluation.suite import Suite
-from fpg_bench.game.measures import GREATEST
+from fpg_bench.game.metrics import GREATEST
 from fpg_bench.leaderboard.changed_entries import changed_entries
 from fpg_bench.leaderboard.folders import (
     TRACKS,

@@ -14,7 +14,7 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_bounded, write_whole
 from fpg_bench.common.strict_json import read_object
-from fpg_bench.game.measures import measures, pool, spectrum_overlap
+from fpg_bench.game.metrics import measures, pool, spectrum_overlap
 from fpg_bench.game.state import TALLY
 
 WINDOWS = 40

@@ -1,1 +1,1 @@
-"""Who can play: anything with Stable-Baselines3's ``predict``; scripted players, oracles and agents."""
+"""Players: scripts, oracles, ONNX agents, or any object with Stable-Baselines3's ``predict``."""

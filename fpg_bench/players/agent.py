@@ -1,4 +1,4 @@
-"""Agent folders: a trained policy as data, ``agent.json`` beside ``policy.onnx``, and its player."""
+"""Agents: trained policies as folders of ``agent.json`` and ``policy.onnx``, played and written."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.extras import has
-from fpg_bench.common.files import read_json
+from fpg_bench.common.extras import has, need
+from fpg_bench.common.files import read_json, write_json, write_whole
 from fpg_bench.common.ids import DUEL, ENVS, sides_of
-from fpg_bench.players.onnx_file import check_signature, plain_model
+from fpg_bench.game.scenario import STANDARD
+from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise
 from fpg_bench.players.player import SIDES
-from fpg_bench.players.row_wise import row_wise
 from fpg_bench.players.seeded import SeededPolicy
 
 AGENT_FORMAT = 1
@@ -24,7 +24,7 @@ _FIELDS = ("format", "algorithm", "id", "scenario", "training_seed", "training_s
 
 
 class OnnxPlayer(SeededPolicy):
-    """Plays a policy through onnxruntime, one thread, the same bits whatever the batch size.
+    """Plays a policy through onnxruntime on one thread, with the same bits for any batch size.
 
     One whose operators do not show that each game is answered for itself is asked one game at a time; so is
     every one where ``onnx`` (extra ``evaluate``), which reads the operators, is not installed.
@@ -39,7 +39,7 @@ class OnnxPlayer(SeededPolicy):
 
     Attributes:
         state_size, noise_size: 0 where the policy has none.
-        row_wise: whether it is asked all games at once; see :mod:`fpg_bench.players.row_wise`.
+        row_wise: whether it is asked all games at once; see :mod:`fpg_bench.players.onnx_file`.
 
     Raises:
         UserError: it is no ONNX file, onnxruntime cannot read it, or its inputs and outputs are others.
@@ -87,14 +87,14 @@ class OnnxPlayer(SeededPolicy):
         return found
 
     def _one_by_one(self, feeds: dict[str, np.ndarray]) -> list[np.ndarray]:
-        """Each row asked in a batch of its own: it has no others to read. What gives more is misshapen."""
+        """Run each row in a batch of its own; outputs with more rows keep their wrong shape."""
         count = len(feeds["observation"])
         rows = [self._run({name: of[k : k + 1] for name, of in feeds.items()}) for k in range(count)]
         stacked = [np.stack(output) for output in zip(*rows, strict=True)]
         return [of[:, 0] if of.shape[1:2] == (1,) else of for of in stacked]
 
     def _noise(self, steps: np.ndarray) -> np.ndarray:
-        from fpg_bench.players.noise import fill_noise  # its compiler is slow to load, and few draw
+        from fpg_bench.players.scripted import fill_noise  # its compiler is slow to load, and few draw
 
         noise = np.empty((len(steps), self.noise_size), np.float32)
         fill_noise(noise, self.keys(len(steps)), steps)
@@ -108,7 +108,7 @@ class OnnxPlayer(SeededPolicy):
 
 
 def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPlayer:
-    """A trained agent as a player; neither torch nor Stable-Baselines3 is imported.
+    """Load a trained agent as a player, without torch or Stable-Baselines3.
 
     Args:
         name: a shipped agent (``ally-scripted/ppo/seed_0``) or an agent folder.
@@ -133,7 +133,7 @@ def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPla
 
 
 def check_about(about: dict[str, Any], where: str, side: str | None = None) -> None:
-    """Refuse what an ``agent.json`` says where this version cannot play it on that side.
+    """Raise UserError if this version cannot play the agent that an ``agent.json`` describes.
 
     Raises:
         UserError: a field missing, another format, id or side; ``where`` begins the message.
@@ -155,7 +155,7 @@ def check_about(about: dict[str, Any], where: str, side: str | None = None) -> N
 
 
 def agent_folder(name: str | os.PathLike[str]) -> Path:
-    """The folder of a shipped agent or of a path.
+    """Return the folder of a shipped agent or of a path.
 
     Raises:
         UserError: neither exists.
@@ -177,19 +177,19 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
 
 
 def baselines_folder() -> Path:
-    """Where hyper-parameters and shipped agents lie: in the installed package, else in the repository."""
+    """Return the folder of hyper-parameters and shipped agents, installed or in the repository."""
     package = Path(str(resources.files("fpg_bench")))
     installed = package / "baselines"
     return installed if installed.is_dir() else package.parent / "baselines"
 
 
 def suites_folder() -> Path:
-    """Where fields lie, and the trained rivals of those that have some."""
+    """Return the folder of the suites and of their trained rivals."""
     return baselines_folder() / "suites"
 
 
 def _read(model: bytes) -> tuple[bytes, bool]:
-    """What a session is made of, and whether it may be asked many games at once."""
+    """Return the normalised model for a session, and True if it may be called with many games at once."""
     try:
         plain = plain_model(model)
     except UserError as error:
@@ -199,3 +199,53 @@ def _read(model: bytes) -> tuple[bytes, bool]:
 
 def _first_line(error: Exception) -> str:
     return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+
+
+def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike[str], **about: Any) -> None:
+    """Write an agent folder: ``policy.onnx`` and ``agent.json``.
+
+    Args:
+        folder: where to.
+        model: the policy as ONNX, its bytes or its file, with the inputs and outputs of
+            :class:`fpg_bench.players.agent.OnnxPlayer`. What an exporter notes of this machine is left out.
+        **about: what ``agent.json`` says: ``algorithm``, ``id`` (the environment id), ``training_seed`` and
+            ``training_steps`` at least; ``scenario`` (its hash) where it was not ``standard``; of
+            ``FPG/duel_v0`` also ``side``.
+
+    Raises:
+        UserError: a field missing, a policy off the contract, or no ONNX.
+    """
+    where = f"agent {os.fspath(folder)}"
+    data = stripped(model if isinstance(model, bytes) else Path(model).read_bytes())
+    sha256 = hashlib.sha256(data).hexdigest()
+    told = {"format": AGENT_FORMAT, "scenario": STANDARD.hash, **about, "policy_sha256": sha256}
+    check_about(told, where)
+    try:
+        OnnxPlayer(data, told)
+    except UserError as error:
+        raise UserError(f"{where}: {error}") from error
+    write_whole(Path(folder) / "policy.onnx", data)
+    write_json(Path(folder) / "agent.json", told)
+
+
+def stripped(model: bytes) -> bytes:
+    """Return a policy without its exporter's notes on the machine: paths, stack traces, module names.
+
+    Raises:
+        UserError: no ONNX, or the package ``onnx`` is not installed.
+    """
+    need("evaluate", "onnx")
+    import onnx
+
+    try:
+        proto = onnx.load_model_from_string(model)
+    except Exception as error:  # protobuf's own kinds
+        raise UserError("policy.onnx: is no ONNX file, or a truncated one") from error
+    del proto.metadata_props[:]
+    proto.doc_string = proto.graph.doc_string = ""
+    del proto.graph.metadata_props[:]
+    for item in (*proto.graph.node, *proto.graph.value_info, *proto.graph.input, *proto.graph.output):
+        item.doc_string = ""
+        del item.metadata_props[:]
+    del proto.graph.value_info[:]
+    return proto.SerializeToString(deterministic=True)

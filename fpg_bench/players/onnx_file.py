@@ -1,4 +1,4 @@
-"""A policy's ONNX file as it is read everywhere: it alone is played, by the inputs that it may have."""
+"""ONNX files of policies: read without notes, their signature checked, their operators analysed."""
 
 from __future__ import annotations
 
@@ -10,6 +10,13 @@ from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 
 if TYPE_CHECKING:
     from onnx import ModelProto
+import math
+from dataclasses import dataclass
+from itertools import zip_longest
+
+if TYPE_CHECKING:
+    from onnx import ModelProto, NodeProto
+
 
 MAX_NOISE = 16
 # What no answer may depend on: notes, sizes that a file claims of itself, hints for devices.
@@ -20,7 +27,7 @@ _NO_FILE = "is no ONNX file, or a truncated one"
 
 
 def plain_model(data: bytes) -> ModelProto:
-    """The model in the bytes of a ``policy.onnx``, without notes and without what ONNX does not know.
+    """Return the model in the bytes of a ``policy.onnx``, without notes and unknown fields.
 
     What is checked and what is played are both made by this function, so they are the same: bytes that
     another program could take for something else, as a file of onnxruntime's own format, are gone.
@@ -53,7 +60,7 @@ def _clear(messages: Iterable[Any], fields: Iterable[str]) -> None:
 
 
 def check_signature(inputs: dict[str, list[Any]], outputs: dict[str, list[Any]]) -> None:
-    """Refuse a policy whose inputs and outputs are not those of the contract.
+    """Raise UserError if the inputs and outputs of a policy do not fit the contract.
 
     Args:
         inputs, outputs: their shapes by name; a size that is free is no int.
@@ -79,3 +86,265 @@ def check_signature(inputs: dict[str, list[Any]], outputs: dict[str, list[Any]])
         raise UserError("policy.onnx: input 'state' and output 'next_state' must have the same size")
     if inputs.get("noise", [0, 0])[1] > MAX_NOISE:
         raise UserError(f"policy.onnx: noise of size {inputs['noise'][1]}, at most {MAX_NOISE}")
+
+
+_ROWS = 2**31 - 1  # a prime
+# In older sets of operators, inference and onnxruntime do not agree on axes below 0, and on what broadcasts.
+_OLDEST = 13
+_INPUTS, _OUTPUTS = ("observation", "state", "noise"), ("action", "next_state")
+_NUMBER_BY_NUMBER = """
+Abs Acos Acosh Add And Asin Asinh Atan Atanh Cast CastLike Ceil Celu Clip Cos Cosh Div Elu Equal Erf Exp
+Floor Gelu Greater GreaterOrEqual HardSigmoid HardSwish Identity IsInf IsNaN LeakyRelu Less LessOrEqual Log
+Max Mean Min Mish Mod Mul Neg Not Or PRelu Pow Reciprocal Relu Round Selu Shrink Sigmoid Sign Sin Sinh
+Softplus Softsign Sqrt Sub Sum Swish Tan Tanh ThresholdedRelu Where Xor
+"""
+_REDUCING = "L1 L2 LogSum LogSumExp Max Mean Min Prod Sum SumSquare"
+Shape = tuple[int, ...]
+
+
+class _Unknown(Exception):
+    """Raised for an operator that does not show that rows stay independent."""
+
+
+def row_wise(model: ModelProto) -> bool:
+    """Return True if each row of the outputs depends on the same row of the inputs alone.
+
+    Args:
+        model: a policy's, as :func:`fpg_bench.players.onnx_file.plain_model` reads it.
+
+    Returns:
+        False where the operators do not show it, which is no proof of the contrary.
+    """
+    if any(opset.version < _OLDEST for opset in model.opset_import):
+        return False
+    try:
+        shapes = _shapes(model)
+        weights = {tensor.name for tensor in model.graph.initializer}
+        rows = {value.name for value in model.graph.input if value.name in _INPUTS}
+        known, whole = weights | rows, _whole_numbers(model)
+        for node in model.graph.node:
+            if known & set(node.output) or not known >= set(filter(None, node.input)):
+                return False
+            if rows & set(node.input):
+                if not _apart(_Read.of(node, rows, shapes, whole)):
+                    return False
+                rows |= set(filter(None, node.output))
+            known |= set(node.output) - {""}
+        ends = [value.name for value in model.graph.output if value.name in _OUTPUTS]
+        return all(name in rows and _axis(shapes[name]) == 0 for name in ends)
+    except (_Unknown, KeyError):
+        return False
+
+
+def _whole_numbers(model: ModelProto) -> dict[str, list[int]]:
+    """Return the integer constants of the file, by tensor name."""
+    from onnx import TensorProto, numpy_helper
+
+    held = {tensor.name: tensor for tensor in model.graph.initializer}
+    for node in model.graph.node:
+        if node.op_type == "Constant" and node.attribute and node.attribute[0].name == "value":
+            held[node.output[0]] = node.attribute[0].t
+    kinds = (TensorProto.INT64, TensorProto.INT32)
+    return {
+        name: numpy_helper.to_array(of).ravel().tolist() for name, of in held.items() if of.data_type in kinds
+    }
+
+
+def _shapes(model: ModelProto) -> dict[str, Shape]:
+    """Infer the tensor shapes for a batch of ``_ROWS``; shapes that the file claims are ignored."""
+    from onnx import ModelProto, shape_inference
+
+    copy = ModelProto()
+    copy.CopyFrom(model)
+    for value in copy.graph.output:
+        value.type.tensor_type.ClearField("shape")
+    for value in copy.graph.input:
+        if value.name in _INPUTS:
+            value.type.tensor_type.shape.dim[0].dim_value = _ROWS
+    try:
+        graph = shape_inference.infer_shapes(copy, strict_mode=True).graph
+    except Exception as error:  # shape inference has kinds of its own
+        raise _Unknown from error
+    found = {tensor.name: tuple(tensor.dims) for tensor in graph.initializer}
+    for value in (*graph.input, *graph.value_info, *graph.output):
+        dims = value.type.tensor_type.shape.dim
+        if value.type.tensor_type.HasField("shape") and all(dim.HasField("dim_value") for dim in dims):
+            found[value.name] = tuple(dim.dim_value for dim in dims)
+    return found
+
+
+@dataclass(frozen=True)
+class _Read:
+    """An operator with the shapes of its inputs and outputs.
+
+    Attributes:
+        rows: the shapes of its inputs, None where one is left out or holds no rows.
+        others: the shapes of those that hold none.
+        outputs: the shapes of its outputs.
+        told: its attributes.
+        whole: its inputs as whole numbers, None where the file does not say them.
+    """
+
+    node: NodeProto
+    rows: list[Shape | None]
+    others: list[Shape]
+    outputs: list[Shape]
+    told: dict[str, Any]
+    whole: list[list[int] | None]
+
+    @classmethod
+    def of(
+        cls, node: NodeProto, rows: set[str], shapes: dict[str, Shape], whole: dict[str, list[int]]
+    ) -> _Read:
+        from onnx.helper import get_attribute_value
+
+        return cls(
+            node,
+            [shapes[name] if name in rows else None for name in node.input],
+            [shapes[name] for name in node.input if name and name not in rows],
+            [shapes[name] for name in node.output if name],
+            {attribute.name: get_attribute_value(attribute) for attribute in node.attribute},
+            [whole.get(name) for name in node.input],
+        )
+
+    @property
+    def first_alone(self) -> bool:
+        """True if the first input, and no other, holds rows."""
+        return self.rows[0] is not None and not any(self.rows[1:])
+
+
+def _apart(read: _Read) -> bool:
+    """Return True if an operator is known to keep rows independent and in order."""
+    for shape in (*filter(None, read.rows), *read.outputs):
+        _axis(shape)
+    rule = _RULES.get(read.node.op_type) if read.node.domain in ("", "ai.onnx") else None
+    return rule is not None and rule(read)
+
+
+def _axis(shape: Shape) -> int:
+    """Return the axis of the rows."""
+    if shape.count(_ROWS) != 1:
+        raise _Unknown
+    return shape.index(_ROWS)
+
+
+def _from_end(shape: Shape) -> int:
+    return len(shape) - _axis(shape)
+
+
+def _same_for_all(others: list[Shape], place: int) -> bool:
+    """Return True if tensors without rows have size 1 or no axis at the rows' place (from the end)."""
+    return all(len(shape) < place or shape[-place] == 1 for shape in others)
+
+
+def _number_by_number(read: _Read) -> bool:
+    """Element-wise operators. Inference ignores axes that PRelu's second input may add."""
+    inputs = [*filter(None, read.rows), *read.others]
+    places = {_from_end(shape) for shape in (*filter(None, read.rows), *read.outputs)}
+    return (
+        len(places) == 1
+        and _same_for_all(read.others, places.pop())
+        and all(shape == _broadcast(inputs) for shape in read.outputs)
+    )
+
+
+def _broadcast(shapes: Iterable[Shape]) -> Shape:
+    """Return the shape of several tensors broadcast together."""
+    found = []
+    for sizes in zip_longest(*(reversed(shape) for shape in shapes), fillvalue=1):
+        others = set(sizes) - {1}
+        if len(others) > 1:
+            raise _Unknown
+        found.append(others.pop() if others else 1)
+    return tuple(reversed(found))
+
+
+def _by_size(read: _Read) -> bool:
+    """Reductions and selections: an axis that keeps the size of the rows keeps the rows."""
+    return read.first_alone
+
+
+def _joined(read: _Read) -> bool:
+    return not read.others and len({_axis(shape) for shape in (*filter(None, read.rows), *read.outputs)}) == 1
+
+
+def _sliced(read: _Read) -> bool:
+    """Slices: all rows are taken if their number stays; a negative step would reverse them."""
+    steps = read.whole[4] if len(read.whole) > 4 and read.node.input[4] else [1]
+    return read.first_alone and steps is not None and min(steps, default=1) > 0
+
+
+def _in_order(read: _Read) -> bool:
+    """Reshapes: the number of elements before the rows must stay the same."""
+    before = {math.prod(of[: _axis(of)]) for of in (*filter(None, read.rows), *read.outputs)}
+    return read.first_alone and (read.node.op_type != "Squeeze" or _names_axes(read)) and len(before) == 1
+
+
+def _names_axes(read: _Read) -> bool:
+    """Return True if Squeeze names its axes; otherwise it would drop the rows of a batch of one."""
+    return bool(read.told.get("axes")) or any(read.whole[1:2])
+
+
+def _along_later_axes(read: _Read) -> bool:
+    shape = read.rows[0]
+    if shape is None or not read.first_alone:
+        return False
+    return (
+        _axis(shape) < int(read.told.get("axis", 1)) % len(shape)
+        and _same_for_all(read.others, _from_end(shape))
+        and all(len(other) <= len(shape) for other in read.others)
+    )
+
+
+def _product(read: _Read) -> bool:
+    shape = read.rows[0]
+    if shape is None or not read.first_alone:
+        return False
+    place = _from_end(shape)
+    return place == 2 or (place > 2 and _same_for_all(read.others, place))
+
+
+def _gemm(read: _Read) -> bool:
+    """Gemm: an added tensor with rows needs two axes, or it would be added along the columns."""
+    shapes = [shape for shape in read.rows if shape is not None]
+    added = [] if any(read.rows[2:]) else read.others[1:]
+    return (
+        bool(read.rows[0])
+        and read.rows[1] is None
+        and not read.told.get("transA", 0)
+        and all(_axis(shape) == 0 and len(shape) == 2 for shape in shapes)
+        and _same_for_all(added, 2)
+    )
+
+
+def _recurrent(read: _Read) -> bool:
+    """Recurrent layers: rows are the batch (axis 1), and each has its own initial state."""
+    begun = [name for name in read.node.input[5:7] if name]
+    return (
+        bool(read.rows[0])
+        and not read.told.get("layout", 0)
+        and not any(read.rows[1:5])
+        and not any(read.node.input[4:5])
+        and not any(read.rows[7:])
+        and len(begun) == sum(shape is not None for shape in read.rows[5:7])
+        and all(_axis(shape) == 1 for shape in read.rows if shape is not None)
+    )
+
+
+def _convolved(read: _Read) -> bool:
+    return read.first_alone and _axis(read.rows[0] or ()) == 0
+
+
+_RULES = {
+    **dict.fromkeys(_NUMBER_BY_NUMBER.split(), _number_by_number),
+    **dict.fromkeys([f"Reduce{name}" for name in _REDUCING.split()], _by_size),
+    **dict.fromkeys(("ArgMax", "ArgMin", "Gather", "Split", "Transpose"), _by_size),
+    **dict.fromkeys(("Flatten", "Reshape", "Squeeze", "Unsqueeze"), _in_order),
+    **dict.fromkeys(("Hardmax", "LayerNormalization", "LogSoftmax", "Softmax"), _along_later_axes),
+    **dict.fromkeys(("GRU", "LSTM", "RNN"), _recurrent),
+    "Concat": _joined,
+    "Conv": _convolved,
+    "Gemm": _gemm,
+    "MatMul": _product,
+    "Slice": _sliced,
+}

@@ -1,7 +1,9 @@
-"""What a player is: Stable-Baselines3's ``predict``, batched, and two optional extras."""
+"""The player protocol: Stable-Baselines3's ``predict``, batched, and four optional members."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -11,16 +13,18 @@ SIDES = ("ally", "opponent")
 
 @runtime_checkable
 class Player(Protocol):
-    """Anything that plays one side: every SB3 model is one.
+    """Anything that plays one side of a batch of n games; every SB3 model is a player.
 
-    Three optional attributes:
+    A player may also have these members. They are looked up once, when the player joins a game:
 
-    * ``sees = "state"`` marks an oracle: it is handed the full state ``(n, 54)`` of
-      :mod:`fpg_bench.game.full_state` instead of its observation and stands in no field.
-    * ``reset(mask, seeds)`` is called at a round's start by whoever hosts a player that draws at random:
-      ``mask`` (n,) bool, ``seeds`` (n,) uint64 from the game's own stream.
-    * ``predict_rows(rows, ...)`` answers in some games only, where several players are drawn from; see
-      :class:`fpg_bench.players.seeded.Keyed`.
+    * ``reset(mask, seeds)`` is called at the start of rounds, for players that draw at random: ``mask``
+      (n,) bool selects the games whose rounds start, ``seeds`` (n,) uint64 come from each game's stream.
+    * ``predict_rows(rows, ...)`` answers in some of the games only, if players are drawn per round; see
+      :meth:`fpg_bench.players.seeded.SeededPolicy.predict_rows`.
+    * ``sees = "state"`` marks an oracle. It gets the full state ``(n, 54)`` of
+      :mod:`fpg_bench.game.full_state` instead of its observation, and is part of no suite.
+    * ``flies = "pursuit"`` makes an opponent pursue the ally in games with the path ``learned``; by default
+      it flies by its own actions there.
     """
 
     def predict(
@@ -30,12 +34,38 @@ class Player(Protocol):
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
     ) -> tuple[np.ndarray, Any]:
-        """Actions ``(n, 9)`` float32 in [-1, 1] for observations ``(n, 15)``, and the next memory.
+        """Return actions ``(n, 9)`` float32 in [-1, 1], and the player's next memory.
 
         Args:
-            observation: what the side sees, float32.
-            state: the player's memory as its last call returned it, None at first.
-            episode_start: ``(n,)`` bool, where a round starts: memory is taken as empty there.
-            deterministic: whether to play the mode of a stochastic policy.
+            observation: ``(n, 15)`` float32, the observations of the player's side.
+            state: the memory that the last call returned; None at first.
+            episode_start: ``(n,)`` bool, true where a round starts: memory is taken as empty there.
+            deterministic: true for the mode of a stochastic policy.
         """
         ...
+
+
+@dataclass(frozen=True)
+class Abilities:
+    """The optional members of a player; see :class:`Player`.
+
+    Attributes:
+        reset, predict_rows: its methods; None if it has none.
+        sees_state: true for an oracle.
+        pursues: true for an opponent that pursues the ally where others fly themselves.
+    """
+
+    reset: Callable[[np.ndarray, np.ndarray], None] | None
+    predict_rows: Callable[..., tuple[np.ndarray, Any]] | None
+    sees_state: bool
+    pursues: bool
+
+    @classmethod
+    def of(cls, player: Player) -> Abilities:
+        """Look up the optional members of a player."""
+        return cls(
+            getattr(player, "reset", None),
+            getattr(player, "predict_rows", None),
+            getattr(player, "sees", "") == "state",
+            getattr(player, "flies", None) == "pursuit",
+        )

@@ -1,4 +1,4 @@
-"""One side's seat in a batch of games: who plays where in this round, and with what memory."""
+"""Runs the policy of one side in a batch of games, with its memory and its draws."""
 
 from __future__ import annotations
 
@@ -12,97 +12,111 @@ from fpg_bench.game import rng
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.full_state import full_state
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.players.player import Player
+from fpg_bench.players.player import Abilities, Player
 from fpg_bench.players.scripted import player_seeds
 
 
 class PolicyRunner:
-    """Plays one side of an arena with one player, or with several drawn per round from the game's stream.
+    """Plays one side of a game batch with one player, or with several drawn per round.
 
-    Stochastic policies play their mode. Of several players, one with ``predict_rows`` is asked about the
-    games where it plays in this round. Any other is asked about every game, so that its memory stays in
-    step, and is heard where it plays.
+    Players are drawn from the stream of each game. Stochastic policies play their mode. If there are several
+    players, one with ``predict_rows`` is called for the games that it plays in this round. Any other is
+    called for every game, so that its memory stays in step; its actions count where it plays.
 
     Args:
         side: ``ally`` or ``opponent``.
         players: at least one.
-        arena: the games.
+        batch: the games.
+
+    Attributes:
+        choice: ``(N,)`` int64, the index of the player that plays in each game.
     """
 
     def __init__(self, side: str, players: Sequence[Player], batch: GameBatch) -> None:
         self.side = side
         self.players = tuple(players)
+        self.choice = np.zeros(batch.count, np.int64)
         self._batch = batch
         self._observations = batch.ally_observations if side == "ally" else batch.opponent_observations
+        self._abilities = [Abilities.of(player) for player in self.players]
+        self._callers = np.array([self._caller(index) for index in range(len(self.players))])
         self._memories: list[Any] = [None] * len(self.players)
         self._starts = np.ones(batch.count, bool)
-        self._stale_starts = True
-        self.choice = np.zeros(batch.count, np.int64)
-        self._asked_as = np.array([_first(self.players, index) for index in range(len(self.players))])
-        self._rows: list[tuple[int, np.ndarray]] = []
+        self._has_starts = True
+        self._calls: list[tuple[int, np.ndarray]] = []
 
     def begin(self, mask: np.ndarray) -> None:
-        """Seat players for the rounds that the arena has just begun in the masked games."""
+        """Draw and reset players for the rounds that the batch has just begun.
+
+        Args:
+            mask: ``(N,)`` bool, the games whose rounds have begun.
+        """
         keys = np.ascontiguousarray(self._batch.games["round_key"])
         if len(self.players) > 1:
             drawn = np.empty_like(self.choice)
             rng.derived_integers(drawn, keys, rng.PLAYER_CHOICE, len(self.players))
             self.choice[mask] = drawn[mask]
-            self._rows = self._by_player()
-        for index, player in enumerate(self.players):
-            if getattr(player, "flies", None) == "pursuit":
+            self._calls = self._rows_by_player()
+        for index, abilities in enumerate(self._abilities):
+            if abilities.pursues:
                 self._batch.pursue(mask & (self.choice == index))
         self._starts |= mask
-        self._stale_starts = True
+        self._has_starts = True
         seeds = player_seeds(keys, self.side)
-        for player in self.players:
-            if hasattr(player, "reset"):
-                player.reset(mask, seeds)
+        for abilities in self._abilities:
+            if abilities.reset is not None:
+                abilities.reset(mask, seeds)
 
     def act(self) -> np.ndarray:
-        """The side's actions ``(N, 9)`` on the present observations.
+        """Return the side's actions ``(N, 9)`` for the current observations.
 
         Raises:
-            UserError: a player fails, or answers with another shape.
+            UserError: a player fails, or returns actions of another shape.
         """
         if len(self.players) == 1:
-            actions = self._ask(0, None)
+            actions = self._predict(0, None)
         else:
             actions = np.empty((self._batch.count, ACTION_SIZE), np.float32)
-            for index, rows in self._rows:
-                found = self._ask(index, rows)
-                actions[rows] = found if len(found) == len(rows) else found[rows]
-        if self._stale_starts:
+            for index, rows in self._calls:
+                answer = self._predict(index, rows)
+                actions[rows] = answer if len(answer) == len(rows) else answer[rows]
+        if self._has_starts:
             self._starts = np.zeros(self._batch.count, bool)
-            self._stale_starts = False
+            self._has_starts = False
         return actions
 
-    def _by_player(self) -> list[tuple[int, np.ndarray]]:
-        """Whom to ask, and the games where each plays; none where one only keeps its memory in step."""
-        asked = self._asked_as[self.choice]
-        order = np.argsort(asked, kind="stable")
-        cuts = np.searchsorted(asked[order], np.arange(1, len(self.players)))
+    def _caller(self, index: int) -> int:
+        """Return the first index of a player that is listed several times: it is called once for all."""
+        if self._abilities[index].predict_rows is None:
+            return index
+        return next(k for k, player in enumerate(self.players) if player is self.players[index])
+
+    def _rows_by_player(self) -> list[tuple[int, np.ndarray]]:
+        """Return the players to call, each with the games that it plays."""
+        callers = self._callers[self.choice]
+        order = np.argsort(callers, kind="stable")
+        cuts = np.searchsorted(callers[order], np.arange(1, len(self.players)))
         return [
             (index, rows)
             for index, rows in enumerate(np.split(order, cuts))
-            if len(rows) or not hasattr(self.players[index], "predict_rows")
+            if len(rows) or self._abilities[index].predict_rows is None
         ]
 
-    def _ask(self, index: int, rows: np.ndarray | None) -> np.ndarray:
-        """A player's answer: in these games where it can be asked about some only, else in all."""
-        player = self.players[index]
-        seen = full_state(self._batch) if getattr(player, "sees", "") == "state" else self._observations
-        told = (seen, self._memories[index], self._starts, True)
+    def _predict(self, index: int, rows: np.ndarray | None) -> np.ndarray:
+        """Call a player for the games ``rows`` if it has ``predict_rows``, otherwise for all games."""
+        player, abilities = self.players[index], self._abilities[index]
+        seen = full_state(self._batch) if abilities.sees_state else self._observations
+        arguments = (seen, self._memories[index], self._starts, True)
         count = self._batch.count
         try:
-            if rows is not None and hasattr(player, "predict_rows"):
+            if rows is not None and abilities.predict_rows is not None:
                 count = len(rows)
-                actions, self._memories[index] = player.predict_rows(rows, *told)
+                actions, self._memories[index] = abilities.predict_rows(rows, *arguments)
             else:
-                actions, self._memories[index] = player.predict(*told)
+                actions, self._memories[index] = player.predict(*arguments)
         except UserError:
             raise
-        except Exception as error:  # a player is anybody's code
+        except Exception as error:  # a player may be anybody's code
             name, kind = type(player).__name__, type(error).__name__
             raise UserError(f"{self.side} {name}: its predict failed: {kind}: {error}") from error
         shape = getattr(actions, "shape", type(actions).__name__)
@@ -112,10 +126,3 @@ class PolicyRunner:
                 f"expected {(count, ACTION_SIZE)}"
             )
         return actions
-
-
-def _first(players: Sequence[Player], index: int) -> int:
-    """Where a player that may stand in the list several times is asked: once, about all its games."""
-    if not hasattr(players[index], "predict_rows"):
-        return index
-    return next(other for other, player in enumerate(players) if player is players[index])

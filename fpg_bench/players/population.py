@@ -1,4 +1,4 @@
-"""A suite's agents as a population to draw from: ``suite:NAME`` all of them, ``suite:NAME/MEMBER`` one."""
+"""Populations of agents: ``suite:NAME`` for all agents of a suite, ``suite:NAME/MEMBER`` for one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PREFIX = "suite:"
 
 
 class SuiteMember(OnnxPlayer):
-    """An agent that flies as it was trained to: one that never learned to fly pursues the ally.
+    """An agent that flies as in its training: an opponent that never learned to fly pursues the ally.
 
     Under the path ``learned`` such an opponent's rounds are those of the path ``pursuit``, to the bit. So
     opponents of both kinds can be drawn in one game.
@@ -23,25 +23,25 @@ class SuiteMember(OnnxPlayer):
 
     @property
     def flies(self) -> str:
-        """``learned`` where the opponent flew itself while it was trained, else ``pursuit``."""
+        """``learned`` if the opponent flew itself in its training, otherwise ``pursuit``."""
         return flight_of(self.about)
 
 
 def flight_of(about: dict[str, Any]) -> str:
-    """How the opponent flew while an agent was trained, by its ``agent.json``: ``learned`` or ``pursuit``."""
+    """Return the opponent's flight in an agent's training: ``learned`` or ``pursuit``."""
     suites = about.get("scenario_fields")
     path = suites.get("opponent_path", "pursuit") if isinstance(suites, dict) else "pursuit"
     return "learned" if path == "learned" or (isinstance(path, list) and "learned" in path) else "pursuit"
 
 
 def as_member(folder: str | os.PathLike[str], side: str | None = None) -> SuiteMember:
-    """A suite's member from its agent folder; raises as :func:`fpg_bench.players.agent.load_agent` does."""
+    """Load a member from its agent folder; raises as :func:`fpg_bench.players.agent.load_agent`."""
     agent = load_agent(folder, side)
     return SuiteMember(agent.model, agent.about)
 
 
 def with_members(specs: Iterable[Any], side: str) -> list[Any]:
-    """A list of players in which each suite's name has given way to its members of a side.
+    """Return a list of players with each suite replaced by its members of a side.
 
     Args:
         specs: players as :func:`fpg_bench.players.registry.as_player` takes them, and suites: ``suite:NAME``, a
@@ -55,7 +55,7 @@ def with_members(specs: Iterable[Any], side: str) -> list[Any]:
 
 
 def load_member(spec: str, side: str) -> SuiteMember:
-    """The player that ``suite:NAME/MEMBER`` names.
+    """Load the player that ``suite:NAME/MEMBER`` names.
 
     Raises:
         UserError: no such suite or member, a whole suite, or a member that is damaged or plays another side.
@@ -83,7 +83,7 @@ def _is_suite(spec: Any) -> bool:
 
 
 def _members(spec: str, side: str) -> list[str]:
-    """The names of a suite's members of a side, in the order of the alphabet."""
+    """Return the names of a suite's members of a side, in alphabetical order."""
     name = spec.removeprefix(PREFIX)
     folder = _folder(name)
     if folder is None:
@@ -96,12 +96,12 @@ def _members(spec: str, side: str) -> list[str]:
 
 
 def _folder(name: str) -> Path | None:
-    """Where a suite of this name lies, if there is one."""
+    """Return the folder of a suite; None if there is no such suite."""
     places = [baselines_folder() / "suites" / name, Path(name)] if name else []
     return next((place for place in places if any((place / side).is_dir() for side in SIDES)), None)
 
 
 def _shipped() -> list[str]:
-    """The names of the suites that come with the package."""
+    """Return the names of the suites of the package."""
     suites = baselines_folder() / "suites"
     return [entry.name for entry in suites.iterdir() if entry.is_dir()] if suites.is_dir() else []

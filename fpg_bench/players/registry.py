@@ -1,4 +1,4 @@
-"""One grammar names a player everywhere: a script, an oracle, an agent, a folder, or an object."""
+"""Registry of players: a name is a script, an oracle, an agent, a folder, or an object to import."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from typing import Any
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.imports import import_object
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.players.oracles import ORACLES, OracleAlly, OracleOpponent
 from fpg_bench.players.player import Player
-from fpg_bench.players.scripted import SCRIPTED, Scripted
+from fpg_bench.players.scripted import ORACLES, SCRIPTED, OracleAlly, OracleOpponent, Scripted
 
 
 def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
-    """The player that ``spec`` names.
+    """Return the player that ``spec`` names.
 
     Args:
         spec: a script (``expert``), ``oracle``, a shipped agent (``ally-scripted/ppo/seed_0``), an agent
@@ -51,12 +50,12 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
 
 
 def policy_hash(player: Player) -> str | None:
-    """SHA-256 of an agent's policy; None for a player that is no agent."""
+    """Return the SHA-256 of an agent's policy; None for any other player."""
     about = getattr(player, "about", None)
     found = about.get("policy_sha256") if isinstance(about, dict) else None
     return None if found is None else str(found)
 
 
 def player_name(spec: Any) -> str:
-    """What rows and tables call a player: its own word, or its class."""
+    """Return the name of a player in rows and tables: its specification, or its class."""
     return os.fspath(spec) if isinstance(spec, str | os.PathLike) else type(spec).__name__

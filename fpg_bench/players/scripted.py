@@ -1,22 +1,144 @@
-"""Players without learning: what every trained agent has to beat. They read observations only."""
+"""Scripted players (compiled baselines that read observations) and oracles (upper bounds)."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from fpg_bench.game import rng
+from fpg_bench.game.compiling import compiled
+from fpg_bench.game.full_state import ALLY, OPPONENT
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.players.scripts import ALLIES, OPPONENTS, play_ally, play_opponent
-from fpg_bench.players.seeded import SeededPolicy
+from fpg_bench.game.sensing import (
+    JAM_CENTRE,
+    JAM_TYPE,
+    KNOWN_AGE,
+    KNOWN_FREQUENCY,
+    NEXT_CHECK,
+    OWN_FREQUENCY,
+    RELATIVE_POSITION,
+    SENSED_COVERS,
+    SNR,
+    SPREADING_TIME,
+)
+from fpg_bench.game.state import ACTION_SIZE, TYPES
+from fpg_bench.players.seeded import Batched, SeededPolicy
+
+ALLIES = ("idle", "random", "reactive", "expert", "expert-spread", "always-hop")
+OPPONENTS = ("tone", "narrowband", "broadband", "comb", "random", "sweep", "adaptive", "watchful")
+IDLE, RANDOM_ALLY, REACTIVE, EXPERT, EXPERT_SPREAD, ALWAYS_HOP = range(len(ALLIES))
+TONE, NARROWBAND, BROADBAND, COMB, RANDOM_OPPONENT, SWEEP, ADAPTIVE, WATCHFUL = range(len(OPPONENTS))
+
+# What the experts call a threatened link, and how long expert-spread spreads after a hop.
+THREATENED_DB = 30.0
+SPREAD_S = 8.0
+# Where adaptive finds broadband and comb strong enough.
+BROADBAND_M = 35.0
+COMB_M = 90.0
+PURSUIT_M = 10.0  # closer than this the scripted opponents slow down, where they fly themselves
+
+# Columns of the scales that a script is handed.
+_SNR_SCALE, _THRESHOLD, _SPREADING_SCALE, _POINTS, _BOX = 0, 1, 2, 3, 4
+
+
+@compiled
+def _draw(keys, i, step, purpose):
+    """Return a uniform number in [-1, 1] from the player's own key."""
+    return 2.0 * rng.uniform(keys[i], step, rng.PLAYER_DRAW + purpose) - 1.0
+
+
+@compiled
+def play_ally(kind, observations, actions, steps, keys, scales):
+    """Fill the actions of a scripted ally and count its steps."""
+    for i in range(observations.shape[0]):
+        seen, action = observations[i], actions[i]
+        snr = seen[SNR] * scales[_SNR_SCALE]
+        hop, spread, expert = False, False, False
+        preference = 0.0
+        if kind == REACTIVE:
+            hop = snr < scales[_THRESHOLD]
+            preference = _draw(keys, i, steps[i], 3)
+        elif kind in (EXPERT, EXPERT_SPREAD):
+            expert = seen[SENSED_COVERS] > 0.0 and snr < THREATENED_DB
+            hop = expert
+            spread_s = seen[SPREADING_TIME] * scales[_SPREADING_SCALE]
+            spread = kind == EXPERT_SPREAD and (hop or 0.5 < spread_s < SPREAD_S - 0.5)
+        elif kind == ALWAYS_HOP:
+            hop = True
+            preference = _draw(keys, i, steps[i], 3)
+        action[0] = 1.0 if hop else -1.0
+        action[1] = 1.0 if spread else -1.0
+        action[2] = 1.0
+        action[3] = preference
+        action[4] = 1.0 if expert else -1.0
+        for j in range(5, ACTION_SIZE):
+            action[j] = 0.0
+        if kind == RANDOM_ALLY:
+            _fill_random(action, keys, i, steps[i])
+        steps[i] += 1
+
+
+@compiled
+def play_opponent(kind, observations, actions, steps, keys, scales):
+    """Fill the actions of a scripted opponent and count its steps."""
+    for i in range(observations.shape[0]):
+        seen, action = observations[i], actions[i]
+        x, y, z = _away_m(seen, scales, 0), _away_m(seen, scales, 1), _away_m(seen, scales, 2)
+        distance = math.sqrt(x * x + y * y + z * z)
+        jamming_type, tuning, in_band = kind, 0.0, False
+        if kind == SWEEP:
+            points = int(scales[_POINTS])
+            jamming_type, in_band = NARROWBAND, True
+            tuning = 2.0 * (steps[i] % points) / (points - 1) - 1.0
+        elif kind in (ADAPTIVE, WATCHFUL):
+            checked = seen[KNOWN_AGE] <= 0.0
+            if _stayed(seen, checked) if kind == WATCHFUL else checked:
+                jamming_type = TONE
+            elif checked:
+                jamming_type = NARROWBAND
+            elif distance < BROADBAND_M:
+                jamming_type = BROADBAND
+            else:
+                jamming_type = COMB if distance < COMB_M else NARROWBAND
+        for j in range(TYPES):
+            action[j] = 1.0 if j == jamming_type else -1.0
+        action[4] = tuning
+        action[5] = 1.0 if in_band else -1.0
+        reach = max(distance, PURSUIT_M)
+        action[6], action[7], action[8] = x / reach, y / reach, z / reach
+        if kind == RANDOM_OPPONENT:
+            _fill_random(action, keys, i, steps[i])
+        steps[i] += 1
+
+
+@compiled
+def _stayed(seen, checked):
+    """Return True if the last check found the ally where it was jammed; a tone marks it until the next."""
+    if checked:
+        return seen[JAM_CENTRE] == seen[KNOWN_FREQUENCY] or not seen[JAM_TYPE : JAM_TYPE + TYPES].any()
+    return seen[JAM_TYPE + TONE] > 0.0
+
+
+@compiled
+def _away_m(seen, scales, axis):
+    """Return the relative position in m; the observation holds its signed root over the box."""
+    root = seen[RELATIVE_POSITION + axis]
+    return math.copysign(root * root, root) * scales[_BOX + axis]
+
+
+@compiled
+def _fill_random(action, keys, i, step):
+    for j in range(ACTION_SIZE):
+        action[j] = _draw(keys, i, step, j)
+
 
 SCRIPTED = {"ally": ALLIES, "opponent": OPPONENTS}
 
 
 class Scripted(SeededPolicy):
-    """A scripted ally or opponent, compiled over a batch; its memory is the round's step count.
+    """A scripted ally or opponent, compiled over a batch. Its memory is the step of the round.
 
     Args:
         side: ``ally`` or ``opponent``.
@@ -54,8 +176,65 @@ class Scripted(SeededPolicy):
 
 
 def player_seeds(round_keys: np.ndarray, side: str) -> np.ndarray:
-    """``(N,)`` uint64 seeds of one side's player for the rounds of these keys."""
+    """Return ``(N,)`` uint64 seeds of one side's player for the rounds of these keys."""
     seeds = np.empty(len(round_keys), np.uint64)
     purpose = rng.PLAYER_SEED if side == "ally" else rng.OPPONENT_PLAYER_SEED
     rng.derived_keys(seeds, np.ascontiguousarray(round_keys), purpose)
     return seeds
+
+
+ORACLES = ("oracle",)
+
+
+class OracleAlly(Batched):
+    """Oracle ally: spreads only in seconds with a check, and leaves a known frequency."""
+
+    sees = "state"
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._check_s = scenario.check_scale_s
+        self._half_point = 1.0 / (scenario.frequency_points - 1)
+
+    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+        frequency = seen[:, ALLY + OWN_FREQUENCY]
+        known = seen[:, OPPONENT + KNOWN_FREQUENCY]
+        due = seen[:, OPPONENT + NEXT_CHECK] * self._check_s < 1.5
+        actions = np.zeros((len(seen), ACTION_SIZE), np.float32)
+        actions[:, 0] = np.where(np.abs(frequency - known) < self._half_point, 1, -1)
+        actions[:, 1] = np.where(due, 1, -1)
+        actions[:, 2] = 1
+        actions[:, 3] = np.where(known > 0, -1, 1)  # the end of the band that is farther away
+        actions[:, 4] = -1
+        return actions, None
+
+
+class OracleOpponent(Batched):
+    """Oracle opponent: a single tone on the ally's true frequency, while it pursues the ally.
+
+    An upper bound against allies that hop when they are jammed; one that hops every second has left by
+    the time the tone arrives, and broadband serves better there.
+    """
+
+    sees = "state"
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._box = np.asarray(scenario.box_m)
+
+    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+        actions = np.full((len(seen), ACTION_SIZE), -1, np.float32)
+        actions[:, 0] = 1
+        actions[:, 4] = seen[:, ALLY + OWN_FREQUENCY]
+        actions[:, 5] = 1
+        start = OPPONENT + RELATIVE_POSITION
+        root = seen[:, start : start + 3]
+        away = np.sign(root) * root**2 * self._box
+        actions[:, 6:] = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 10.0)
+        return actions, None
+
+
+@compiled
+def fill_noise(noise, keys, steps):
+    """Fill ``noise`` (n, k) with standard normal numbers of these rounds (n,) at these steps (n,)."""
+    for i in range(noise.shape[0]):
+        for j in range(noise.shape[1]):
+            noise[i, j], _ = rng.gaussians(keys[i], steps[i], rng.PLAYER_DRAW + j)

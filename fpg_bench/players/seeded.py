@@ -1,4 +1,4 @@
-"""What players are made of: one answer for many games, and draws from the stream of each game's own round."""
+"""Base classes of players: one call for many games, and draws from the stream of each game's round."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 
 class Batched:
-    """Answers what it sees in a batch of games, or in one alone."""
+    """Base class of players that take the observations of one game or of a batch."""
 
     def predict(
         self,
@@ -19,47 +19,47 @@ class Batched:
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
     ) -> tuple[np.ndarray, Any]:
-        """Play one step, of one game or of many; see :class:`fpg_bench.players.player.Player`."""
+        """Play one step of one game or of many; see :class:`fpg_bench.players.player.Player`."""
         if observation.ndim == 1:
             actions, state = self.predict(observation[None], state, episode_start)
             return actions[0], state
         return self._answer(observation, state, episode_start)
 
     def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
-        """What the player does in a batch of games; its policy has no other mode."""
+        """Return the actions in a batch of games and the next memory."""
         raise NotImplementedError
 
 
 class SeededPolicy(Batched):
-    """Keeps one key per game; a game that was never given one takes its own index.
+    """Base class of players that draw at random, with one key per game.
 
-    What a subclass answers treats every game by itself, and its memory is None, an array with a row per
-    game, or a tuple of these. So it can be asked about some of its games only.
+    A game that never got a key uses its own index. A subclass treats every game by itself, and its memory is
+    None, an array with a row per game, or a tuple of these. So it can be called for some of its games only.
     """
 
     _keys = np.empty(0, np.uint64)
 
     def reset(self, mask: np.ndarray, seeds: np.ndarray) -> None:
-        """Take the masked games' seeds for this round's draws."""
+        """Take the seeds ``(n,)`` uint64 of the games in ``mask`` for the draws of this round."""
         if len(self._keys) != len(seeds):
             self._keys = np.zeros(len(seeds), np.uint64)
         self._keys[mask] = seeds[mask]
 
     def keys(self, count: int) -> np.ndarray:
-        """``(count,)`` uint64, the present rounds' keys of the games that are asked about."""
+        """Return the keys ``(count,)`` uint64 of the current rounds."""
         if len(self._keys) != count:
             self._keys = np.arange(count, dtype=np.uint64)
         return self._keys
 
     @contextlib.contextmanager
     def playing(self, games: np.ndarray, count: int) -> Iterator[None]:
-        """Meanwhile play only these of ``count`` games, in this order, each with its own key."""
-        whole = self.keys(count)
-        self._keys = whole[games]
+        """Within the context, play only these of ``count`` games, in this order, each with its own key."""
+        all_keys = self.keys(count)
+        self._keys = all_keys[games]
         try:
             yield
         finally:
-            self._keys = whole
+            self._keys = all_keys
 
     def predict_rows(
         self,
@@ -69,38 +69,38 @@ class SeededPolicy(Batched):
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
     ) -> tuple[np.ndarray, Any]:
-        """Play one step of some games; the others' memory stays as it is.
+        """Play one step of some games; the memory of the others stays as it is.
 
         Args:
-            rows: ``(k,)`` whole numbers, the games, each once.
-            observation, state, episode_start, deterministic: of all n games, as ``predict`` takes them. The
-                state is changed in place.
+            rows: ``(k,)`` indices of the games, without repetition.
+            observation, state, episode_start, deterministic: of all n games, as for ``predict``. The state
+                is changed in place.
 
         Returns:
-            Actions ``(k, 9)``, bit for bit what ``predict`` answers in these games, and the memory of all n.
+            Actions ``(k, 9)``, identical to those of ``predict`` in these games, and the memory of all n.
         """
         count = len(observation)
         starts = None if episode_start is None else episode_start[rows]
         with self.playing(rows, count):
-            actions, memory = self.predict(observation[rows], _taken(state, rows), starts, deterministic)
+            actions, memory = self.predict(observation[rows], _take(state, rows), starts, deterministic)
         return actions, _put(state, rows, memory, count)
 
 
-def _taken(state: Any, rows: np.ndarray) -> Any:
-    """A memory's rows of some games."""
+def _take(state: Any, rows: np.ndarray) -> Any:
+    """Return the rows of a memory that belong to some games."""
     if isinstance(state, tuple):
-        return tuple(_taken(part, rows) for part in state)
+        return tuple(_take(part, rows) for part in state)
     return None if state is None else state[rows]
 
 
-def _put(state: Any, rows: np.ndarray, found: Any, count: int) -> Any:
-    """The memory of all games, with what was found in some of them; empty where no game was asked yet."""
-    if isinstance(found, tuple):
-        parts = [None] * len(found) if state is None else state
-        return tuple(_put(part, rows, new, count) for part, new in zip(parts, found, strict=True))
-    if found is None:
+def _put(state: Any, rows: np.ndarray, new: Any, count: int) -> Any:
+    """Return the memory of all games with the new rows of some; zeros for games that never played."""
+    if isinstance(new, tuple):
+        parts = [None] * len(new) if state is None else state
+        return tuple(_put(part, rows, value, count) for part, value in zip(parts, new, strict=True))
+    if new is None:
         return None
     if state is None:
-        state = np.zeros((count, *found.shape[1:]), found.dtype)
-    state[rows] = found
+        state = np.zeros((count, *new.shape[1:]), new.dtype)
+    state[rows] = new
     return state

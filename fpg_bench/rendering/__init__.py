@@ -1,1 +1,1 @@
-"""Pictures of rounds: recordings, what is drawn of them, windows, films and interactive replays."""
+"""Rendering of rounds: recordings, pictures, windows, films and interactive replays."""

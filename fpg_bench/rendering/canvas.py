@@ -1,4 +1,4 @@
-"""An empty figure to draw on, without a window or matplotlib's global state; and both sides' colours."""
+"""Empty matplotlib figures without global state, and the colours of both sides."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ SIDE_COLOURS = {"ally": ALLY, "opponent": OPPONENT}
 
 
 def blank_figure(width: float, height: float, dpi: int = 100) -> Any:
-    """A matplotlib ``Figure`` of this size in inches, at so many dots each."""
+    """Return a matplotlib ``Figure`` of this size in inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

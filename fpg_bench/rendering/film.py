@@ -1,4 +1,4 @@
-"""Films of recorded rounds: an animated GIF, or an MP4."""
+"""Films of recorded rounds, as animated GIF or MP4."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from fpg_bench.rendering.screen import FRAMES_PER_SECOND
 
 
 def check_mp4() -> None:
-    """Make sure that an MP4 can be written.
+    """Check that an MP4 can be written.
 
     Raises:
         UserError: the encoder is not installed.
@@ -35,7 +35,7 @@ def check_mp4() -> None:
 
 
 def write_gif(recordings: Sequence[Recording], path: Path, title: str = "", every: int = 1) -> None:
-    """Write each ``every``-th step of the rounds, and each round's last one, as an animated GIF."""
+    """Write each ``every``-th step of the rounds, and the last step of each, as an animated GIF."""
     from PIL import Image
 
     last = Image.fromarray(Picture(recordings[-1], title).draw())
@@ -51,7 +51,7 @@ def write_gif(recordings: Sequence[Recording], path: Path, title: str = "", ever
 
 
 def write_mp4(recordings: Sequence[Recording], path: Path, title: str = "", every: int = 1) -> None:
-    """As :func:`write_gif`, as an MP4 (H.264).
+    """Write the same frames as :func:`write_gif` as an MP4 (H.264).
 
     Raises:
         UserError: the encoder is not installed.
@@ -70,12 +70,12 @@ def write_mp4(recordings: Sequence[Recording], path: Path, title: str = "", ever
 
 
 def shown(step: int, last: int, every: int) -> bool:
-    """Whether a step is shown where each ``every``-th one is: the last always."""
+    """Return True for each ``every``-th step and for the last one."""
     return step % every == 0 or step == last
 
 
 def _frames(recordings: Sequence[Recording], title: str, every: int) -> Iterator[np.ndarray]:
-    """The pictures one after the other, with a progress bar where somebody looks."""
+    """Yield the pictures in order, with a progress bar on a terminal."""
     steps = [
         (recording, step)
         for recording in recordings

@@ -1,4 +1,4 @@
-"""A game's round, kept step by step: what pictures and replays are drawn from."""
+"""Recording of a round, step by step, for pictures and replays."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ FRAME = repack_fields(np.zeros(0, GAME)[list(FIELDS)]).dtype
 
 
 class Recording:
-    """One game's present round: call :meth:`begin` after each reset and :meth:`add` after each step.
+    """Recording of one game's round: call :meth:`begin` after each reset and :meth:`add` after each step.
 
     Attributes:
         scenario: what is played.
@@ -55,7 +55,7 @@ class Recording:
         self.begin()
 
     def begin(self) -> None:
-        """Forget what was recorded and keep the start of the round that has just begun."""
+        """Forget the last round and record the start of the round that has just begun."""
         game = self._batch.games[self._game]
         self.seed, self.match, self.round = int(game["seed"]), int(game["match"]), int(game["round"])
         self.horizon, self.path = int(game["horizon"]), PATHS[game["path"]]
@@ -66,7 +66,7 @@ class Recording:
         self.add()
 
     def add(self) -> None:
-        """Keep the step just played; the same step twice is kept once."""
+        """Record the last step; a step that is recorded already is skipped."""
         step = int(self._batch.games["step"][self._game])
         for name in FIELDS:
             self._kept[name][step] = self._batch.games[name][self._game]

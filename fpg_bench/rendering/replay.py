@@ -1,4 +1,4 @@
-"""One self-contained HTML page that replays rounds: no network, data and player in the same file."""
+"""Self-contained HTML pages that replay rounds, with data and player in one file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def replay_data(
     opponent: str = "opponent",
     talks: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """What the page draws, ready for JSON; lengths in m, frequencies in MHz, times in s, levels in dB.
+    """Return the page's data, ready for JSON; lengths in m, frequencies in MHz, times in s, levels in dB.
 
     - ``format``: ``fpg-replay/1``; ``title``, ``ally``, ``opponent``: plain text.
     - ``scenario``: ``box_m`` [3], ``base_station_m`` [3], ``band_mhz`` [low, high], ``threshold_db``,
@@ -57,7 +57,7 @@ def replay_data(
 
 
 def scenario_data(scenario: Scenario) -> dict[str, Any]:
-    """What the page draws of a scenario; see :func:`replay_data`."""
+    """Return the page's data of a scenario; see :func:`replay_data`."""
     s = scenario
     comb = s.comb_spacing_points * s.point_spacing_mhz
     kinds = zip(JAMMING_TYPES, s.footprint_half_widths_mhz, s.jamming_coefficients, strict=True)
@@ -119,7 +119,7 @@ def _rounded(values: np.ndarray, digits: int) -> list:
 
 
 def replay_page(data: dict[str, Any]) -> str:
-    """The HTML page of what :func:`replay_data` gives; no text in it can become markup or code."""
+    """Return the HTML page of :func:`replay_data`'s result; its texts cannot become markup or code."""
     parts = {"title": html.escape(data["title"]), "data": script_json(data)}
     parts |= {"css": replay_part("css"), "js": replay_part("js"), "player": replay_markup("h1")}
     template = _resource("replay.html")
@@ -127,7 +127,7 @@ def replay_page(data: dict[str, Any]) -> str:
 
 
 def script_json(content: Any) -> str:
-    """JSON without spaces, in which no string can end a script element."""
+    """Return compact JSON in which no string can end a script element."""
     text = json.dumps(content, separators=(",", ":"), allow_nan=False)
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
@@ -135,18 +135,18 @@ def script_json(content: Any) -> str:
 
 
 def replay_part(suffix: str) -> str:
-    """The player's styles (``css``) or code (``js``), to be put into a page beside its markup."""
+    """Return the player's styles (``css``) or code (``js``), to be embedded in a page."""
     parts = _CODE if suffix == "js" else ("player",)
     return "".join(_resource(f"replay_{part}.{suffix}") for part in parts)
 
 
 def replay_code(part: str) -> str:
-    """One part of the player's code, for a page that needs it alone: ``events`` or ``pen``."""
+    """Return one part of the player's code, for a page that needs it alone: ``events`` or ``pen``."""
     return _resource(f"replay_{part}.js")
 
 
 def replay_markup(heading: str) -> str:
-    """The player's markup; ``heading`` is the element of its title, ``h1`` and the like."""
+    """Return the player's markup; ``heading`` is the element of its title, such as ``h1``."""
     return _resource("replay_player.html").replace("{{heading}}", heading)
 
 
@@ -162,7 +162,7 @@ def write_replay(
     opponent: str = "opponent",
     talks: Sequence[Mapping[str, Any]] = (),
 ) -> None:
-    """Write the replay of one or more rounds of one scenario as one HTML file, whole.
+    """Write the replay of rounds of one scenario as one HTML file, atomically.
 
     Args:
         recordings: the rounds, at least one.

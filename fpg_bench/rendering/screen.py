@@ -1,4 +1,4 @@
-"""What a view shows of its game: pictures, a window, or nothing and at no cost."""
+"""Rendering of environments: ``rgb_array``, ``human`` or None."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ RENDER_MODES = {"rgb_array": ("matplotlib",), "human": ("matplotlib", "pygame")}
 
 @functools.cache  # looking for packages takes as long as the rest of a view's making
 def offered_modes() -> tuple[str, ...]:
-    """The render modes that the installed packages can show, which is what a made view's metadata names."""
+    """Return the render modes that the installed packages support."""
     return tuple(mode for mode, packages in RENDER_MODES.items() if all(map(has, packages)))
 
 
 class Screen:
-    """The rendering of one game in a view's render mode.
+    """Rendering of one game in an environment's render mode.
 
     Args:
         arena: the games; the first one is shown.
@@ -45,7 +45,7 @@ class Screen:
         self._batch, self._mode = batch, mode
 
     def record(self, begin: bool = False) -> None:
-        """Take the present step down, after a reset (``begin``) and after each step."""
+        """Record the current step, after a reset (``begin``) and after each step."""
         if self._mode is None:
             return
         if begin or self._recording is None:
@@ -58,7 +58,7 @@ class Screen:
                 self._window.show(self.draw())
 
     def draw(self) -> np.ndarray:
-        """The picture of the round so far, ``(640, 1120, 3)`` uint8, the caller's own."""
+        """Return a new picture of the round so far, ``(640, 1120, 3)`` uint8."""
         if self._picture is None:
             from fpg_bench.rendering.picture import Picture
 
@@ -67,7 +67,7 @@ class Screen:
         return drawn
 
     def picture(self) -> np.ndarray | None:
-        """The present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``; else None."""
+        """Return the current step, ``(height, width, 3)`` uint8, in mode ``rgb_array``; otherwise None."""
         return self.draw() if self._mode == "rgb_array" and self._recording else None
 
     def close(self) -> None:
@@ -78,7 +78,7 @@ class Screen:
 
 
 class Window:
-    """Opens with the first picture and is closed by the user or by :meth:`close`."""
+    """A window that opens with the first picture; the user or :meth:`close` closes it."""
 
     def __init__(self) -> None:
         import pygame

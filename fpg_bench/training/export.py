@@ -32,8 +32,7 @@ from fpg_bench.common.imports import reason
 from fpg_bench.envs.sb3_vec_env import FPGVecEnv
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer
-from fpg_bench.players.writing import stripped
+from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer, stripped
 from fpg_bench.training.actor import Actor
 
 OPSET = 20

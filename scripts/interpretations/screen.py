@@ -31,7 +31,7 @@ from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.strict_json import read_object
 from fpg_bench.envs.core import JointGame
 from fpg_bench.evaluation.seeds import evaluation_seeds
-from fpg_bench.game.measures import spectrum_overlap
+from fpg_bench.game.metrics import spectrum_overlap
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.paper.claims import ASPECTS, LEVEL, STRONGER
 from fpg_bench.paper.conditions import FIXED_PATHS

@@ -7,8 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fpg_bench.game.scenario import PAPER, STANDARD
-from fpg_bench.game.validation import ScenarioError
+from fpg_bench.game.scenario import PAPER, STANDARD, ScenarioError
 
 from .playing import ally, begin, opponent, place, still, wander
 

@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from fpg_bench.game.measures import measures, pool, spectrum_overlap
+from fpg_bench.game.metrics import measures, pool, spectrum_overlap
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import PAPER, STANDARD
 from fpg_bench.game.state import TALLY

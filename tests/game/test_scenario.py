@@ -7,8 +7,7 @@ import dataclasses
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.game.scenario import FIGURES, PAPER, STANDARD, Scenario, as_scenario, preset
-from fpg_bench.game.validation import ScenarioError
+from fpg_bench.game.scenario import FIGURES, PAPER, STANDARD, Scenario, ScenarioError, as_scenario, preset
 
 FIELDS = {spec.name: spec for spec in dataclasses.fields(Scenario)}
 

@@ -13,9 +13,7 @@ import yaml
 from fpg_bench.common.errors import UserError
 from fpg_bench.game import scenario as module
 from fpg_bench.game.knowledge import EXPERT_FILE
-from fpg_bench.game.released import RELEASED, RULES_VERSION
-from fpg_bench.game.scenario import PAPER, STANDARD, Scenario
-from fpg_bench.game.validation import ScenarioError
+from fpg_bench.game.scenario import PAPER, RELEASED, RULES_VERSION, STANDARD, Scenario, ScenarioError
 
 # A changed preset is another game: then the rules version and every id must change too.
 HASHES = {

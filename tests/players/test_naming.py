@@ -7,9 +7,8 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import PAPER, STANDARD
-from fpg_bench.players.oracles import OracleAlly, OracleOpponent
 from fpg_bench.players.registry import as_player, player_name
-from fpg_bench.players.scripted import Scripted
+from fpg_bench.players.scripted import OracleAlly, OracleOpponent, Scripted
 
 
 class Mine:

@@ -7,7 +7,7 @@ import pytest
 
 from fpg_bench.game.full_state import ALLY, FULL_STATE_SIZE, OPPONENT
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.players.oracles import OracleAlly, OracleOpponent
+from fpg_bench.players.scripted import OracleAlly, OracleOpponent
 
 HOP, SPREAD, SPEED, PREFERENCE, KNOWLEDGE = range(5)
 

@@ -17,10 +17,9 @@ from fpg_bench.game.jamming import covers
 from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.rendering.film import write_gif, write_mp4
-from fpg_bench.rendering.picture import Picture
+from fpg_bench.rendering.picture import Picture, footprints
 from fpg_bench.rendering.recording import Recording
 from fpg_bench.rendering.screen import FRAMES_PER_SECOND
-from fpg_bench.rendering.time_panels import footprints
 
 SHORT = Scenario(steps_per_round=24, waypoints=4)
 SHAPE = (640, 1120, 3)

@@ -35,7 +35,7 @@ from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
-from fpg_bench.players.scripts import ALLIES, OPPONENTS
+from fpg_bench.players.scripted import ALLIES, OPPONENTS
 from fpg_bench.rendering.replay import scenario_data, script_json
 
 Row = dict[str, Any]  # an object of JSON
