@@ -1,4 +1,4 @@
-"""How fast the game is, in ratios to yardsticks measured in the same run.
+"""Speed of the game, as ratios to references measured in the same run.
 
     python scripts/benchmark_speed.py [--quick] [--json FILE]
 
@@ -44,7 +44,7 @@ PPO_SETTINGS: dict[str, Any] = {"n_steps": 256, "batch_size": 2048, "n_epochs": 
 
 
 class Size(NamedTuple):
-    """How much is measured: repeats of each pair, and steps per repeat."""
+    """Amount of measurement: repeats of each pair, and steps per repeat."""
 
     repeats: int
     game_batch_steps: int
@@ -61,7 +61,7 @@ QUICK = Size(repeats=1, game_batch_steps=5, single_steps=200, batch_steps=5, ppo
 
 
 class Figure(NamedTuple):
-    """One row of the table: what was measured, and the bound it should keep (None: for comparison only)."""
+    """A row of the table: a measured value and its bound (None: for comparison only)."""
 
     name: str
     value: float
@@ -71,14 +71,14 @@ class Figure(NamedTuple):
 
     @property
     def reached(self) -> bool | None:
-        """Whether the value keeps its bound; None where it has none."""
+        """True if the value keeps its bound; None if it has none."""
         if self.asked is None:
             return None
         return self.value >= self.asked if self.at_least else self.value <= self.asked
 
 
 def interleaved(repeats: int, runs: dict[str, Callable[[], float]]) -> dict[str, np.ndarray]:
-    """What each run returns, ``repeats`` times; the runs take turns, so a slow moment meets them all."""
+    """Run each function ``repeats`` times, in turns, so that a slow moment affects them all."""
     found: dict[str, list[float]] = {name: [] for name in runs}
     for _ in range(repeats):
         for name, run in runs.items():
@@ -92,7 +92,7 @@ def median_ratio(rates: dict[str, np.ndarray], name: str, evaluator: str) -> flo
 
 
 def game_batch_rate(game_batch: GameBatch, steps: int) -> float:
-    """Game steps per second of an arena, both sides acting at random."""
+    """Return the game steps per second of a game batch with random actions of both sides."""
     rng = np.random.default_rng(0)
     actions = rng.uniform(-1, 1, (8, 2, game_batch.count, ACTION_SIZE)).astype(np.float32)
     game_batch.reset(seeds=0)
@@ -129,7 +129,7 @@ def parallel_rate(env: Any, steps: int) -> float:
 
 
 def stepping(size: Size) -> list[Figure]:
-    """The arena, one Gymnasium view and the PettingZoo view, against environments that people know."""
+    """Compare the game batch and both environments with well-known environments."""
     cart_pole, view = gymnasium.make("CartPole-v1"), gymnasium.make(VIEW)
     one, two = (GameBatch(STANDARD, ARENA_GAMES, threads) for threads in (1, 2))
     single_rate(view, 2)  # compiles the scripted players
@@ -151,7 +151,7 @@ def stepping(size: Size) -> list[Figure]:
 
 
 def memory() -> list[Figure]:
-    """What a game costs to keep, and what a step allocates (for all games together)."""
+    """Measure the memory of a game, and the allocation of a step (for all games together)."""
     tracemalloc.start()
     game_batch = GameBatch(STANDARD, ARENA_GAMES, threads=1)
     held = tracemalloc.get_traced_memory()[0]
@@ -171,7 +171,7 @@ def memory() -> list[Figure]:
 
 
 class Zeros(FPGVecEnv):
-    """Our batched view with nothing behind it: what PPO itself costs."""
+    """The batched environment without a game, to measure PPO itself."""
 
     def reset(self) -> np.ndarray:
         """Observations of zeros."""
@@ -202,7 +202,7 @@ def ppo_rate(model: PPO, rollouts: int) -> float:
 
 
 def learning(size: Size) -> list[Figure]:
-    """PPO on 64 games: our batched view, the same games one by one, and no game at all."""
+    """Compare PPO on 64 batched games, the same games one by one, and no game at all."""
     settings = PPO_SETTINGS if size is FULL else PPO_SETTINGS | {"n_steps": 32}
     ours = fpg_bench.make_sb3(VIEW, n_envs=PPO_GAMES, seed=0)
     singles = DummyVecEnv([lambda: gymnasium.make(VIEW)] * PPO_GAMES)
@@ -226,14 +226,14 @@ def learning(size: Size) -> list[Figure]:
 
 
 def import_seconds(module: str) -> float:
-    """How long a fresh process takes to import a module and end."""
+    """Return the time in s of a fresh process that imports a module."""
     begin = time.perf_counter()
     subprocess.run([sys.executable, "-c", f"import {module}"], check=True)
     return time.perf_counter() - begin
 
 
 def importing(size: Size) -> list[Figure]:
-    """How much longer ``import fpg_bench`` takes than ``import gymnasium``."""
+    """Measure the time of ``import fpg_bench`` beyond that of ``import gymnasium``."""
     modules = ("gymnasium", "fpg_bench")
     seconds = interleaved(size.repeats, {module: partial(import_seconds, module) for module in modules})
     beyond = float(np.median(seconds["fpg_bench"] - seconds["gymnasium"]))
@@ -258,7 +258,7 @@ def table(figures: list[Figure]) -> str:
 
 
 def machine() -> dict[str, Any]:
-    """What was measured on."""
+    """Return the machine and the versions."""
     versions = {module.__name__: module.__version__ for module in (np, torch, gymnasium, fpg_bench)}
     return {"cpus": os.cpu_count(), "python": platform.python_version(), **versions}
 

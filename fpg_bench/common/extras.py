@@ -1,7 +1,7 @@
 """Optional dependencies: a missing package is one clear line that names its extra.
 
-The core plays the game: views, scripts, shipped agents, ``play``. Everything else stands in an extra of
-``pyproject.toml``, and whoever needs a package of one says so here before work begins.
+The core plays the game: environments, scripts, shipped agents, ``play``. Everything else is in an extra of
+``pyproject.toml``; code that needs a package of an extra calls :func:`need` before its work begins.
 """
 
 from __future__ import annotations

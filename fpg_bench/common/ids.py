@@ -33,8 +33,8 @@ class EnvConfig:
 
 ENVS = MappingProxyType(
     {
-        view.id: view
-        for view in (
+        config.id: config
+        for config in (
             EnvConfig(
                 "FPG/AllyVsScripted-v0", "ally", "adaptive", about="keep the link against a scripted jammer"
             ),
@@ -83,7 +83,7 @@ DUEL = "FPG/duel_v0"
 
 def policy_env(side: str) -> EnvConfig:
     """Return the environment in which a side plays against any player."""
-    return next(view for view in ENVS.values() if view.side == side and not view.scripted)
+    return next(config for config in ENVS.values() if config.side == side and not config.scripted)
 
 
 def sides_of(name: str) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from fpg_bench.common.errors import UserError
 def import_object(name: str, what: str, methods: Sequence[str], scenario: Any) -> Any:
     """Return the object that ``package.module:object`` names; the current folder is searched, too.
 
-    A class or function is called first to make it, told the scenario if it takes an argument.
+    A class or function is called first, with the scenario if it takes an argument.
 
     Args:
         name: ``package.module:object``.

@@ -42,7 +42,7 @@ class RowFile:
         """Return all complete rows.
 
         Args:
-            left_out: told a line per line that is no row, which is left out then; None: it is an error.
+            left_out: called with a message per invalid line, which is skipped; None: it is an error.
 
         Raises:
             UserError: the file cannot be read, is huge, or a line that is not the last is not a row.

@@ -22,8 +22,8 @@ def read_plain(text: str | bytes, most: int = LONGEST, nan: bool = False, halves
     Args:
         text: bytes are UTF-8.
         most: bytes or characters that it may have.
-        nan: whether NaN and infinity may stand there, which Python writes and JSON does not know.
-        halves: whether half of a surrogate pair may stand there, as in a text that was cut off.
+        nan: accept NaN and infinity, which Python writes although JSON does not define them.
+        halves: accept lone surrogates, as in a text that was cut off.
 
     Raises:
         ValueError: it is no JSON, is too long or too deep, or holds a key twice, a number of too many digits

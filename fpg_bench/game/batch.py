@@ -28,7 +28,7 @@ class ActionError(UserError):
 class GameBatch:
     """N games of one scenario.
 
-    The attributes are buffers that every call reuses; whoever keeps them must copy.
+    The attributes are buffers that every call reuses; copy what is to be kept.
 
     Attributes:
         games: ``(N,)`` records of dtype ``state.GAME``: the full state.
@@ -109,7 +109,7 @@ class GameBatch:
         mask = np.ones(self.count, bool) if mask is None else np.asarray(mask, bool)
         self.check_reset(mask, horizons)
         if not self._begun and not (mask.all() and seeds is not None):
-            raise UserError("the first reset of an arena begins every game and needs seeds")
+            raise UserError("the first reset of a game batch begins every game and needs seeds")
         games = self.games
         if seeds is not None:
             games["seed"][mask] = check_seeds(seeds, self.count)[mask]
@@ -150,7 +150,7 @@ class GameBatch:
             UserError: no round was ever begun.
         """
         if not self._begun:
-            raise UserError("an arena is reset before its first step")
+            raise UserError("a game batch is reset before its first step")
         self._load(self._ally_actions, ally_actions, "ally")
         self._load(self._opponent_actions, opponent_actions, "opponent")
         if self.threads < 2 or self.count < 2 * _GAMES_WORTH_A_THREAD:
@@ -171,7 +171,7 @@ class GameBatch:
         """Divide the games among threads; the calling thread takes the last part."""
         if self._pool is None:
             kernel.play(0, 0, *self._arguments)  # compile before the threads meet
-            self._pool = ThreadPoolExecutor(self.threads - 1, thread_name_prefix="arena")
+            self._pool = ThreadPoolExecutor(self.threads - 1, thread_name_prefix="game-batch")
         cuts = [self.count * part // self.threads for part in range(self.threads + 1)]
         parts = [
             self._pool.submit(kernel.play, low, high, *self._arguments) for low, high in pairwise(cuts[:-1])

@@ -18,7 +18,7 @@ import numpy
 import platformdirs
 from numba import config
 
-# Private doors, opened here alone: Numba tells nobody else that it compiles, and names its cache by a place.
+# Private modules of Numba, used only here: for the notice of compilation, and for the cache's location.
 from numba.core import caching, event
 
 _PACKAGE = Path(__file__).parents[1]
@@ -69,7 +69,7 @@ class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: 
     """Names cached functions by their package folder, wherever the package is installed.
 
     The folder's digest says what is in it already. So a second environment, or a second copy of the same
-    sources, compiles nothing. Numba 0.61 can't be told of it, and compiles anew in each place.
+    sources, compiles nothing. Numba 0.61 has no such option, and compiles anew in each place.
     """
 
     @classmethod
@@ -82,7 +82,7 @@ class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: 
         return named
 
 
-def compiled(function: Callable) -> Any:
+def compiled(function: Callable[..., Any]) -> Any:
     """Compile a function of the game: no fast-math (identical bits), no GIL, cached on disk.
 
     All of a step is put into one piece of machine code, without Numba's reference counts (``_nrt``):

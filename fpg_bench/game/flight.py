@@ -7,20 +7,23 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.names import PATHS
+from fpg_bench.game.state import Record
 
 CIRCLE, TRIANGLE, RECTANGLE, PURSUIT, LEARNED, WAYPOINTS = range(len(PATHS))
 
 
 @compiled
-def distance_m(a, b):
+def distance_m(a: np.ndarray, b: np.ndarray) -> float:
     """Return the Euclidean distance of two positions in m."""
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
 @compiled
-def bezier(control_points, axis, t):
+def bezier(control_points: np.ndarray, axis: int, t: float) -> float:
     """Return one coordinate of the cubic Bezier curve at the parameter t in [0, 1]."""
     u = 1.0 - t
     return (
@@ -32,7 +35,7 @@ def bezier(control_points, axis, t):
 
 
 @compiled
-def begin_curve(game, chords):
+def begin_curve(game: Record, chords: int) -> None:
     """Put the ally at the start of its curve, flying outbound."""
     game.chord, game.outbound = -1, True
     for axis in range(3):
@@ -42,7 +45,7 @@ def begin_curve(game, chords):
 
 
 @compiled
-def fly_curve(game, metres, rules):
+def fly_curve(game: Record, metres: float, rules: Record) -> None:
     """Move the ally along its curve by arc length (in chords); it turns round at both ends."""
     left = metres
     for _ in range(4 * rules.chords):  # a bound for curves of (almost) no length
@@ -58,7 +61,7 @@ def fly_curve(game, metres, rules):
 
 
 @compiled
-def _enter_next_chord(game, chords):
+def _enter_next_chord(game: Record, chords: int) -> None:
     """Move to the next chord in the direction of flight, or turn round on the last one."""
     curve, start, vector = game.control_points, game.chord_start, game.chord_vector
     if game.chord == (chords - 1 if game.outbound else 0):
@@ -79,7 +82,7 @@ def _enter_next_chord(game, chords):
 
 
 @compiled
-def place_on_patrol(position, path, flown_m, rules):
+def place_on_patrol(position: np.ndarray, path: int, flown_m: float, rules: Record) -> None:
     """Compute the position on a patrol after ``flown_m`` metres, counter-clockwise from +x.
 
     The polygons are regular, their first corner at +x, and inscribed in the circle.
@@ -100,7 +103,7 @@ def place_on_patrol(position, path, flown_m, rules):
 
 
 @compiled
-def _fly_to(position, target, metres):
+def _fly_to(position: np.ndarray, target: np.ndarray, metres: float) -> None:
     """Move towards a target by at most ``metres``."""
     distance = distance_m(position, target)
     if distance > 0.0:
@@ -110,7 +113,7 @@ def _fly_to(position, target, metres):
 
 
 @compiled
-def fly_waypoints(position, waypoints, step, horizon, speed):
+def fly_waypoints(position: np.ndarray, waypoints: np.ndarray, step: int, horizon: int, speed: float) -> None:
     """Move towards the next waypoint, to arrive when it is due: waypoint i at (i + 1) T / n."""
     n = waypoints.shape[0]
     due = (step * n) // horizon
@@ -119,7 +122,7 @@ def fly_waypoints(position, waypoints, step, horizon, speed):
 
 
 @compiled
-def fly_opponent(game, action, waypoints, rules):
+def fly_opponent(game: Record, action: np.ndarray, waypoints: np.ndarray, rules: Record) -> None:
     """Move the opponent by one second, before the ally moves: pursuit aims at the ally's start."""
     position, speed, step = game.opponent_position, rules.opponent_speed, game.step
     if game.path <= RECTANGLE:
@@ -136,7 +139,7 @@ def fly_opponent(game, action, waypoints, rules):
 
 
 @compiled
-def keep_inside(position, rules):
+def keep_inside(position: np.ndarray, rules: Record) -> None:
     """Clip a position to the box."""
     for axis in range(3):
         position[axis] = min(max(position[axis], 0.0), rules.box[axis])

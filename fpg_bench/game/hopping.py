@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from fpg_bench.game import rng
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.jamming import footprint_distance_mhz
 from fpg_bench.game.sensing import SENSED_CENTRE, SENSED_TYPE
-from fpg_bench.game.state import TYPES
+from fpg_bench.game.state import TYPES, Record
 
 PREFERENCE, KNOWLEDGE_GATE, STRATEGY_SCORES = 3, 4, 5
 
 
 @compiled
-def point_mhz(point, rules):
+def point_mhz(point: int, rules: Record) -> float:
     """Return the frequency of a point in MHz."""
     return rules.band_low + point * rules.point_spacing
 
 
 @compiled
-def choose_point(point, observation, action, key, step, rules):
+def choose_point(
+    point: int, observation: np.ndarray, action: np.ndarray, key: np.uint64, step: int, rules: Record
+) -> int:
     """Return the point to hop to. The knowledge base reads the ally's own observation only."""
     if rules.knowledge and (rules.always_hops or action[KNOWLEDGE_GATE] > 0.0):
         return _expert_point(point, observation, action, key, step, rules)
@@ -28,7 +32,9 @@ def choose_point(point, observation, action, key, step, rules):
 
 
 @compiled
-def _expert_point(point, observation, action, key, step, rules):
+def _expert_point(
+    point: int, observation: np.ndarray, action: np.ndarray, key: np.uint64, step: int, rules: Record
+) -> int:
     strategy = _choose_strategy(observation, action)
     centre = rules.band_middle + observation[SENSED_CENTRE] * rules.band_half
     free = 0
@@ -47,7 +53,7 @@ def _expert_point(point, observation, action, key, step, rules):
 
 
 @compiled
-def _choose_strategy(observation, action):
+def _choose_strategy(observation: np.ndarray, action: np.ndarray) -> int:
     """Return the strategy of the highest score: actions 5-8, plus 1 for the sensed type."""
     best, best_score = 0, -math.inf
     for strategy in range(TYPES):
@@ -58,14 +64,14 @@ def _choose_strategy(observation, action):
 
 
 @compiled
-def _is_free(candidate, point, strategy, centre, rules):
+def _is_free(candidate: int, point: int, strategy: int, centre: float, rules: Record) -> bool:
     """Return True for a point other than the current one, outside the strategy's footprint and guard."""
     offset = footprint_distance_mhz(point_mhz(candidate, rules) - centre, rules.strategy_spacing[strategy])
     return (candidate != point) & (offset > rules.strategy_half_width[strategy])
 
 
 @compiled
-def _nth_free(n, point, strategy, centre, rules):
+def _nth_free(n: int, point: int, strategy: int, centre: float, rules: Record) -> int:
     for candidate in range(rules.points):
         if _is_free(candidate, point, strategy, centre, rules):
             if n == 0:
@@ -75,7 +81,7 @@ def _nth_free(n, point, strategy, centre, rules):
 
 
 @compiled
-def _nth_farthest(n, point, strategy, centre, rules):
+def _nth_farthest(n: int, point: int, strategy: int, centre: float, rules: Record) -> int:
     """Return the n-th free point in descending distance from the centre, ties to the lowest point."""
     last_distance, last_point = math.inf, -1
     for _ in range(n + 1):

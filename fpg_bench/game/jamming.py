@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from fpg_bench.game.compiling import compiled
-from fpg_bench.game.state import TYPES
+from fpg_bench.game.state import TYPES, Record
 
 
 @compiled
-def footprint_distance_mhz(offset_mhz, tooth_spacing):
+def footprint_distance_mhz(offset_mhz: float, tooth_spacing: float) -> float:
     """Return the distance in MHz from the footprint's centre f_j, or from a comb's nearest tooth."""
     if tooth_spacing > 0.0:
         offset_mhz -= tooth_spacing * math.floor(offset_mhz / tooth_spacing + 0.5)
@@ -17,14 +19,14 @@ def footprint_distance_mhz(offset_mhz, tooth_spacing):
 
 
 @compiled
-def covers(jamming_type, jamming_mhz, frequency_mhz, rules):
+def covers(jamming_type: int, jamming_mhz: float, frequency_mhz: float, rules: Record) -> bool:
     """Return True if a footprint covers a frequency; nothing wraps at the ends of the band."""
     distance = footprint_distance_mhz(frequency_mhz - jamming_mhz, rules.tooth_spacing[jamming_type])
     return distance <= rules.half_width[jamming_type]
 
 
 @compiled
-def choose_type(scores, rules):
+def choose_type(scores: np.ndarray, rules: Record) -> int:
     """Return the allowed type with the highest score (actions 0-3), ties to the lowest index."""
     best = -1
     for kind in range(TYPES):
@@ -34,7 +36,7 @@ def choose_type(scores, rules):
 
 
 @compiled
-def tune_mhz(tuning, in_band, known_mhz, rules):
+def tune_mhz(tuning: float, in_band: bool, known_mhz: float, rules: Record) -> float:
     """Return the footprint's centre: an offset from the known frequency, or a place in the band."""
     if in_band:
         return rules.band_middle + tuning * rules.band_half

@@ -10,11 +10,11 @@ import numpy as np
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.radio import capacity_mbit_s
-from fpg_bench.game.state import TALLY
+from fpg_bench.game.state import TALLY, Record
 
 
 @compiled
-def count_step(game, tally, histogram, point_before, rules):
+def count_step(game: Record, tally: Record, histogram: np.ndarray, point_before: int, rules: Record) -> None:
     """Add the last step to the tally, and both centre frequencies to ``histogram`` (2, points)."""
     outage = game.snr_db < rules.threshold
     tally.steps += 1
@@ -44,7 +44,7 @@ def count_step(game, tally, histogram, point_before, rules):
 
 
 @compiled
-def _count_outage(game, tally, outage):
+def _count_outage(game: Record, tally: Record, outage: bool) -> None:
     """Count outage runs, and the recovery time of the first one after a check that heard the ally.
 
     ``watching`` still speaks of the check before this step's own: an outage in the step of a check

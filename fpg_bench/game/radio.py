@@ -5,32 +5,35 @@ from __future__ import annotations
 import math
 
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.state import Record
 
 _DB = 10.0 / math.log(10.0)  # 10 log10 x = _DB ln x
 
 
 @compiled
-def path_loss_db(distance_m, frequency_mhz, rules):
+def path_loss_db(distance_m: float, frequency_mhz: float, rules: Record) -> float:
     """Return the path loss in dB (Eq. 1): 32.44 + 20 log10 d(km) + 20 log10 f(MHz), d at least 1 m."""
     d_km = max(distance_m, rules.minimum_distance) / 1000.0
     return rules.path_loss_constant + 2.0 * _DB * math.log(d_km * frequency_mhz)
 
 
 @compiled
-def power_sum_dbm(a_dbm, b_dbm):
+def power_sum_dbm(a_dbm: float, b_dbm: float) -> float:
     """Return the level of two powers together in dBm: 10 log10(10^(a/10) + 10^(b/10))."""
     high = max(a_dbm, b_dbm)
     return high + _DB * math.log(1.0 + math.exp((min(a_dbm, b_dbm) - high) / _DB))
 
 
 @compiled
-def noise_dbm(spreading, rules):
+def noise_dbm(spreading: bool, rules: Record) -> float:
     """Return the noise level N in dBm in the bandwidth that the ally uses."""
     return rules.spread_noise if spreading else rules.noise
 
 
 @compiled
-def snr_db(signal_dbm, jamming_dbm, covered, spreading, fading_db, rules):
+def snr_db(
+    signal_dbm: float, jamming_dbm: float, covered: bool, spreading: bool, fading_db: float, rules: Record
+) -> float:
     """Return the SNR at the ally in dB: S - N if not covered, otherwise S over noise and jamming.
 
     With the rules of ``paper`` the covered signal is first weakened by the jamming level, as Eq. 2 has
@@ -44,7 +47,7 @@ def snr_db(signal_dbm, jamming_dbm, covered, spreading, fading_db, rules):
 
 
 @compiled
-def capacity_mbit_s(snr, spreading, rules):
+def capacity_mbit_s(snr: float, spreading: bool, rules: Record) -> float:
     """Return the capacity in Mbit/s (Eq. 3): C = B log2(1 + 10^(SNR/10)), B in MHz."""
     bandwidth = rules.spread_bandwidth if spreading and rules.spread_capacity else rules.bandwidth
     return bandwidth * math.log2(1.0 + math.exp(snr / _DB))

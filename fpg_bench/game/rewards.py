@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from fpg_bench.game.compiling import compiled
-from fpg_bench.game.state import SPREAD_PIECES
+from fpg_bench.game.state import SPREAD_PIECES, Record
 
 
 @compiled
-def spread_cost(seconds, rules):
+def spread_cost(seconds: float, rules: Record) -> float:
     """Return D(t) of Eq. 4 after t seconds of uninterrupted spreading; 0 when not spreading."""
     cost = 0.0
     for piece in range(SPREAD_PIECES):
@@ -20,7 +20,7 @@ def spread_cost(seconds, rules):
 
 
 @compiled
-def reward(game, rules):
+def reward(game: Record, rules: Record) -> None:
     """Compute the rewards of the last step (Eq. 5 and 6); SNR_r is the SNR up to the cap."""
     snr, clean = min(game.snr_db, rules.snr_cap), min(game.clean_snr_db, rules.snr_cap)
     hop = rules.hop_cost if game.hopped else 0.0

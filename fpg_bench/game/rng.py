@@ -43,7 +43,7 @@ PLAYER_DRAW = 8  # scripted players draw from their own key
 
 
 @compiled
-def mix(z):
+def mix(z: np.uint64) -> np.uint64:
     """Apply one round of the SplitMix64 finaliser to a 64-bit number."""
     z = (z ^ (z >> _S30)) * _MIX_1
     z = (z ^ (z >> _S27)) * _MIX_2
@@ -51,37 +51,37 @@ def mix(z):
 
 
 @compiled
-def match_key(seed, match):
+def match_key(seed: int, match: int) -> np.uint64:
     """Return the key of a match: number ``match`` of its seed, from 0."""
     return mix(mix(np.uint64(seed) + _GOLDEN) + np.uint64(match) * _GOLDEN)
 
 
 @compiled
-def round_key(key, number):
+def round_key(key: np.uint64, number: int) -> np.uint64:
     """Return the key of a round: number ``number`` of its match, from 0."""
     return mix((key ^ _MIX_1) + (np.uint64(number) + _ONE) * _GOLDEN)
 
 
 @compiled
-def bits(key, step, purpose):
+def bits(key: np.uint64, step: int, purpose: int) -> np.uint64:
     """Return 64 random bits for one purpose at one step."""
     return mix(key + (np.uint64(step) * np.uint64(PURPOSES) + np.uint64(purpose) + _ONE) * _GOLDEN)
 
 
 @compiled
-def uniform(key, step, purpose):
+def uniform(key: np.uint64, step: int, purpose: int) -> float:
     """Return a random number in [0, 1)."""
     return float(bits(key, step, purpose) >> _S11) * _TWO_TO_MINUS_53
 
 
 @compiled
-def integer(key, step, purpose, count):
+def integer(key: np.uint64, step: int, purpose: int, count: int) -> int:
     """Return a random integer in [0, count)."""
     return min(int(uniform(key, step, purpose) * count), count - 1)
 
 
 @compiled
-def gaussians(key, step, purpose):
+def gaussians(key: np.uint64, step: int, purpose: int) -> tuple[float, float]:
     """Return two independent standard normal numbers (Box-Muller)."""
     word = bits(key, step, purpose)
     u = 1.0 - float(word >> _S11) * _TWO_TO_MINUS_53
@@ -91,14 +91,14 @@ def gaussians(key, step, purpose):
 
 
 @compiled
-def derived_keys(out, round_keys, purpose):
+def derived_keys(out: np.ndarray, round_keys: np.ndarray, purpose: int) -> None:
     """Fill ``out`` (N,) uint64 with one key per game, for one purpose of its round."""
     for i in range(out.shape[0]):
         out[i] = bits(round_keys[i], 0, purpose)
 
 
 @compiled
-def derived_integers(out, round_keys, purpose, count):
+def derived_integers(out: np.ndarray, round_keys: np.ndarray, purpose: int, count: int) -> None:
     """Fill ``out`` (N,) int64 with integers in [0, count), for one purpose of each round."""
     for i in range(out.shape[0]):
         out[i] = integer(round_keys[i], 0, purpose, count)

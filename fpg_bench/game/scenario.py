@@ -25,7 +25,7 @@ class ScenarioError(UserError):
     """An invalid scenario; the message names the field, its value and what would be valid."""
 
 
-def checked(spec: dataclasses.Field, value: Any) -> Any:
+def checked(spec: dataclasses.Field[Any], value: Any) -> Any:
     """Return ``value`` in the field's own type; raise ScenarioError if it is invalid."""
     rules = spec.metadata
     if "length" in rules:
@@ -284,7 +284,8 @@ class Scenario:
     @property
     def knowledge_base(self) -> KnowledgeBase | None:
         """The parsed expert knowledge base; None if ``knowledge`` is ``none``."""
-        return self._knowledge_base  # type: ignore[attr-defined]
+        base: KnowledgeBase | None = vars(self)["_knowledge_base"]
+        return base
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -362,13 +363,13 @@ PAPER = Scenario(
     hop_cost=100.0,
     distance_reward=50.0,
 )
-# The reading of the paper under which most of its figures' patterns appear between scripted players
-# (docs/reproduction/screen.md); where it departs from the letter:
+# The interpretation of the paper under which most patterns of its figures appear between scripted players
+# (docs/reproduction/screen.md). Differences from the paper as printed:
 FIGURES = dataclasses.replace(
     PAPER,
     snr_model="sinr",  # interference counts once; Eq. 2 and 3 count it twice
     hopping="always",  # Algorithm 1, line 6; Eq. 5 has a gate
-    hop_cost=0.0,  # H is not given; a hop that nobody decides on has no price
+    hop_cost=0.0,  # H is not given; a hop that is not decided on costs nothing
     rounds_per_match=40,  # the planner remembers more than ten rounds; Algorithm 1 never forgets
 )
 PRESETS = {"standard": STANDARD, "paper": PAPER, "figures": FIGURES}

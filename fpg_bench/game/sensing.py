@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from fpg_bench.game import rng
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.jamming import covers
 from fpg_bench.game.names import DETECTIONS
 from fpg_bench.game.radio import noise_dbm, path_loss_db
-from fpg_bench.game.state import OBSERVATION_SIZE, TYPES
+from fpg_bench.game.state import OBSERVATION_SIZE, TYPES, Record
 
 EMISSION, LINK, OFF = range(len(DETECTIONS))
 
@@ -20,7 +22,7 @@ KNOWN_FREQUENCY, KNOWN_AGE, NEXT_CHECK, JAM_CENTRE, JAM_TYPE, LAST_CHECK = 6, 7,
 
 
 @compiled
-def check(game, rules):
+def check(game: Record, rules: Record) -> None:
     """Run a detection check if one is due; a frequency it hears becomes known, with age 0."""
     game.age_s += 1
     game.checked = game.step + 1 == game.next_check
@@ -37,7 +39,7 @@ def check(game, rules):
 
 
 @compiled
-def hears(game, rules):
+def hears(game: Record, rules: Record) -> bool:
     """Return True if the opponent hears the ally in the last step.
 
     ``emission``: the ally's emission at the opponent's own receiver, against the noise in the ally's
@@ -51,7 +53,7 @@ def hears(game, rules):
 
 
 @compiled
-def sense(game, centre_error, rules):
+def sense(game: Record, centre_error: float, rules: Record) -> None:
     """Update the ally's spectrum monitor: the centre has an error, the type is at times wrong."""
     game.sensed_mhz = game.jamming_mhz + rules.sensing_sd * centre_error
     game.sensed_type = game.jamming_type
@@ -62,12 +64,12 @@ def sense(game, centre_error, rules):
 
 
 @compiled
-def _clip(x):
+def _clip(x: float) -> float:
     return min(max(x, -1.0), 1.0)
 
 
 @compiled
-def _positions(out, own, other, rules):
+def _positions(out: np.ndarray, own: np.ndarray, other: np.ndarray, rules: Record) -> None:
     """Write the own position and the other's relative one; the signed root resolves 30 m in 1500 m."""
     for axis in range(3):
         per_size = rules.per_box[axis]
@@ -77,12 +79,12 @@ def _positions(out, own, other, rules):
 
 
 @compiled
-def _in_band(frequency_mhz, rules):
+def _in_band(frequency_mhz: float, rules: Record) -> float:
     return _clip((frequency_mhz - rules.band_middle) * rules.per_band_half)
 
 
 @compiled
-def ally_observation(out, game, rules):
+def ally_observation(out: np.ndarray, game: Record, rules: Record) -> None:
     """The ally's 15 numbers in [-1, 1]: own position (3), the opponent's relative to it (3), own
     frequency, spreading time, SNR, sensed centre, sensed type (4), whether the sensed footprint
     covers the own frequency."""
@@ -99,7 +101,7 @@ def ally_observation(out, game, rules):
 
 
 @compiled
-def opponent_observation(out, game, rules):
+def opponent_observation(out: np.ndarray, game: Record, rules: Record) -> None:
     """The opponent's 15 numbers in [-1, 1]: own position (3), the ally's relative to it (3), known
     frequency, its age, time to the next check, own jamming centre, own type (4), the last check's
     result (1 heard, -1 not heard, 0 none yet)."""

@@ -5,10 +5,13 @@ N games are one structured array. Positions are in metres, frequencies in MHz, t
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from fpg_bench.game.names import MOST_PATHS
 
+Record = Any  # one element of an array of GAME, TALLY or RULES; Numba knows its fields
 OBSERVATION_SIZE = 15
 ACTION_SIZE = 9
 TYPES = 4  # jamming types: tone, narrowband, broadband, comb

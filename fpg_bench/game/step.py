@@ -23,6 +23,7 @@ from fpg_bench.game.metrics import count_step
 from fpg_bench.game.radio import path_loss_db, snr_db
 from fpg_bench.game.rewards import reward
 from fpg_bench.game.sensing import ally_observation, check, opponent_observation, sense
+from fpg_bench.game.state import Record
 
 # The indices of both actions; 3-8 of the ally are read in choosing.py, 6-8 of the opponent in flight.py.
 HOP_GATE, SPREAD_GATE, SPEED = 0, 1, 2
@@ -32,7 +33,7 @@ _LOW, _HIGH = np.float32(-1.0), np.float32(1.0)
 
 
 @compiled
-def clip_actions(actions):
+def clip_actions(actions: np.ndarray) -> bool:
     """Clip a flat array of actions to [-1, 1] in place; return False if one is NaN or infinite."""
     usable = True
     for i in range(actions.size):
@@ -43,19 +44,19 @@ def clip_actions(actions):
 
 @compiled
 def play(
-    first,
-    last,
-    games,
-    tallies,
-    histograms,
-    segments,
-    waypoints,
-    ally_actions,
-    opponent_actions,
-    ally_observations,
-    opponent_observations,
-    rules_array,
-):
+    first: int,
+    last: int,
+    games: np.ndarray,
+    tallies: np.ndarray,
+    histograms: np.ndarray,
+    segments: np.ndarray,
+    waypoints: np.ndarray,
+    ally_actions: np.ndarray,
+    opponent_actions: np.ndarray,
+    ally_observations: np.ndarray,
+    opponent_observations: np.ndarray,
+    rules_array: np.ndarray,
+) -> None:
     """Play one step of the games ``first`` to ``last`` - 1, except those whose round is over.
 
     The actions were clipped before.
@@ -83,13 +84,13 @@ def play(
 
 
 @compiled
-def _choose_jamming(game, action, rules):
+def _choose_jamming(game: Record, action: np.ndarray, rules: Record) -> None:
     game.jamming_type = choose_type(action, rules)
     game.jamming_mhz = tune_mhz(action[TUNING], action[TUNING_REFERENCE] > 0.0, game.known_mhz, rules)
 
 
 @compiled
-def _choose_frequency(game, action, observation, rules):
+def _choose_frequency(game: Record, action: np.ndarray, observation: np.ndarray, rules: Record) -> None:
     spread = action[SPREAD_GATE] > 0.0
     game.hopped = rules.always_hops or action[HOP_GATE] > 0.0
     despread = rules.reselect and game.spreading and not spread
@@ -101,7 +102,9 @@ def _choose_frequency(game, action, observation, rules):
 
 
 @compiled
-def _move(game, ally_action, opponent_action, waypoints, rules):
+def _move(
+    game: Record, ally_action: np.ndarray, opponent_action: np.ndarray, waypoints: np.ndarray, rules: Record
+) -> None:
     slow, fast = rules.ally_speed[0], rules.ally_speed[1]
     fly_opponent(game, opponent_action, waypoints, rules)  # first: pursuit aims at where the ally was
     fly_curve(game, slow + (ally_action[SPEED] + 1.0) / 2.0 * (fast - slow), rules)
@@ -109,7 +112,7 @@ def _move(game, ally_action, opponent_action, waypoints, rules):
 
 
 @compiled
-def trace_ally(path, games, rules_array):
+def trace_ally(path: np.ndarray, games: np.ndarray, rules_array: np.ndarray) -> None:
     """Fill ``path`` with the ally's positions from the start of its round, each second, at full speed."""
     game, rules = games[0], rules_array[0]
     begin_curve(game, rules.chords)
@@ -122,7 +125,7 @@ def trace_ally(path, games, rules_array):
 
 
 @compiled
-def _transmit(game, fading, rules):
+def _transmit(game: Record, fading: float, rules: Record) -> None:
     """Compute coverage, fading, and the SNR with and without jamming, at the final positions."""
     f = game.frequency_mhz
     game.distance_m = distance_m(game.ally_position, game.opponent_position)
@@ -135,7 +138,7 @@ def _transmit(game, fading, rules):
 
 
 @compiled
-def _record_segment(game, segments, rules):
+def _record_segment(game: Record, segments: np.ndarray, rules: Record) -> None:
     """Record the planner's history: per n-th of a round, the middle position and the mean reward."""
     n, horizon = rules.waypoints, rules.steps
     i = (game.step * n) // horizon
@@ -147,7 +150,14 @@ def _record_segment(game, segments, rules):
 
 
 @compiled
-def begin(games, mask, ally_observations, opponent_observations, segments, rules_array):
+def begin(
+    games: np.ndarray,
+    mask: np.ndarray,
+    ally_observations: np.ndarray,
+    opponent_observations: np.ndarray,
+    segments: np.ndarray,
+    rules_array: np.ndarray,
+) -> None:
     """Begin rounds in the masked games; ``seed``, ``match``, ``round`` and ``horizon`` are set before."""
     rules = rules_array[0]
     for i in range(games.shape[0]):
@@ -162,7 +172,7 @@ def begin(games, mask, ally_observations, opponent_observations, segments, rules
 
 
 @compiled
-def _begin_match(game, key, rules):
+def _begin_match(game: Record, key: np.uint64, rules: Record) -> None:
     """Draw what all rounds of a match share: the ally's path and the opponent's start."""
     game.round_key = rng.round_key(key, game.round)
     for corner in range(4):
@@ -178,7 +188,7 @@ def _begin_match(game, key, rules):
 
 
 @compiled
-def _begin_round(game, rules):
+def _begin_round(game: Record, rules: Record) -> None:
     key = game.round_key
     game.step = 0
     game.truncated = False

@@ -26,8 +26,8 @@ _FIELDS = ("format", "algorithm", "id", "scenario", "training_seed", "training_s
 class OnnxPlayer(SeededPolicy):
     """Plays a policy through onnxruntime on one thread, with the same bits for any batch size.
 
-    One whose operators do not show that each game is answered for itself is asked one game at a time; so is
-    every one where ``onnx`` (extra ``evaluate``), which reads the operators, is not installed.
+    If the operators do not show that games are independent of each other, the policy is called for one game
+    at a time. The same holds if ``onnx`` (extra ``evaluate``), which reads the operators, is not installed.
 
     Inputs ``observation`` (n, 15), optional ``state`` (n, S), optional ``noise`` (n, k), standard normal
     numbers of the round's own stream; outputs ``action`` (n, 9) and, with a state, ``next_state``
@@ -39,7 +39,7 @@ class OnnxPlayer(SeededPolicy):
 
     Attributes:
         state_size, noise_size: 0 where the policy has none.
-        row_wise: whether it is asked all games at once; see :mod:`fpg_bench.players.onnx_file`.
+        row_wise: True if one call plays all games; see :func:`fpg_bench.players.onnx_file.row_wise`.
 
     Raises:
         UserError: it is no ONNX file, onnxruntime cannot read it, or its inputs and outputs are others.
@@ -218,14 +218,14 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
     where = f"agent {os.fspath(folder)}"
     data = stripped(model if isinstance(model, bytes) else Path(model).read_bytes())
     sha256 = hashlib.sha256(data).hexdigest()
-    told = {"format": AGENT_FORMAT, "scenario": STANDARD.hash, **about, "policy_sha256": sha256}
-    check_about(told, where)
+    content = {"format": AGENT_FORMAT, "scenario": STANDARD.hash, **about, "policy_sha256": sha256}
+    check_about(content, where)
     try:
-        OnnxPlayer(data, told)
+        OnnxPlayer(data, content)
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
     write_whole(Path(folder) / "policy.onnx", data)
-    write_json(Path(folder) / "agent.json", told)
+    write_json(Path(folder) / "agent.json", content)
 
 
 def stripped(model: bytes) -> bytes:
@@ -248,4 +248,4 @@ def stripped(model: bytes) -> bytes:
         item.doc_string = ""
         del item.metadata_props[:]
     del proto.graph.value_info[:]
-    return proto.SerializeToString(deterministic=True)
+    return bytes(proto.SerializeToString(deterministic=True))

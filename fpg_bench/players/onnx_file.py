@@ -38,7 +38,7 @@ def plain_model(data: bytes) -> ModelProto:
     from onnx import ModelProto
 
     try:
-        model = ModelProto.FromString(data)
+        model: ModelProto = ModelProto.FromString(data)
     except Exception as error:  # protobuf's own kinds
         raise UserError(_NO_FILE) from error
     if not model.HasField("graph") or not model.graph.node:
@@ -121,12 +121,12 @@ def row_wise(model: ModelProto) -> bool:
         shapes = _shapes(model)
         weights = {tensor.name for tensor in model.graph.initializer}
         rows = {value.name for value in model.graph.input if value.name in _INPUTS}
-        known, whole = weights | rows, _whole_numbers(model)
+        known, integers = weights | rows, _integers(model)
         for node in model.graph.node:
             if known & set(node.output) or not known >= set(filter(None, node.input)):
                 return False
             if rows & set(node.input):
-                if not _apart(_Read.of(node, rows, shapes, whole)):
+                if not _apart(_Read.of(node, rows, shapes, integers)):
                     return False
                 rows |= set(filter(None, node.output))
             known |= set(node.output) - {""}
@@ -136,7 +136,7 @@ def row_wise(model: ModelProto) -> bool:
         return False
 
 
-def _whole_numbers(model: ModelProto) -> dict[str, list[int]]:
+def _integers(model: ModelProto) -> dict[str, list[int]]:
     """Return the integer constants of the file, by tensor name."""
     from onnx import TensorProto, numpy_helper
 
@@ -181,20 +181,20 @@ class _Read:
         rows: the shapes of its inputs, None where one is left out or holds no rows.
         others: the shapes of those that hold none.
         outputs: the shapes of its outputs.
-        told: its attributes.
-        whole: its inputs as whole numbers, None where the file does not say them.
+        attributes: its attributes.
+        integers: its inputs as integers; None if they are no constants of the file.
     """
 
     node: NodeProto
     rows: list[Shape | None]
     others: list[Shape]
     outputs: list[Shape]
-    told: dict[str, Any]
-    whole: list[list[int] | None]
+    attributes: dict[str, Any]
+    integers: list[list[int] | None]
 
     @classmethod
     def of(
-        cls, node: NodeProto, rows: set[str], shapes: dict[str, Shape], whole: dict[str, list[int]]
+        cls, node: NodeProto, rows: set[str], shapes: dict[str, Shape], integers: dict[str, list[int]]
     ) -> _Read:
         from onnx.helper import get_attribute_value
 
@@ -204,7 +204,7 @@ class _Read:
             [shapes[name] for name in node.input if name and name not in rows],
             [shapes[name] for name in node.output if name],
             {attribute.name: get_attribute_value(attribute) for attribute in node.attribute},
-            [whole.get(name) for name in node.input],
+            [integers.get(name) for name in node.input],
         )
 
     @property
@@ -270,7 +270,7 @@ def _joined(read: _Read) -> bool:
 
 def _sliced(read: _Read) -> bool:
     """Slices: all rows are taken if their number stays; a negative step would reverse them."""
-    steps = read.whole[4] if len(read.whole) > 4 and read.node.input[4] else [1]
+    steps = read.integers[4] if len(read.integers) > 4 and read.node.input[4] else [1]
     return read.first_alone and steps is not None and min(steps, default=1) > 0
 
 
@@ -282,7 +282,7 @@ def _in_order(read: _Read) -> bool:
 
 def _names_axes(read: _Read) -> bool:
     """Return True if Squeeze names its axes; otherwise it would drop the rows of a batch of one."""
-    return bool(read.told.get("axes")) or any(read.whole[1:2])
+    return bool(read.attributes.get("axes")) or any(read.integers[1:2])
 
 
 def _along_later_axes(read: _Read) -> bool:
@@ -290,7 +290,7 @@ def _along_later_axes(read: _Read) -> bool:
     if shape is None or not read.first_alone:
         return False
     return (
-        _axis(shape) < int(read.told.get("axis", 1)) % len(shape)
+        _axis(shape) < int(read.attributes.get("axis", 1)) % len(shape)
         and _same_for_all(read.others, _from_end(shape))
         and all(len(other) <= len(shape) for other in read.others)
     )
@@ -311,7 +311,7 @@ def _gemm(read: _Read) -> bool:
     return (
         bool(read.rows[0])
         and read.rows[1] is None
-        and not read.told.get("transA", 0)
+        and not read.attributes.get("transA", 0)
         and all(_axis(shape) == 0 and len(shape) == 2 for shape in shapes)
         and _same_for_all(added, 2)
     )
@@ -322,7 +322,7 @@ def _recurrent(read: _Read) -> bool:
     begun = [name for name in read.node.input[5:7] if name]
     return (
         bool(read.rows[0])
-        and not read.told.get("layout", 0)
+        and not read.attributes.get("layout", 0)
         and not any(read.rows[1:5])
         and not any(read.node.input[4:5])
         and not any(read.rows[7:])

@@ -44,8 +44,8 @@ def with_members(specs: Iterable[Any], side: str) -> list[Any]:
     """Return a list of players with each suite replaced by its members of a side.
 
     Args:
-        specs: players as :func:`fpg_bench.players.registry.as_player` takes them, and suites: ``suite:NAME``, a
-            folder of ``baselines/suites`` or any other with ``ally/<member>/`` or ``opponent/<member>/``.
+        specs: players as :func:`fpg_bench.players.registry.as_player` takes them, and suites: ``suite:NAME``,
+            a folder of ``baselines/suites`` or any other with ``ally/<member>/`` or ``opponent/<member>/``.
         side: ``ally`` or ``opponent``.
 
     Raises:

@@ -18,8 +18,8 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
 
     Args:
         spec: a script (``expert``), ``oracle``, a shipped agent (``ally-scripted/ppo/seed_0``), an agent
-            folder, a member of a field (``suite:NAME/MEMBER``), ``package.module:object`` (a player, or a
-            class or function that makes one, told the scenario if it takes an argument), or any object with
+            folder, a member of a suite (``suite:NAME/MEMBER``), ``package.module:object`` (a player, or a class
+            or function that makes one, called with the scenario if it takes an argument), or any object with
             ``predict``.
         side: ``ally`` or ``opponent``.
         scenario: what is played.
@@ -28,7 +28,7 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
         UserError: no such player, one that cannot be made, or not one of this side.
     """
     if not isinstance(spec, str | os.PathLike):
-        if callable(getattr(spec, "predict", None)):
+        if isinstance(spec, Player) and callable(spec.predict):
             return spec
         raise UserError(f"{side}: expected a player's name or an object with predict, got {spec!r}")
     name = os.fspath(spec)
@@ -41,7 +41,8 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
 
         return load_member(name, side)
     if ":" in name:
-        return import_object(name, side, ("predict",), scenario)
+        player: Player = import_object(name, side, ("predict",), scenario)
+        return player
     if "/" in name or (name and Path(name).is_dir()):
         from fpg_bench.players.agent import load_agent
 

@@ -44,13 +44,20 @@ _SNR_SCALE, _THRESHOLD, _SPREADING_SCALE, _POINTS, _BOX = 0, 1, 2, 3, 4
 
 
 @compiled
-def _draw(keys, i, step, purpose):
+def _draw(keys: np.ndarray, i: int, step: int, purpose: int) -> float:
     """Return a uniform number in [-1, 1] from the player's own key."""
     return 2.0 * rng.uniform(keys[i], step, rng.PLAYER_DRAW + purpose) - 1.0
 
 
 @compiled
-def play_ally(kind, observations, actions, steps, keys, scales):
+def play_ally(
+    kind: int,
+    observations: np.ndarray,
+    actions: np.ndarray,
+    steps: np.ndarray,
+    keys: np.ndarray,
+    scales: np.ndarray,
+) -> None:
     """Fill the actions of a scripted ally and count its steps."""
     for i in range(observations.shape[0]):
         seen, action = observations[i], actions[i]
@@ -81,7 +88,14 @@ def play_ally(kind, observations, actions, steps, keys, scales):
 
 
 @compiled
-def play_opponent(kind, observations, actions, steps, keys, scales):
+def play_opponent(
+    kind: int,
+    observations: np.ndarray,
+    actions: np.ndarray,
+    steps: np.ndarray,
+    keys: np.ndarray,
+    scales: np.ndarray,
+) -> None:
     """Fill the actions of a scripted opponent and count its steps."""
     for i in range(observations.shape[0]):
         seen, action = observations[i], actions[i]
@@ -114,7 +128,7 @@ def play_opponent(kind, observations, actions, steps, keys, scales):
 
 
 @compiled
-def _stayed(seen, checked):
+def _stayed(seen: np.ndarray, checked: bool) -> bool:
     """Return True if the last check found the ally where it was jammed; a tone marks it until the next."""
     if checked:
         return seen[JAM_CENTRE] == seen[KNOWN_FREQUENCY] or not seen[JAM_TYPE : JAM_TYPE + TYPES].any()
@@ -122,14 +136,14 @@ def _stayed(seen, checked):
 
 
 @compiled
-def _away_m(seen, scales, axis):
+def _away_m(seen: np.ndarray, scales: np.ndarray, axis: int) -> float:
     """Return the relative position in m; the observation holds its signed root over the box."""
     root = seen[RELATIVE_POSITION + axis]
     return math.copysign(root * root, root) * scales[_BOX + axis]
 
 
 @compiled
-def _fill_random(action, keys, i, step):
+def _fill_random(action: np.ndarray, keys: np.ndarray, i: int, step: int) -> None:
     for j in range(ACTION_SIZE):
         action[j] = _draw(keys, i, step, j)
 
@@ -233,7 +247,7 @@ class OracleOpponent(Batched):
 
 
 @compiled
-def fill_noise(noise, keys, steps):
+def fill_noise(noise: np.ndarray, keys: np.ndarray, steps: np.ndarray) -> None:
     """Fill ``noise`` (n, k) with standard normal numbers of these rounds (n,) at these steps (n,)."""
     for i in range(noise.shape[0]):
         for j in range(noise.shape[1]):

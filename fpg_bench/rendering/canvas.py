@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-ALLY, OPPONENT = "#0072b2", "#d55e00"  # Okabe and Ito's, told apart by colour-blind eyes, too
+ALLY, OPPONENT = "#0072b2", "#d55e00"  # Okabe and Ito's colour-blind safe palette
 SIDE_COLOURS = {"ally": ALLY, "opponent": OPPONENT}
 
 

@@ -41,7 +41,8 @@ def bezier_curve(control_points: np.ndarray) -> np.ndarray:
     """Return ``(100, 3)`` points of the cubic Bezier curve of ``(4, 3)`` control points."""
     t = np.linspace(0, 1, 100)[:, None]
     u = 1 - t
-    return np.hstack([u**3, 3 * u * u * t, 3 * u * t * t, t**3]) @ control_points
+    points: np.ndarray = np.hstack([u**3, 3 * u * u * t, 3 * u * t * t, t**3]) @ control_points
+    return points
 
 
 class ArenaPanel:
@@ -175,7 +176,8 @@ def footprints(frames: np.ndarray, scenario: Scenario, rows_mhz: np.ndarray) -> 
     spacing = scenario.comb_spacing_points * scenario.point_spacing_mhz
     to_tooth = offset - spacing * np.floor(offset / spacing + 0.5)
     distance = np.abs(np.where(kind == JAMMING_TYPES.index("comb"), to_tooth, offset))
-    return (distance <= np.asarray(scenario.footprint_half_widths_mhz)[kind]) & (kind >= 0)
+    covered: np.ndarray = (distance <= np.asarray(scenario.footprint_half_widths_mhz)[kind]) & (kind >= 0)
+    return covered
 
 
 def held(step: np.ndarray, values: np.ndarray, shown: Any = True) -> tuple[np.ndarray, np.ndarray]:

@@ -45,7 +45,7 @@ class Recording:
         waypoints: ``(n, 3)`` in m where the path is ``waypoints``, else None.
 
     Args:
-        arena: the games.
+        batch: the games.
         game: which of them is recorded.
     """
 

@@ -92,7 +92,7 @@ def _round_data(recording: Recording) -> dict[str, Any]:
     }
 
 
-def _steps_data(frames: np.ndarray) -> dict[str, list]:
+def _steps_data(frames: np.ndarray) -> dict[str, list[Any]]:
     check = np.where(frames["checked"], frames["last_check"], 0)
     return {
         "ally": _rounded(frames["ally_position"], 1),
@@ -114,8 +114,8 @@ def _steps_data(frames: np.ndarray) -> dict[str, list]:
     }
 
 
-def _rounded(values: np.ndarray, digits: int) -> list:
-    return np.round(values, digits).tolist()
+def _rounded(values: np.ndarray, digits: int) -> list[Any]:
+    return list(np.round(values, digits).tolist())
 
 
 def replay_page(data: dict[str, Any]) -> str:

@@ -16,7 +16,7 @@ FRAMES_PER_SECOND = 10  # of windows and films
 RENDER_MODES = {"rgb_array": ("matplotlib",), "human": ("matplotlib", "pygame")}  # and what each needs
 
 
-@functools.cache  # looking for packages takes as long as the rest of a view's making
+@functools.cache  # the search for packages takes as long as the rest of an environment's creation
 def offered_modes() -> tuple[str, ...]:
     """Return the render modes that the installed packages support."""
     return tuple(mode for mode, packages in RENDER_MODES.items() if all(map(has, packages)))
@@ -26,7 +26,7 @@ class Screen:
     """Rendering of one game in an environment's render mode.
 
     Args:
-        arena: the games; the first one is shown.
+        batch: the games; the first one is shown.
         mode: None (nothing is recorded), ``rgb_array`` or ``human``.
 
     Raises:

@@ -11,62 +11,24 @@ from fpg_bench.game.scenario import FIGURES, PAPER, STANDARD, Scenario, Scenario
 
 FIELDS = {spec.name: spec for spec in dataclasses.fields(Scenario)}
 
-# One value below and one above what a field takes, or two of the wrong kind.
+# Values of the wrong kind; those below and above the range of a number follow from the field.
 REFUSED = {
-    "box_m": [(99, 1500, 600), (1500, 1500, 100_001)],
-    "base_station_m": [(-1, 0, 0), (0, 0, 100_001)],
-    "steps_per_round": [1, 100_001],
-    "rounds_per_match": [0, 10_001],
-    "band_low_mhz": [0.5, 100_001],
-    "band_high_mhz": [0.5, 100_001],
-    "frequency_points": [1, 1001],
-    "path_loss_constant_db": [-1, 201],
-    "minimum_distance_m": [0, 1001],
-    "base_power_dbm": [-101, 101],
-    "opponent_power_dbm": [-101, 101],
-    "noise_density_dbm_hz": [-251, 1],
-    "bandwidth_mhz": [0, 1e6],
-    "spread_bandwidth_mhz": [0, 1e7],
-    "fading_sd_db": [-0.1, 51],
-    "snr_threshold_db": [-51, 101],
     "snr_model": ["sinrr", 3],
     "spread_capacity": [1, "yes"],
     "jamming_types": ["tones", ("tone", "comp"), (), 5],
-    "jamming_coefficients": [(1.5, 1.2, 0.4, -0.1), (11, 1, 1, 1)],
-    "footprint_half_widths_mhz": [(-1, 10, 25, 2.5), (2.5, 10, 25, 1e6)],
-    "comb_spacing_points": [0, 1001],
-    "footprint_tolerance_mhz": [-1e-9, 2],
     "detection": ["on", None],
-    "first_check_s": [(0, 5), (1, 10_001)],
-    "check_interval_s": [(0, 6), (4, 10_001)],
-    "ally_emission_dbm": [-201, 101],
-    "ally_speed_m_s": [(-1, 10), (5, 1001)],
     "ally_path_m": ["straight", ((0, 0, 0),) * 3, ((0, 0),) * 4, ((0, 0, -1),) * 4],
-    "ally_path_altitude_m": [(-1, 550), (50, 1e6)],
-    "ally_path_chords": [0, 10_001],
     "reselect_on_despread": [0, "no"],
     "hopping": ["never", 1],
     "knowledge": [3, None],
     "opponent_path": ["cirle", ("circle", "oval"), (), 7],
-    "opponent_speed_m_s": [-1, 1001],
-    "tuning_span_mhz": [-1, 1e6],
-    "patrol_centre_m": [(-1, 750, 300), (750, 750, 1e6)],
-    "patrol_radius_m": [0.5, 1e6],
-    "waypoints": [0, 1001],
-    "sensing_centre_sd_mhz": [-1, 1001],
-    "sensing_type_error": [-0.1, 1.1],
-    "spreading_scale_s": [0, 1e6],
-    "snr_scale_db": [0, 1e6],
-    "age_scale_s": [0, 1e6],
-    "check_scale_s": [0, 1e6],
     "snr_cap_db": [-1001, 1001, "many"],
-    "hop_cost": [-1, 1e7],
-    "spread_cost_from_s": [(-1, 10, 20, 40), (0, 10, 20, 1e6)],
-    "spread_cost_per_s": [(-1, 1, 1, 1), (1e5, 1, 1, 1)],
-    "distance_reward": [-1, 1e7],
-    "distance_reward_m": [-1, 1e7],
-    "snr_drop_weight": [-1, 1e5],
 }
+for _name, _spec in FIELDS.items():
+    if "low" in _spec.metadata:
+        _bad = [_spec.metadata["low"] - 1, _spec.metadata["high"] + 1]
+        is_list = isinstance(_spec.default, tuple)
+        REFUSED[_name] = [(value, *_spec.default[1:]) for value in _bad] if is_list else _bad
 
 
 def items(value) -> list:
