@@ -18,9 +18,9 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
 
     Args:
         spec: a script (``expert``), ``oracle``, a shipped agent (``ally-scripted/ppo/seed_0``), an agent
-            folder, a member of a suite (``suite:NAME/MEMBER``), ``package.module:object`` (a player, or a class
-            or function that makes one, called with the scenario if it takes an argument), or any object with
-            ``predict``.
+            folder, a member of a suite (``suite:NAME/MEMBER``), ``package.module:object`` (a player, or a
+            class or function that makes one, called with the scenario if it takes an argument), or any
+            object with ``predict``.
         side: ``ally`` or ``opponent``.
         scenario: what is played.
 
