@@ -130,7 +130,7 @@ def test_opponents_have_a_table_per_path(entered):
 
 def test_what_does_not_count_is_shown_last_with_its_reason(entered, in_process):
     path = entered / "results/ally/wise.jsonl"
-    path.write_text(path.read_text().replace('"known":{"value":', '"known":{"value":9', 1))
+    path.write_text(path.read_text().replace('"public":{"value":', '"public":{"value":9', 1))
     enter(entered, "ally", "slow", seeds=(7,))
     in_process.fails = True
     verify(entered, ["ally/slow"], say=quiet)

@@ -30,7 +30,7 @@ ROOT = Path(__file__).parents[2]
 ROUND = Replay("replays/ally/player-1/ab.js", HOSTILE[0], HOSTILE[1], 'fpgRound({"label":"x"});\n')
 LOADING = {"src", "srcset", "poster", "action", "formaction", "data", "background", "ping"}
 SHARED_PAGES = {"index", "ranking", "play", "crossplay", "statistics", "compare", "submit"}
-DOC_PAGES = {"rules", "measures", "glossary"}
+DOC_PAGES = {"rules", "protocol", "measures", "glossary"}
 
 
 class Page(HTMLParser):

@@ -12,7 +12,7 @@ from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SHIFTE
 
 
 def over(name, **means):
-    """The summary of two training seeds over a suite, by the mean return a step against each rival."""
+    """The summary of two training seeds over a suite, by the mean return per step against each rival."""
     rivals = tuple(Rival(other, (other,), STANDARD) for other in means)
     rewards = np.array(
         [[[mean - 1] * 3 for mean in means.values()], [[mean + 1] * 3 for mean in means.values()]]
@@ -21,7 +21,16 @@ def over(name, **means):
 
 
 def pair(ally, opponent, ally_rewards, opponent_rewards=(0.0,)):
-    return Pair(ally, opponent, "", 2, tuple(ally_rewards), tuple(opponent_rewards), 0.0, (0, 0))
+    return Pair(
+        ally=ally,
+        opponent=opponent,
+        key="",
+        rounds=2,
+        ally_rewards=tuple(map(float, ally_rewards)),
+        opponent_rewards=tuple(map(float, opponent_rewards)),
+        jamming_success_rate=0.0,
+        lost=(0, 0),
+    )
 
 
 SUMMARIES = {
