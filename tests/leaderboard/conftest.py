@@ -3,7 +3,7 @@
 import platformdirs
 import pytest
 
-from fpg_bench.leaderboard import policy_client as host
+from fpg_bench.leaderboard import policy_client
 from fpg_bench.players import agent
 from tests.leaderboard import entering
 
@@ -28,5 +28,5 @@ def board(tmp_path, small_suites, monkeypatch):
 def in_process(monkeypatch):
     """Policies are played in this process; the class can be told to misbehave."""
     kind = type("Told", (entering.InProcess,), {})
-    monkeypatch.setattr(host, "PolicyClient", kind)
+    monkeypatch.setattr(policy_client, "PolicyClient", kind)
     return kind

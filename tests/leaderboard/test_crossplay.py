@@ -10,7 +10,7 @@ from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.leaderboard.crossplay import (
-    BoardEntry,
+    CrossplayEntry,
     Pairs,
     Team,
     check_pairs,
@@ -43,7 +43,7 @@ def entry(suite, slug, *plays, shipped=True):
         for p in plays
     )
     scenario = suite.rivals[0].scenario
-    return BoardEntry(slug, suite.side, parts, scenario, suite.scale, suite.season)
+    return CrossplayEntry(slug, suite.side, parts, scenario, suite.scale, suite.season)
 
 
 def record_of(player, suite, rival):
