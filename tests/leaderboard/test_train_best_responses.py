@@ -97,7 +97,7 @@ def test_the_strongest_of_an_entry_s_responses_is_met_by_all(script, board, smal
     verdicts = verify(board, ["ally/wise"], say=lambda line: None)
     assert verdicts[0].good
     head = json.loads((board / "results/ally/wise.jsonl").read_text().splitlines()[0])
-    assert head["summary"]["worst"]["responses"]["against"] == "response to linear"
+    assert head["summary"]["worst"]["responses"]["rival"] == "response to linear"
 
 
 def test_what_is_no_recipe_is_told(script):
