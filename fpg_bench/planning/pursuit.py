@@ -88,7 +88,8 @@ def chase_waypoints(path: Array, start: Array, limits: Limits, lead: bool = True
     chase(path, start, limits.speed_m_s, lead, track)
     seconds, due = np.arange(len(track)), limits.due_s()
     places = [np.interp(due, seconds, track[:, axis]) for axis in range(3)]
-    return np.clip(np.column_stack(places), 0, limits.box_m)
+    waypoints: Array = np.clip(np.column_stack(places), 0, limits.box_m)
+    return waypoints
 
 
 def _chase_of(request: Request, lead: bool) -> Array:

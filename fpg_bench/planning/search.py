@@ -124,13 +124,15 @@ def _next_places(history: Array, limits: Limits) -> Array:
         longest = _LEAP * box.max() * _LEAP_SHRINK ** (rounds - 1)
         length = np.maximum(np.linalg.norm(leap, axis=1, keepdims=True), 1e-9)
         places += leap * np.minimum(1, longest / length)
-    return np.clip(places, 0, box)
+    inside: Array = np.clip(places, 0, box)
+    return inside
 
 
 def _heights(rewards: Array) -> Array:
     """Return logarithms of the rewards, which rise by a factor as the distance falls by a factor."""
     above = rewards - min(0.0, rewards.min())
-    return np.log(above / max(above.mean(), 1e-9) + 0.2)
+    heights: Array = np.log(above / max(above.mean(), 1e-9) + 0.2)
+    return heights
 
 
 def _uphill(best: Array, flown: Array, heights: Array, near_m: float) -> Array:
@@ -153,7 +155,8 @@ def _uphill(best: Array, flown: Array, heights: Array, near_m: float) -> Array:
     rise = heights - np.einsum("irj,rj->i", weights, heights)[:, None, None]
     normal = np.einsum("irj,irjt,irju->itu", weights, terms, terms) + _RIDGE * np.eye(4)
     solution = np.linalg.solve(normal, np.einsum("irj,irjt,irj->it", weights, terms, rise)[..., None])[..., 0]
-    return near_m * solution[:, :3] / (2 * np.maximum(solution[:, 3:], _FLAT))
+    way: Array = near_m * solution[:, :3] / (2 * np.maximum(solution[:, 3:], _FLAT))
+    return way
 
 
 def _candidate(middle: Array, flown: Array, seed: int) -> Array:
@@ -173,4 +176,5 @@ def _candidate(middle: Array, flown: Array, seed: int) -> Array:
         if rounds > 1 and len(samples) >= _POPULATION and not search.should_stop():
             best = samples[np.argsort(-samples[:, 3], kind="stable")[:_POPULATION]]
             search.tell([(sample[:3], -sample[3]) for sample in best])
-    return search.ask()
+    candidate: Array = search.ask()
+    return candidate
