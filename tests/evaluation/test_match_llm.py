@@ -8,7 +8,7 @@ import json
 import os
 
 import pytest
-from planning.llm.fault_server import FaultServer, close_socket, ok, refusal, status
+from planning.llm.fault_server import FaultServer, error_object, ok, refusal, status
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.match import replay_match
@@ -28,9 +28,9 @@ BEHAVIOURS = (
     ok(path_text(100)),
     ok("I would rather not say."),
     ok(path_text(300)),
-    status(500),
+    status(400),
     refusal(),
-    close_socket(),
+    error_object(),
     ok(path_text(700)),
 )
 STATUSES = ["ok", "reasked", "fallback-http", "fallback-refused", "fallback-http", "ok"]
