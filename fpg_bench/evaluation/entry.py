@@ -1,4 +1,4 @@
-"""Entries: who is measured, a script, agents of several training seeds, or a planner."""
+"""Entries of an evaluation: scripts, agents of several training seeds, and planners."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ _MADE_BY = ("algorithm", "id", "scenario", "training_steps", "hyperparameters", 
 
 @dataclass(frozen=True)
 class Entry:
-    """One training seed of who is measured.
+    """One training seed of an entry.
 
     Attributes:
-        name: what lines and tables call the entry; agents of several training seeds share it.
+        name: its name in records and tables; agents of several training seeds share it.
         training_seed: None for a script or a planner.
-        fingerprint: what tells two players of one name apart: the hash of a policy or source file, or a word.
-        make: gives the player (or planner) that meets a rival.
-        tier: what a planner knows; None for players.
-        made: a hash of all that made an agent but its training seed; None for all else.
+        fingerprint: hash of the policy or source file, or the name of a script.
+        make: returns the player (or planner) that meets a rival.
+        tier: tier of a planner's knowledge; None for players.
+        made: hash of all that made an agent but its training seed; None for all else.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Entry:
 
 
 def player_entry(spec: Any, name: str | None = None, training_seed: int | None = None) -> Entry:
-    """A single player as an entry, by its name or itself, as it is."""
+    """Return the entry of a single player, given by its name or as an object."""
     fingerprint = policy_hash(spec) or code_fingerprint(player_name(spec))
     return Entry(name or player_name(spec), training_seed, fingerprint, Same(spec))
 
@@ -56,7 +56,7 @@ def player_entry(spec: Any, name: str | None = None, training_seed: int | None =
 def entries_of(
     specs: Sequence[Any] | Mapping[str, Any], suite: Suite, name: str | None = None
 ) -> list[Entry]:
-    """The entries that players' names stand for, one per training seed.
+    """Return the entries of players, one per training seed.
 
     Agents are training seeds of one entry where all that made them is the same but the seed: algorithm,
     hyper-parameters, budget, id, scenario and whom they trained against. Entries of one algorithm that
@@ -66,16 +66,16 @@ def entries_of(
         specs: players of the suite's side, or ``all-scripted``; of a mapping, each key is the name of one
             entry, a player or a list of agents.
         suite: what they will meet.
-        name: what to call the agents among them; None: their algorithm.
+        name: name of the agents among them; None: their algorithm.
 
     Raises:
         UserError: no such player, one of the other side, an oracle, two agents of one entry with the same
             training seed, or a name for several entries.
     """
     if isinstance(specs, Mapping):
-        found = [entry for called, of in specs.items() for entry in _called(str(called), of, suite)]
-        check_seeds(found)
-        return found
+        named = [entry for name, spec in specs.items() for entry in _named_entry(str(name), spec, suite)]
+        check_seeds(named)
+        return named
     every = [s for spec in specs for s in (SCRIPTED[suite.side] if spec == ALL_SCRIPTED else [spec])]
     players = {spec: _player(spec, suite) for spec in dict.fromkeys(every)}
     groups: dict[str, list[Any]] = {}
@@ -88,31 +88,31 @@ def entries_of(
     if name in SCRIPTED[suite.side]:
         raise UserError(f"name {name!r}: is a script's; call the agents otherwise")
     names = _names(groups, players, name)
-    found = [_entry(spec, players[spec], names[spec]) for spec in players]
-    check_seeds(found)
-    return list({(entry.name, entry.training_seed): entry for entry in found}.values())
+    entries = [_entry(spec, players[spec], names[spec]) for spec in players]
+    check_seeds(entries)
+    return list({(entry.name, entry.training_seed): entry for entry in entries}.values())
 
 
-def _called(name: str, specs: Any, suite: Suite) -> list[Entry]:
-    """The entry of this name, one per training seed."""
-    found = entries_of(list(specs) if isinstance(specs, list | tuple) else [specs], suite)
-    if len({entry.name for entry in found}) > 1:
-        raise UserError(f"{name}: {' and '.join(entry.name for entry in found)} are several entries")
-    return [dataclasses.replace(entry, name=name) for entry in found]
+def _named_entry(name: str, specs: Any, suite: Suite) -> list[Entry]:
+    """Return the entry of this name, one per training seed."""
+    entries = entries_of(list(specs) if isinstance(specs, list | tuple) else [specs], suite)
+    if len({entry.name for entry in entries}) > 1:
+        raise UserError(f"{name}: {' and '.join(entry.name for entry in entries)} are several entries")
+    return [dataclasses.replace(entry, name=name) for entry in entries]
 
 
 def check_kept(entries: Sequence[Entry]) -> None:
-    """Raise UserError where a player could not be known again in a folder: it was not named by words."""
+    """Refuse players that a results folder could not recognize again, as they were not named by text."""
     for entry in entries:
         if entry.fingerprint.startswith(_NAMELESS):
             raise UserError(
-                f"{entry.name}: a folder keeps lines of players by their names; export it as an agent, name "
-                "it package.module:object, or leave out the folder"
+                f"{entry.name}: a folder keeps records of players by their names; export it as an agent, "
+                "name it package.module:object, or leave out the folder"
             )
 
 
 def check_seeds(entries: Sequence[Entry]) -> None:
-    """Raise UserError where two players of one entry say that they are the same training seed."""
+    """Refuse two players of one entry with the same training seed."""
     known: dict[tuple[str, int | None], str] = {}
     for entry in entries:
         who = (entry.name, entry.training_seed)
@@ -122,7 +122,7 @@ def check_seeds(entries: Sequence[Entry]) -> None:
 
 
 def planner_entry(spec: Any, suite: Suite) -> Entry:
-    """An entry from a planner, or from its name by the one grammar of planners.
+    """Return the entry of a planner, given by its name or as an object.
 
     Raises:
         UserError: no such planner, one that does not say what it knows, or one by the name of another.
@@ -136,7 +136,7 @@ def planner_entry(spec: Any, suite: Suite) -> Entry:
 
 
 def code_fingerprint(name: str) -> str:
-    """The hash of the file that ``package.module:object`` came from; the name itself where there is none."""
+    """Return the hash of the source file of ``package.module:object``, or the name if there is none."""
     module = sys.modules.get(name.partition(":")[0])
     file = getattr(module, "__file__", None) if ":" in name else None
     return name if file is None else hashlib.sha256(Path(file).read_bytes()).hexdigest()
@@ -155,28 +155,29 @@ def _about(player: Any) -> dict[str, Any] | None:
 
 
 def _made_by(spec: Any, player: Any) -> str:
-    """What agents of one entry share; a player that is no agent is an entry of its own."""
+    """Return a key that agents of one entry share; any other player is an entry of its own."""
     about = _about(player)
     alone = spec if isinstance(spec, str) else f"{_NAMELESS}{id(spec)}"
     return alone if about is None else json.dumps([about.get(key) for key in _MADE_BY], sort_keys=True)
 
 
 def _names(groups: dict[str, list[Any]], players: dict[Any, Any], name: str | None) -> dict[Any, str]:
-    found: dict[Any, str] = {}
+    """Return the name of each player; entries that would share one are named by their folders."""
+    names: dict[Any, str] = {}
     for members in groups.values():
         about = _about(players[members[0]])
-        called = player_name(members[0]) if about is None else name or str(about["algorithm"])
-        found |= dict.fromkeys(members, called)
-    for otherwise in (_label, lambda members: player_name(members[0])):
-        known = Counter(found[members[0]] for members in groups.values())
+        first = player_name(members[0]) if about is None else name or str(about["algorithm"])
+        names |= dict.fromkeys(members, first)
+    for rename in (_label, lambda members: player_name(members[0])):
+        counts = Counter(names[members[0]] for members in groups.values())
         for members in groups.values():
-            if known[found[members[0]]] > 1:
-                found |= dict.fromkeys(members, otherwise(members))
-    return found
+            if counts[names[members[0]]] > 1:
+                names |= dict.fromkeys(members, rename(members))
+    return names
 
 
 def _label(specs: Sequence[Any]) -> str:
-    """What agents' folders say of their entry: what all paths begin with, without the training seed."""
+    """Return the common beginning of agents' folders, without the training seed."""
     folders = [re.sub(r"(/seed_\d+)?(/agent)?/?$", "", player_name(spec)) for spec in specs]
     shared = os.path.commonprefix(folders)  # noqa: RUF071  runs/ppo_ of runs/ppo_0 and runs/ppo_1
     return shared.rstrip("/_-.") or player_name(specs[0])
@@ -195,10 +196,10 @@ def _entry(spec: Any, player: Any, name: str) -> Entry:
 
 @dataclass(frozen=True)
 class Same:
-    """Gives one player against everybody; unlike a closure it can be sent to a worker."""
+    """Returns one player for all rivals; unlike a closure it can be sent to a worker."""
 
     plays: Any
 
     def __call__(self, rival: Rival) -> Any:
-        """The player, whoever the rival is."""
+        """Return the player."""
         return self.plays

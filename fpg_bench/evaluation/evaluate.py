@@ -1,4 +1,4 @@
-"""An evaluation: entries against a suite into a results folder, and the summaries made of it."""
+"""Evaluation of entries on a suite into a results folder, and the summaries of the folder."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.evaluation.table import Results
 
 RECORDS, ABOUT = "records.jsonl", "evaluation.json"  # the files of a results folder
-Progress = Callable[[Entry, Rival, int], None]  # told how many rounds of each match were played
+Progress = Callable[[Entry, Rival, int], None]  # called with the number of rounds played of each match
 _ALONE = Workers()
 
 
@@ -36,28 +36,30 @@ def evaluate(
     name: str | None = None,
     progress: Progress = lambda entry, rival, rounds: None,
     say: Callable[[str], None] = print,
-    **workers: Any,
+    n_jobs: int = 1,
+    backend: str = "loky",
+    address: str | None = None,
 ) -> Results:
-    """Play players against a suite; what is in the folder already is not played again.
+    """Evaluate players on a suite; records that the folder has already are not played again.
 
     Args:
         players: names by the one grammar of players, ``all-scripted``, or anything with ``predict``; agents
             that differ by their training seed alone become one entry. Of a mapping, each key is the name of
             one entry: a player, or a list of agents.
         suite: a suite's name or YAML file.
-        out: the results folder; ``records.jsonl`` grows as rivals are met. None: nothing is kept.
+        out: the results folder; ``records.jsonl`` grows by one record per rival. None: nothing is kept.
         matches: per rival and training seed; None: the suite's own.
-        name: what lines and tables call the agents given; None: their algorithm. Not a script's name.
-        progress: called before each meeting and after each of its rounds, where they are played one by one.
-        say: told a line per meeting that begins or ends, where several are played at once.
-        **workers: ``jobs``, how many meetings are played at once (the lines are the same, their order may
-            differ), ``backend`` and ``address``; see :class:`fpg_bench.common.parallel.Workers`.
+        name: name of the agents in records and tables; None: their algorithm. Not a script's name.
+        progress: called before each matchup and after each of its rounds, if there is one job.
+        say: called with a line per matchup that begins or ends, if there are several jobs.
+        n_jobs: number of matchups that are played at once; the records are the same, in another order.
+        backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
 
     Returns:
         The summaries of all entries in the folder, best first, with ``table()`` and ``dataframe()``.
 
     Raises:
-        UserError: something unknown, of the wrong side, a folder that holds another suite's lines, or one
+        UserError: something unknown, of the wrong side, a folder that holds another suite's records, or one
             for players that have no name by which they could be known again.
     """
     played = with_matches(load_suite(suite), matches)
@@ -66,10 +68,9 @@ def evaluate(
     entries = entries_of(players, played, name)
     if out is not None:
         check_kept(entries)
-    crew = Workers(**workers)
+    workers = Workers(n_jobs, backend, address)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
-        found = play_into(Path(folder), suite, played, entries, progress, crew, say)
-    return Results(found)
+        return Results(play_into(Path(folder), suite, played, entries, progress, workers, say))
 
 
 def play_into(
@@ -89,7 +90,7 @@ def play_into(
         suite: that suite.
         entries: who is measured.
         progress: see :func:`evaluate`.
-        workers: how many meetings are played at once, and where.
+        workers: number of matchups that are played at once, and where.
         say: see :func:`evaluate`.
     """
     check_seeds(entries)
@@ -109,12 +110,12 @@ def play_into(
 
 
 def records_of(file: RowFile) -> list[Record]:
-    """The lines in a file of them; raises UserError where a row is none."""
-    return read_records(file.read(), f"lines {file.path}")
+    """Return the records of a file; raises UserError for a row that is none."""
+    return read_records(file.read(), f"records {file.path}")
 
 
 def read_results(folder: str | Path) -> tuple[list[Summary], Suite]:
-    """The summaries of a results folder, and its suite.
+    """Return the summaries of a results folder, and its suite.
 
     Raises:
         UserError: no results folder, or one of a suite that is not this version's.
@@ -128,34 +129,34 @@ def read_results(folder: str | Path) -> tuple[list[Summary], Suite]:
 
 
 def with_matches(suite: Suite, matches: int | None) -> Suite:
-    """The same suite over another number of matches; raises UserError where it is none."""
+    """Return the suite with another number of matches; raises UserError for an invalid number."""
     return suite if matches is None else dataclasses.replace(suite, matches=whole(matches, "matches"))
 
 
 def claim(out: Path, name: str, suite: Suite) -> None:
-    """Say in a folder which suite its lines are of, and how many matches they have.
+    """Write into a folder which suite its records belong to, and their number of matches.
 
     Raises:
-        UserError: it holds lines of another suite.
+        UserError: it holds records of another suite.
     """
     path, records = out / ABOUT, out / RECORDS
     about = {"suite": name, "suite_hash": suite.hash, "matches": suite.matches}
-    found = _about(out) if path.exists() else None
-    if found is None or not records.exists() or not records.stat().st_size:
+    known = _about(out) if path.exists() else None
+    if known is None or not records.exists() or not records.stat().st_size:
         write_json(path, about)
-    elif found.get("suite_hash") != suite.hash:
+    elif known.get("suite_hash") != suite.hash:
         raise UserError(
-            f"results {out}: hold lines of {found.get('suite')} with {found.get('matches')} matches, or of "
+            f"results {out}: hold records of {known.get('suite')} with {known.get('matches')} matches, or of "
             f"another version of it, not of {name} with {suite.matches}; choose another folder"
         )
 
 
 def _about(folder: Path) -> dict[str, Any]:
-    """What a results folder says of itself; raises UserError where it does not say what it should."""
+    """Return the description of a results folder; raises UserError for an older or damaged one."""
     about = read_json(folder / ABOUT, "results")
     if not isinstance(about.get("suite"), str) or not isinstance(about.get("matches"), int):
         raise UserError(
-            f"results {folder}: {ABOUT} names no suite; it is of an older protocol: evaluate again into "
+            f"results {folder}: {ABOUT} names no suite, so an older version wrote it; evaluate again into "
             "another folder"
         )
     if not isinstance(about.get("made", {}), dict):
@@ -164,7 +165,7 @@ def _about(folder: Path) -> dict[str, Any]:
 
 
 def _claim_names(out: Path, entries: Sequence[Entry]) -> None:
-    """Say in a folder how the agents of each name were made.
+    """Write into a folder how the agents of each name were made.
 
     Raises:
         UserError: it holds agents of a name that were made otherwise.
@@ -181,27 +182,27 @@ def _claim_names(out: Path, entries: Sequence[Entry]) -> None:
 
 
 def _missing(entries: Sequence[Entry], suite: Suite, file: RowFile) -> Iterator[tuple[Entry, Rival]]:
-    """Who has not met whom yet.
+    """Yield the matchups that have no record yet.
 
     Raises:
-        UserError: the file holds lines of another suite, or of another player under the same name.
+        UserError: the file holds records of another suite, or of another player under the same name.
     """
     known = {}
     for record in records_of(file):
         if record.suite_hash != suite.hash[:16]:
             raise UserError(
-                f"lines {file.path}: hold some of another suite ({record.suite}); choose another folder"
+                f"records {file.path}: hold some of another suite ({record.suite}); choose another folder"
             )
         known[record.entry, record.training_seed, record.rival] = record.fingerprint
     for entry in entries:
         for rival in suite.rivals:
-            found = known.get((entry.name, entry.training_seed, rival.name))
-            if found is None:
+            fingerprint = known.get((entry.name, entry.training_seed, rival.name))
+            if fingerprint is None:
                 yield entry, rival
-            elif found != entry.fingerprint[:16]:
+            elif fingerprint != entry.fingerprint[:16]:
                 raise UserError(
-                    f"lines {file.path}: hold lines of another {entry.name!r} (another policy, or its file "
-                    "has changed); give this one another name or write to another folder"
+                    f"records {file.path}: hold records of another {entry.name!r} (another policy, or its "
+                    "file has changed); give this one another name or write to another folder"
                 )
 
 

@@ -36,7 +36,7 @@ ROUNDS = 10
 
 @dataclass(frozen=True)
 class Round:
-    """A round that was played: its line of the file, its steps, and what was asked of a language model."""
+    """Round of a match: its row of the file, its steps, and the exchange with a language model."""
 
     row: Row
     recording: Recording
@@ -50,7 +50,7 @@ class Round:
     @property
     def reward_per_step(self) -> float:
         """The opponent's mean reward."""
-        return self.row["opponent_return"] / self.row["steps"]
+        return float(self.row["opponent_return"] / self.row["steps"])
 
 
 Progress = Callable[[int, Round | None], Any]
@@ -65,21 +65,21 @@ def run_match(
     out: str | Path | None = None,
     llm: Mapping[str, Any] | None = None,
     progress: Progress = lambda index, played: None,
-    **game: Any,
+    scenario: Scenario | str | None = None,
+    rounds: int = ROUNDS,
 ) -> list[Round]:
-    """Play one match of a planner; a match that was stopped goes on where it was.
+    """Play one match of a planner, or resume one that was stopped.
 
     Args:
-        planner: who decides where the opponent flies, by the grammar of
-            :func:`fpg_bench.planning.as_planner`.
+        planner: planner of the opponent's path, by the grammar of :func:`fpg_bench.planning.as_planner`.
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.registry.as_player`.
         seed: of the match; a whole number in [0, 2^63).
-        out: the file that keeps it, JSON lines that are only ever added to; None: it is not kept.
+        out: file of the match, JSON lines that are only appended to; None: it is not kept.
         llm: options of the planner ``llm`` (see :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`),
             and ``server``, the profile of its endpoint.
         progress: called with a round's index and None before it is planned, and with the round after it.
-        **game: ``scenario``, a :class:`Scenario`, a preset's name or a YAML file (None: ``standard``), and
-            ``rounds``, how many the match has.
+        scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard``.
+        rounds: number of rounds of the match.
 
     Returns:
         The rounds. Those that were in the file are played again, which costs nothing beside the planning
@@ -90,7 +90,7 @@ def run_match(
             came to something else when they were first played.
         OSError: the file cannot be written; what it holds is kept.
     """
-    played = _played(**game)
+    played = as_scenario(scenario, opponent_path="waypoints", rounds_per_match=rounds)
     path = None if out is None else Path(out)
     sides = {"ally": ally, "opponent": opponent}
     players = {side: as_player(spec, side, played) for side, spec in sides.items()}
@@ -106,17 +106,13 @@ def run_match(
         return list(_rounds(match, pilot, players, file, file.begin(match), progress))
 
 
-def _played(scenario: Scenario | str | None = None, rounds: int = ROUNDS) -> Scenario:
-    return as_scenario(scenario, opponent_path="waypoints", rounds_per_match=rounds)
-
-
 def replay_match(
     path: str | Path,
     progress: Progress = lambda index, played: None,
     *,
     allow: Collection[str] = (),
 ) -> tuple[Match, list[Round]]:
-    """Repeat a match from its file alone, without network, and check it to the bit.
+    """Replay a match from its file alone, without network, and compare it bit by bit.
 
     Args:
         path: the file.
@@ -161,7 +157,7 @@ def _rounds(
 
 
 def _talk(planner: Any, row: Row) -> tuple[Attempt, ...]:
-    """What was asked and answered for a round, where its planner asks a language model and keeps it."""
+    """Return the exchange with a language model for a round; empty for other planners."""
     if not isinstance(planner, LLMPlanner):
         return ()
     place = (row["seed"], row["match"], row["round"])
@@ -176,7 +172,7 @@ def _play(table: MatchBatch, seed: int | None) -> tuple[Row, Recording]:
 
 
 def _row(duel: TwoPlayerBatch, recording: Recording) -> Row:
-    """A round's line: the plan, what it came to, and a hash of every step."""
+    """Return a round's row: the plan, its results, and a hash of every step."""
     plan = duel.plans[0]
     assert plan is not None
     row: Row = {"kind": ROUND, "seed": recording.seed, "match": recording.match, "round": recording.round}
@@ -196,12 +192,12 @@ _UNTIMED = "seconds"  # how long planning took is no part of what a replay repea
 
 @dataclass(frozen=True)
 class Match:
-    """What is played.
+    """Description of a match: all that decides it.
 
     Attributes:
-        planner, ally, opponent: who plans and who plays, by name.
-        scenario: where, and how many rounds.
-        seed: decides the match.
+        planner, ally, opponent: names of planner and players.
+        scenario: what is played; it says how many rounds the match has.
+        seed: of the match.
         llm: model, server, prompt and control of a planner that asks a language model, else None.
     """
 
@@ -214,11 +210,11 @@ class Match:
 
     @property
     def rounds(self) -> int:
-        """How many rounds the match has."""
+        """Number of rounds of the match."""
         return self.scenario.rounds_per_match
 
     def row(self) -> Row:
-        """The file's first line."""
+        """Return the file's first row."""
         scenario = {spec.name: getattr(self.scenario, spec.name) for spec in fields(self.scenario)}
         row: Row = {"kind": RUN, "planner": self.planner, "ally": self.ally, "opponent": self.opponent}
         row |= {"seed": self.seed, "rounds": self.rounds, "llm": self.llm, "versions": versions()}
@@ -227,7 +223,7 @@ class Match:
 
 
 def versions() -> dict[str, str]:
-    """What a match is played with."""
+    """Return the versions of the software that a match is played with."""
     return {"fpg_bench": __version__, "numpy": np.__version__, "python": platform.python_version()}
 
 
@@ -242,10 +238,10 @@ class MatchFile:
         self.path = path
         self._file = RowFile(path)
         self.locked = self._file.locked
-        self._versions = ""  # how those that wrote the file differ from the present ones
+        self._versions = ""  # the first version that differs from the file's
 
     def begin(self, match: Match) -> list[Row]:
-        """Write the header, or check that it is this match's; gives the rounds that are there already.
+        """Write the header, or check that it is this match's; return the rounds that the file has.
 
         Raises:
             UserError: the file holds something else; the first difference is named.
@@ -265,7 +261,7 @@ class MatchFile:
         return self._rounds(rows)
 
     def read(self) -> tuple[Match, list[Row]]:
-        """The match and all its rounds.
+        """Return the match and all its rounds.
 
         Raises:
             UserError: no file of a match, or one whose rounds are not all there, which is named.
@@ -284,7 +280,7 @@ class MatchFile:
         return match, rounds
 
     def add(self, row: Row) -> None:
-        """Keep a round."""
+        """Append a round."""
         self._file.append([row])
 
     def check(self, known: Row, played: Row) -> None:
@@ -322,26 +318,27 @@ class MatchFile:
         return Match(scenario=scenario, llm=head.get("llm"), **named)
 
     def _rounds(self, rows: list[Row]) -> list[Row]:
-        """The round lines, which stand in order from round 0."""
+        """Return the rows of the rounds, in order from round 0."""
         rounds = [row for row in rows if row.get("kind") == ROUND]
         for index, row in enumerate(rounds):
             if row.get("round") != index:
-                found = f"in its place stands round {row.get('round')}"
-                raise UserError(f"match {self.path}: round {index} is missing; {found}")
+                place = f"in its place stands round {row.get('round')}"
+                raise UserError(f"match {self.path}: round {index} is missing; {place}")
         return rounds
 
 
 def _as_written(row: Row) -> Row:
-    """A row as a file gives it back: lists for tuples."""
-    return json.loads(json.dumps(row))
+    """Return a row as a file gives it back, with lists for tuples."""
+    written: Row = json.loads(json.dumps(row))
+    return written
 
 
 def _difference(known: Any, now: Any, where: str = "", but: str = "") -> str:
-    """The first place in which a value of the file differs from the present one, and both; else nothing."""
+    """Describe the first value of the file that differs from the present one; empty if none does."""
     if isinstance(known, dict) and isinstance(now, dict):
         inner = [(f"{where}.{key}" if where else key, key) for key in {**now, **known} if key != but]
-        found = (_difference(known.get(key), now.get(key), name) for name, key in inner)
-        return next(filter(None, found), "")
+        each = (_difference(known.get(key), now.get(key), name) for name, key in inner)
+        return next(filter(None, each), "")
     if isinstance(known, list) and isinstance(now, list) and len(known) == len(now):
         pairs = enumerate(zip(known, now, strict=True))
         return next(filter(None, (_difference(*pair, f"{where}[{i}]") for i, pair in pairs)), "")
@@ -356,7 +353,7 @@ def _short(value: Any) -> str:
 def planner_of(
     spec: Any, scenario: Scenario, path: Path | None, options: Mapping[str, Any]
 ) -> tuple[Any, dict[str, Any] | None]:
-    """A match's planner, and what its file tells of the language model that it asks, if it asks one.
+    """Return a match's planner, and the description of its language model for the file, if it asks one.
 
     Args:
         spec: a planner, by the grammar of :func:`fpg_bench.planning.as_planner`.
@@ -380,7 +377,7 @@ def planner_of(
 
 
 def replayed_planner(name: str, told: dict[str, Any] | None, scenario: Scenario, path: Path) -> Any:
-    """The planner of a match that is repeated from its file, which calls nobody.
+    """Return the planner of a match that is replayed from its file; no server is asked.
 
     Raises:
         UserError: an unknown planner, or a language model of which the file does not tell enough.
@@ -400,7 +397,7 @@ def replayed_planner(name: str, told: dict[str, Any] | None, scenario: Scenario,
 def replaying(
     scenario: Scenario, prompt: Prompt, told: Mapping[str, Any], transcript: Path, chain: str | None = None
 ) -> LLMPlanner:
-    """A language model's planner that takes its answers from a transcript; nobody is asked.
+    """Return a language model's planner that takes its answers from a transcript; no server is asked.
 
     Args:
         scenario: what is played.
@@ -419,7 +416,7 @@ def replaying(
 
 
 def asks_llm(spec: Any) -> bool:
-    """Whether a planner's name is that of one which asks a language model."""
+    """Return whether a name is that of a planner which asks a language model."""
     return isinstance(spec, str) and spec in LLM_CONTROLS
 
 

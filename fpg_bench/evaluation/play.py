@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.common.rows import Row
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.entry import Entry
 from fpg_bench.evaluation.record import TALLIES, Plans, Record
@@ -49,10 +48,10 @@ def play(
     """
     who = entry.make(rival)
     table = match_of(who, suite, rival)
-    found = _Sums(suite)
+    sums = _Sums(suite)
     for duel in rounds(table, suite, seeds):
-        found.add(duel, lost_rounds(who, duel.count))
-        on_round(len(found.returns))
+        sums.add(duel, lost_rounds(who, duel.count))
+        on_round(len(sums.returns))
     return Record(
         suite=suite.name,
         suite_hash=suite.hash[:16],
@@ -60,12 +59,12 @@ def play(
         training_seed=entry.training_seed,
         fingerprint=entry.fingerprint[:16],
         rival=rival.name,
-        **found.told(),
+        **sums.fields(),
     )
 
 
 def match_of(who: Any, suite: Suite, rival: Rival, matches: int | None = None) -> MatchBatch:
-    """The games in which a player (or planner) meets a rival, with everybody seated."""
+    """Return the match batch in which a player (or planner) meets a rival."""
     scenario, count = rival.scenario, matches or suite.matches
     if suite.side == PLANNER:
         return make_match(
@@ -76,23 +75,23 @@ def match_of(who: Any, suite: Suite, rival: Rival, matches: int | None = None) -
     return make_match(TwoPlayerBatch(scenario, count, planner), **sides)
 
 
-def rounds(table: MatchBatch, suite: Suite, seeds: Seeds | None = None) -> Iterator[TwoPlayerBatch]:
-    """Play all rounds of new matches; gives the games at the end of each."""
-    count = table.duel.count
+def rounds(match: MatchBatch, suite: Suite, seeds: Seeds | None = None) -> Iterator[TwoPlayerBatch]:
+    """Play all rounds of new matches; yield the games at the end of each round."""
+    count = match.duel.count
     first: Any = np.array(evaluation_seeds(count, suite.season) if seeds is None else seeds(count))
     for number in range(suite.rounds_per_match):
-        play_round(table, seeds=None if number else first)
-        yield table.duel
+        play_round(match, seeds=None if number else first)
+        yield match.duel
 
 
 def lost_rounds(player: Any, count: int) -> np.ndarray:
-    """``(count,)`` bool: which games' present rounds a player has lost by an answer that is none."""
-    found = getattr(player, "invalid", None)
-    return np.zeros(count, bool) if found is None else np.array(found, bool)
+    """Return ``(count,)`` bool: present rounds that a player has lost by an invalid answer."""
+    invalid = getattr(player, "invalid", None)
+    return np.zeros(count, bool) if invalid is None else np.array(invalid, bool)
 
 
 class _Sums:
-    """What the rounds come to, as they end."""
+    """Sums over the rounds, added as they end."""
 
     def __init__(self, suite: Suite) -> None:
         self._suite = suite
@@ -100,7 +99,7 @@ class _Sums:
         self._histogram: Any = 0
         self._lost: list[np.ndarray] = []
         self._plans: list[Any] = []
-        self._seen = hashlib.sha256()
+        self._digest = hashlib.sha256()
         self.returns: list[np.ndarray] = []
 
     def add(self, duel: TwoPlayerBatch, lost: np.ndarray) -> None:
@@ -110,12 +109,12 @@ class _Sums:
         self._lost.append(lost)
         self.returns.append(batch.tallies[self._suite.return_name].copy())
         for part in (batch.games["seed"], *(batch.tallies[name] for name in TALLIES), batch.histograms):
-            self._seen.update(np.ascontiguousarray(part).tobytes())
+            self._digest.update(np.ascontiguousarray(part).tobytes())
         if self._suite.side == PLANNER:
             self._plans += duel.plans
 
-    def told(self) -> Row:
-        """The suites of a line that tell of the rounds."""
+    def fields(self) -> dict[str, Any]:
+        """Return the fields of a record that describe the rounds."""
         returns, lost = np.array(self.returns).T, np.array(self._lost).T
         if lost.any():
             worst = self._suite.scale.reward(LOST_SCORE) * self._suite.scenario.steps_per_round
@@ -128,11 +127,11 @@ class _Sums:
             "ally_points": ally_points,
             "jam_points": jam_points,
             "lost": int(lost.sum()),
-            "rounds_sha256": self._seen.hexdigest(),
-            "plans": self._told_plans() if self._plans else None,
+            "rounds_sha256": self._digest.hexdigest(),
+            "plans": self._plan_statistics() if self._plans else None,
         }
 
-    def _told_plans(self) -> Plans:
+    def _plan_statistics(self) -> Plans:
         statuses = Counter(sorted(plan.status for plan in self._plans))
         tokens = [plan.tokens for plan in self._plans if plan.tokens is not None]
         seconds = sum(plan.seconds or 0.0 for plan in self._plans)

@@ -1,4 +1,4 @@
-"""From lines to what a table says: per entry the score with its interval, the worst, and the measures."""
+"""Summaries of records: per entry the score with its interval, the worst rival, and the measures."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from fpg_bench.evaluation.suite import Suite
 
 @dataclass(frozen=True)
 class Summary:
-    """One entry over a suite.
+    """Results of one entry on a suite.
 
     Attributes:
         entry: its name.
-        suite: what it met.
-        rewards: ``(training seeds, rivals, matches)`` returns a step; one training seed for a script.
+        suite: the suite.
+        rewards: ``(training seeds, rivals, matches)`` returns per step; one training seed for a script.
         trained: whether the first axis is training seeds.
-        lines: what it is made of, in the order of training seed and rival.
+        records: the records that it summarises, in the order of training seed and rival.
     """
 
     entry: str
@@ -34,25 +34,24 @@ class Summary:
 
     @property
     def training_seeds(self) -> int:
-        """How many, 0 for a script or a planner."""
+        """Number of training seeds; 0 for a script or a planner."""
         return len(self.rewards) if self.trained else 0
 
     @property
     def over(self) -> str:
-        """What intervals are over."""
+        """The units that intervals are over."""
         return TRAINING_SEEDS if self.training_seeds > 1 else MATCHES
 
     def units(self, rewards: np.ndarray) -> np.ndarray:
-        """The units that a mean of returns a step ``(training seeds, n, matches)`` varies over."""
+        """Return the units over which a mean of rewards ``(training seeds, n, matches)`` varies."""
         axes = (1, 2) if self.training_seeds > 1 else (0, 1)
-        found: np.ndarray = rewards.mean(axis=axes)
-        return found
+        units: np.ndarray = rewards.mean(axis=axes)
+        return units
 
     @cached_property
     def samples(self) -> np.ndarray:
         """The score of each unit; their mean is the score."""
-        found: np.ndarray = self.suite.scale.score(self.units(self.rewards))
-        return found
+        return self.suite.scale.score(self.units(self.rewards))
 
     @cached_property
     def score(self) -> Interval:
@@ -61,12 +60,12 @@ class Summary:
 
     @cached_property
     def reward(self) -> Interval:
-        """The return a step, mean over rivals, with its interval."""
+        """The return per step, mean over rivals, with its interval."""
         return mean_interval(self.units(self.rewards), self.over)
 
     @cached_property
     def by_rival(self) -> dict[str, Interval]:
-        """The return a step against each rival, with its interval."""
+        """The return per step against each rival, with its interval."""
         return {
             rival.name: mean_interval(self.units(self.rewards[:, k : k + 1]), self.over)
             for k, rival in enumerate(self.suite.rivals)
@@ -78,30 +77,30 @@ class Summary:
         return min(self.by_rival, key=lambda name: self.by_rival[name].value)
 
     def seed_scores(self) -> dict[int | None, float]:
-        """The score of each training seed."""
+        """Return the score of each training seed."""
         seeds = list(dict.fromkeys(record.training_seed for record in self.records))
         scores = self.suite.scale.score(self.rewards.mean(axis=(1, 2)))
         return dict(zip(seeds, scores.tolist(), strict=True))
 
     @cached_property
     def pooled(self) -> Pooled:
-        """The sums of all lines."""
+        """The sums of all records."""
         return pool(self.records)
 
     @property
     def measures(self) -> dict[str, float | None]:
-        """The measures over all rounds, both returns as means a round."""
+        """The measures over all rounds, both returns as means per round."""
         return self.pooled.measures
 
 
 def summarise(records: Iterable[Record], suite: Suite) -> list[Summary]:
-    """One summary per entry whose lines are complete, best first; lines of another suite are passed over."""
+    """Return one summary per entry with complete records, best first; other suites' records are skipped."""
     found = [summary for mine in by_entry(records, suite).values() if (summary := _summary(mine, suite))]
     return sorted(found, key=lambda summary: (-summary.score.value, summary.entry))
 
 
 def by_entry(records: Iterable[Record], suite: Suite) -> dict[str, list[Record]]:
-    """The lines of a suite by entry."""
+    """Return the records of a suite by entry."""
     groups: dict[str, list[Record]] = {}
     for record in records:
         if record.suite_hash == suite.hash[:16]:
@@ -110,10 +109,10 @@ def by_entry(records: Iterable[Record], suite: Suite) -> dict[str, list[Record]]
 
 
 def summary_of(records: Sequence[Record], suite: Suite) -> Summary:
-    """The summary of one entry's lines.
+    """Return the summary of one entry's records.
 
     Raises:
-        UserError: lines are missing.
+        UserError: records are missing.
     """
     (mine,) = by_entry(records, suite).values() or [[]]
     found = _summary(mine, suite)
@@ -142,7 +141,7 @@ def _summary(records: Sequence[Record], suite: Suite) -> Summary | None:
 
 
 def _check(record: Record, suite: Suite) -> None:
-    """Raise UserError where a line cannot be of the suite that it names."""
+    """Refuse a record that cannot be of the suite that it names."""
     expected = (suite.rounds, suite.scenario.frequency_points)
     if (len(record.returns), len(record.ally_points)) != expected:
         raise UserError(

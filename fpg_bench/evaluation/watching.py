@@ -5,14 +5,14 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import need
-from fpg_bench.envs.two_player import make_duel
+from fpg_bench.envs.two_player import DuelOptions, make_duel
 from fpg_bench.evaluation.rounds import MatchBatch, begin, make_match, play_round
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
@@ -50,9 +50,9 @@ def watch(
     every: int = 1,
     overwrite: bool = False,
     echo: Echo = print,
-    **game: Any,
+    **game: Unpack[DuelOptions],
 ) -> list[dict[str, float | None]]:
-    """Play one pairing and show it.
+    """Play a game of two players and show it.
 
     Without ``out`` every step is a line of text, under a heading and over a closing line of measures.
     With it the rounds are played first and then written: ``.html`` is an interactive replay in one file,
@@ -62,7 +62,7 @@ def watch(
     Args:
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.registry.as_player`.
         seed: of the match; a whole number in [0, 2^63).
-        rounds: how many are played, one after the other; after a match's last one its seed's next match.
+        rounds: number of rounds, one after the other; after a match's last one its seed's next match.
         out: the file to write, or None for text.
         every: of the lines or a film's frames, show each n-th and the last; a replay keeps all steps.
         overwrite: whether a file of that name may be replaced.

@@ -178,7 +178,7 @@ def test_temperature_and_sampling_seed_are_asked_for_told_and_kept_to(folder, as
             compare(["llm"], "mine.yml", out, llm={"server": str(profile), **more})
         bodies = [received.body for received in server.requests]
         usual, cold, other = (bodies[k : k + PLANS] for k in range(0, 3 * PLANS, PLANS))
-        with pytest.raises(UserError, match="hold lines of another 'llm'"):
+        with pytest.raises(UserError, match="hold records of another 'llm'"):
             compare(["llm"], "mine.yml", "cold")
         (folder / "cold" / "records.jsonl").unlink()
         with pytest.raises(
@@ -257,7 +257,7 @@ def test_another_model_or_prompt_is_not_taken_for_the_one_recorded(folder, asks)
         asks(server)
         compare(["llm"], "mine.yml", "out")
         asks(server, model="another")
-        with pytest.raises(UserError, match="hold lines of another 'llm'"):
+        with pytest.raises(UserError, match="hold records of another 'llm'"):
             compare(["llm"], "mine.yml", "out")
         (folder / "out" / "records.jsonl").unlink()
         with pytest.raises(UserError, match="recorded with model toy, not another"):

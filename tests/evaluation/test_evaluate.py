@@ -166,7 +166,7 @@ def test_another_policy_is_not_taken_for_the_one_that_was_played(suite, agents, 
     shutil.rmtree(agents[0])
     zoo = make_zoo(tmp_path)
     make_agent(zoo.members()[0], tmp_path / "agents" / zoo.members()[0].name, seed=77)
-    with pytest.raises(UserError, match=r"hold lines of another 'ppo' \(another policy, or its file"):
+    with pytest.raises(UserError, match=r"hold records of another 'ppo' \(another policy, or its"):
         evaluate(agents, suite, tmp_path / "out")
 
 
@@ -227,7 +227,7 @@ def test_one_call_from_python_gives_a_table_and_keeps_nothing(suite, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == before
     by_name = fpg_bench.evaluate(["idle"], suite)
     assert by_name[0].score == found[0].score
-    with pytest.raises(UserError, match="mine: a folder keeps lines of players by their names"):
+    with pytest.raises(UserError, match="mine: a folder keeps records of players by their names"):
         fpg_bench.evaluate({"mine": mine}, suite, tmp_path / "out")
 
 
@@ -250,7 +250,7 @@ def test_a_dataframe_has_a_row_per_entry_and_needs_pandas_alone(suite, monkeypat
 def test_the_lines_and_the_table_are_the_identical(suite, agents, tmp_path):
     players = [*agents, "expert", "idle", "expert"]
     for out, jobs in (("many", 2), ("one", 1)):
-        evaluate(players, suite, tmp_path / out, jobs=jobs, say=lambda record: None)
+        evaluate(players, suite, tmp_path / out, n_jobs=jobs, say=lambda record: None)
         write_table(*read_results(tmp_path / out), tmp_path / out)
     assert rows(tmp_path / "many") == rows(tmp_path / "one")
     assert (tmp_path / "many" / "table.csv").read_text() == (tmp_path / "one" / "table.csv").read_text()
@@ -262,7 +262,7 @@ def test_a_player_that_fails_does_not_hold_up_the_others(suite, tmp_path, monkey
     (tmp_path / "bad.py").write_text(source)
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(UserError, match=r"bad:Bad - adaptive/pursuit: .*no idea \(and 1 more failed\)"):
-        evaluate(["bad:Bad", "expert"], suite, tmp_path / "out", jobs=2, say=lambda record: None)
+        evaluate(["bad:Bad", "expert"], suite, tmp_path / "out", n_jobs=2, say=lambda record: None)
     assert {json.loads(row)["entry"] for row in rows(tmp_path / "out")} == {"expert"}
     assert len(rows(tmp_path / "out")) == 2
 
