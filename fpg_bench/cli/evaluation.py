@@ -92,7 +92,7 @@ def evaluate(
             matches=matches,
             name=name,
             progress=lambda entry, rival, rounds: show(f"{entry.name} - {rival.name}"),
-            jobs=n_jobs,
+            n_jobs=n_jobs,
             backend=backend,
             address=address,
             say=show,

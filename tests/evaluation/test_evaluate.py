@@ -98,7 +98,7 @@ def test_finished_lines_survive_a_stop(suite, tmp_path):
 def test_results_of_another_suite_number_or_version_are_refused(suite, tmp_path):
     evaluate(["idle"], suite, tmp_path / "out")
     with pytest.raises(
-        UserError, match=r"lines of small.yml with 4 matches, .* with 3; choose another folder"
+        UserError, match=r"records of small.yml with 4 matches, .* with 3; choose another folder"
     ):
         evaluate(["idle"], suite, tmp_path / "out", matches=3)
     about = json.loads((tmp_path / "out" / "evaluation.json").read_text())
@@ -118,7 +118,7 @@ def test_a_folder_of_the_old_protocol_is_named(suite, tmp_path, about):
     (tmp_path / "out" / "evaluation.json").write_text(json.dumps(about))
     (tmp_path / "out" / "rows.jsonl").write_text('{"player": "expert"}\n')
     for use in (lambda: read_results(tmp_path / "out"), lambda: evaluate(["idle"], suite, tmp_path / "out")):
-        with pytest.raises(UserError, match=r"results .*out: .* is of an older protocol: evaluate again"):
+        with pytest.raises(UserError, match=r"results .*out: .* an older version wrote it; evaluate again"):
             use()
     assert json.loads((tmp_path / "out" / "evaluation.json").read_text()) == about
 
@@ -139,7 +139,7 @@ def test_what_is_no_line_is_one_clear_error(suite, tmp_path, text):
     evaluate(["idle"], suite, tmp_path / "out")
     with (tmp_path / "out" / "records.jsonl").open("a") as file:
         file.write(text)
-    with pytest.raises(UserError, match="line 3 is no"):
+    with pytest.raises(UserError, match="(line|record) 3"):
         evaluate(["idle"], suite, tmp_path / "out")
 
 
