@@ -117,7 +117,7 @@ class _Head(Strict):
     reason: str | None
     fingerprint: Fingerprint
     summary: Totals | None
-    lines_sha256: str
+    records_sha256: str
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,7 @@ def write_result(path: Path, result: Result) -> None:
         "reason": result.reason,
         "fingerprint": result.fingerprint.to_dict(),
         "summary": None if result.totals is None else result.totals.to_dict(),
-        "lines_sha256": _sha256(result.records),
+        "records_sha256": _sha256(result.records),
     }
     write_whole(path, _text([head]) + _text([record.row() for record in result.records]))
 
@@ -255,7 +255,7 @@ def read_result(path: Path, suites: Suites) -> Result:
         )
     head = parse(_Head, first, f"result {path}: line 1")
     records = tuple(read_record(row, f"result {path}: line {number}") for number, row in enumerate(rows, 2))
-    if head.lines_sha256 != _sha256(records):
+    if head.records_sha256 != _sha256(records):
         raise UserError(f"result {path}: edited by hand: its records are not those it was written with")
     if head.status == NOT_VERIFIED and (records or head.summary is not None or head.reason is None):
         raise UserError(f"result {path}: edited by hand: not verified, but with records or without a reason")

@@ -46,7 +46,7 @@ def forge(path, good):
         first, *records = map(json.loads, path.read_text().splitlines())
         change(records)
         text = "".join(json.dumps(record, separators=(",", ":")) + "\n" for record in records)
-        first["lines_sha256"] = hashlib.sha256(text.encode()).hexdigest()
+        first["records_sha256"] = hashlib.sha256(text.encode()).hexdigest()
         path.write_text(json.dumps(first | head, separators=(",", ":")) + "\n" + text)
 
     return write

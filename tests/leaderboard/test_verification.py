@@ -193,7 +193,7 @@ def test_a_forged_result_is_found_by_playing_again(board):
     forged |= {key: json.loads(head)[key] for key in ("slug", "fingerprint")}
     lines = "".join(result(board, "ally/wise").read_text().splitlines(keepends=True)[1:])
     lines = lines.replace('"entry":"wise"', '"entry":"still"')
-    forged["lines_sha256"] = hashlib.sha256(lines.encode()).hexdigest()
+    forged["records_sha256"] = hashlib.sha256(lines.encode()).hexdigest()
     text = json.dumps(forged, separators=(",", ":")) + "\n" + lines
     result(board, "ally/still").write_text(text)
     good, line = told(board, sample=0.5)["ally/still"]
