@@ -223,7 +223,7 @@ def test_version():
 
 @pytest.mark.process
 def test_a_suite_of_ones_own_needs_a_file_and_no_more(tmp_path):
-    content = "side: opponent\nscenario: standard\nmatches: 3\ncounterparts: [{ally: idle, path: circle}]\n"
+    content = "side: opponent\nscenario: standard\nmatches: 3\nrivals: [{ally: idle, path: circle}]\n"
     (tmp_path / "mine.yml").write_text(content)
     found = fpg("evaluate", "adaptive", "--suite", "mine.yml", folder=tmp_path)
     assert found.returncode == 0, found.stderr
