@@ -135,7 +135,7 @@ def test_what_a_suite_names_is_looked_for_before_anything_is_played(folder, old,
 
 def test_a_folder_of_another_size_is_refused(folder):
     compare(["hold"], "mine.yml", "out")
-    with pytest.raises(UserError, match=r"lines of mine.yml with 2 matches.* with 3; choose another"):
+    with pytest.raises(UserError, match=r"records of mine.yml with 2 matches.* with 3; choose another"):
         compare(["hold"], "mine.yml", "out", matches=3)
     with pytest.raises(UserError, match="matches: expected a whole number above 0, got 0"):
         compare(["hold"], "mine.yml", "out", matches=0)
