@@ -66,7 +66,7 @@ def reproduce(
         seeds=n_seeds,
         first_seed=first_seed,
         budget=budget,
-        workers=n_jobs,
+        n_jobs=n_jobs,
         backend=backend,
         address=address,
         llm=words if asked else None,

@@ -1,4 +1,4 @@
-"""The paper's experiments: every figure, table and claim, made again over seeds."""
+"""Reproduction of the paper: its figures, tables and claims, over several seeds."""
 
 from fpg_bench.common.extras import need
 

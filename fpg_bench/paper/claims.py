@@ -1,10 +1,11 @@
-"""The paper's claims as paired tests: what it states, what is compared, and whether that holds."""
+"""The paper's claims and the paired tests that decide whether they hold."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,15 +18,15 @@ MOST_PAIRS = 16  # 2^16 patterns of signs
 
 
 @dataclass(frozen=True)
-class Paired:
-    """What pairs of runs say of a difference.
+class PairedTest:
+    """Result of a paired test.
 
     Attributes:
-        mean: of the differences.
-        low, high: its 95 % interval (Student's t).
-        effect: the mean in standard deviations of the differences (Cohen's d_z); None where they do not vary.
-        p: two-sided, of the exact sign-flip permutation test of the mean.
-        pairs: how many.
+        mean: mean difference.
+        low, high: 95 % interval of the mean (Student's t).
+        effect: mean in standard deviations of the differences (Cohen's d_z); None if they do not vary.
+        p: two-sided p value of the exact sign-flip permutation test of the mean.
+        pairs: number of pairs.
     """
 
     mean: float
@@ -36,8 +37,8 @@ class Paired:
     pairs: int
 
 
-def paired(differences: np.ndarray) -> Paired:
-    """Test whether differences ``(pairs,)`` of runs of the same seeds lie around zero.
+def paired_test(differences: np.ndarray) -> PairedTest:
+    """Test whether the mean of paired differences ``(pairs,)`` is zero.
 
     Raises:
         ValueError: fewer than two pairs, or more than can be enumerated.
@@ -48,13 +49,14 @@ def paired(differences: np.ndarray) -> Paired:
     mean, spread = float(differences.mean()), float(differences.std(ddof=1))
     half = student_half(differences)
     effect = mean / spread if spread > 0 else None
-    return Paired(mean, mean - half, mean + half, effect, sign_flip_p(differences), count)
+    return PairedTest(mean, mean - half, mean + half, effect, sign_flip_p(differences), count)
 
 
 def sign_flip_p(differences: np.ndarray) -> float:
-    """The two-sided p of the permutation test: how many patterns of signs give a mean as far from zero.
+    """Return the two-sided p value of the sign-flip permutation test.
 
-    With n pairs it is at least 2 / 2^n: 0.0625 with five, 0.002 with ten.
+    It is the share of sign patterns whose mean is at least as far from zero. With n pairs it is at least
+    2 / 2^n: 0.0625 with five, 0.002 with ten.
     """
     signs = np.array(list(product((1.0, -1.0), repeat=len(differences))))
     means = np.abs(signs @ differences)
@@ -63,13 +65,13 @@ def sign_flip_p(differences: np.ndarray) -> float:
 
 
 def holm(ps: Sequence[float]) -> list[float]:
-    """Holm's step-down correction: p values that may be compared with 0.05 each, all tests together."""
+    """Return p values corrected for multiple tests by Holm's step-down method."""
     order = np.argsort(ps, kind="stable")
-    found, greatest = [0.0] * len(ps), 0.0
+    corrected, greatest = [0.0] * len(ps), 0.0
     for rank, index in enumerate(order.tolist()):
         greatest = max(greatest, min(1.0, (len(ps) - rank) * ps[index]))
-        found[index] = greatest
-    return found
+        corrected[index] = greatest
+    return corrected
 
 
 LEVEL = 0.05
@@ -84,7 +86,7 @@ CLAIMS = {
     "D4": "Without the planner the opponent is worse, without the knowledge base the ally (Fig. 7)",
 }
 
-# Which jamming type earns more alone than which other one.
+# Pairs of jamming types: alone, the first one earns more than the second.
 STRONGER = (
     *((kind, "tone") for kind in JAMMING_TYPES[1:]),
     *(("broadband", kind) for kind in ("narrowband", "comb")),
@@ -102,118 +104,122 @@ ASPECTS = {
 
 @dataclass(frozen=True)
 class Comparison:
-    """One test behind a claim.
+    """One test of a claim.
 
     Attributes:
-        claim: of :data:`CLAIMS`.
-        statement: what is claimed to be positive.
-        found: what the pairs say, in rounds without noise after training; of D2, over training.
-        check: the same differences late in training, with its noise; None where there are none.
-        p: corrected for all tests of the claim (Holm).
+        claim: key of :data:`CLAIMS`.
+        statement: quantity claimed to be positive.
+        test: test in rounds without noise after training; for D2, over training.
+        with_noise: the same test late in training, with exploration noise; None for changes over training.
+        p: p value of ``test``, corrected for all tests of the claim (Holm).
     """
 
     claim: str
     statement: str
-    found: Paired
-    check: Paired | None
+    test: PairedTest
+    with_noise: PairedTest | None
     p: float
 
     @property
     def verdict(self) -> str:
-        """Whether the statement holds by itself, its opposite does, or neither is shown."""
+        """Verdict on the statement by itself: :data:`HOLDS`, :data:`REVERSED` or :data:`OPEN`."""
         if self.p >= LEVEL:
             return OPEN
-        return HOLDS if self.found.mean > 0 else REVERSED
+        return HOLDS if self.test.mean > 0 else REVERSED
 
     @property
     def holds_uncorrected(self) -> bool:
-        """Whether it counts as a part of its claim, which needs all of them (intersection-union)."""
-        return self.found.p < LEVEL and self.found.mean > 0
+        """True if it holds as a part of its claim, which needs all of them (intersection-union)."""
+        return self.test.p < LEVEL and self.test.mean > 0
 
 
 def aspect_of(comparison: Comparison) -> str:
-    """Which of :data:`ASPECTS` a test is a part of; ``D1 frozen`` is one more."""
-    claim, said = comparison.claim, comparison.statement
-    if claim == "D3":
-        return "D3 level" if "alone" in said else "D3 order"
-    if claim == "D4":
-        return "D4 planner" if "learned path" in said else "D4 knowledge"
-    return claim
+    """Return the key of :data:`ASPECTS` to which a test belongs, or ``D1 frozen``."""
+    if comparison.claim == "D3":
+        return "D3 level" if "alone" in comparison.statement else "D3 order"
+    if comparison.claim == "D4":
+        return "D4 planner" if "learned path" in comparison.statement else "D4 knowledge"
+    return comparison.claim
 
 
 def compare(results: Results) -> list[Comparison]:
-    """All tests whose runs are there, with at least two seeds."""
-    pairs = [pair for pair in _differences(results) if len(pair[2]) > 1]
-    found = [paired(differences) for _, _, differences, _ in pairs]
+    """Return all tests whose conditions have at least two seeds."""
+    differences = [each for each in _differences(results) if len(each.finals) > 1]
     comparisons = []
     for claim in CLAIMS:
-        family = [(pair, each) for pair, each in zip(pairs, found, strict=True) if pair[0] == claim]
-        corrected = holm([each.p for _, each in family])
-        comparisons += [
-            Comparison(claim, statement, each, None if check is None else paired(check), p)
-            for ((_, statement, _, check), each), p in zip(family, corrected, strict=True)
-        ]
+        family = [each for each in differences if each.claim == claim]
+        tests = [paired_test(each.finals) for each in family]
+        for each, test, p in zip(family, tests, holm([test.p for test in tests]), strict=True):
+            with_noise = None if each.with_noise is None else paired_test(each.with_noise)
+            comparisons.append(Comparison(claim, each.statement, test, with_noise, p))
     return comparisons
 
 
 def verdict(comparisons: list[Comparison]) -> str:
-    """What the tests behind one claim come to: it holds where all of them do, none of them corrected.
+    """Return the verdict on a claim: it holds if all its tests do, without correction.
 
-    All have to hold, so none can hold by chance alone, and a correction would guard twice (Berger 1982).
+    A correction is not needed since all of them have to hold (intersection-union test, Berger 1982).
     """
-    found = [each.verdict for each in comparisons]
-    if not found:
+    verdicts = [each.verdict for each in comparisons]
+    if not verdicts:
         return NOT_RUN
     if all(each.holds_uncorrected for each in comparisons):
         return HOLDS
-    held = f"{found.count(HOLDS)} of {len(found)} parts hold"
-    if REVERSED in found:
-        return f"does not hold ({held}, of {found.count(REVERSED)} the opposite)"
+    held = f"{verdicts.count(HOLDS)} of {len(verdicts)} parts hold"
+    if REVERSED in verdicts:
+        return f"does not hold ({held}, of {verdicts.count(REVERSED)} the opposite)"
     return f"not shown ({held})"
 
 
-_Difference = tuple[str, str, np.ndarray, np.ndarray | None]
+class _Differences(NamedTuple):
+    """Differences by seed, ``(seeds,)``; see :class:`Comparison`."""
+
+    claim: str
+    statement: str
+    finals: np.ndarray
+    with_noise: np.ndarray | None
 
 
-def _differences(results: Results) -> Iterator[_Difference]:
-    """The claim, what is claimed to be positive, the differences by seed, and the same with noise."""
-    reward = "opponent_reward"
+def _differences(results: Results) -> Iterator[_Differences]:
+    ally, opponent = "ally_reward", "opponent_reward"
     for path in FIXED_PATHS:
         statement = f"opponent's reward: planned - {path}"
-        yield _between(results, "D1", statement, (BASE, reward), (path, reward))
+        yield _between(results, "D1", statement, (BASE, opponent), (path, opponent))
     for path in FIXED_PATHS:
+        statement = f"opponent's reward: planned - {path}, of the same pair"
         seeds = results.seeds(BASE, swapped(BASE, path))
-        both = [results.final(name, reward, seeds) for name in (BASE, swapped(BASE, path))]
-        yield "D1 frozen", f"opponent's reward: planned - {path}, of the same pair", both[0] - both[1], None
-    yield from _over_time(results)
+        planned, fixed = (results.final(name, opponent, seeds) for name in (BASE, swapped(BASE, path)))
+        yield _Differences("D1 frozen", statement, planned - fixed, None)
+    yield from _over_training(results)
     for kind in JAMMING_TYPES:
         statement = f"{kind} alone: ally's - opponent's reward"
-        yield _between(results, "D3", statement, (kind, "ally_reward"), (kind, reward))
-    for more, less in STRONGER:
-        yield _between(results, "D3", f"opponent's reward: {more} - {less}", (more, reward), (less, reward))
+        yield _between(results, "D3", statement, (kind, ally), (kind, opponent))
+    for strong, weak in STRONGER:
+        statement = f"opponent's reward: {strong} - {weak}"
+        yield _between(results, "D3", statement, (strong, opponent), (weak, opponent))
     statement = "opponent's reward: planned - learned path"
-    yield _between(results, "D4", statement, (BASE, reward), (NO_PLANNER, reward))
+    yield _between(results, "D4", statement, (BASE, opponent), (NO_PLANNER, opponent))
     statement = "ally's reward: with - without knowledge base"
-    yield _between(results, "D4", statement, (BASE, "ally_reward"), (NO_KNOWLEDGE, "ally_reward"))
+    yield _between(results, "D4", statement, (BASE, ally), (NO_KNOWLEDGE, ally))
 
 
 def _between(
     results: Results, claim: str, statement: str, one: tuple[str, str], other: tuple[str, str]
-) -> _Difference:
-    """A condition's column less another's."""
+) -> _Differences:
+    """Subtract the column of one condition from that of another; both are (condition, column)."""
     seeds = results.seeds(one[0], other[0])
     finals, levels = (read(*one, seeds) - read(*other, seeds) for read in (results.final, results.level))
-    return claim, statement, finals, levels
+    return _Differences(claim, statement, finals, levels)
 
 
-def _over_time(results: Results) -> Iterator[_Difference]:
-    """Late minus early, in the windows of Fig. 4; the claim is that overlap falls and success rises."""
+def _over_training(results: Results) -> Iterator[_Differences]:
+    """Compare the early and late stages of Fig. 4: overlap should fall, and jamming success rise."""
     seeds = results.seeds(BASE)
-    for name, said, sign in (
-        ("overlap_ratio", "overlap ratio: early - late", -1),
-        ("jamming_success_rate", "jamming success rate: late - early", 1),
-    ):
-        early, late = (results.mean(BASE, name, STAGES[stage], seeds) for stage in ("early", "late"))
-        yield "D2", said, sign * (late - early), None
-    early, late = (results.overlap(BASE, stage, seeds) for stage in ("early", "late"))
-    yield "D2", "spectrum overlap: early - late", early - late, None
+    early, late = (
+        [results.mean(BASE, name, STAGES[stage], seeds) for name in ("overlap_ratio", "jamming_success_rate")]
+        for stage in ("early", "late")
+    )
+    yield _Differences("D2", "overlap ratio: early - late", early[0] - late[0], None)
+    yield _Differences("D2", "jamming success rate: late - early", late[1] - early[1], None)
+    spectra = [results.overlap(BASE, stage, seeds) for stage in ("early", "late")]
+    yield _Differences("D2", "spectrum overlap: early - late", spectra[0] - spectra[1], None)

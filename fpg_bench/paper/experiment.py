@@ -34,14 +34,14 @@ _KNOWLEDGE_GATE = 4
 
 
 class Recorded(JointGame):
-    """Both sides of N games; the ally asks the knowledge base whenever it hops (Algorithm 1, line 6).
+    """N games that record their rounds; the ally always hops by the knowledge base (Algorithm 1, line 6).
 
     Args:
         games, **options: as for :class:`fpg_bench.envs.core.JointGame`.
 
     Attributes:
-        played: steps so far, over all games.
-        rounds: for each round that ended: ``played`` then, its record of dtype ``state.TALLY``, and its
+        played: number of steps, over all games.
+        rounds: for each finished round ``played`` at its end, its record of dtype ``state.TALLY``, and its
             histogram ``(2, points)``.
     """
 
@@ -64,7 +64,7 @@ class Recorded(JointGame):
         new_match: bool = False,
         horizons: np.ndarray | None = None,
     ) -> None:
-        """Start new rounds; finished ones are recorded first."""
+        """Record finished rounds, and start new ones."""
         over = self.truncated if mask is None else self.truncated & mask
         batch = self.duel.batch
         for game in np.flatnonzero(over).tolist():
@@ -73,19 +73,19 @@ class Recorded(JointGame):
 
 
 ALGORITHM = "maddpg"
-_POSITIONS = 50  # of a round that is drawn
+_POSITIONS = 50  # per drawn path
 
 
 @dataclass(frozen=True)
 class Budget:
-    """How long a run trains.
+    """Length of a training.
 
     Attributes:
-        name: what folders call it.
+        name: name in file names.
         steps: game steps, over all games.
-        games: how many at once.
-        train_freq, gradient_steps: so many updates after so many steps of all games.
-        seeds: how many runs each condition that a claim rests on has, where nothing else is said.
+        games: number of games at once.
+        train_freq, gradient_steps: ``gradient_steps`` updates follow ``train_freq`` steps of all games.
+        seeds: default number of runs of each condition that a claim rests on.
     """
 
     name: str
@@ -96,7 +96,7 @@ class Budget:
     seeds: int
 
     def updates(self) -> int:
-        """About how many updates a run makes."""
+        """Return the approximate number of updates of a run."""
         return self.steps // self.games // self.train_freq * self.gradient_steps
 
 
@@ -112,11 +112,12 @@ BUDGETS: Mapping[str, Budget] = MappingProxyType(
 )
 
 
-def hyperparameters(budget: Budget, **others: Any) -> Hyperparameters:
-    """Table 3, what the shipped file says where the paper says nothing, and what is another one."""
+def hyperparameters(budget: Budget, changes: Mapping[str, Any] | None = None) -> Hyperparameters:
+    """Return those of Table 3, completed by the shipped ones, with the changes of a condition."""
     shipped = load_hyperparameters(ALGORITHM, DUEL)
-    rhythm = {"train_freq": budget.train_freq, "gradient_steps": budget.gradient_steps}
-    return dataclasses.replace(shipped, n_envs=budget.games, algorithm=shipped.algorithm | rhythm | others)
+    rates = {"train_freq": budget.train_freq, "gradient_steps": budget.gradient_steps}
+    algorithm = shipped.algorithm | rates | dict(changes or {})
+    return dataclasses.replace(shipped, n_envs=budget.games, algorithm=algorithm)
 
 
 def run_experiment(
@@ -146,6 +147,8 @@ def run_experiment(
         A run per seed, and one per seed and swapped path.
     """
     torch.set_num_threads(1)
+    libraries = ("torch", "numpy", *(["jax"] if learner == "jax" else []))
+    versions = ", ".join([f"fpg-bench {__version__}", *(f"{name} {version(name)}" for name in libraries)])
     seeds, steps = list(seeds), condition.budgets * budget.steps
     start = time.monotonic()
     trainings = {
@@ -159,7 +162,7 @@ def run_experiment(
         about = {
             "scenario": f"{preset}, {condition.scenario(preset).hash}",
             "trained at once": ", ".join(map(str, seeds)),
-            "versions": _versions(learner),
+            "versions": versions,
             "seconds": seconds,
             "budget": f"{budget.name}, {steps} steps, {training.model.n_updates} updates",
         }
@@ -171,14 +174,8 @@ def run_experiment(
     return runs
 
 
-def _versions(learner: str) -> str:
-    """Of what the numbers hang on."""
-    names = ("torch", "numpy", *(["jax"] if learner == "jax" else []))
-    return ", ".join([f"fpg-bench {__version__}", *(f"{name} {version(name)}" for name in names)])
-
-
 class _Training:
-    """One training seed under a condition: its games, which keep what was played, and its model."""
+    """Games and model of one training seed under a condition."""
 
     def __init__(
         self,
@@ -186,23 +183,28 @@ class _Training:
         preset: str,
         budget: Budget,
         seed: int,
-        place: Path,
+        folder: Path,
         llm: Mapping[str, Any] | None,
     ) -> None:
-        self.scenario, options = condition.scenario(preset), dict(condition.options)
-        words = dict(llm or {}) if options.get("planner") == "llm" else {}
-        options["planner"] = training_planner(
-            options.get("planner"), place, words.pop("transcript", None), words
-        )
-        self._make = partial(Recorded, budget.games, scenario=self.scenario, **options)
+        options = dict(condition.options)
+        planner = options.get("planner")
+        llm_options = dict(llm or {}) if planner == "llm" else {}
+        transcript = llm_options.pop("transcript", None)
+        options["planner"] = training_planner(planner, folder, transcript, llm_options)
+        self._make = partial(Recorded, budget.games, scenario=condition.scenario(preset), **options)
         games = self.games(training_seed(seed))
         self.core: Recorded = games.core  # type: ignore[assignment]
-        self.model: Any = make_model(ALGORITHM, games, hyperparameters(budget, **condition.algorithm), seed)
+        self.model: Any = make_model(ALGORITHM, games, hyperparameters(budget, condition.algorithm), seed)
         self.model.set_logger(configure(None, []))
 
-    def games(self, first_seed: int | None, **instead: Any) -> FPGVecEnv:
-        """Games to train in, whose rounds end at different times; without a seed: to be played together."""
-        return FPGVecEnv(self._make(**instead), first_seed, stagger=first_seed is not None)
+    def games(self, first_seed: int | None, **changes: Any) -> FPGVecEnv:
+        """Return games to train in, with staggered rounds; without a seed, games to evaluate in.
+
+        Args:
+            first_seed: seed of the first game, or None.
+            **changes: changed options of :class:`Recorded`.
+        """
+        return FPGVecEnv(self._make(**changes), first_seed, stagger=first_seed is not None)
 
 
 def play_deterministic(
@@ -211,17 +213,18 @@ def play_deterministic(
     """Play a match in every game, on evaluation seeds.
 
     Returns:
-        Each round's tally and histogram, and both sides' ``(2, n, 3)`` positions in m, in the last round of
-        the first game's match, every few steps.
+        The tally and histogram of each round, and the positions of both sides in the last round of the first
+        game, ``(2, n, 3)`` in m, every few steps.
     """
     core: Any = games.core
     scenario, state = core.scenario, core.duel.batch.games
     core.reset(seeds=np.array(evaluation_seeds(games.num_envs)))
-    flown = []
+    positions = []
     for _ in range(scenario.rounds_per_match * scenario.steps_per_round):
-        flown.append([state[f"{side}_position"][0].copy() for side in SIDES])
+        positions.append([state[f"{side}_position"][0].copy() for side in SIDES])
         core.step(model.predict(core.observations, deterministic=True)[0])
         if core.truncated.any():
             core.reset(core.truncated.copy())
-    last = np.array(flown[-scenario.steps_per_round :: max(scenario.steps_per_round // _POSITIONS, 1)])
+    every = max(scenario.steps_per_round // _POSITIONS, 1)
+    last = np.array(positions[-scenario.steps_per_round :: every])
     return [(tally, histogram) for _, tally, histogram in core.rounds], last.transpose(1, 0, 2)

@@ -1,4 +1,4 @@
-"""The paper's figures in the paper's form, as PNG and SVG."""
+"""The paper's figures, as PNG and SVG."""
 
 from __future__ import annotations
 
@@ -26,15 +26,12 @@ _TITLES = {
 
 
 def draw(results: Results, preset: str, folder: Path) -> dict[str, list[Path]]:
-    """Draw every figure whose runs are there.
+    """Draw each figure whose runs exist, and return its files by its name.
 
     Args:
         results: the runs.
-        preset: the scenario, which names the files.
-        folder: where they go.
-
-    Returns:
-        The files of each figure.
+        preset: name of the scenario.
+        folder: folder of the files.
     """
     written = {}
     for name, painter in FIGURES.items():
@@ -47,27 +44,27 @@ def draw(results: Results, preset: str, folder: Path) -> dict[str, list[Path]]:
 def rewards(
     conditions: Sequence[str], columns: int, width: float, height: float, base: str = _TITLES[BASE]
 ) -> Callable[[Results, str], Any]:
-    """A painter of both sides' rewards over training, a panel for each condition that was run."""
+    """Return a function that draws both sides' rewards over training, with a panel per condition."""
 
     def paint(results: Results, preset: str) -> Any:
-        there = [condition for condition in conditions if condition in results.runs]
-        if not there or there == [BASE] != list(conditions):
+        present = [condition for condition in conditions if condition in results.runs]
+        if not present or present == [BASE] != list(conditions):
             return None
-        lines = -(-len(there) // columns)
+        lines = -(-len(present) // columns)
         figure = blank_figure(width, 0.4 + height * lines)
         panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
-        for axes, condition in zip(panels.flat, there, strict=False):
+        for axes, condition in zip(panels.flat, present, strict=False):
             for side, colour in SIDE_COLOURS.items():
                 _draw_reward(axes, results, condition, side, colour)
             title = base if condition == BASE else _TITLES.get(condition, condition)
             axes.set_title(f"{title} (n = {len(results.seeds(condition))})", fontsize=10)
             axes.set_xticks((0, 0.5, 1))
-        for axes in panels.flat[len(there) :]:
+        for axes in panels.flat[len(present) :]:
             axes.set_visible(False)
         panels[0][0].legend(frameon=False, fontsize=8)
         for axes in panels[:, 0]:
             axes.set_ylabel("reward a step")
-        for axes in panels.flat[max(0, len(there) - columns) : len(there)]:  # the lowest of each column
+        for axes in panels.flat[max(0, len(present) - columns) : len(present)]:  # the lowest of each column
             axes.set_xlabel("share of training")
             axes.tick_params(labelbottom=True)
         return figure
@@ -76,7 +73,7 @@ def rewards(
 
 
 def _draw_reward(axes: Any, results: Results, condition: str, side: str, colour: str) -> None:
-    """The mean over seeds and its moving average (dashed), with 2 sigma over rounds and seeds."""
+    """Draw the mean over seeds and its moving average (dashed), with 2 sigma over rounds and seeds."""
     each, within = (results.series(condition, f"{side}_{kind}") for kind in ("reward", "sd"))
     time = (np.arange(WINDOWS) + 0.5) / WINDOWS
     mean = np.nanmean(each, axis=0)
@@ -88,13 +85,13 @@ def _draw_reward(axes: Any, results: Results, condition: str, side: str, colour:
 
 
 def _smoothed(values: np.ndarray) -> np.ndarray:
-    """The centred moving average over a fifth of training, whole matches; over less at the ends."""
+    """Return the centred moving average over a fifth of training; over less at the ends."""
     kernel = np.convolve(np.ones(FIFTH), (0.5, 0.5))
     return np.convolve(values, kernel, "same") / np.convolve(np.ones(len(values)), kernel, "same")
 
 
 def frequencies(results: Results, preset: str) -> Any:
-    """Fig. 4: the centre frequencies of both sides, early, in the middle and late, all seeds together."""
+    """Draw Fig. 4: centre frequencies of both sides early, midway and late in training, all seeds pooled."""
     seeds = results.seeds(BASE)
     if not seeds:
         return None
@@ -120,7 +117,7 @@ def frequencies(results: Results, preset: str) -> Any:
 
 
 def _mark(axes: Any, points: np.ndarray, share: np.ndarray, shift: float, height: float, colour: str) -> None:
-    """The quartiles (lines), mean and standard deviation (at a height), and the highest bar (frame)."""
+    """Mark the quartiles (lines), mean and standard deviation (at a height), and highest bar (frame)."""
     below = np.cumsum(share)
     for quarter in (0.25, 0.75):
         at = points[min(int(np.searchsorted(below, quarter)), len(points) - 1)] + shift
@@ -133,7 +130,7 @@ def _mark(axes: Any, points: np.ndarray, share: np.ndarray, shift: float, height
 
 
 def overlap_and_success(results: Results, preset: str) -> Any:
-    """Fig. 5: overlap ratio and jamming success rate over training, with standard deviations over seeds."""
+    """Draw Fig. 5: overlap ratio and jamming success rate over training, with their standard deviation."""
     if BASE not in results.runs:
         return None
     figure = blank_figure(7, 3.6)
@@ -141,7 +138,7 @@ def overlap_and_success(results: Results, preset: str) -> Any:
     right = left.twinx()
     time = (np.arange(WINDOWS) + 0.5) / WINDOWS
     middles = time.reshape(-1, FIFTH).mean(axis=1)
-    for axes, name, said, colour, shift in (
+    for axes, name, label, colour, shift in (
         (left, "overlap_ratio", "overlap ratio (%)", _OVERLAP, -0.004),
         (right, "jamming_success_rate", "jamming success rate (%)", _SUCCESS, 0.004),
     ):
@@ -150,21 +147,21 @@ def overlap_and_success(results: Results, preset: str) -> Any:
         fifths = np.nanmean(each.reshape(len(each), -1, FIFTH), axis=2)
         mean, sd = fifths.mean(axis=0), fifths.std(axis=0, ddof=min(1, len(fifths) - 1))
         axes.errorbar(middles + shift, mean, sd, color=colour, fmt="o-", ms=4, capsize=3, lw=1.6)
-        axes.set_ylabel(said, color=colour)
+        axes.set_ylabel(label, color=colour)
         axes.set_ylim(bottom=0)
     left.set_xlabel("share of training")
     return figure
 
 
 def paths(results: Results, preset: str) -> Any:
-    """Where both sides flew in a round after training (Algorithm 1, line 18), from above."""
+    """Draw both sides' paths in a round after training (Algorithm 1, line 18), from above."""
     if not results.runs.get(BASE):
         return None
     seed = min(results.runs[BASE])
-    there = [name for name in (*FIXED_PATHS, BASE, NO_PLANNER) if seed in results.runs.get(name, {})]
+    present = [name for name in (*FIXED_PATHS, BASE, NO_PLANNER) if seed in results.runs.get(name, {})]
     scenario = scenario_of(preset)
-    figure = blank_figure(2.6 * len(there) + 0.6, 3.2)
-    for axes, condition in zip(figure.subplots(1, len(there), squeeze=False)[0], there, strict=True):
+    figure = blank_figure(2.6 * len(present) + 0.6, 3.2)
+    for axes, condition in zip(figure.subplots(1, len(present), squeeze=False)[0], present, strict=True):
         row = results.runs[condition][seed][-1]
         for side, colour in SIDE_COLOURS.items():
             x, y, _ = np.reshape(row[f"{side}_path"], (-1, 3)).T
@@ -191,7 +188,7 @@ FIGURES: Mapping[str, Callable[[Results, str], Any]] = MappingProxyType(
 
 
 def save_figure(figure: Any, stem: Path) -> list[Path]:
-    """Write ``<stem>.png`` and ``<stem>.svg``, the same bytes for the same picture."""
+    """Write ``<stem>.png`` and ``<stem>.svg``, reproducibly to the byte, and return both paths."""
     from matplotlib import rc_context
 
     paths = []
@@ -204,5 +201,5 @@ def save_figure(figure: Any, stem: Path) -> list[Path]:
         path = stem.with_suffix(f".{form}")
         write_whole(path, image.getvalue())
         paths.append(path)
-        figure.set_layout_engine("none")  # once it is laid out, all forms look alike
+        figure.set_layout_engine("none")  # keeps the first format's layout
     return paths

@@ -1,32 +1,35 @@
-"""The report: what the paper states, what was measured, and whether it holds; as Markdown and HTML."""
+"""Report on the paper's claims, measurements and tables, as Markdown and HTML."""
 
 from __future__ import annotations
 
 import html
 import inspect
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jinja2 import Environment, StrictUndefined
+from markdown_it import MarkdownIt
 
 from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import PAPER, STANDARD, Scenario
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.paper.claims import CLAIMS, HOLDS, NOT_RUN, Comparison, Paired, compare, verdict
+from fpg_bench.paper.claims import CLAIMS, HOLDS, NOT_RUN, Comparison, PairedTest, compare, verdict
 from fpg_bench.paper.conditions import BASE, LLM, LONG, conditions_of, sensitivity
 from fpg_bench.paper.experiment import ALGORITHM, BUDGETS, Budget, hyperparameters
 from fpg_bench.paper.runs import FIFTH, FINAL, STAGES, WINDOWS, Results
 from fpg_bench.training.algorithms import find_algorithm
 
-Table = tuple[str, list[list[str]]]  # title, and lines of which the first holds the headings
+Lines = list[list[str]]  # of a table; the first holds the headings
+Table = tuple[str, Lines]  # with its title
 _RULES = "docs/rules.md"
 
 
 def tables(budget: Budget = BUDGETS["full"]) -> list[Table]:
-    """The three tables, their lines made from the scenarios and hyper-parameters in use."""
+    """Return the paper's three tables, beside the scenarios and hyper-parameters in use."""
     return [_jamming(), _environment(), _algorithm(budget)]
 
 
@@ -128,7 +131,6 @@ def _shown(scenario: Scenario, field: str) -> str:
     return "all" if value is None else f"{value:g}" if isinstance(value, int | float) else str(value)
 
 
-Lines = list[list[str]]  # of a table; the first holds the headings
 _TEMPLATE = Path(__file__).with_name("report.md.j2")
 _PAPERS_OVERLAP = {"early": "54.46 %", "middle": "54.39 %", "late": "53.69 %"}
 _LEVELS = (  # heading, column, factor, decimals
@@ -151,19 +153,20 @@ img { max-width: 100%; }
 def write_report(
     results: Results, preset: str, budget: Budget, drawn: Iterable[str], folder: Path, command: str
 ) -> list[Path]:
-    """Write ``report-<scenario>.md`` and ``.html``.
+    """Write ``report-<scenario>.md`` and ``.html``, and return both paths.
 
     Args:
-        results: the runs that are there.
-        preset, budget: what they are of.
-        drawn: the names of the figures that lie in the folder's ``figures/``.
-        folder: where to.
-        command: what makes all of it again.
-
-    Returns:
-        Both files.
+        results: existing runs.
+        preset: name of their scenario.
+        budget: their budget.
+        drawn: names of the figures in ``folder/figures``.
+        folder: folder of both files.
+        command: command that repeats the runs.
     """
-    text = _rendered(_content(results, preset, budget, drawn) | {"command": command})
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
+    environment.filters["table"] = markdown_table
+    template = environment.from_string(_TEMPLATE.read_text(encoding="utf-8"))
+    text = template.render(_content(results, preset, budget, drawn), command=command)
     paths = [folder / f"report-{preset}{suffix}" for suffix in (".md", ".html")]
     write_whole(paths[0], text)
     write_whole(paths[1], _html(text, f"The paper, reproduced: {preset}"))
@@ -174,17 +177,20 @@ def _content(results: Results, preset: str, budget: Budget, drawn: Iterable[str]
     comparisons = compare(results)
     verdicts = {name: verdict([each for each in comparisons if each.claim == name]) for name in CLAIMS}
     names = [condition.name for condition in conditions_of("all", preset, full=True)]
-    trained = [results.about.get(name, {}) for name in (LLM, *names)]  # not those on swapped paths
+    trained = [results.about.get(name, {}) for name in (LLM, *names)]  # without evaluations on swapped paths
     headings = [heading for by_seed in trained for heading in by_seed.values()]
-    pairs = sorted({each.found.pairs for each in comparisons})
+    pairs = sorted({each.test.pairs for each in comparisons})
     return {
         "preset": preset,
         "budget": budget,
         "base": BASE,
         "long": LONG if LONG in results.runs else None,
         "llm": LLM in results.runs,
-        "claims": _claims(verdicts),
-        "missed": [name for name, found in verdicts.items() if found not in (HOLDS, NOT_RUN)],
+        "claims": [
+            ["claim", "the paper", "verdict"],
+            *([name, statement, f"**{verdicts[name]}**"] for name, statement in CLAIMS.items()),
+        ],
+        "missed": [name for name, result in verdicts.items() if result not in (HOLDS, NOT_RUN)],
         "tests": _tests(comparisons),
         "pairs": " or ".join(map(str, pairs)),
         "figures": list(drawn),
@@ -201,20 +207,15 @@ def _content(results: Results, preset: str, budget: Budget, drawn: Iterable[str]
     }
 
 
-def _claims(verdicts: Mapping[str, str]) -> Lines:
-    lines = [["claim", "the paper", "verdict"]]
-    return lines + [[name, said, f"**{verdicts[name]}**"] for name, said in CLAIMS.items()]
-
-
 def _tests(comparisons: Sequence[Comparison]) -> Lines:
     lines = [["claim", "claimed to be positive", "measured", "95 % interval", "d_z", "p", "p (Holm)"]]
     lines[0] += ["with noise", "by itself"]
     for each in comparisons:
-        found = each.found
-        effect = "-" if found.effect is None else f"{round(found.effect, 1) + 0.0:.1f}"
-        check = "-" if each.check is None else f"{_number(each.check.mean)} {_interval(each.check)}"
-        measured = [_number(found.mean), _interval(found), effect, f"{found.p:.3f}", f"{each.p:.3f}", check]
-        lines.append([each.claim, each.statement, *measured, each.verdict])
+        test, noisy = each.test, each.with_noise
+        effect = "-" if test.effect is None else f"{round(test.effect, 1) + 0.0:.1f}"
+        with_noise = "-" if noisy is None else f"{_number(noisy.mean)} {_interval(noisy)}"
+        numbers = [_number(test.mean), _interval(test), effect, f"{test.p:.3f}", f"{each.p:.3f}", with_noise]
+        lines.append([each.claim, each.statement, *numbers, each.verdict])
     return lines
 
 
@@ -239,7 +240,7 @@ def _spread(results: Results) -> str:
 
 
 def _fifths(results: Results) -> Lines:
-    """The base condition over training, and the long run over its own."""
+    """Tabulate the base condition and the long run by fifths of their training."""
     shown = [each for each in _LEVELS if each[0] in ("overlap %", "jammed %", "hops %", "spreading %")]
     lines = [["condition", "of training", *(heading for heading, *_ in shown)]]
     for name in (BASE, LONG):
@@ -276,38 +277,28 @@ def _otherwise(results: Results, preset: str) -> Lines:
 
 
 def _around(values: np.ndarray, factor: float, digits: int) -> str:
-    """The mean over seeds, and how far its 95 % interval reaches (Student's t)."""
-    said = f"{factor * values.mean() + 0.0:.{digits}f}"
-    return said if len(values) < 2 else f"{said} ± {factor * student_half(values):.{digits}f}"
+    """Return the mean over seeds and the half width of its 95 % interval (Student's t), as text."""
+    mean = f"{factor * values.mean() + 0.0:.{digits}f}"
+    return mean if len(values) < 2 else f"{mean} ± {factor * student_half(values):.{digits}f}"
 
 
-def _interval(found: Paired) -> str:
-    return f"[{_number(found.low)}, {_number(found.high)}]"
+def _interval(test: PairedTest) -> str:
+    return f"[{_number(test.low)}, {_number(test.high)}]"
 
 
 def _number(value: float) -> str:
-    """Two decimals, and more of what is small."""
+    """Return a number with two decimals, or with two digits if it is small."""
     return f"{value + 0.0:.2f}" if abs(value) >= 1 else f"{value + 0.0:.2g}"
 
 
-def _rendered(content: Mapping[str, Any]) -> str:
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
-    environment.filters["table"] = markdown_table
-    return environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(content)
-
-
 def markdown_table(lines: Lines) -> str:
-    """A table in Markdown."""
+    """Return a table in Markdown."""
     head, *rest = lines
     rows = [head, ["---"] * len(head), *rest]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in rows)
 
 
 def _html(text: str, title: str) -> str:
-    from markdown_it import MarkdownIt
-
     body = MarkdownIt("commonmark").enable("table").render(text)
     return (
         f'<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n<title>{html.escape(title)}</title>\n'

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ def reproduce(
     budget: str | Budget = "quick",
     llm: Mapping[str, Any] | None = None,
     learner: str = "torch",
-    workers: int = 2,
+    n_jobs: int = 2,
     backend: str = "loky",
     address: str | None = None,
     say: Callable[[str], None] = print,
@@ -48,7 +48,7 @@ def reproduce(
         llm: options of the language-model planner, which is then trained against as well; the environment
             names its endpoint. ``transcript`` replays that file. None: no language model.
         learner: ``torch`` or ``jax``; the latter is faster and requires the extra ``fast``.
-        workers, backend, address, say: see :func:`fpg_bench.common.parallel.run_jobs`.
+        n_jobs, backend, address, say: see :func:`fpg_bench.common.parallel.run_jobs`.
 
     Returns:
         The files written: figures first, then the report.
@@ -68,7 +68,7 @@ def reproduce(
         range(first_seed, first_seed + count),
         llm=llm,
         learner=learner,
-        workers=workers,
+        n_jobs=n_jobs,
         backend=backend,
         address=address,
         say=say,
@@ -93,7 +93,7 @@ def run_conditions(
     *,
     llm: Mapping[str, Any] | None = None,
     learner: str = "torch",
-    workers: int = 2,
+    n_jobs: int = 2,
     backend: str = "loky",
     address: str | None = None,
     say: Callable[[str], None] = print,
@@ -101,13 +101,13 @@ def run_conditions(
     """Run the missing runs of some conditions and add them to a file.
 
     Args:
-        file: of the runs.
-        conditions: to be run.
-        preset: scenario that the conditions modify.
-        budget: of each run.
+        file: file of the runs.
+        conditions: conditions to run.
+        preset: name of the scenario that they change.
+        budget: budget of each run.
         seeds: training seeds; see :func:`reproduce` for conditions that need fewer.
         llm, learner: see :func:`reproduce`.
-        workers, backend, address, say: see :func:`fpg_bench.common.parallel.run_jobs`.
+        n_jobs, backend, address, say: see :func:`fpg_bench.common.parallel.run_jobs`.
 
     Returns:
         The errors of failed jobs by name.
@@ -115,21 +115,7 @@ def run_conditions(
     Raises:
         UserError: the file holds runs of another game.
     """
-    jobs = list(_jobs(file, conditions, preset, budget, seeds, llm, learner))
-    return run_jobs(jobs, workers, backend, address, say)
-
-
-def _jobs(
-    file: RunFile,
-    conditions: Iterable[Condition],
-    preset: str,
-    budget: Budget,
-    seeds: range,
-    llm: Mapping[str, Any] | None,
-    learner: str,
-) -> Iterator[Job]:
-    """Yield a job per condition with missing runs, whose seeds are trained together."""
-    done = file.read()
+    done, jobs = file.read(), []
     transcripts = (file.path.parent / "transcripts" / file.path.name.split(".")[0]).absolute()
     for condition in conditions:
         check_same_game(file, condition, preset)
@@ -138,7 +124,8 @@ def _jobs(
             name = f"{preset} {condition.name} seeds {', '.join(map(str, missing))}"
             folder = transcripts / condition.name
             run = partial(run_experiment, condition, preset, budget, missing, folder, llm, learner)
-            yield Job(name, run, file.add)
+            jobs.append(Job(name, run, file.add))
+    return run_jobs(jobs, n_jobs, backend, address, say)
 
 
 def check_same_game(file: RunFile, condition: Condition, preset: str) -> None:
@@ -168,7 +155,7 @@ def _conditions(target: str, scenario: str, budget: Budget, llm: Mapping[str, An
 
 
 def _seeds(condition: Condition, seeds: range) -> range:
-    """All seeds where a claim rests on the condition, else five; one of the long run and of the LLM's."""
+    """Return all seeds if a claim rests on the condition, else five; one for the long run and the LLM."""
     if condition.name in (LONG, LLM):
         return seeds[:1]
     return seeds if condition.tested else seeds[:SHORT_SEEDS]

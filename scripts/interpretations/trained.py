@@ -191,7 +191,7 @@ def train_variants(
     for condition in standard:
         check_same_game(figures, condition, "figures")
     file = RunFile(out, NAME, budget)
-    failed = run_conditions(file, all_conditions(), PRESET, of, seeds, learner=learner, workers=n_jobs)
+    failed = run_conditions(file, all_conditions(), PRESET, of, seeds, learner=learner, n_jobs=n_jobs)
     words = f"--budget {budget} --n-seeds {len(seeds)}"
     words += f" --first-seed {first_seed}" if first_seed else ""
     words += f" --learner {learner}" if learner != LEARNERS[0] else ""
@@ -295,8 +295,8 @@ def _parts(found: Mapping[Variant, Comparisons]) -> str:
     for variant, by_aspect in found.items():
         for name in _COLUMNS:
             for each in by_aspect.get(name, ()):
-                low, high = (f"{value:.3g}" for value in (each.found.low, each.found.high))
-                numbers = [f"{each.found.mean:.3g}", f"[{low}, {high}]", f"{each.found.p:.3f}"]
+                low, high = (f"{value:.3g}" for value in (each.test.low, each.test.high))
+                numbers = [f"{each.test.mean:.3g}", f"[{low}, {high}]", f"{each.test.p:.3f}"]
                 lines.append([_title(variant), name, each.statement, *numbers, each.verdict])
     return markdown_table(lines)
 
@@ -308,7 +308,7 @@ def _drawn(found: Mapping[Variant, Comparisons]) -> Any:
     for axes, name in zip(panels, _COLUMNS, strict=True):
         for line, by_aspect in enumerate(found.values()):
             if parts := by_aspect.get(name):
-                weakest = min(parts, key=_size).found
+                weakest = min(parts, key=_size).test
                 colour = HELD if weakest.low > 0 else OPPOSITE if weakest.high < 0 else OPEN
                 half = weakest.mean - weakest.low
                 axes.errorbar(weakest.mean, line, xerr=half, fmt="o", ms=4, color=colour, capsize=2)
@@ -327,8 +327,8 @@ def _drawn(found: Mapping[Variant, Comparisons]) -> Any:
 
 
 def _size(comparison: Comparison) -> float:
-    found = comparison.found
-    return found.mean / max(found.high - found.mean, 1e-12)
+    test = comparison.test
+    return test.mean / max(test.high - test.mean, 1e-12)
 
 
 def _title(variant: Variant) -> str:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.paper.claims import CLAIMS, Comparison, Paired, compare, holm, verdict
+from fpg_bench.paper.claims import CLAIMS, Comparison, PairedTest, compare, holm, verdict
 from fpg_bench.paper.conditions import BASE
 from fpg_bench.paper.experiment import BUDGETS
 from fpg_bench.paper.report import write_report
@@ -61,13 +61,13 @@ def test_single_types_are_each_compared_with_the_ally():
 
 def test_a_difference_with_noise_stands_beside():
     (first, *_) = compare(results())
-    assert first.check is not None
-    assert first.check.mean == pytest.approx(5, abs=0.2)
+    assert first.with_noise is not None
+    assert first.with_noise.mean == pytest.approx(5, abs=0.2)
 
 
 def test_a_claim_whose_parts_all_hold_uncorrected_holds():
     """Nine parts of p = 0.01 each: none of them stands alone, and the claim does."""
-    one = Paired(1.0, 0.5, 1.5, 1.0, 0.01, 10)
+    one = PairedTest(1.0, 0.5, 1.5, 1.0, 0.01, 10)
     parts = [Comparison("D3", "a part", one, None, p) for p in holm([one.p] * 9)]
     assert [part.verdict for part in parts] == ["not shown"] * 9
     assert verdict(parts) == "holds"
@@ -78,4 +78,4 @@ def test_a_part_is_corrected_for_the_parts_of_its_own_claim_alone():
     found = compare(results())
     for claim in CLAIMS:
         family = [each for each in found if each.claim == claim]
-        assert [each.p for each in family] == pytest.approx(holm([each.found.p for each in family]))
+        assert [each.p for each in family] == pytest.approx(holm([each.test.p for each in family]))

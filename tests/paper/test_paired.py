@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fpg_bench.paper.claims import holm, paired, sign_flip_p
+from fpg_bench.paper.claims import holm, paired_test, sign_flip_p
 
 
 def test_p_of_pairs_that_all_agree_is_the_least_possible():
@@ -27,21 +27,21 @@ def test_p_is_scipys(seed):
 
 
 def test_differences_that_are_all_zero_show_nothing():
-    found = paired(np.zeros(5))
+    found = paired_test(np.zeros(5))
     assert (found.mean, found.p, found.effect) == (0, 1, None)
 
 
 def test_the_interval_is_students():
     differences = np.array([1.0, 2.0, 4.0, 3.0, 5.0])
     low, high = stats.t.interval(0.95, 4, differences.mean(), stats.sem(differences))
-    found = paired(differences)
+    found = paired_test(differences)
     assert (found.low, found.high) == (pytest.approx(low, abs=1e-3), pytest.approx(high, abs=1e-3))
     assert found.effect == pytest.approx(3 / np.sqrt(2.5))
 
 
 def test_one_pair_is_no_test():
     with pytest.raises(ValueError, match="2 to 16"):
-        paired(np.ones(1))
+        paired_test(np.ones(1))
 
 
 def test_holm_by_hand_is_monotone_and_at_most_one():

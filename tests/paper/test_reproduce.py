@@ -27,7 +27,7 @@ def made(tmp_path_factory):
     """A folder in which Fig. 7 was made, and the lines that were said."""
     out = tmp_path_factory.mktemp("reproduced")
     said: list[str] = []
-    written = reproduce("fig7", out, budget=TINY, workers=1, say=said.append)
+    written = reproduce("fig7", out, budget=TINY, n_jobs=1, say=said.append)
     return out, written, said
 
 
@@ -63,7 +63,7 @@ def test_pairs_on_the_other_paths_come_to_the_report_and_are_no_runs_of_their_ow
         replace(each, changes={"rounds_per_match": 4}) for each in conditions_of("fig4", "paper", False)
     ]
     monkeypatch.setattr(reproducing, "_conditions", lambda *words: [short])
-    reproduce("fig4", tmp_path, budget=budget, seeds=2, workers=1, say=lambda line: None)
+    reproduce("fig4", tmp_path, budget=budget, seeds=2, n_jobs=1, say=lambda line: None)
     frozen = [each for each in compare(seen[0]) if each.claim == "D1 frozen"]
     assert [each.statement.split()[4] for each in frozen] == [f"{path}," for path in FIXED_PATHS]
     report, _ = write_report(seen[0], "paper", budget, [], tmp_path, "made so")
@@ -98,7 +98,7 @@ def test_what_was_run_is_not_run_again(made, monkeypatch):
     out, _, first = made
     assert sum(": done" in line for line in first) == 3
     said: list[str] = []
-    reproduce("fig5", out, budget=TINY, workers=1, say=said.append)
+    reproduce("fig5", out, budget=TINY, n_jobs=1, say=said.append)
     assert said == []
 
 
@@ -108,7 +108,7 @@ def test_rows_of_another_game_are_not_gone_on_with(made, tmp_path):
     other = RunFile(tmp_path, "standard", "tiny")
     other.add(RunFile(out, "paper", "tiny").read().values())
     with pytest.raises(UserError, match="planned, seed 0, played another game than standard is now"):
-        reproduce("fig4", tmp_path, scenario="standard", budget=TINY, seeds=1, workers=1)
+        reproduce("fig4", tmp_path, scenario="standard", budget=TINY, seeds=1, n_jobs=1)
 
 
 @pytest.mark.slow

@@ -82,7 +82,7 @@ def test_a_variant_of_low_noise_trains_with_it_and_nothing_else_that_is_new():
     usual = hyperparameters(TINY)
     for variant in VARIANTS:
         for condition in variant.conditions:
-            config = hyperparameters(TINY, **condition.algorithm)
+            config = hyperparameters(TINY, condition.algorithm)
             noise = {} if variant.noise_sd is None else {"noise_sd": LOW_NOISE}
             assert config == dataclasses.replace(usual, algorithm=usual.algorithm | noise)
 
@@ -105,7 +105,7 @@ def test_trained_variants_get_a_page_and_are_not_trained_again(monkeypatch, tmp_
     for module in ("fpg_bench.paper.reproduce", "scripts.interpretations.trained"):
         monkeypatch.setattr(f"{module}.conditions_of", lambda *_, **__: [base])
     monkeypatch.setattr("fpg_bench.paper.reproduce.draw", lambda *_: {})  # of Fig. 4
-    reproduce("fig4", tmp_path, scenario="figures", budget=TINY, seeds=2, first_seed=5, workers=1)
+    reproduce("fig4", tmp_path, scenario="figures", budget=TINY, seeds=2, first_seed=5, n_jobs=1)
     options = {"budget": "tiny", "n_seeds": 2, "first_seed": 5, "n_jobs": 1}
     written = trained.train_variants(tmp_path, **options)
     assert [path.name for path in written] == [f"trained-variants.{end}" for end in ("png", "svg", "md")]
