@@ -128,7 +128,7 @@ class Interpretation:
         return {name: value for part in self.parts for name, value in part.changes.items()}
 
     def scenario(self) -> Scenario:
-        """The scenario, in matches of as many rounds as the planner remembers."""
+        """Return the scenario, in matches of as many rounds as the planner remembers."""
         return as_scenario("paper", rounds_per_match=self.rounds, **self.changes)
 
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import gzip
 import json
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
@@ -111,20 +112,24 @@ class Played:
 def play_pair(
     interpretation: Interpretation, ally: str, opponent: str, games: int, rounds: int = 1, **options: Any
 ) -> Played:
-    """Play the first rounds of some matches, on the same seeds for every pair.
+    """Play the first rounds of some matches between two scripts, on the same seeds for every pair.
 
     Scripts do not observe the hop cost, and the first rounds of a match do not depend on later ones. So
     interpretations that differ in these points only share the games.
 
     Args:
         interpretation: the rules.
-        ally, opponent: scripts by name.
+        ally, opponent: names of the scripts.
         games, rounds: number of matches, and of rounds in each.
         **options: those of :func:`fpg_bench.envs.two_player.make_duel`.
     """
-    free = interpretation.replace(hop_cost="0", memory="for-ever")
-    found = _play_free(free, ally, opponent, games, rounds, tuple(options.items()))
-    return replace(found, ally=found.ally - interpretation.scenario().hop_cost * found.hops)
+    played = _play_free(_free(interpretation), ally, opponent, games, rounds, tuple(options.items()))
+    return replace(played, ally=played.ally - interpretation.scenario().hop_cost * played.hops)
+
+
+def _free(interpretation: Interpretation) -> Interpretation:
+    """Return the interpretation whose games this one shares, with free hops and the longest memory."""
+    return interpretation.replace(hop_cost="0", memory="for-ever")
 
 
 @lru_cache(maxsize=128)
@@ -148,7 +153,7 @@ def _play_free(
         tallies.append(core.duel.batch.tallies.copy())
         coarse.append(core.duel.batch.histograms.sum(axis=0))
     sums = np.stack(tallies)
-    shares: dict[str, Any] = {name: sums[of] / sums["steps"] for name, of in _SUMS.items()}
+    shares: dict[str, Any] = {name: sums[tally] / sums["steps"] for name, tally in _SUMS.items()}
     return Played(**shares, histograms=(np.stack(coarse), np.stack(fine)))
 
 
@@ -158,29 +163,25 @@ def _play_round(core: JointGame, players: Sequence[Any], games: int) -> np.ndarr
     memories: list[Any] = [None, None]
     starts, counts = np.ones(games, bool), np.zeros((2, FINE))
     for _ in range(scenario.steps_per_round):
-        acts = []
-        for side, (player, seen) in enumerate(
-            zip(players, np.split(core.observations, 2, axis=1), strict=True)
-        ):
-            actions, memories[side] = player.predict(np.ascontiguousarray(seen), memories[side], starts)
-            acts.append(actions)
-        core.step(np.concatenate(acts, axis=1))
+        actions: list[Any] = [None, None]
+        for side, observations in enumerate(np.split(core.observations, 2, axis=1)):
+            actions[side], memories[side] = players[side].predict(
+                np.ascontiguousarray(observations), memories[side], starts
+            )
+        core.step(np.concatenate(actions, axis=1))
         starts = np.zeros(games, bool)
-        for line, name in zip(counts, ("frequency_mhz", "jamming_mhz"), strict=True):
+        for side, name in enumerate(("frequency_mhz", "jamming_mhz")):
             share = (state[name] - scenario.band_low_mhz) / (scenario.band_high_mhz - scenario.band_low_mhz)
-            line += np.bincount((share * FINE).astype(int).clip(0, FINE - 1), minlength=FINE)
+            counts[side] += np.bincount((share * FINE).astype(int).clip(0, FINE - 1), minlength=FINE)
     return counts
 
 
 def screen(interpretation: Interpretation, games: int) -> Row:
-    """Test each claim under an interpretation.
+    """Test each claim under an interpretation, and return a row.
 
     Args:
         interpretation: the rules.
         games: matches of each pair; planned paths have a third of them, with all rounds.
-
-    Returns:
-        A row: the interpretation, the parts of the claims, and the overlap of Fig. 4.
     """
     pair = partial(play_pair, interpretation, games=games)
     best = {kind: _best(pair, kind, (*ASKING, *NOT_ASKING)) for kind in JAMMING_TYPES}
@@ -214,86 +215,80 @@ def screen(interpretation: Interpretation, games: int) -> Row:
 
 def _best(pair: Any, opponent: str, allies: Iterable[str], **options: Any) -> Played:
     """Return the games of the ally's best script, by its own reward, against an opponent on the circle."""
-    found: list[Played] = [pair(ally, opponent, path="circle", **options) for ally in allies]
-    return max(found, key=lambda played: float(played.ally.mean()))
+    results: list[Played] = [pair(ally, opponent, path="circle", **options) for ally in allies]
+    return max(results, key=lambda played: float(played.ally.mean()))
 
 
 def _paths(pair: Any, planned: Played) -> Iterator[Part]:
     for path in FIXED_PATHS:
-        fixed = pair("expert", "adaptive", path=path)
-        yield _earned("D1", f"planned - {path}", planned, fixed)
+        yield _earned("D1", f"planned - {path}", planned, pair("expert", "adaptive", path=path))
     yield _earned("D4 planner", "planned - learned path", planned, pair("expert", "adaptive", path="learned"))
 
 
-def _over_training(early: Played, ended: Played) -> Iterator[Part]:
-    for statement, name, more, less in (
-        ("overlap ratio: early - late", "overlap", early, ended),
-        ("jamming success rate: late - early", "success", ended, early),
-    ):
-        yield _difference("D2", statement, more.matches(name), less.matches(name))
+def _over_training(early: Played, late: Played) -> Iterator[Part]:
+    overlap, success = ((early.matches(name), late.matches(name)) for name in ("overlap", "success"))
+    yield _difference("D2", "overlap ratio: early - late", *overlap)
+    yield _difference("D2", "jamming success rate: late - early", *reversed(success))
 
 
 def _types(best: Mapping[str, Played]) -> Iterator[Part]:
     for kind, played in best.items():
         statement = f"{kind} alone: ally's - opponent's reward"
         yield _difference("D3 level", statement, played.matches("ally"), played.matches("opponent"))
-    for more, less in STRONGER:
-        yield _earned("D3 order", f"{more} - {less}", best[more], best[less])
+    for strong, weak in STRONGER:
+        yield _earned("D3 order", f"{strong} - {weak}", best[strong], best[weak])
 
 
-def _earned(claim: str, what: str, more: Played, less: Played) -> Part:
-    """A difference of the opponent's rewards."""
+def _earned(claim: str, names: str, high: Played, low: Played) -> Part:
+    """Compare the opponent's rewards."""
     return _difference(
-        claim, f"opponent's reward: {what}", more.matches("opponent"), less.matches("opponent")
+        claim, f"opponent's reward: {names}", high.matches("opponent"), low.matches("opponent")
     )
 
 
-def _difference(claim: str, statement: str, more: np.ndarray, less: np.ndarray) -> Part:
-    mean = float(more.mean() - less.mean())
-    if more.std() == less.std() == 0:  # nothing varies
+def _difference(claim: str, statement: str, high: np.ndarray, low: np.ndarray) -> Part:
+    """Test a difference by Welch's t-test."""
+    mean = float(high.mean() - low.mean())
+    if high.std() == low.std() == 0:  # nothing varies
         return Part(claim, statement, mean, mean, mean, 0.0 if mean else 1.0)
-    test = ttest_ind(more, less, equal_var=False)
-    low, high = test.confidence_interval()
-    return Part(claim, statement, *(float(f"{x:.5g}") for x in (mean, low, high, test.pvalue)))
+    test = ttest_ind(high, low, equal_var=False)
+    numbers = (mean, *test.confidence_interval(), test.pvalue)
+    return Part(claim, statement, *(float(f"{number:.5g}") for number in numbers))
 
 
 def screen_all(
     interpretations: Iterable[Interpretation], file: Path, games: int = 96, n_jobs: int = 2
 ) -> list[Row]:
-    """Screen interpretations, appending a row each as they finish; existing rows are kept.
+    """Screen interpretations, and return their rows in the same order.
 
     Args:
-        interpretations: to be screened.
-        file: for the rows.
+        interpretations: the interpretations.
+        file: file of the rows; existing rows are kept, and new ones appended as they finish.
         games: see :func:`screen`.
         n_jobs: number of processes.
-
-    Returns:
-        The rows, in the order of the interpretations.
 
     Raises:
         UserError: malformed rows, or failed jobs (the other rows are kept).
     """
     rows = RowFile(file, {"interpretation": str, "games": int, "parts": list})
-    listed = list(interpretations)
+    interpretations = list(interpretations)
     with rows.locked():
-        there = {row["interpretation"] for row in rows.read() if row["games"] == games}
-        missing = [interpretation for interpretation in listed if interpretation.name not in there]
-        listed_jobs = [
-            Job(f"{part[0].name} and {len(part) - 1} more", partial(_screen_group, part, games), rows.append)
-            for part in _groups(missing)
+        done = {row["interpretation"] for row in rows.read() if row["games"] == games}
+        groups: dict[Interpretation, list[Interpretation]] = {}  # by the games that they share
+        for interpretation in interpretations:
+            if interpretation.name not in done:
+                groups.setdefault(_free(interpretation), []).append(interpretation)
+        jobs = [
+            Job(
+                f"{group[0].name} and {len(group) - 1} more",
+                partial(_screen_group, group, games),
+                rows.append,
+            )
+            for group in groups.values()
         ]
-        check_all_done(run_jobs(listed_jobs, n_jobs))
-        found = {row["interpretation"]: row for row in rows.read() if row["games"] == games}
-    return [found[interpretation.name] for interpretation in listed]
-
-
-def _groups(interpretations: Iterable[Interpretation]) -> list[list[Interpretation]]:
-    """Group interpretations that share their games."""
-    groups: dict[Interpretation, list[Interpretation]] = {}
-    for interpretation in interpretations:
-        groups.setdefault(interpretation.replace(hop_cost="0", memory="for-ever"), []).append(interpretation)
-    return list(groups.values())
+        check_all_done(run_jobs(jobs, n_jobs))
+        by_name = {row["interpretation"]: row for row in rows.read() if row["games"] == games}
+    return [by_name[interpretation.name] for interpretation in interpretations]
 
 
 def _screen_group(interpretations: Iterable[Interpretation], games: int) -> list[Row]:
@@ -336,8 +331,8 @@ def claims_of(rows: Sequence[Row]) -> list[str]:
 
 def effects(rows: Sequence[Row], claim: str) -> list[Effect]:
     """Return a claim's effects under all interpretations, the weakest first."""
-    found = [_effect(row, claim) for row in rows]
-    return sorted(found, key=lambda effect: (effect.size, effect.interpretation.name))
+    unsorted = (_effect(row, claim) for row in rows)
+    return sorted(unsorted, key=lambda effect: (effect.size, effect.interpretation.name))
 
 
 def _effect(row: Row, claim: str) -> Effect:
@@ -354,32 +349,25 @@ def _not_positive(part: Mapping[str, Any]) -> float:
     return half if part["mean"] > 0 else 1 - half
 
 
-def shares(found: Sequence[Effect]) -> dict[tuple[str, str], float]:
+def shares(claim_effects: Sequence[Effect]) -> dict[tuple[str, str], float]:
     """Return by point and setting the share of interpretations under which the claim holds."""
     held: dict[tuple[str, str], list[bool]] = {}
-    for effect in found:
-        for point, setting in zip(POINTS, effect.interpretation.settings, strict=True):
-            held.setdefault((point, setting), []).append(effect.holds)
+    for effect in claim_effects:
+        for setting in effect.interpretation.items:
+            held.setdefault(setting, []).append(effect.holds)
     return {key: sum(values) / len(values) for key, values in held.items()}
 
 
 def draw_curve(rows: Sequence[Row]) -> Any:
-    """Draw a column per claim: its weakest part with a 95 % interval, and the settings below.
-
-    Args:
-        rows: of :func:`scripts.interpretations.screen.screen_all`.
-
-    Returns:
-        A matplotlib ``Figure``.
-    """
+    """Draw the specification curve: a column per claim, with its weakest part and the settings below."""
     settings = [(point, setting) for point, known in POINTS.items() for setting in known]
     claims = claims_of(rows)
     figure = blank_figure(2.6 * len(claims) + 1.4, 8)
     above, below = figure.subplots(2, len(claims), sharex="col", sharey="row", height_ratios=(2, 3))
     for column, claim in enumerate(claims):
-        found = effects(rows, claim)
-        _draw_effects(above[column], found, claim)
-        _draw_settings(below[column], found, settings)
+        claim_effects = effects(rows, claim)
+        _draw_effects(above[column], claim_effects, claim)
+        _draw_settings(below[column], claim_effects, settings)
     above[0].set_ylabel("weakest part, in its 95 % half widths")
     below[0].set_yticks(
         range(len(settings)), [f"{point}: {setting}" for point, setting in settings], fontsize=8
@@ -394,23 +382,21 @@ def _colour(effect: Effect) -> str:
     return OPPOSITE if effect.n_reversed else OPEN
 
 
-def _draw_effects(axes: Any, found: Sequence[Effect], claim: str) -> None:
-    held, colours = sum(effect.holds for effect in found), [_colour(effect) for effect in found]
-    axes.scatter(
-        range(len(found)), [effect.size for effect in found], s=4, c=colours, linewidths=0, rasterized=True
-    )
+def _draw_effects(axes: Any, claim_effects: Sequence[Effect], claim: str) -> None:
+    places, held = range(len(claim_effects)), sum(effect.holds for effect in claim_effects)
+    sizes, colours = [effect.size for effect in claim_effects], [_colour(each) for each in claim_effects]
+    axes.scatter(places, sizes, s=4, c=colours, linewidths=0, rasterized=True)
     axes.axhline(0, color="black", lw=0.8)
     axes.axhspan(-1, 1, color="#000000", alpha=0.08, lw=0)
     axes.set_yscale("symlog", linthresh=1)
-    axes.set_title(f"{claim}:\nholds under {held} of {len(found)}", fontsize=9)
+    axes.set_title(f"{claim}:\nholds under {held} of {len(places)}", fontsize=9)
 
 
-def _draw_settings(axes: Any, found: Sequence[Effect], settings: Sequence[tuple[str, str]]) -> None:
-    rank = {setting: line for line, setting in enumerate(settings)}
+def _draw_settings(axes: Any, claim_effects: Sequence[Effect], settings: list[tuple[str, str]]) -> None:
     dots = [
-        (place, rank[each], _colour(effect))
-        for place, effect in enumerate(found)
-        for each in zip(POINTS, effect.interpretation.settings, strict=True)
+        (place, settings.index(setting), _colour(effect))
+        for place, effect in enumerate(claim_effects)
+        for setting in effect.interpretation.items
     ]
     across, down, colours = zip(*dots, strict=True)
     axes.scatter(across, down, s=28, c=colours, marker="|", linewidths=0.25, rasterized=True)
@@ -419,7 +405,7 @@ def _draw_settings(axes: Any, found: Sequence[Effect], settings: Sequence[tuple[
 
 
 ROWS = "screen.jsonl.gz"
-_LARGEST = 2**26  # bytes of all rows; those of 768 interpretations are two million
+_MAX_BYTES = 2**26  # of all rows; those of 768 interpretations are two million
 _HEAD = """\
 # The paper's claims under every interpretation: scripted players
 
@@ -445,16 +431,13 @@ not state the width of its bins."""
 
 
 def make_screen(out: Path, games: int = 96, points: Iterable[str] = POINTS, n_jobs: int = 2) -> list[Path]:
-    """Screen interpretations, and write their rows, ``screen.md`` and the specification curve.
+    """Screen interpretations; return the written files: rows, ``screen.md`` and the specification curve.
 
     Args:
         out: folder; rows in its ``screen.jsonl`` are kept. ``screen.jsonl.gz`` holds all of them at the end.
         games: matches of each pair of scripts.
         points: points in which the interpretations differ.
         n_jobs: number of processes.
-
-    Returns:
-        The files written.
 
     Raises:
         UserError: an unknown point, malformed rows, or failed jobs (the other rows are kept).
@@ -467,7 +450,7 @@ def make_screen(out: Path, games: int = 96, points: Iterable[str] = POINTS, n_jo
 
 def read_screen(folder: Path) -> list[Row]:
     """Read the rows of a complete screen, ``screen.jsonl.gz``; raises UserError if it is unreadable."""
-    return [read_object(line) for line in read_bounded(folder / ROWS, "rows", _LARGEST).splitlines()]
+    return [read_object(line) for line in read_bounded(folder / ROWS, "rows", _MAX_BYTES).splitlines()]
 
 
 def write_screen(rows: Sequence[Row], out: Path) -> list[Path]:
@@ -478,34 +461,28 @@ def write_screen(rows: Sequence[Row], out: Path) -> list[Path]:
 
 
 def _tables(rows: Sequence[Row]) -> str:
-    found = {claim: effects(rows, claim) for claim in claims_of(rows)}
-    parts = {
-        "How often each claim holds": _held(found),
+    by_claim = {claim: effects(rows, claim) for claim in claims_of(rows)}
+    games = rows[0]["games"]
+    sections = {
+        "How often each claim holds": _held(by_claim),
         "Part by part": _parts(rows),
         "Effect of each point": by_setting(rows),
-        "Interpretations under which most claims hold": _best_table(found),
+        "Interpretations under which most claims hold": _best_table(by_claim),
         "How far the spectra overlap (Fig. 4)": _bins(rows) + "\n\n" + _BINS_NOTE,
-        "How it was made": _made(rows),
-    }
-    return "\n\n".join(f"## {title}\n\n{table}" for title, table in parts.items()) + "\n"
-
-
-def _made(rows: Sequence[Row]) -> str:
-    games = rows[0]["games"]
-    return (
-        f"```bash\npython -m scripts.interpretations screen --games {games}\n```\n\n"
+        "How it was made": f"```bash\npython -m scripts.interpretations screen --games {games}\n```\n\n"
         f"{games} matches of each pair of scripts, on evaluation seeds, one round of each; of planned paths "
-        f"{max(2, games // 3)} matches, with all rounds that the planner remembers."
-    )
+        f"{max(2, games // 3)} matches, with all rounds that the planner remembers.",
+    }
+    return "\n\n".join(f"## {title}\n\n{text}" for title, text in sections.items()) + "\n"
 
 
-def _held(found: dict[str, list[Effect]]) -> str:
+def _held(by_claim: dict[str, list[Effect]]) -> str:
     lines = [["claim", "the paper", "holds", "a part is reversed", "weakest part most often"]]
-    for claim, each in found.items():
+    for claim, each in by_claim.items():
         held, against = sum(effect.holds for effect in each), sum(effect.n_reversed > 0 for effect in each)
-        statements = [effect.weakest["statement"] for effect in each if not effect.holds]
-        weakest = max(set(statements), key=lambda text: (statements.count(text), text)) if statements else "-"
-        lines.append([claim, ASPECTS[claim], f"{held} of {len(each)}", str(against), weakest])
+        weakest = Counter(effect.weakest["statement"] for effect in each if not effect.holds)
+        most_often = max(weakest, key=lambda text: (weakest[text], text), default="-")
+        lines.append([claim, ASPECTS[claim], f"{held} of {len(each)}", str(against), most_often])
     return markdown_table(lines)
 
 
@@ -547,10 +524,10 @@ def by_setting(rows: Sequence[Row]) -> str:
     return markdown_table(lines)
 
 
-def _best_table(found: dict[str, list[Effect]], most: int = 10) -> str:
+def _best_table(by_claim: dict[str, list[Effect]], most: int = 10) -> str:
     held: dict[str, list[str]] = {}
-    for claim, each in found.items():
-        for effect in each:
+    for claim, claim_effects in by_claim.items():
+        for effect in claim_effects:
             held.setdefault(effect.interpretation.name, []).extend([claim] if effect.holds else [])
     order = sorted(held, key=lambda name: (-len(held[name]), name.count("="), name))
     lines = [["interpretation", "claims that hold"]]

@@ -7,7 +7,7 @@ hides a tone, whose half width is 2.5 MHz."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -64,32 +64,34 @@ class Variant:
     @property
     def name(self) -> str:
         """Name of the interpretation, with the noise if it differs."""
-        return (
-            self.interpretation.name
-            if self.noise_sd is None
-            else f"{self.interpretation.name},noise={self.noise_sd}"
-        )
+        noise = "" if self.noise_sd is None else f",noise={self.noise_sd}"
+        return f"{self.interpretation.name}{noise}"
 
     @property
     def conditions(self) -> list[Condition]:
         """Conditions to be trained, prefixed with the name of the variant."""
         known = {condition.name: condition for condition in conditions_of("all", PRESET, full=False)}
-        asked = {name: None for claim in self.claims for name in NEEDED[claim]}
-        return [self._under(known[name]) for name in asked]
+        needed = {name: None for claim in self.claims for name in NEEDED[claim]}
+        changes = self.interpretation.changes | {"rounds_per_match": self.interpretation.rounds}
+        algorithm = {} if self.noise_sd is None else {"noise_sd": self.noise_sd}
+        return [
+            replace(
+                known[name],
+                name=self._named(name),
+                changes=changes | dict(known[name].changes),
+                algorithm=algorithm,
+            )
+            for name in needed
+        ]
 
     def results(self, results: Results) -> Results:
         """Return the runs of this variant, by the original names of their conditions."""
-        start = self._named("")
-        runs, about = (_without(start, each) for each in (results.runs, results.about))
-        return Results(runs, about)
-
-    def _under(self, condition: Condition) -> Condition:
-        interpretation = self.interpretation
-        changes = (
-            interpretation.changes | {"rounds_per_match": interpretation.rounds} | dict(condition.changes)
+        prefix = self._named("")
+        runs, about = (
+            {name.removeprefix(prefix): each for name, each in named.items() if name.startswith(prefix)}
+            for named in (results.runs, results.about)
         )
-        algorithm = {} if self.noise_sd is None else {"noise_sd": self.noise_sd}
-        return replace(condition, name=self._named(condition.name), changes=changes, algorithm=algorithm)
+        return Results(runs, about)  # type: ignore[arg-type]
 
     def _named(self, condition: str) -> str:
         return f"{self.name}: {condition}"
@@ -118,15 +120,6 @@ VARIANTS = (
 def all_conditions() -> list[Condition]:
     """Return the conditions of all variants, in the order of training."""
     return [condition for variant in VARIANTS for condition in variant.conditions]
-
-
-def run_names(conditions: Iterable[Condition]) -> list[str]:
-    """Return the names of the runs of some conditions, including swapped paths."""
-    return [name for condition in conditions for name in condition.runs]
-
-
-def _without(start: str, found: Mapping[str, Any]) -> dict[str, Any]:
-    return {name.removeprefix(start): each for name, each in found.items() if name.startswith(start)}
 
 
 Comparisons = Mapping[str, list[Comparison]]  # of one variant, by aspect
@@ -185,25 +178,26 @@ def train_variants(
     if budget not in BUDGETS:
         raise UserError(f"budget: unknown {budget!r}{nearest(budget, BUDGETS)}")
     check_learner(learner)
-    of, seeds = BUDGETS[budget], range(first_seed, first_seed + (n_seeds or BUDGETS[budget].seeds))
+    length = BUDGETS[budget]
+    seeds = range(first_seed, first_seed + (n_seeds or length.seeds))
     figures = RunFile(out, "figures", budget)
     standard = conditions_of("all", "figures", full=False)
     for condition in standard:
         check_same_game(figures, condition, "figures")
     file = RunFile(out, NAME, budget)
-    failed = run_conditions(file, all_conditions(), PRESET, of, seeds, learner=learner, n_jobs=n_jobs)
-    words = f"--budget {budget} --n-seeds {len(seeds)}"
-    words += f" --first-seed {first_seed}" if first_seed else ""
-    words += f" --learner {learner}" if learner != LEARNERS[0] else ""
+    failed = run_conditions(file, all_conditions(), PRESET, length, seeds, learner=learner, n_jobs=n_jobs)
+    options = f"--budget {budget} --n-seeds {len(seeds)}"
+    options += f" --first-seed {first_seed}" if first_seed else ""
+    options += f" --learner {learner}" if learner != LEARNERS[0] else ""
     commands = [
-        f"fpg-bench reproduce all --scenario figures {words}",
-        f"python -m scripts.interpretations trained {words}",
+        f"fpg-bench reproduce all --scenario figures {options}",
+        f"python -m scripts.interpretations trained {options}",
     ]
     first, results = (
-        read_results(each, dict.fromkeys(run_names(conditions), seeds))
+        read_results(each, {name: seeds for condition in conditions for name in condition.runs})
         for each, conditions in ((figures, standard), (file, all_conditions()))
     )
-    written = write_variants(first, results, seeds, of, out, commands)
+    written = write_variants(first, results, seeds, length, out, commands)
     check_all_done(failed)
     return written
 
@@ -211,40 +205,42 @@ def train_variants(
 def write_variants(
     first: Results, results: Results, seeds: range, budget: Budget, out: Path, commands: Sequence[str]
 ) -> list[Path]:
-    """Write ``trained-variants.md`` and its figure, of the variants whose runs are there.
+    """Write ``trained-variants.md`` and its figure, and return the files; none without runs.
 
     Args:
-        first: the runs of the scenario ``figures``.
-        results: those of the variants, by the names of :func:`all_conditions`.
-        seeds: of training; a condition counts where all of them are there.
-        budget: that of the runs.
-        out: the folder.
-        commands: what makes all of it again.
-
-    Returns:
-        The files; none where no run is there.
+        first: runs of the scenario ``figures``.
+        results: runs of the variants, by the names of :func:`all_conditions`.
+        seeds: training seeds; conditions that lack one of them are left out.
+        budget: budget of the runs.
+        out: folder of page and figure.
+        commands: commands that repeat the runs.
     """
-    found = {
+    by_variant = {
         _FIRST: claim_tests(first, seeds),
         **{variant: claim_tests(variant.results(results), seeds) for variant in VARIANTS},
     }
-    found = {variant: each for variant, each in found.items() if each}
-    if not found:
+    tests = {variant: by_claim for variant, by_claim in by_variant.items() if by_claim}
+    if not tests:
         return []
-    written = save_figure(_drawn(found), out / "figures" / NAME)
-    parts = {
-        "Which claims hold": _verdicts(found)
+    written = save_figure(_draw(tests), out / "figures" / NAME)
+    sections = {
+        "Which claims hold": _verdicts(tests)
         + "\n\n![Each claim's weakest part](figures/trained-variants.png)",
-        "Part by part": _parts(found),
+        "Part by part": _parts(tests),
         "How it was made": "```bash\n" + "\n".join(commands) + "\n```",
     }
-    text = "\n\n".join(f"## {title}\n\n{body}" for title, body in parts.items())
+    text = "\n\n".join(f"## {title}\n\n{body}" for title, body in sections.items())
     write_whole(out / f"{NAME}.md", _head(results, seeds, budget) + text + "\n")
     return [*written, out / f"{NAME}.md"]
 
 
 def _head(results: Results, seeds: range, budget: Budget) -> str:
-    missing = _missing(results, seeds)
+    missing = [
+        f"`{_difference(variant)}: {condition.name.rpartition(': ')[2]}`"
+        for variant in VARIANTS
+        for condition in variant.conditions
+        if results.seeds(condition.name) != list(seeds)
+    ]
     usual, span_mhz = hyperparameters(budget).algorithm["noise_sd"], as_scenario(PRESET).tuning_span_mhz
     return _HEAD.format(
         steps=budget.steps,
@@ -259,54 +255,44 @@ def _head(results: Results, seeds: range, budget: Budget) -> str:
     )
 
 
-def _missing(results: Results, seeds: range) -> list[str]:
-    """Return the conditions that lack runs."""
-    return [
-        f"`{_difference(variant)}: {condition.name.rpartition(': ')[2]}`"
-        for variant in VARIANTS
-        for condition in variant.conditions
-        if results.seeds(condition.name) != list(seeds)
-    ]
-
-
 def claim_tests(results: Results, seeds: range) -> dict[str, list[Comparison]]:
     """Return the tests of each claim whose runs exist for all seeds."""
-    there = {name for name in results.runs if results.seeds(name) == list(seeds)}
-    found: dict[str, list[Comparison]] = {}
+    complete = {name for name in results.runs if results.seeds(name) == list(seeds)}
+    tests: dict[str, list[Comparison]] = {}
     for comparison in compare(results):
         name = aspect_of(comparison)
-        if set(NEEDED[name.removesuffix(" frozen")]) <= there:
-            found.setdefault(name, []).append(comparison)
-    return found
+        if set(NEEDED[name.removesuffix(" frozen")]) <= complete:
+            tests.setdefault(name, []).append(comparison)
+    return tests
 
 
-def _verdicts(found: Mapping[Variant, Comparisons]) -> str:
+def _verdicts(tests: Mapping[Variant, Comparisons]) -> str:
     lines = [["interpretation", *_COLUMNS]]
-    for variant, by_aspect in found.items():
+    for variant, by_aspect in tests.items():
         verdicts = (verdict(by_aspect[name]) if name in by_aspect else "-" for name in _COLUMNS)
-        lines.append([_title(variant), *verdicts])
+        lines.append([f"`{_difference(variant)}`", *verdicts])
     return markdown_table(lines)
 
 
-def _parts(found: Mapping[Variant, Comparisons]) -> str:
+def _parts(tests: Mapping[Variant, Comparisons]) -> str:
     lines = [
         ["interpretation", "claim", "claimed to be positive", "measured", "95 % interval", "p", "by itself"]
     ]
-    for variant, by_aspect in found.items():
+    for variant, by_aspect in tests.items():
         for name in _COLUMNS:
             for each in by_aspect.get(name, ()):
                 low, high = (f"{value:.3g}" for value in (each.test.low, each.test.high))
                 numbers = [f"{each.test.mean:.3g}", f"[{low}, {high}]", f"{each.test.p:.3f}"]
-                lines.append([_title(variant), name, each.statement, *numbers, each.verdict])
+                lines.append([f"`{_difference(variant)}`", name, each.statement, *numbers, each.verdict])
     return markdown_table(lines)
 
 
-def _drawn(found: Mapping[Variant, Comparisons]) -> Any:
+def _draw(tests: Mapping[Variant, Comparisons]) -> Any:
     """Draw a panel per claim: each variant's weakest part with its 95 % interval."""
-    figure = blank_figure(2.4 * len(_COLUMNS) + 4, 1.4 + 0.36 * len(found))
+    figure = blank_figure(2.4 * len(_COLUMNS) + 4, 1.4 + 0.36 * len(tests))
     panels = figure.subplots(1, len(_COLUMNS), sharey=True)
     for axes, name in zip(panels, _COLUMNS, strict=True):
-        for line, by_aspect in enumerate(found.values()):
+        for line, by_aspect in enumerate(tests.values()):
             if parts := by_aspect.get(name):
                 weakest = min(parts, key=_size).test
                 colour = HELD if weakest.low > 0 else OPPOSITE if weakest.high < 0 else OPEN
@@ -321,18 +307,15 @@ def _drawn(found: Mapping[Variant, Comparisons]) -> Any:
     figure.supxlabel(
         "the part that is furthest from holding: reward a step (D2: a share), 95 % interval", size=9
     )
-    panels[0].set_yticks(range(len(found)), map(_difference, found), fontsize=8)
+    panels[0].set_yticks(range(len(tests)), map(_difference, tests), fontsize=8)
     panels[0].invert_yaxis()
     return figure
 
 
 def _size(comparison: Comparison) -> float:
+    """Return the mean in half widths of its interval."""
     test = comparison.test
     return test.mean / max(test.high - test.mean, 1e-12)
-
-
-def _title(variant: Variant) -> str:
-    return f"`{_difference(variant)}`"
 
 
 def _difference(variant: Variant) -> str:
