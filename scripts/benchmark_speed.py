@@ -1,10 +1,13 @@
+<<<<<<< HEAD
 """Speed of the game, as ratios to references measured in the same run.
+=======
+"""Speed of the game, as ratios to well-known environments measured in the same run.
+>>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
 
     python scripts/benchmark_speed.py [--quick] [--json FILE]
 
-Absolute speeds say little on another machine or beside another program, so every speed here is divided
-by that of a well-known environment (or of nothing at all) measured right before or after it. Each pair is
-repeated and the median of the ratios is shown, beside the ratio asked for. One torch thread.
+Absolute speeds depend on the machine and its load. So each speed is divided by that of a reference measured
+in turn with it, and the median ratio is compared with a bound. One torch thread.
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ import gymnasium
 import numpy as np
 import torch
 from mpe2 import simple_adversary_v3
+from pettingzoo import ParallelEnv
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
@@ -37,6 +41,7 @@ from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 
+<<<<<<< HEAD
 VIEW = "FPG/AllyVsScripted-v0"
 ARENA_GAMES = 4096
 PPO_GAMES = 64
@@ -62,176 +67,247 @@ QUICK = Size(repeats=1, game_batch_steps=5, single_steps=200, batch_steps=5, ppo
 
 class Figure(NamedTuple):
     """A row of the table: a measured value and its bound (None: for comparison only)."""
+=======
+ENV_ID = "FPG/AllyVsScripted-v0"
+BATCH_GAMES, PPO_GAMES = 4096, 64
+
+
+class Figure(NamedTuple):
+    """A measured value and its bound; None: for comparison only."""
+>>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
 
     name: str
     value: float
-    asked: float | None
+    bound: float | None
     at_least: bool = True
     unit: str = "x"
 
     @property
+<<<<<<< HEAD
     def reached(self) -> bool | None:
         """True if the value keeps its bound; None if it has none."""
         if self.asked is None:
+=======
+    def is_reached(self) -> bool | None:
+        """True if the value keeps its bound; None without a bound."""
+        if self.bound is None:
+>>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
             return None
-        return self.value >= self.asked if self.at_least else self.value <= self.asked
+        return self.value >= self.bound if self.at_least else self.value <= self.bound
 
 
+<<<<<<< HEAD
 def interleaved(repeats: int, runs: dict[str, Callable[[], float]]) -> dict[str, np.ndarray]:
     """Run each function ``repeats`` times, in turns, so that a slow moment affects them all."""
     found: dict[str, list[float]] = {name: [] for name in runs}
+=======
+Rates = dict[str, np.ndarray]
+
+
+def interleaved(repeats: int, runs: dict[str, Callable[[], float]]) -> Rates:
+    """Call each function ``repeats`` times, in turn, so that slow moments affect all of them."""
+    rates: dict[str, list[float]] = {name: [] for name in runs}
+>>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     for _ in range(repeats):
         for name, run in runs.items():
-            found[name].append(run())
-    return {name: np.array(values) for name, values in found.items()}
+            rates[name].append(run())
+    return {name: np.array(values) for name, values in rates.items()}
 
 
-def median_ratio(rates: dict[str, np.ndarray], name: str, evaluator: str) -> float:
-    """The median over the repeats of one rate divided by another."""
-    return float(np.median(rates[name] / rates[evaluator]))
+def median_ratio(rates: Rates, name: str, reference: str) -> float:
+    """Return the median over the repeats of one rate divided by another."""
+    return float(np.median(rates[name] / rates[reference]))
 
 
+<<<<<<< HEAD
 def game_batch_rate(game_batch: GameBatch, steps: int) -> float:
     """Return the game steps per second of a game batch with random actions of both sides."""
     rng = np.random.default_rng(0)
     actions = rng.uniform(-1, 1, (8, 2, game_batch.count, ACTION_SIZE)).astype(np.float32)
     game_batch.reset(seeds=0)
     game_batch.step(*actions[0])  # a first step, which may compile
+=======
+def rate(step: Callable[[int], Any], steps: int) -> float:
+    """Return the calls per second of a function of the number of the step."""
+>>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     begin = time.perf_counter()
-    for step in range(steps):
-        game_batch.step(*actions[step % 8])
-    return steps * game_batch.count / (time.perf_counter() - begin)
+    for number in range(steps):
+        step(number)
+    return steps / (time.perf_counter() - begin)
 
 
-def single_rate(env: gymnasium.Env, steps: int) -> float:
-    """Steps per second of one Gymnasium environment at random actions, resets included."""
+def random_actions(*shape: int) -> np.ndarray:
+    """Return the actions of eight steps, ``(8, *shape, 9)``."""
+    return np.random.default_rng(0).uniform(-1, 1, (8, *shape, ACTION_SIZE)).astype(np.float32)
+
+
+def batch_rate(games: GameBatch, steps: int) -> float:
+    """Return the game steps per second of a batch, both sides acting at random."""
+    actions = random_actions(2, games.count)
+    games.reset(seeds=0)
+    games.step(*actions[0])  # compiles
+    return games.count * rate(lambda number: games.step(*actions[number % 8]), steps)
+
+
+def vec_env_rate(env: VecEnv, steps: int) -> float:
+    """Return the game steps per second of an SB3 environment at random actions."""
+    actions = random_actions(env.num_envs)
+    env.reset()
+    return env.num_envs * rate(lambda number: env.step(actions[number % 8]), steps)
+
+
+def single_rate(env: gymnasium.Env[Any, Any], steps: int) -> float:
+    """Return the steps per second of a Gymnasium environment at random actions, including resets."""
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(64)]
     env.reset(seed=0)
-    begin = time.perf_counter()
-    for step in range(steps):
-        _, _, terminated, truncated, _ = env.step(actions[step % 64])
+
+    def step(number: int) -> None:
+        _, _, terminated, truncated, _ = env.step(actions[number % 64])
         if terminated or truncated:
             env.reset()
-    return steps / (time.perf_counter() - begin)
+
+    return rate(step, steps)
 
 
-def parallel_rate(env: Any, steps: int) -> float:
-    """Joint steps per second of one PettingZoo parallel environment at random actions, resets included."""
+def parallel_rate(env: ParallelEnv[str, Any, Any], steps: int) -> float:
+    """Return the joint steps per second of a PettingZoo environment at random actions, including resets."""
     actions = [{agent: env.action_space(agent).sample() for agent in env.possible_agents} for _ in range(64)]
     env.reset(seed=0)
-    begin = time.perf_counter()
-    for step in range(steps):
-        env.step(actions[step % 64])
+
+    def step(number: int) -> None:
+        env.step(actions[number % 64])
         if not env.agents:
             env.reset()
-    return steps / (time.perf_counter() - begin)
+
+    return rate(step, steps)
 
 
+<<<<<<< HEAD
 def stepping(size: Size) -> list[Figure]:
     """Compare the game batch and both environments with well-known environments."""
     cart_pole, view = gymnasium.make("CartPole-v1"), gymnasium.make(VIEW)
     one, two = (GameBatch(STANDARD, ARENA_GAMES, threads) for threads in (1, 2))
     single_rate(view, 2)  # compiles the scripted players
+=======
+def stepping(quick: bool) -> list[Figure]:
+    """Compare the batch of games and the environments with well-known environments."""
+    repeats, batch_steps, steps = (1, 5, 200) if quick else (15, 290, 15_000)
+    env, cart_pole = gymnasium.make(ENV_ID), gymnasium.make("CartPole-v1")
+    one, two = (GameBatch(STANDARD, BATCH_GAMES, threads) for threads in (1, 2))
+    single_rate(env, 2)  # compiles the scripted players
+>>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     runs: dict[str, Callable[[], float]] = {
-        "one thread": partial(game_batch_rate, one, size.game_batch_steps),
-        "CartPole": partial(single_rate, cart_pole, size.single_steps),
-        "two threads": partial(game_batch_rate, two, size.game_batch_steps),
-        "view": partial(single_rate, view, size.single_steps),
-        "adversary": partial(parallel_rate, simple_adversary_v3.parallel_env(), size.single_steps // 20),
-        "duel": partial(parallel_rate, parallel_env(), size.single_steps),
+        "one thread": partial(batch_rate, one, batch_steps),
+        "CartPole": partial(single_rate, cart_pole, steps),
+        "two threads": partial(batch_rate, two, batch_steps),
+        "single": partial(single_rate, env, steps),
+        "adversary": partial(parallel_rate, simple_adversary_v3.parallel_env(), steps // 20),
+        "duel": partial(parallel_rate, parallel_env(), steps),
     }
-    rates = interleaved(size.repeats, runs)
+    rates = interleaved(repeats, runs)
     return [
-        Figure("arena, one thread / CartPole-v1", median_ratio(rates, "one thread", "CartPole"), 20),
-        Figure("arena, two threads / CartPole-v1", median_ratio(rates, "two threads", "CartPole"), 35),
-        Figure("one Gymnasium view / CartPole-v1", median_ratio(rates, "view", "CartPole"), 0.4),
+        Figure("4096 games, one thread / CartPole-v1", median_ratio(rates, "one thread", "CartPole"), 20),
+        Figure("4096 games, two threads / CartPole-v1", median_ratio(rates, "two threads", "CartPole"), 35),
+        Figure("single environment / CartPole-v1", median_ratio(rates, "single", "CartPole"), 0.4),
         Figure("PettingZoo duel / mpe2 simple_adversary", median_ratio(rates, "duel", "adversary"), 8),
     ]
 
 
 def memory() -> list[Figure]:
+<<<<<<< HEAD
     """Measure the memory of a game, and the allocation of a step (for all games together)."""
+=======
+    """Measure the memory of a game, and what a step of all games allocates."""
+>>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     tracemalloc.start()
-    game_batch = GameBatch(STANDARD, ARENA_GAMES, threads=1)
+    games = GameBatch(STANDARD, BATCH_GAMES, threads=1)
     held = tracemalloc.get_traced_memory()[0]
-    actions = np.zeros((2, ARENA_GAMES, ACTION_SIZE), np.float32)
-    game_batch.reset(seeds=0)
-    game_batch.step(*actions)
+    actions = np.zeros((2, BATCH_GAMES, ACTION_SIZE), np.float32)
+    games.reset(seeds=0)
+    games.step(*actions)
     before = tracemalloc.get_traced_memory()[0]
     tracemalloc.reset_peak()
     for _ in range(100):
-        game_batch.step(*actions)
+        games.step(*actions)
     allocated = tracemalloc.get_traced_memory()[1] - before
     tracemalloc.stop()
     return [
-        Figure("memory a game", held / ARENA_GAMES, 2000, at_least=False, unit="B"),
-        Figure("allocated in a step a game", allocated / ARENA_GAMES, 1, at_least=False, unit="B"),
+        Figure("memory per game", held / BATCH_GAMES, 2000, at_least=False, unit="B"),
+        Figure("allocated per step and game", allocated / BATCH_GAMES, 1, at_least=False, unit="B"),
     ]
 
 
 class Zeros(FPGVecEnv):
+<<<<<<< HEAD
     """The batched environment without a game, to measure PPO itself."""
+=======
+    """Environment without a game, which shows the costs of PPO itself."""
+>>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
 
     def reset(self) -> np.ndarray:
-        """Observations of zeros."""
+        """Return observations of zeros."""
         return np.zeros((self.num_envs, OBSERVATION_SIZE), np.float32)
 
     def step_wait(self) -> Any:
-        """Zeros, and no round that ends."""
+        """Return zeros; no round ends."""
         rewards, dones = np.zeros(self.num_envs, np.float32), np.zeros(self.num_envs, bool)
         return self.reset(), rewards, dones, [{} for _ in range(self.num_envs)]
 
 
-def batch_rate(env: VecEnv, steps: int) -> float:
-    """Steps per second of an SB3 environment at random actions."""
-    actions = np.random.default_rng(0).uniform(-1, 1, (64, env.num_envs, ACTION_SIZE)).astype(np.float32)
-    env.reset()
-    begin = time.perf_counter()
-    for step in range(steps):
-        env.step(actions[step % 64])
-    return steps * env.num_envs / (time.perf_counter() - begin)
-
-
 def ppo_rate(model: PPO, rollouts: int) -> float:
-    """Steps per second of PPO, collecting and learning."""
+    """Return the steps per second of PPO, collecting and learning."""
     steps = rollouts * PPO_GAMES * model.n_steps
     begin = time.perf_counter()
     model.learn(steps)
     return steps / (time.perf_counter() - begin)
 
 
+<<<<<<< HEAD
 def learning(size: Size) -> list[Figure]:
     """Compare PPO on 64 batched games, the same games one by one, and no game at all."""
     settings = PPO_SETTINGS if size is FULL else PPO_SETTINGS | {"n_steps": 32}
     ours = fpg_bench.make_sb3(VIEW, n_envs=PPO_GAMES, seed=0)
     singles = DummyVecEnv([lambda: gymnasium.make(VIEW)] * PPO_GAMES)
+=======
+def learning(quick: bool) -> list[Figure]:
+    """Compare PPO on a batch of 64 games, on 64 single environments, and on zeros."""
+    ours = fpg_bench.make_sb3(ENV_ID, n_envs=PPO_GAMES, seed=0)
+    singles = DummyVecEnv([lambda: gymnasium.make(ENV_ID)] * PPO_GAMES)
+>>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     envs: dict[str, VecEnv] = {"ours": ours, "singles": singles, "zeros": Zeros(ours.core)}
-    models = {name: PPO("MlpPolicy", env, seed=0, **settings) for name, env in envs.items()}
-    if size is FULL:
+    models = {
+        name: PPO(
+            "MlpPolicy", env, n_steps=32 if quick else 256, batch_size=2048, n_epochs=5, seed=0, device="cpu"
+        )
+        for name, env in envs.items()
+    }
+    if not quick:
         interleaved(1, {name: partial(ppo_rate, model, 1) for name, model in models.items()})  # warm up
-    ppo = interleaved(
-        size.ppo_repeats,
-        {name: partial(ppo_rate, model, size.ppo_rollouts) for name, model in models.items()},
-    )
-    batch = interleaved(
-        size.repeats, {name: partial(batch_rate, env, size.batch_steps) for name, env in envs.items()}
-    )
+    repeats, rollouts = (1, 1) if quick else (5, 2)
+    ppo = interleaved(repeats, {name: partial(ppo_rate, model, rollouts) for name, model in models.items()})
+    repeats, steps = (1, 5) if quick else (15, 100)
+    step = interleaved(repeats, {name: partial(vec_env_rate, env, steps) for name, env in envs.items()})
     return [
-        Figure("stepping make_sb3 / 64 single views", median_ratio(batch, "ours", "singles"), 4),
-        Figure("PPO on make_sb3 / on 64 single views", median_ratio(ppo, "ours", "singles"), None),
-        Figure("PPO on zeros / on 64 single views", median_ratio(ppo, "zeros", "singles"), None),
+        Figure("stepping make_sb3 / 64 single environments", median_ratio(step, "ours", "singles"), 4),
+        Figure("PPO on make_sb3 / on 64 single environments", median_ratio(ppo, "ours", "singles"), None),
+        Figure("PPO on zeros / on 64 single environments", median_ratio(ppo, "zeros", "singles"), None),
         Figure("PPO on make_sb3 / on zeros", median_ratio(ppo, "ours", "zeros"), 0.85),
     ]
 
 
 def import_seconds(module: str) -> float:
+<<<<<<< HEAD
     """Return the time in s of a fresh process that imports a module."""
+=======
+    """Return the seconds that a new process takes to import a module and exit."""
+>>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     begin = time.perf_counter()
     subprocess.run([sys.executable, "-c", f"import {module}"], check=True)
     return time.perf_counter() - begin
 
 
+<<<<<<< HEAD
 def importing(size: Size) -> list[Figure]:
     """Measure the time of ``import fpg_bench`` beyond that of ``import gymnasium``."""
     modules = ("gymnasium", "fpg_bench")
@@ -245,11 +321,23 @@ def row(figure: Figure) -> tuple[str, str, str, str]:
     bound = "-" if figure.asked is None else f"{'>=' if figure.at_least else '<='} {figure.asked:g}"
     verdict = {True: "reached", False: "NOT reached", None: "(comparison)"}[figure.reached]
     return figure.name, f"{figure.value:.2f} {figure.unit}", bound, verdict
+=======
+def importing(quick: bool) -> list[Figure]:
+    """Compare ``import fpg_bench`` with ``import gymnasium``."""
+    runs = {module: partial(import_seconds, module) for module in ("gymnasium", "fpg_bench")}
+    seconds = interleaved(1 if quick else 15, runs)
+    difference = float(np.median(seconds["fpg_bench"] - seconds["gymnasium"]))
+    return [Figure("import fpg_bench beyond import gymnasium", difference, 0.5, at_least=False, unit="s")]
+>>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
 
 
 def table(figures: list[Figure]) -> str:
-    """The figures as aligned text."""
-    rows = [("figure", "measured", "asked for", ""), *map(row, figures)]
+    """Return the figures as aligned text."""
+    rows = [("figure", "measured", "bound", "")]
+    for figure in figures:
+        bound = "-" if figure.bound is None else f"{'>=' if figure.at_least else '<='} {figure.bound:g}"
+        verdict = {True: "reached", False: "NOT reached", None: "(comparison)"}[figure.is_reached]
+        rows.append((figure.name, f"{figure.value:.2f} {figure.unit}", bound, verdict))
     widths = [max(len(cells[column]) for cells in rows) for column in range(3)]
     return "\n".join(
         f"{name:{widths[0]}}  {measured:>{widths[1]}}  {bound:>{widths[2]}}  {verdict}".rstrip()
@@ -257,6 +345,7 @@ def table(figures: list[Figure]) -> str:
     )
 
 
+<<<<<<< HEAD
 def machine() -> dict[str, Any]:
     """Return the machine and the versions."""
     versions = {module.__name__: module.__version__ for module in (np, torch, gymnasium, fpg_bench)}
@@ -269,20 +358,25 @@ def report(about: str, measure: Callable[[bool], list[Figure]]) -> None:
     parser.add_argument("--quick", action="store_true", help="hardly measure: does everything run?")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there as well")
     arguments = parser.parse_args()
+=======
+def main() -> None:
+    """Measure, print the table, and write it as JSON if asked to."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="few repeats, only to see that everything runs")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures to this file")
+    options = parser.parse_args()
+>>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     warnings.filterwarnings("ignore", module="stable_baselines3")
     torch.set_num_threads(1)
-    figures = measure(arguments.quick)
+    quick = options.quick
+    figures = [*stepping(quick), *memory(), *learning(quick), *importing(quick)]
     print(table(figures))
-    if arguments.json:
-        rows = [{**figure._asdict(), "reached": figure.reached} for figure in figures]
-        arguments.json.write_text(json.dumps({"machine": machine(), "figures": rows}, indent=2) + "\n")
-
-
-def measure_all(quick: bool) -> list[Figure]:
-    """All figures of this script."""
-    size = QUICK if quick else FULL
-    return stepping(size) + memory() + learning(size) + importing(size)
+    if options.json:
+        versions = {module.__name__: module.__version__ for module in (np, torch, gymnasium, fpg_bench)}
+        machine = {"cpus": os.cpu_count(), "python": platform.python_version(), **versions}
+        rows = [{**figure._asdict(), "is_reached": figure.is_reached} for figure in figures]
+        options.json.write_text(json.dumps({"machine": machine, "figures": rows}, indent=2) + "\n")
 
 
 if __name__ == "__main__":
-    report(__doc__ or "", measure_all)
+    main()

@@ -1,7 +1,7 @@
-"""Enter all scripted players and all shipped agents on the leaderboard: ``python scripts/enter_zoo.py``.
+"""Enter all scripted players and shipped agents on the leaderboard: ``python scripts/enter_zoo.py``.
 
-Writes a submission.yaml for each that is new or has changed, and removes nothing. An algorithm is entered
-once all its training seeds are there.
+Writes new and changed submission.yaml files, and removes none. An algorithm is entered once all its training
+seeds are shipped.
 """
 
 from __future__ import annotations
@@ -20,15 +20,16 @@ from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.training.zoo import load_zoo
 
 AUTHORS = ["fpg-bench maintainers"]
-MADE = "trained by python scripts/"
-# By the public suite of a view: track and path. Agents of other scenarios are not entered.
-TRACKS = {
+Place = tuple[str, str | None]  # track, path
+# Track and path by the public suite of a group. Agents of other scenarios are not entered.
+TRACKS: dict[str, Place] = {
     "ally-v1": ("ally", None),
     "ally-planner-v1": ("ally", None),
     "opponent-v1": ("opponent", "pursuit"),
     "opponent-learned-v1": ("opponent", "learned"),
 }
-ENVS = {
+# Role and training partners by the group's name.
+GROUPS = {
     "ally-scripted": (
         "ally",
         "seven scripted opponents, in pursuit and on the three patrols, drawn anew every round",
@@ -56,8 +57,8 @@ ENVS = {
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),
 }
-# Champions by their folder: track and path.
-CHAMPIONS = {"ally-champion": ("ally", None), "opponent-champion": ("opponent", "learned")}
+# Track and path by the champion's folder.
+CHAMPIONS: dict[str, Place] = {"ally-champion": ("ally", None), "opponent-champion": ("opponent", "learned")}
 # Title, paper on arXiv, and limitations.
 ALGORITHMS = {
     "ppo": ("PPO", "1707.06347", "It has no memory: it acts on the present observation alone."),
@@ -88,22 +89,22 @@ SCRIPTS = {
 }
 
 
-def entry(name: str, algorithm: str, place: tuple[str, str | None], **other: object) -> str:
+def entry(name: str, algorithm: str, place: Place, **others: object) -> str:
     """Return the text of a submission.yaml."""
     track, path = place
     content = {"name": name, "authors": AUTHORS, "algorithm": algorithm, "reference": None, "licence": "MIT"}
-    content |= {"track": track} | ({} if path is None else {"path": path}) | other
+    content |= {"track": track} | ({} if path is None else {"path": path}) | others
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
 
 
 def scripts() -> dict[str, str]:
-    """Return every scripted player's submission, by track and name; opponents stand in both tables."""
+    """Return the submissions of all scripts by track and name; opponents are entered with both paths."""
     entries = {}
     for track, path in (("ally", None), ("opponent", "pursuit"), ("opponent", "learned")):
         for script in SCRIPTED[track]:
-            flies = path == "learned"
-            entries[f"{track}/{script}{'-learned' if flies else ''}"] = entry(
-                f"{script} (flies itself)" if flies else script,
+            is_learned = path == "learned"
+            entries[f"{track}/{script}{'-learned' if is_learned else ''}"] = entry(
+                f"{script} (flies itself)" if is_learned else script,
                 "script",
                 (track, path),
                 training=None,
@@ -116,61 +117,59 @@ def scripts() -> dict[str, str]:
 
 
 def agents() -> dict[str, str]:
-    """Return every shipped algorithm's submission, by track and name."""
+    """Return the submissions of all shipped algorithms by track and name."""
     zoo, entries = load_zoo(), {}
-    for view in zoo.groups:
-        for algorithm in view.steps:
-            members = zoo.members(f"{view.name}/{algorithm}")
-            if view.suites[0] in TRACKS and all(member.shipped for member in members):
-                place, made = TRACKS[view.suites[0]], f"train_zoo.py --only {view.name}/{algorithm}"
-                text = trained(
-                    members[0].folder.parent, place, *ENVS[view.name], f"From the zoo; {MADE}{made}."
-                )
-                entries[f"{place[0]}/{view.name}-{algorithm}"] = text
+    for group in zoo.groups:
+        for algorithm in group.steps:
+            members = zoo.members(f"{group.name}/{algorithm}")
+            if group.suites[0] in TRACKS and all(member.shipped for member in members):
+                place, folder = TRACKS[group.suites[0]], members[0].folder.parent
+                command = f"python scripts/train_zoo.py --only {group.name}/{algorithm}"
+                text = trained(folder, place, *GROUPS[group.name], f"From the zoo; trained by {command}.")
+                entries[f"{place[0]}/{group.name}-{algorithm}"] = text
     return entries
 
 
 def champions() -> dict[str, str]:
-    """Return every shipped champion's submission, with the training seeds that are there."""
+    """Return the submissions of all shipped champions by track and name."""
     entries = {}
     for name, place in CHAMPIONS.items():
         for folder in sorted((baselines_folder() / "agents" / name).glob("*")):
-            made = f"Made to be hard to beat; {MADE}train_champions.py --only {name}."
+            text = f"Made to be hard to beat; trained by python scripts/train_champions.py --only {name}."
             saw = "scripts, agents of the zoo, and those who had learned to beat it"
-            entries[f"{place[0]}/{name}"] = trained(folder, place, f"{place[0]} champion", saw, made)
+            entries[f"{place[0]}/{name}"] = trained(folder, place, f"{place[0]} champion", saw, text)
     return entries
 
 
-def trained(folder: Path, place: tuple[str, str | None], role: str, saw: str, made: str) -> str:
-    """Return the submission of shipped agents; hours are per seed, for all stages at the pace of the last."""
+def trained(folder: Path, place: Place, role: str, saw: str, description: str) -> str:
+    """Return the submission of an algorithm, with the mean hours of a seed at the speed of its last stage."""
     title, paper, unable = ALGORITHMS[folder.name]
-    every = [read_json(seed / "agent.json", "agent") for seed in seed_folders(folder).values()]
-    hours = [of["seconds"] / of["steps_done"] * of["training_steps"] / 3600 for of in every]
+    agents = [read_json(seed / "agent.json", "agent") for seed in seed_folders(folder).values()]
+    hours = [agent["seconds"] / agent["steps_done"] * agent["training_steps"] / 3600 for agent in agents]
     return entry(
         f"{title} ({role})",
         title,
         place,
         reference=f"https://arxiv.org/abs/{paper}",
         training={
-            "steps": every[0]["training_steps"],
+            "steps": agents[0]["training_steps"],
             "hours": round(sum(hours) / len(hours), 3),
-            "seeds": [of["training_seed"] for of in every],
+            "seeds": [agent["training_seed"] for agent in agents],
         },
         saw=f"{saw[0].upper()}{saw[1:]}.",
         unable=unable,
-        description=made,
+        description=description,
         zoo=f"{folder.parent.name}/{folder.name}",
     )
 
 
 def main() -> int:
-    """Write what is new or has changed."""
+    """Write the new and changed files."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--folder", type=Path, default=Path("leaderboard"), help="the leaderboard's folder")
     folder = parser.parse_args().folder
-    every = scripts() | agents() | champions()
-    entries = {f"submissions/{name}/submission.yaml": text for name, text in every.items()}
-    for name, text in entries.items():
+    for entry_name, text in (scripts() | agents() | champions()).items():
+        name = f"submissions/{entry_name}/submission.yaml"
         path = folder / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             print(f"{'changed' if path.exists() else 'new'}: {name}")

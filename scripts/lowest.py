@@ -1,7 +1,4 @@
-"""Print the lowest versions that ``pyproject.toml`` allows, as constraints for pip.
-
-``make test-lowest`` installs them and runs a small suite. What is not named stays free.
-"""
+"""Print the lowest versions that ``pyproject.toml`` allows, as pip constraints for ``make test-lowest``."""
 
 from __future__ import annotations
 
@@ -12,26 +9,25 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
-EXTRAS = ("evaluate", "train", "video")  # what the small suite needs beside the core
+EXTRAS = ("evaluate", "train", "video")  # needed by the tests of ``make test-lowest``
 
 
-def requirements(extras: tuple[str, ...] = EXTRAS) -> Iterator[Requirement]:
-    """What the core and these extras ask for; extras that stand in others are left out."""
+def requirements() -> Iterator[Requirement]:
+    """Yield the requirements of the core and of these extras, without extras that include others."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    lines = [
-        *project["dependencies"],
-        *(line for e in extras for line in project["optional-dependencies"][e]),
-    ]
-    return (asked for asked in map(Requirement, lines) if asked.name != project["name"])
+    lines = [*project["dependencies"]]
+    for extra in EXTRAS:
+        lines += project["optional-dependencies"][extra]
+    return (each for each in map(Requirement, lines) if each.name != project["name"])
 
 
-def lowest(asked: Requirement) -> str:
-    """The constraint to a requirement's lowest version; raises ValueError where it names none."""
-    for bound in asked.specifier:
+def lowest(requirement: Requirement) -> str:
+    """Return the constraint to the lowest version; raises ValueError if the requirement has none."""
+    for bound in requirement.specifier:
         if bound.operator == ">=":
-            return f"{asked.name}=={bound.version}"
-    raise ValueError(f"{asked}: names no lowest version")
+            return f"{requirement.name}=={bound.version}"
+    raise ValueError(f"{requirement}: has no lowest version")
 
 
 if __name__ == "__main__":
-    print("\n".join(sorted({lowest(asked) for asked in requirements()})))
+    print("\n".join(sorted(set(map(lowest, requirements())))))

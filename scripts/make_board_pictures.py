@@ -16,7 +16,7 @@ PICTURES = {"leaderboard.png": (1440, 900), "leaderboard-phone.png": (390, 844)}
 
 
 def main(site: Path, folder: Path) -> None:
-    """Open the front page at each size without motion."""
+    """Take a screenshot of the front page at each size, without animations."""
     chromium = shutil.which("chromium-headless-shell") or shutil.which("chromium")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])

@@ -1,4 +1,4 @@
-"""Draw the moving picture of the README: the first 170 steps of a round as the renderer shows them.
+"""Draw the animation of the README: the first 170 steps of a round.
 
 python scripts/make_picture.py docs/game.gif
 """
@@ -15,11 +15,11 @@ from fpg_bench.rendering.film import write_gif
 from fpg_bench.rendering.recording import Recording
 
 STEPS, SEED = 170, 12
-EVERY = 3  # steps from one frame to the next
+EVERY = 3  # steps per frame
 
 
 def main(path: Path) -> None:
-    """Play expert-spread against adaptive."""
+    """Record expert-spread against adaptive."""
     duel = make_duel(1)
     ally, opponent = (
         PolicyRunner(side, [as_player(name, side, duel.scenario)], duel.batch)

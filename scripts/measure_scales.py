@@ -1,17 +1,17 @@
-"""Measure the two constants of each public suite's scale, and compare them with those that stand in its file.
+"""Measure the scale of each public suite, and compare it with that in the suite's file.
 
-python scripts/measure_scales.py [FIELD ...]
+python scripts/measure_scales.py [SUITE ...]
 
-zero: the random player's (or planner's) mean return a step over the suite. top: for allies in a game whose
-SNR is capped the unjammed link, cap - M a step; otherwise the mean over rivals of the best that is
-known: the oracle and all scripts for players, the planner ``optimised`` for planners. On the suite's own
-evaluation seeds.
+zero: mean return per step of the random player or planner. top: for allies in a game with capped SNR the
+unjammed link, cap - M per step; otherwise the mean over rivals of the best known return, of the oracle and
+all scripts for players, and of ``optimised`` for planners. On the evaluation seeds of the suite.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from statistics import fmean
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.entry import player_entry
@@ -21,46 +21,40 @@ from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.scripted import SCRIPTED
 
 DIGITS = 2
-BORROWING = ("-shifted-v1", "-responses-v1")  # have the scale of their track's public suite
+BORROWING = ("-shifted-v1", "-responses-v1")  # suites with the scale of their track's public suite
 
 
-def rewards(who: str, suite: Suite) -> list[float]:
-    """The mean return a step of a player or planner against each rival."""
-    records = [play(player_entry(who), suite, rival) for rival in suite.rivals]
+def rewards(name: str, suite: Suite) -> list[float]:
+    """Return the mean return per step of a player or planner against each rival."""
+    records = [play(player_entry(name), suite, rival) for rival in suite.rivals]
     return [float(suite.rewards(record.returns).mean()) for record in records]
 
 
 def scale(suite: Suite) -> tuple[float, float]:
-    """Zero and top of a suite."""
-    zero = mean(rewards("random", suite))
+    """Return zero and top of a suite."""
+    zero = fmean(rewards("random", suite))
     cap = suite.scenario.snr_cap_db
     if suite.side == "ally" and cap is not None:
         return zero, cap - suite.scenario.snr_threshold_db
     bounds = ("optimised",) if suite.side == PLANNER else ("oracle", *SCRIPTED[suite.side])
-    each = [rewards(who, suite) for who in bounds]
-    return zero, mean([max(against) for against in zip(*each, strict=True)])
-
-
-def mean(values: list[float]) -> float:
-    """The mean of some numbers."""
-    return sum(values) / len(values)
+    by_rival = zip(*(rewards(name, suite) for name in bounds), strict=True)
+    return zero, fmean(map(max, by_rival))
 
 
 def main() -> int:
-    """Print a line per suite; 1 where a file says something else."""
+    """Print a line per suite; returns 1 if a file has another scale."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("suites", nargs="*", help="names or files; default: all public ones")
-    named = parser.parse_args().suites
-    public = (path.stem for path in suites_folder().glob("*-v1.yml"))
-    names = named or sorted(name for name in public if not name.endswith(BORROWING))
-    same = True
-    for name in names:
-        suite = load_suite(name)
+    public = sorted(path.stem for path in suites_folder().glob("*-v1.yml"))
+    names = parser.parse_args().suites or [name for name in public if not name.endswith(BORROWING)]
+    differ = False
+    for suite in map(load_suite, names):
         zero, top = (round(value, DIGITS) for value in scale(suite))
-        kept = (suite.scale.zero, suite.scale.top) == (zero, top)
-        same = same and kept
-        print(f"{name}: scale: {{zero: {zero}, top: {top}}}{'' if kept else f'  (the file: {suite.scale})'}")
-    return 0 if same else 1
+        is_same = (suite.scale.zero, suite.scale.top) == (zero, top)
+        differ |= not is_same
+        note = "" if is_same else f"  (in the file: {suite.scale})"
+        print(f"{suite.name}: scale: {{zero: {zero}, top: {top}}}{note}")
+    return int(differ)
 
 
 if __name__ == "__main__":

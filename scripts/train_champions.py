@@ -1,6 +1,6 @@
 """Train the champions of baselines/champions.yml and ship them to baselines/agents.
 
-python scripts/train_champions.py                                 all of them; an interrupted call goes on
+python scripts/train_champions.py                                 all of them; run it again to resume
 python scripts/train_champions.py --only ally-champion --seed 0   one
 """
 
@@ -46,10 +46,10 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # also in a shell's background
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # background shells ignore it
     try:
         main()
     except UserError as error:
         sys.exit(f"train_champions: {error}")
     except KeyboardInterrupt:
-        sys.exit("train_champions: stopped; finished work is kept, and the rest goes on next time")
+        sys.exit("train_champions: stopped; finished work is kept, run it again to resume")

@@ -1,9 +1,9 @@
-"""A submission without Stable-Baselines3: a small torch network that learns from a scripted ally.
+"""Example of a submission without Stable-Baselines3: a small torch network that imitates a scripted ally.
 
 python scripts/train_plain_torch.py [--out leaderboard/submissions/ally/plain-torch] [--seeds 0 1 2]
 
-DAgger (Ross et al. 2011): the network plays, the script `expert-spread` says what it would have done, the
-network learns that; then again. The result is exported to ONNX by torch alone. About a minute on one core.
+DAgger (Ross et al. 2011): the network plays, the script `expert-spread` labels its observations with actions,
+the network learns them, and so on. Torch alone exports it to ONNX. Takes about a minute on one core.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from torch import nn
 
 import fpg_bench
 from fpg_bench import preset
+from fpg_bench.envs.sb3_vec_env import FPGVecEnv
 from fpg_bench.evaluation.seeds import training_seed
+from fpg_bench.players.player import Player
 from fpg_bench.players.registry import as_player
 
 ID = "FPG/AllyVsScripted-v0"
@@ -28,29 +30,29 @@ TURNS, GAMES, STEPS = 4, 64, 300
 
 
 def network() -> nn.Module:
-    """From 15 observations to 9 actions in [-1, 1]: all that a submission must be."""
+    """Return a network from 15 observations to 9 actions in [-1, 1]."""
     return nn.Sequential(
         nn.Linear(15, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh(), nn.Linear(64, 9), nn.Tanh()
     )
 
 
-def play(policy: nn.Module | None, teacher, games) -> tuple[np.ndarray, np.ndarray]:
-    """One round of all games: what was seen, and what the teacher would have done; None: it plays itself."""
-    observation, seen, wanted = games.reset(), [], []
+def play(policy: nn.Module | None, teacher: Player, games: FPGVecEnv) -> tuple[np.ndarray, np.ndarray]:
+    """Play a round of all games, by the policy or the teacher; returns observations and teacher's actions."""
+    observation, observations, labels = games.reset(), [], []
     for _ in range(STEPS):
-        taught, _ = teacher.predict(observation)
-        seen.append(observation)
-        wanted.append(taught)
+        label, _ = teacher.predict(observation)
+        observations.append(observation)
+        labels.append(label)
         with torch.no_grad():
-            action = taught if policy is None else policy(torch.from_numpy(observation)).numpy()
+            action = label if policy is None else policy(torch.from_numpy(observation)).numpy()
         observation, *_ = games.step(action)
-    return np.concatenate(seen), np.concatenate(wanted)
+    return np.concatenate(observations), np.concatenate(labels)
 
 
-def learn(policy: nn.Module, seen: np.ndarray, wanted: np.ndarray, updates: int = 1500) -> None:
-    """Bring the network's actions close to the wanted ones."""
+def learn(policy: nn.Module, observations: np.ndarray, labels: np.ndarray, updates: int = 1500) -> None:
+    """Fit the policy to the teacher's actions."""
     optimiser = torch.optim.Adam(policy.parameters(), lr=2e-3)
-    x, y = torch.from_numpy(seen), torch.from_numpy(wanted)
+    x, y = torch.from_numpy(observations), torch.from_numpy(labels)
     for _ in range(updates):
         batch = torch.randint(len(x), (512,))
         loss = nn.functional.mse_loss(policy(x[batch]), y[batch])
@@ -60,7 +62,7 @@ def learn(policy: nn.Module, seen: np.ndarray, wanted: np.ndarray, updates: int 
 
 
 def train(seed: int) -> nn.Module:
-    """The network of one training seed."""
+    """Train the network of a training seed."""
     torch.manual_seed(seed)
     teacher = as_player("expert-spread", "ally", preset("standard"))
     games = fpg_bench.make_sb3(ID, GAMES, training_seed(seed), opponent=OPPONENTS)
@@ -74,8 +76,8 @@ def train(seed: int) -> nn.Module:
 
 def export(policy: nn.Module, folder: Path, seed: int) -> None:
     """Write the agent folder of a training seed."""
-    with tempfile.TemporaryDirectory() as place:
-        file = Path(place) / "policy.onnx"
+    with tempfile.TemporaryDirectory() as scratch:
+        file = Path(scratch) / "policy.onnx"
         torch.onnx.export(
             policy.eval(),
             (torch.zeros(2, 15),),
@@ -99,11 +101,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("leaderboard/submissions/ally/plain-torch"))
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
-    asked = parser.parse_args()
+    options = parser.parse_args()
     torch.set_num_threads(1)
-    for seed in asked.seeds:
+    for seed in options.seeds:
         begin = time.monotonic()
-        export(train(seed), asked.out / f"seed_{seed}", seed)
+        export(train(seed), options.out / f"seed_{seed}", seed)
         print(f"seed {seed}: {time.monotonic() - begin:.0f} s", flush=True)
 
 

@@ -1,6 +1,6 @@
 """Train every agent of the zoo that is missing, ship and evaluate it, and write the zoo's page.
 
-python scripts/train_zoo.py [--only ally-scripted/ppo] [--jobs 2]    trains; an interrupted call goes on
+python scripts/train_zoo.py [--only ally-scripted/ppo] [--n-jobs 2]    trains; run it again to resume
 python scripts/train_zoo.py --list      shows the state of each agent
 python scripts/train_zoo.py --check     evaluates every shipped agent again and compares the records
 python scripts/train_zoo.py --tables    adds missing records; writes baselines/README.md and its pictures
@@ -39,14 +39,14 @@ _LOCK = "zoo.lock"
 _LOG = logging.getLogger("train_zoo")
 
 
-def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, jobs: int = 2) -> list[str]:
+def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, n_jobs: int = 2) -> list[str]:
     """Train every agent that is missing, ship it and evaluate it.
 
     Args:
         zoo: the zoo.
         runs: folder of the runs, ``<group>/<algorithm>/seed_<k>``.
         only: ``group``, ``group/algorithm`` or ``group/algorithm/seed_k``; None for all.
-        jobs: number of trainings at once, one thread each.
+        n_jobs: number of trainings at once, one thread each.
 
     Returns:
         The names of the agents that are still missing because something failed.
@@ -55,12 +55,12 @@ def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, jobs: int = 2) -> l
         UserError: no agent has the name ``only``, or another process trains into ``runs``.
         KeyboardInterrupt: stopped by the user; the trainings have saved their checkpoints.
     """
-    whole(jobs, "jobs")
+    whole(n_jobs, "n_jobs")
     missing = [agent for agent in zoo.members(only) if not agent.shipped]
     by_run: dict[Path, list[ZooAgent]] = {}
     for agent in missing:
         by_run.setdefault(run_folder(agent, runs).absolute(), []).append(agent)
-    listed = [
+    jobs = [
         Job(
             agents[0].name,
             partial(train, run_config(agents[0]), folder, progress=False, resume=True),
@@ -69,7 +69,7 @@ def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, jobs: int = 2) -> l
         for folder, agents in by_run.items()
     ]
     with RowFile(runs / _LOCK).locked():
-        run_jobs(listed, jobs, say=_LOG.info)
+        run_jobs(jobs, n_jobs, say=_LOG.info)
     return [agent.name for agent in missing if not agent.shipped]
 
 
@@ -117,7 +117,7 @@ def ship(agent: ZooAgent, run: Path) -> None:
 
 
 def state(agent: ZooAgent, runs: Path) -> str:
-    """Return the state of an agent: shipped, trained, begun, or missing."""
+    """Return the state of an agent: shipped, trained, begun or missing."""
     if agent.shipped:
         return "shipped"
     folder = RunFolder(run_folder(agent, runs))
@@ -153,7 +153,7 @@ def add_missing_records(zoo: Zoo, group: ZooGroup) -> list[Record]:
 
 
 def check_agent(zoo: Zoo, agent: ZooAgent) -> list[str]:
-    """Evaluate a shipped agent again; returns the differences from its records."""
+    """Evaluate a shipped agent again, and return the differences from its records."""
     entry, problems = agent.entry(), []
     for suite in map(load_suite, agent.group.suites):
         records = [play(entry, suite, rival) for rival in suite.rivals]
@@ -161,9 +161,9 @@ def check_agent(zoo: Zoo, agent: ZooAgent) -> list[str]:
     return problems
 
 
-def differences(played: Iterable[Record], kept: Iterable[Record]) -> list[str]:
-    """Return the differences of new records from the kept ones, one text per rival."""
-    before = {(record.entry, record.training_seed, record.rival): record for record in kept}
+def differences(played: Iterable[Record], stored: Iterable[Record]) -> list[str]:
+    """Return the differences of new records from the stored ones, one text per rival."""
+    before = {(record.entry, record.training_seed, record.rival): record for record in stored}
     problems = []
     for record in played:
         known = before.get((record.entry, record.training_seed, record.rival))
@@ -191,7 +191,7 @@ def main() -> int:
     """Run the command; returns 0 if all went well."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", help="a group, group/algorithm, or group/algorithm/seed_k")
-    parser.add_argument("--jobs", type=int, default=2, help="trainings at once, one thread each")
+    parser.add_argument("--n-jobs", type=int, default=2, help="trainings at once, one thread each")
     parser.add_argument("--runs", type=Path, default=Path("runs/zoo"), help="the runs' folders")
     parser.add_argument("--zoo", type=Path, help="a folder with a zoo.yml; default: baselines/")
     for name in ("list", "check", "tables"):
@@ -207,7 +207,7 @@ def main() -> int:
     if options.check:
         return int(not check(zoo, options.only))
     if not options.tables:
-        failed = train_zoo(zoo, options.runs, options.only, options.jobs)
+        failed = train_zoo(zoo, options.runs, options.only, options.n_jobs)
     for group in zoo.groups:
         add_missing_records(zoo, group)
     print(f"written: {write_page(zoo)}")
@@ -215,7 +215,7 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    # Also where a shell in the background has Ctrl-C ignored; a plain kill stops the trainings as well.
+    # Background shells ignore Ctrl-C; a plain kill should also save checkpoints.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)
     try:
@@ -223,4 +223,4 @@ if __name__ == "__main__":
     except UserError as error:
         sys.exit(f"train_zoo: {error}")
     except KeyboardInterrupt:
-        sys.exit("train_zoo: stopped; finished work is kept, and the rest goes on next time")
+        sys.exit("train_zoo: stopped; finished work is kept, run it again to resume")

@@ -160,7 +160,7 @@ def tiny(tmp_path_factory):
     (folder / "other-v1.yml").write_text(OTHER)
     zoo = TINY.replace("SUITE", str(folder / "small-v1.yml")).replace("OTHER", str(folder / "other-v1.yml"))
     (folder / "zoo.yml").write_text(zoo)
-    found = script("--zoo", folder, "--runs", folder / "runs", "--jobs", 1, folder=folder)
+    found = script("--zoo", folder, "--runs", folder / "runs", "--n-jobs", 1, folder=folder)
     assert found.returncode == 0, found.stdout + found.stderr
     return folder
 
@@ -202,7 +202,7 @@ def test_the_script_checks(tiny, tmp_path):
     [
         (("--zoo", "nowhere"), "zoo nowhere/zoo.yml: cannot be read: No such file or directory"),
         (("--only", "ally-scriptd", "--list"), "did you mean 'ally-scripted'?"),
-        (("--jobs", "0"), "jobs: expected a whole number above 0, got 0"),
+        (("--n-jobs", "0"), "n_jobs: expected a whole number above 0, got 0"),
     ],
 )
 def test_bad_words_are_one_line(tmp_path, words, message):

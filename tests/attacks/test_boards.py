@@ -14,13 +14,14 @@ from fpg_bench.leaderboard.folders import crossplay_file, result_file
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.submission import problems
 from fpg_bench.leaderboard.verification import verify
+from tests.attacks import SCALE, SEED
 from tests.attacks.json_texts import hostile_texts
 from tests.attacks.pull_requests import spoil
 from tests.leaderboard.entering import enter
 
 pytestmark = pytest.mark.slow
 
-COUNT = 40
+COUNT = 40 * SCALE
 
 
 def quiet(line):
@@ -48,7 +49,7 @@ def stormed(entered):
         result = result_file(entered, "ally", slug)
         head, *lines = result_file(entered, "ally", "linear").read_text().splitlines(keepends=True)
         result.write_text("".join([json.dumps(json.loads(head) | {"slug": slug}) + "\n", *lines]))
-        spoil(folder, result, seed)
+        spoil(folder, result, SEED + seed)
     return entered
 
 

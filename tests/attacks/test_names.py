@@ -5,6 +5,7 @@ import pytest
 from fpg_bench.leaderboard.submission import load_submission, plain, problems, read_about, taken
 from fpg_bench.planning import PLANNERS
 from fpg_bench.players.scripted import SCRIPTED
+from tests.attacks import SCALE, SEED
 from tests.attacks.names import BLANK, UNSEEN, lookalikes
 from tests.leaderboard.making import FIELDS, write_submission
 
@@ -16,7 +17,7 @@ def problems_of_name(name):
 @pytest.mark.parametrize("name", ["expert-spread", "My agent", "Population PPO", "carpoist"])
 def test_a_lookalike_is_the_same_name_or_refused(name):
     assert problems_of_name(name) == []
-    for other in lookalikes(name, 200):
+    for other in lookalikes(name, 200 * SCALE, seed=SEED):
         assert plain(other) == plain(name) or len(problems_of_name(other)) == 1, ascii(other)
 
 

@@ -4,9 +4,10 @@ import pytest
 
 from fpg_bench.leaderboard.policy_client import check_policies
 from fpg_bench.players.agent import OnnxPlayer
+from tests.attacks import SCALE, SEED
 from tests.attacks.onnx_files import hostile_files
 
-FILES = list(hostile_files(150, seed=1))
+FILES = list(hostile_files(150 * SCALE, seed=1 + SEED))
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,15 @@
-"""A verb that is killed on its way, and run again, comes to what an uninterrupted run does."""
+"""A command that is killed and run again gives the same result as an uninterrupted one."""
 
 import pytest
 
-from tests.attacks.kills import Killed
+from tests.attacks import SCALE, SEED
+from tests.attacks.kills import VERBS, Killed
 
 pytestmark = pytest.mark.process
 
 
-def test_a_killed_match_goes_on_to_the_same_result(tmp_path):
-    killed = Killed("match", tmp_path)
-    assert killed.same(tmp_path / "killed", seed=0)
+@pytest.mark.parametrize("verb", ["match"] if SCALE == 1 else VERBS)
+def test_a_killed_command_resumes_to_the_same_result(verb, tmp_path):
+    killed = Killed(verb, tmp_path)
+    for seed in range(SEED, SEED + SCALE):
+        assert killed.same(tmp_path / f"killed-{seed}", seed=seed)

@@ -9,11 +9,12 @@ from fpg_bench.common.errors import printable
 from fpg_bench.planning.llm.client import ERRORS, MOST_TOKENS, read_completion, read_reply
 from fpg_bench.planning.llm.probe import probe
 from fpg_bench.planning.llm.servers import Endpoint, load_server
+from tests.attacks import SCALE, SEED
 from tests.attacks.servers import PAINT, hostile_answers
 from tests.planning.llm.fault_server import FaultServer, completion, json_body
 from tests.planning.llm.playing import KEY, ask, client
 
-ANSWERS = list(hostile_answers(160, KEY))
+ANSWERS = list(hostile_answers(160 * SCALE, KEY, seed=SEED))
 MOST_BYTES = 40_000_000
 
 

@@ -5,6 +5,7 @@ import shutil
 import pytest
 
 from fpg_bench.leaderboard.transcripts import check_transcripts
+from tests.attacks import SCALE, SEED
 from tests.attacks.replaying import Recorded
 from tests.attacks.transcripts import spoil_transcripts
 
@@ -20,7 +21,7 @@ def test_the_honest_one_is_played(recorded, tmp_path):
     assert recorded.flown(folder) == recorded.honest
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(SEED, SEED + 60 * SCALE))
 def test_what_was_spoilt_is_named_or_changes_nothing(recorded, tmp_path, seed):
     folder = shutil.copytree(recorded.entry, tmp_path / "entry")
     spoil_transcripts(folder / "transcripts", seed)

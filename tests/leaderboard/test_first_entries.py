@@ -65,7 +65,7 @@ def test_the_script_enters_what_stands_there_and_no_half_of_an_algorithm(tmp_pat
         for name in written
     }
     for member in load_zoo().members():
-        entered = [name for name in written if name.parent.name == f"{member.view.name}-{member.algorithm}"]
+        entered = [name for name in written if name.parent.name == f"{member.group.name}-{member.algorithm}"]
         assert member.shipped or not entered, member.name
     again = python(*run)
     assert (again.returncode, again.stdout) == (0, "")

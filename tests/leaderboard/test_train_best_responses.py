@@ -49,7 +49,7 @@ def run(jobs, say):
 
 
 def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board, small_suites, capsys):
-    words = ("--recipe", "ppo:400", "--recipe", "ppo:800", "--seeds", "1")
+    words = ("--recipe", "ppo:400", "--recipe", "ppo:800", "--n-seeds", "1")
     assert script(*words) == 0
     said = capsys.readouterr().out
     assert [record for record in said.splitlines() if "begins" in record] == [
@@ -87,7 +87,7 @@ def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board
 
 
 def test_the_strongest_of_an_entry_s_responses_is_met_by_all(script, board, small_suites):
-    script("--recipe", "ppo:400", "--seeds", "2", "--only", "ally/linear")
+    script("--recipe", "ppo:400", "--n-seeds", "2", "--only", "ally/linear")
     rows = [
         json.loads(record) for record in (board / "results/best_responses.jsonl").read_text().splitlines()
     ]

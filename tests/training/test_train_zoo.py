@@ -83,7 +83,7 @@ def test_missing_agents_are_trained_shipped_and_evaluated_once(zoo, tmp_path, ca
 def test_a_failure_does_not_hold_up_the_others(zoo, tmp_path, caplog):
     caplog.set_level(logging.INFO, "train_zoo")
     (tmp_path / "break_0").touch()
-    assert script.train_zoo(zoo, tmp_path / "runs", "small/ppo", jobs=1) == ["small/ppo/seed_0"]
+    assert script.train_zoo(zoo, tmp_path / "runs", "small/ppo", n_jobs=1) == ["small/ppo/seed_0"]
     assert "small/ppo/seed_0: failed: out of luck" in caplog.messages
     assert [agent.shipped for agent in zoo.members("small/ppo")] == [False, True, True]
     (tmp_path / "break_0").unlink()
@@ -106,7 +106,7 @@ def test_ctrl_c_stops_the_trainings_and_the_next_call_goes_on(zoo, tmp_path, mon
     try:
         threading.Thread(target=stop).start()
         with pytest.raises(KeyboardInterrupt):
-            script.train_zoo(zoo, runs, "small/ppo", jobs=2)
+            script.train_zoo(zoo, runs, "small/ppo", n_jobs=2)
     finally:
         signal.signal(signal.SIGINT, before)
     agents = zoo.members("small/ppo")
