@@ -1,8 +1,4 @@
-<<<<<<< HEAD
-"""Speed of the game, as ratios to references measured in the same run.
-=======
 """Speed of the game, as ratios to well-known environments measured in the same run.
->>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
 
     python scripts/benchmark_speed.py [--quick] [--json FILE]
 
@@ -41,40 +37,12 @@ from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 
-<<<<<<< HEAD
-VIEW = "FPG/AllyVsScripted-v0"
-ARENA_GAMES = 4096
-PPO_GAMES = 64
-PPO_SETTINGS: dict[str, Any] = {"n_steps": 256, "batch_size": 2048, "n_epochs": 5, "device": "cpu"}
-
-
-class Size(NamedTuple):
-    """Amount of measurement: repeats of each pair, and steps per repeat."""
-
-    repeats: int
-    game_batch_steps: int
-    single_steps: int
-    batch_steps: int
-    ppo_repeats: int
-    ppo_rollouts: int
-
-
-FULL = Size(
-    repeats=15, game_batch_steps=290, single_steps=15_000, batch_steps=100, ppo_repeats=5, ppo_rollouts=2
-)
-QUICK = Size(repeats=1, game_batch_steps=5, single_steps=200, batch_steps=5, ppo_repeats=1, ppo_rollouts=1)
-
-
-class Figure(NamedTuple):
-    """A row of the table: a measured value and its bound (None: for comparison only)."""
-=======
 ENV_ID = "FPG/AllyVsScripted-v0"
 BATCH_GAMES, PPO_GAMES = 4096, 64
 
 
 class Figure(NamedTuple):
     """A measured value and its bound; None: for comparison only."""
->>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
 
     name: str
     value: float
@@ -83,31 +51,19 @@ class Figure(NamedTuple):
     unit: str = "x"
 
     @property
-<<<<<<< HEAD
-    def reached(self) -> bool | None:
-        """True if the value keeps its bound; None if it has none."""
-        if self.asked is None:
-=======
     def is_reached(self) -> bool | None:
         """True if the value keeps its bound; None without a bound."""
         if self.bound is None:
->>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
             return None
         return self.value >= self.bound if self.at_least else self.value <= self.bound
 
 
-<<<<<<< HEAD
-def interleaved(repeats: int, runs: dict[str, Callable[[], float]]) -> dict[str, np.ndarray]:
-    """Run each function ``repeats`` times, in turns, so that a slow moment affects them all."""
-    found: dict[str, list[float]] = {name: [] for name in runs}
-=======
 Rates = dict[str, np.ndarray]
 
 
 def interleaved(repeats: int, runs: dict[str, Callable[[], float]]) -> Rates:
     """Call each function ``repeats`` times, in turn, so that slow moments affect all of them."""
     rates: dict[str, list[float]] = {name: [] for name in runs}
->>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     for _ in range(repeats):
         for name, run in runs.items():
             rates[name].append(run())
@@ -119,17 +75,8 @@ def median_ratio(rates: Rates, name: str, reference: str) -> float:
     return float(np.median(rates[name] / rates[reference]))
 
 
-<<<<<<< HEAD
-def game_batch_rate(game_batch: GameBatch, steps: int) -> float:
-    """Return the game steps per second of a game batch with random actions of both sides."""
-    rng = np.random.default_rng(0)
-    actions = rng.uniform(-1, 1, (8, 2, game_batch.count, ACTION_SIZE)).astype(np.float32)
-    game_batch.reset(seeds=0)
-    game_batch.step(*actions[0])  # a first step, which may compile
-=======
 def rate(step: Callable[[int], Any], steps: int) -> float:
     """Return the calls per second of a function of the number of the step."""
->>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     begin = time.perf_counter()
     for number in range(steps):
         step(number)
@@ -183,20 +130,12 @@ def parallel_rate(env: ParallelEnv[str, Any, Any], steps: int) -> float:
     return rate(step, steps)
 
 
-<<<<<<< HEAD
-def stepping(size: Size) -> list[Figure]:
-    """Compare the game batch and both environments with well-known environments."""
-    cart_pole, view = gymnasium.make("CartPole-v1"), gymnasium.make(VIEW)
-    one, two = (GameBatch(STANDARD, ARENA_GAMES, threads) for threads in (1, 2))
-    single_rate(view, 2)  # compiles the scripted players
-=======
 def stepping(quick: bool) -> list[Figure]:
     """Compare the batch of games and the environments with well-known environments."""
     repeats, batch_steps, steps = (1, 5, 200) if quick else (15, 290, 15_000)
     env, cart_pole = gymnasium.make(ENV_ID), gymnasium.make("CartPole-v1")
     one, two = (GameBatch(STANDARD, BATCH_GAMES, threads) for threads in (1, 2))
     single_rate(env, 2)  # compiles the scripted players
->>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     runs: dict[str, Callable[[], float]] = {
         "one thread": partial(batch_rate, one, batch_steps),
         "CartPole": partial(single_rate, cart_pole, steps),
@@ -215,11 +154,7 @@ def stepping(quick: bool) -> list[Figure]:
 
 
 def memory() -> list[Figure]:
-<<<<<<< HEAD
-    """Measure the memory of a game, and the allocation of a step (for all games together)."""
-=======
     """Measure the memory of a game, and what a step of all games allocates."""
->>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     tracemalloc.start()
     games = GameBatch(STANDARD, BATCH_GAMES, threads=1)
     held = tracemalloc.get_traced_memory()[0]
@@ -239,11 +174,7 @@ def memory() -> list[Figure]:
 
 
 class Zeros(FPGVecEnv):
-<<<<<<< HEAD
-    """The batched environment without a game, to measure PPO itself."""
-=======
     """Environment without a game, which shows the costs of PPO itself."""
->>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
 
     def reset(self) -> np.ndarray:
         """Return observations of zeros."""
@@ -263,18 +194,10 @@ def ppo_rate(model: PPO, rollouts: int) -> float:
     return steps / (time.perf_counter() - begin)
 
 
-<<<<<<< HEAD
-def learning(size: Size) -> list[Figure]:
-    """Compare PPO on 64 batched games, the same games one by one, and no game at all."""
-    settings = PPO_SETTINGS if size is FULL else PPO_SETTINGS | {"n_steps": 32}
-    ours = fpg_bench.make_sb3(VIEW, n_envs=PPO_GAMES, seed=0)
-    singles = DummyVecEnv([lambda: gymnasium.make(VIEW)] * PPO_GAMES)
-=======
 def learning(quick: bool) -> list[Figure]:
     """Compare PPO on a batch of 64 games, on 64 single environments, and on zeros."""
     ours = fpg_bench.make_sb3(ENV_ID, n_envs=PPO_GAMES, seed=0)
     singles = DummyVecEnv([lambda: gymnasium.make(ENV_ID)] * PPO_GAMES)
->>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     envs: dict[str, VecEnv] = {"ours": ours, "singles": singles, "zeros": Zeros(ours.core)}
     models = {
         name: PPO(
@@ -297,38 +220,18 @@ def learning(quick: bool) -> list[Figure]:
 
 
 def import_seconds(module: str) -> float:
-<<<<<<< HEAD
-    """Return the time in s of a fresh process that imports a module."""
-=======
     """Return the seconds that a new process takes to import a module and exit."""
->>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     begin = time.perf_counter()
     subprocess.run([sys.executable, "-c", f"import {module}"], check=True)
     return time.perf_counter() - begin
 
 
-<<<<<<< HEAD
-def importing(size: Size) -> list[Figure]:
-    """Measure the time of ``import fpg_bench`` beyond that of ``import gymnasium``."""
-    modules = ("gymnasium", "fpg_bench")
-    seconds = interleaved(size.repeats, {module: partial(import_seconds, module) for module in modules})
-    beyond = float(np.median(seconds["fpg_bench"] - seconds["gymnasium"]))
-    return [Figure("import fpg_bench beyond import gymnasium", beyond, 0.5, at_least=False, unit="s")]
-
-
-def row(figure: Figure) -> tuple[str, str, str, str]:
-    """A figure as the cells of the table."""
-    bound = "-" if figure.asked is None else f"{'>=' if figure.at_least else '<='} {figure.asked:g}"
-    verdict = {True: "reached", False: "NOT reached", None: "(comparison)"}[figure.reached]
-    return figure.name, f"{figure.value:.2f} {figure.unit}", bound, verdict
-=======
 def importing(quick: bool) -> list[Figure]:
     """Compare ``import fpg_bench`` with ``import gymnasium``."""
     runs = {module: partial(import_seconds, module) for module in ("gymnasium", "fpg_bench")}
     seconds = interleaved(1 if quick else 15, runs)
     difference = float(np.median(seconds["fpg_bench"] - seconds["gymnasium"]))
     return [Figure("import fpg_bench beyond import gymnasium", difference, 0.5, at_least=False, unit="s")]
->>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
 
 
 def table(figures: list[Figure]) -> str:
@@ -345,27 +248,12 @@ def table(figures: list[Figure]) -> str:
     )
 
 
-<<<<<<< HEAD
-def machine() -> dict[str, Any]:
-    """Return the machine and the versions."""
-    versions = {module.__name__: module.__version__ for module in (np, torch, gymnasium, fpg_bench)}
-    return {"cpus": os.cpu_count(), "python": platform.python_version(), **versions}
-
-
-def report(about: str, measure: Callable[[bool], list[Figure]]) -> None:
-    """Measure (hardly, where ``--quick`` is said), print the table, and write it as JSON where asked."""
-    parser = argparse.ArgumentParser(description=about.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="hardly measure: does everything run?")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there as well")
-    arguments = parser.parse_args()
-=======
 def main() -> None:
     """Measure, print the table, and write it as JSON if asked to."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="few repeats, only to see that everything runs")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures to this file")
     options = parser.parse_args()
->>>>>>> 55b082c (Scripts: n_jobs, fewer helpers; generated attacks scale by FPG_ATTACKS, and the measured speed of training names its revision)
     warnings.filterwarnings("ignore", module="stable_baselines3")
     torch.set_num_threads(1)
     quick = options.quick

@@ -26,9 +26,9 @@ PAGE, CURVES = "README.md", "curves.jsonl"
 PICTURES = ("curves", "profiles", "improvement")
 COMMAND = "python scripts/train_zoo.py --tables"
 _POINTS = 200
-# Okabe and Ito's colours, which everybody can tell apart.
+# Colours of Okabe and Ito, for all kinds of colour vision.
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
-_DASHES = ("-", "--", "-.", ":", (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))  # and without colours
+_DASHES = ("-", "--", "-.", ":", (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))  # for print without colours
 _GREY = "#7f7f7f"
 _LOWEST = -100.0  # of the learning curves' axis; early policies may score far below
 _MEASURES = (("jammed %", "jamming_success_rate"), ("hops %", "hop_rate"))
@@ -92,7 +92,7 @@ def curve_file(zoo: Zoo, group: ZooGroup) -> RowFile:
 
 
 def curves(rows: Iterable[Row], over: str) -> dict[str, Curve]:
-    """Return the curve of each algorithm over its training seeds, as far as all of them have come.
+    """Return the curve of each algorithm, up to the last step that all of its training seeds have reached.
 
     Args:
         rows: rows of a group's curve file.
@@ -220,10 +220,9 @@ def draw_pictures(zoo: Zoo, group: ZooGroup, summaries: Sequence[Summary]) -> No
     best = next((summary for summary in summaries if not summary.trained), None)  # of the scripts
     scores = {s.entry: s.rewards.mean(axis=2) for s in summaries if s.trained or s is best}
     levels = {best.entry: best.score.value} if best else {}
-    looks = zip(_COLOURS, _DASHES, strict=True)
     styles = {
         name: {"color": colour, "ls": dashes}
-        for name, (colour, dashes) in zip(group.steps, looks, strict=False)
+        for name, colour, dashes in zip(group.steps, _COLOURS, _DASHES, strict=False)
     }
     if rows := curve_file(zoo, group).read():
         _draw_curves(rows, levels, styles, paths[0])

@@ -1,4 +1,4 @@
-"""Runs whose outcome is known, because they are made up."""
+"""Artificial runs with a known outcome."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ LEVELS |= {swapped(BASE, path): 7.0 for path in FIXED_PATHS}
 
 
 def run(condition: str, seed: int, levels: dict[str, float], rising: float) -> list[dict]:
-    """A run whose opponent's reward is its condition's level, with overlap falling as success rises."""
+    """Return rows with the condition's level as the opponent's reward, and falling overlap."""
     rng = np.random.default_rng([seed, len(condition)])
     rows = []
     for window in range(WINDOWS + 1):

@@ -1,4 +1,4 @@
-"""The committed reports: made of the committed runs, all of them, by the code as it is."""
+"""The committed reports match the committed runs and the present code."""
 
 from pathlib import Path
 
@@ -35,7 +35,7 @@ def committed(request):
     return preset, read_results(RunFile(RUNS, preset, FULL.name), wanted)
 
 
-def test_every_condition_was_run_as_often_as_announced_and_in_the_game_as_it_is(committed):
+def test_committed_runs_have_all_seeds_and_the_present_scenario(committed):
     preset, results = committed
     for condition in conditions_of(ALL, preset, full=True):
         wanted = 1 if condition.budgets > 1 else FULL.seeds if condition.tested else 5
@@ -44,7 +44,7 @@ def test_every_condition_was_run_as_often_as_announced_and_in_the_game_as_it_is(
             assert heading["scenario"] == f"{preset}, {condition.scenario(preset).hash}", condition.name
 
 
-def test_the_report_is_what_the_runs_say(committed, tmp_path):
+def test_committed_report_matches_its_runs(committed, tmp_path):
     preset, results = committed
     command = f"fpg-bench reproduce all --scenario {preset} --budget full --n-seeds {FULL.seeds}"
     made, _ = write_report(results, preset, FULL, FIGURES, tmp_path, command)
@@ -62,7 +62,7 @@ def test_the_report_is_what_the_runs_say(committed, tmp_path):
         ("figures", "tenth", range(400, 410)),
     ],
 )
-def test_the_page_says_what_runs_of_more_updates_say(preset, name, seeds, tmp_path):
+def test_page_quotes_runs_with_more_updates(preset, name, seeds, tmp_path):
     budget = BUDGETS[name]
     results = _results(preset, budget, seeds)
     (condition,) = conditions_of("fig4", preset, full=False)
@@ -80,13 +80,13 @@ def test_the_page_says_what_runs_of_more_updates_say(preset, name, seeds, tmp_pa
     assert [line for line in fifths if line not in page] == []
 
 
-def test_the_report_of_figures_is_what_its_runs_say_on_fresh_seeds(tmp_path):
+def test_committed_report_of_figures_matches_its_runs_on_fresh_seeds(tmp_path):
     budget = BUDGETS["hundredth"]
     file = RunFile(RUNS, "figures", budget.name)
-    there = file.read()
-    seeds = sorted({seed for _, seed in there})
+    stored = file.read()
+    seeds = sorted({seed for _, seed in stored})
     assert min(seeds) >= 100  # those below were looked at before this interpretation was chosen
-    results = read_results(file, {name: seeds for name, _ in there})
+    results = read_results(file, {name: seeds for name, _ in stored})
     report = (COMMITTED / "report-figures.md").read_text()
     (command,) = [line for line in report.splitlines() if line.startswith("fpg-bench reproduce")]
     assert f"--n-seeds {len(seeds)} --first-seed {min(seeds)}" in command
@@ -95,23 +95,23 @@ def test_the_report_of_figures_is_what_its_runs_say_on_fresh_seeds(tmp_path):
     assert made.read_text() == report
     for name in drawn:
         assert (COMMITTED / f"figures/{name}-figures.png").is_file()
-    for (name, _), run in there.items():
+    for (name, _), run in stored.items():
         known = {c.name: c for c in conditions_of(ALL, "figures", full=True)}[name.split("@")[0]]
         assert run.about["scenario"] == f"figures, {known.scenario('figures').hash}"
 
 
-def test_the_page_of_the_variants_is_what_their_runs_say_on_fresh_seeds(tmp_path):
+def test_committed_page_of_variants_matches_their_runs_on_fresh_seeds(tmp_path):
     budget, seeds = BUDGETS["hundredth"], range(100, 110)
-    there = RunFile(RUNS, NAME, budget.name).read()
+    stored = RunFile(RUNS, NAME, budget.name).read()
     every = {name: condition for condition in all_conditions() for name in condition.runs}
-    assert set(there) == {(name, seed) for name, _ in there for seed in seeds}
-    for (name, _), run in there.items():
+    assert set(stored) == {(name, seed) for name, _ in stored for seed in seeds}
+    for (name, _), run in stored.items():
         assert run.about["scenario"] == f"paper, {every[name].scenario('paper').hash}"
     first, variants = (_results(name, budget, seeds) for name in ("figures", NAME))
-    words = "--budget hundredth --n-seeds 10 --first-seed 100 --learner jax"
+    options = "--budget hundredth --n-seeds 10 --first-seed 100 --learner jax"
     commands = [
-        f"fpg-bench reproduce all --scenario figures {words}",
-        f"python -m scripts.interpretations trained {words}",
+        f"fpg-bench reproduce all --scenario figures {options}",
+        f"python -m scripts.interpretations trained {options}",
     ]
     *_, page = write_variants(first, variants, seeds, budget, tmp_path, commands)
     assert page.read_text() == (COMMITTED / "trained-variants.md").read_text()
@@ -121,7 +121,7 @@ def test_the_page_of_the_variants_is_what_their_runs_say_on_fresh_seeds(tmp_path
 
 @pytest.fixture(scope="module")
 def again():
-    """Runs that no report is made of, by what they are: pairs on all paths, and variants."""
+    """Runs that have no report: pairs on all paths, and variants."""
     hundredth, fresh = BUDGETS["hundredth"], range(100, 110)
     variants = _results(NAME, hundredth, fresh)
     return {
@@ -137,13 +137,13 @@ def again():
     }
 
 
-def told(results, tmp_path):
-    """The lines on tests in the report of some runs."""
+def lines_with_tests(results, tmp_path):
+    """Return the lines with tests in the report of some runs."""
     report, _ = write_report(results, "paper", BUDGETS["hundredth"], [], tmp_path, "fpg-bench reproduce")
     return [line for line in report.read_text().splitlines() if line.startswith("| D")]
 
 
-def test_pairs_that_play_on_all_paths_were_trained_in_the_game_as_it_is():
+def test_pairs_on_all_paths_have_the_present_scenario():
     for preset, budget, first, place in (
         *((preset, FULL, 0, "frozen") for preset in BOTH),
         ("standard", BUDGETS["hundredth"], 100, "."),
@@ -158,26 +158,28 @@ def test_pairs_that_play_on_all_paths_were_trained_in_the_game_as_it_is():
 
 
 @pytest.mark.parametrize("name", ["paper, first look", "standard, first look", "as-printed", "standard"])
-def test_the_page_on_paths_says_what_a_pair_earns_on_each_of_them(name, again, tmp_path):
-    lines = [line for line in told(again[name], tmp_path) if line.startswith("| D1 frozen | opponent")]
+def test_page_on_paths_quotes_the_tests_of_frozen_pairs(name, again, tmp_path):
+    lines = [
+        line for line in lines_with_tests(again[name], tmp_path) if line.startswith("| D1 frozen | opponent")
+    ]
     page = (COMMITTED / "question-paths.md").read_text().splitlines()
     assert len(lines) == len(FIXED_PATHS)
     assert [line for line in lines if line not in page] == []
 
 
-def test_the_docs_state_the_verdicts_of_the_reports_and_of_pairs_on_all_paths(again):
+def test_docs_quote_the_verdicts(again):
     page = (COMMITTED.parent / "reproduction.md").read_text()
     for place, preset, name in ((-2, "paper", "as-printed"), (-1, "standard", "standard")):
         report = (COMMITTED / f"report-{preset}.md").read_text()
-        found, stated = _verdicts(report, -1), _verdicts(page, place)
+        verdicts, stated = _verdicts(report, -1), _verdicts(page, place)
         frozen = [each for each in compare(again[name]) if each.claim == "D1 frozen"]
-        found["D1 frozen"] = f"{verdict(frozen)}, fresh seeds"
-        assert set(found) == set(CLAIMS)
-        assert stated == found
+        verdicts["D1 frozen"] = f"{verdict(frozen)}, fresh seeds"
+        assert set(verdicts) == set(CLAIMS)
+        assert stated == verdicts
 
 
 @pytest.mark.slow
-def test_the_screens_page_is_what_its_rows_say(tmp_path):
+def test_committed_page_of_the_screen_matches_its_rows(tmp_path):
     rows = read_screen(RUNS)
     assert [row["interpretation"] for row in rows] == [
         interpretation.name for interpretation in all_interpretations()
@@ -190,16 +192,20 @@ def test_the_screens_page_is_what_its_rows_say(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["paths", "overlap", "types", "knowledge"])
-def test_the_page_of_a_question_quotes_the_tests_as_they_are(name, again, tmp_path):
+def test_pages_of_questions_quote_existing_tests(name, again, tmp_path):
     reports = [(COMMITTED / f"report-{preset}.md").read_text().splitlines() for preset in (*BOTH, "figures")]
-    lines = {line for each in (*reports, *(told(runs, tmp_path) for runs in again.values())) for line in each}
+    lines = {
+        line
+        for each in (*reports, *(lines_with_tests(runs, tmp_path) for runs in again.values()))
+        for line in each
+    }
     page = (COMMITTED / f"question-{name}.md").read_text()
     quoted = [line for line in page.splitlines() if line.startswith("| D")]
     assert len(quoted) >= 4
     assert [line for line in quoted if line not in lines] == []
 
 
-def test_a_row_of_the_screen_is_what_the_game_gives():
+def test_a_committed_row_of_the_screen_is_reproducible():
     (row,) = [row for row in read_screen(RUNS) if row["interpretation"] == "as-printed"]
     levels = [part for part in row["parts"] if part["claim"] == "D3 order"]
     printed = parse_interpretation("as-printed")
@@ -219,6 +225,6 @@ def _results(preset, budget, seeds, folder=RUNS):
 
 
 def _verdicts(text: str, place: int) -> dict[str, str]:
-    """By claim, what stands at a place of its line in the first table that has one."""
+    """Return a cell of each claim's line in the first table with claims."""
     lines = [line.strip("| ").split(" | ") for line in reversed(text.splitlines()) if line.startswith("| D")]
     return {line[0]: line[place].strip("*") for line in lines}

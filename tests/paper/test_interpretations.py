@@ -1,4 +1,4 @@
-"""Interpretations of the paper: named, read back, refused where they cannot be."""
+"""Names of interpretations."""
 
 import dataclasses
 
@@ -18,7 +18,7 @@ def test_as_printed_is_the_preset_paper_in_matches_of_ten_rounds():
     assert parse_interpretation(AS_PRINTED).scenario() == dataclasses.replace(PAPER, rounds_per_match=10)
 
 
-def test_every_setting_changes_what_is_played():
+def test_every_setting_changes_the_scenario():
     printed = parse_interpretation(AS_PRINTED)
     for point, known in POINTS.items():
         for setting in list(known)[1:]:
@@ -27,14 +27,16 @@ def test_every_setting_changes_what_is_played():
             assert printed.replace(**{point.replace("-", "_"): setting}) == other
 
 
-def test_all_interpretations_have_names_of_their_own_that_give_them_back():
-    found = list(all_interpretations())
-    assert len({interpretation.name for interpretation in found}) == len(found) == 768
-    assert [parse_interpretation(interpretation.name) for interpretation in found] == found
-    assert found[0].name == AS_PRINTED
+def test_names_of_interpretations_are_unique_and_can_be_parsed():
+    interpretations = list(all_interpretations())
+    assert len({interpretation.name for interpretation in interpretations}) == len(interpretations) == 768
+    assert [
+        parse_interpretation(interpretation.name) for interpretation in interpretations
+    ] == interpretations
+    assert interpretations[0].name == AS_PRINTED
 
 
-def test_some_points_alone():
+def test_interpretations_of_some_points():
     assert [interpretation.name for interpretation in all_interpretations(["k", "speed"])] == [
         "as-printed",
         "speed=fixed",
@@ -44,7 +46,7 @@ def test_some_points_alone():
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ("interferance=once", "unknown point 'interferance'; did you mean 'interference'"),
         ("interference=thrice", "interference: expected one of twice, once, got 'thrice'"),
@@ -52,8 +54,8 @@ def test_some_points_alone():
         ("", "unknown point ''"),
     ],
 )
-def test_what_cannot_be_read_is_said_in_a_line(text, words):
-    with pytest.raises(UserError, match=words):
+def test_malformed_names_are_refused_in_one_line(text, message):
+    with pytest.raises(UserError, match=message):
         parse_interpretation(text)
     with pytest.raises(UserError, match="unknown point 'speeed'; did you mean 'speed'"):
         list(all_interpretations(["speeed"]))

@@ -1,4 +1,4 @@
-"""The paper's experiments with a tiny budget: what is run, kept, drawn, written, and gone on with."""
+"""The paper's experiments with a tiny budget: runs, figures, reports and resuming."""
 
 import gzip
 import re
@@ -24,11 +24,11 @@ TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A folder in which Fig. 7 was made, and the lines that were said."""
+    """Reproduce Fig. 7; yields the folder, the written files and the messages."""
     out = tmp_path_factory.mktemp("reproduced")
-    said: list[str] = []
-    written = reproduce("fig7", out, budget=TINY, n_jobs=1, say=said.append)
-    return out, written, said
+    messages: list[str] = []
+    written = reproduce("fig7", out, budget=TINY, n_jobs=1, say=messages.append)
+    return out, written, messages
 
 
 @pytest.mark.slow
@@ -48,13 +48,13 @@ def test_runs_become_rows_figures_and_a_report(made):
     text = (out / "report-paper.md").read_text()
     for link in (line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")):
         assert (out / link).is_file(), link
-    assert "was **not run**" in text  # the language model, said before anything else
+    assert "was **not run**" in text  # the language model
     assert text.index("could not be reproduced") < text.index("What holds")
     assert "<table>" in (out / "report-paper.html").read_text()
 
 
 @pytest.mark.slow
-def test_pairs_on_the_other_paths_come_to_the_report_and_are_no_runs_of_their_own(monkeypatch, tmp_path):
+def test_swapped_paths_are_reported_but_not_counted_as_runs(monkeypatch, tmp_path):
     seen = []
     monkeypatch.setattr(reproducing, "write_report", lambda results, *_: seen.append(results) or [])
     monkeypatch.setattr(reproducing, "draw", lambda *_: {})
@@ -62,7 +62,7 @@ def test_pairs_on_the_other_paths_come_to_the_report_and_are_no_runs_of_their_ow
     (short,) = [
         replace(each, changes={"rounds_per_match": 4}) for each in conditions_of("fig4", "paper", False)
     ]
-    monkeypatch.setattr(reproducing, "_conditions", lambda *words: [short])
+    monkeypatch.setattr(reproducing, "_conditions", lambda *_: [short])
     reproduce("fig4", tmp_path, budget=budget, seeds=2, n_jobs=1, say=lambda line: None)
     frozen = [each for each in compare(seen[0]) if each.claim == "D1 frozen"]
     assert [each.statement.split()[4] for each in frozen] == [f"{path}," for path in FIXED_PATHS]
@@ -71,7 +71,7 @@ def test_pairs_on_the_other_paths_come_to_the_report_and_are_no_runs_of_their_ow
 
 
 @pytest.mark.slow
-def test_a_run_says_how_it_was_made_and_what_happened(made):
+def test_a_stored_run_has_a_description_and_rows(made):
     out, *_ = made
     run = RunFile(out, "paper", "tiny").read()[BASE, 0]
     assert run.about["scenario"].startswith("paper, ")
@@ -86,24 +86,24 @@ def test_a_run_says_how_it_was_made_and_what_happened(made):
         assert len(row["ally_points"]) == (15 if shown else 0)
     for side in ("ally", "opponent"):
         assert not any(row[f"{side}_path"] for row in rows[:-1])
-        flown = np.reshape(rows[-1][f"{side}_path"], (-1, 3))
-        moved = np.linalg.norm(np.diff(flown, axis=0), axis=1)
-        assert len(flown) == 50  # of the round's hundred steps of a second, every other one
-        assert 0 < moved.max() <= 2 * PAPER.opponent_speed_m_s + 2  # whole metres
+        positions = np.reshape(rows[-1][f"{side}_path"], (-1, 3))
+        distances = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+        assert len(positions) == 50  # of the round's hundred steps of a second, every other one
+        assert 0 < distances.max() <= 2 * PAPER.opponent_speed_m_s + 2  # whole metres
 
 
 @pytest.mark.slow
-def test_what_was_run_is_not_run_again(made, monkeypatch):
+def test_finished_runs_are_not_repeated(made, monkeypatch):
     monkeypatch.setattr(reproducing, "draw", lambda *_: {})
     out, _, first = made
     assert sum(": done" in line for line in first) == 3
-    said: list[str] = []
-    reproduce("fig5", out, budget=TINY, n_jobs=1, say=said.append)
-    assert said == []
+    messages: list[str] = []
+    reproduce("fig5", out, budget=TINY, n_jobs=1, say=messages.append)
+    assert messages == []
 
 
 @pytest.mark.slow
-def test_rows_of_another_game_are_not_gone_on_with(made, tmp_path):
+def test_runs_of_another_scenario_are_not_continued(made, tmp_path):
     out, *_ = made
     other = RunFile(tmp_path, "standard", "tiny")
     other.add(RunFile(out, "paper", "tiny").read().values())
@@ -121,16 +121,16 @@ def test_the_same_seed_gives_the_same_rows(made, tmp_path):
 
 
 @pytest.mark.slow
-def test_runs_are_added_beside_those_that_are_there(made, tmp_path):
+def test_the_order_of_adding_runs_does_not_matter(made, tmp_path):
     out, *_ = made
-    there, file = RunFile(out, "paper", "tiny").read(), RunFile(tmp_path, "paper", "tiny")
-    for run in reversed(there.values()):
+    stored, file = RunFile(out, "paper", "tiny").read(), RunFile(tmp_path, "paper", "tiny")
+    for run in reversed(stored.values()):
         file.add([run])
     assert file.path.read_bytes() == RunFile(out, "paper", "tiny").path.read_bytes()
 
 
 @pytest.mark.slow
-def test_a_file_that_was_cut_off_is_named(made, tmp_path):
+def test_damaged_files_are_refused(made, tmp_path):
     out, *_ = made
     whole = RunFile(out, "paper", "tiny").path.read_bytes()
     lines = gzip.decompress(whole).splitlines()
@@ -147,7 +147,7 @@ def test_a_file_that_was_cut_off_is_named(made, tmp_path):
             broken.read()
 
 
-def test_the_ally_asks_the_knowledge_base_where_it_is():
+def test_the_ally_uses_the_knowledge_base():
     hops = np.zeros((4, 18), np.float32)
     hops[:, 0] = 1  # hop gate on; preference 0 means the middle point
     hops[:, 4] = -1  # knowledge gate off, as a policy might say
@@ -162,7 +162,7 @@ def test_the_ally_asks_the_knowledge_base_where_it_is():
     assert hops[0, 4] == -1  # what the learner keeps is its own
 
 
-def test_rounds_are_counted_into_the_window_in_which_they_end():
+def test_rounds_belong_to_the_window_in_which_they_end():
     games = Recorded(2, scenario="paper", path="circle")
     games.reset(seeds=0)
     still = np.zeros((2, 18), np.float32)
@@ -175,7 +175,7 @@ def test_rounds_are_counted_into_the_window_in_which_they_end():
     assert [(row["window"], row["rounds"]) for row in rows] == [(0, 2), (1, 2), (2, 2)]
 
 
-def test_every_target_names_conditions_and_all_has_them_all():
+def test_all_targets_have_playable_conditions():
     for preset in ("paper", "standard"):
         every = {c.name for c in conditions_of(ALL, preset, full=True)}
         assert len(every) == len(conditions_of(ALL, preset, full=True))
@@ -187,7 +187,7 @@ def test_every_target_names_conditions_and_all_has_them_all():
     assert PAPER.hash not in hashes
 
 
-def test_k_as_a_power_factor_is_what_it_says():
+def test_k_as_a_power_factor():
     k_power = next(c for c in sensitivity("standard") if c.name == "k-power").scenario("standard")
     levels = np.array(k_power.jamming_coefficients) * k_power.opponent_power_dbm
     milliwatts = 100 * np.array(STANDARD.jamming_coefficients)  # 20 dBm are 100 mW
@@ -198,13 +198,13 @@ def test_k_as_a_power_factor_is_what_it_says():
     ("name", "steps", "updates"),
     [("full", 10**6, 50_000), ("tenth", 10**6, 10**6), ("paper", 10**7, 10**7)],
 )
-def test_budgets_are_the_announced_ones(name, steps, updates):
+def test_budgets(name, steps, updates):
     budget = BUDGETS[name]
     assert (budget.steps, budget.games, budget.updates()) == (steps, 64, updates)
 
 
 @pytest.mark.parametrize("preset", ["paper", "standard"])
-def test_stages_hold_whole_matches_of_the_full_budget(preset):
+def test_stages_consist_of_whole_matches(preset):
     full = BUDGETS["full"]
     scenario = conditions_of("fig4", preset, full=True)[0].scenario(preset)
     match = full.games * scenario.steps_per_round * scenario.rounds_per_match
@@ -214,7 +214,7 @@ def test_stages_hold_whole_matches_of_the_full_budget(preset):
         assert matches == pytest.approx(round(matches), rel=0.05)
 
 
-def test_one_run_is_ten_times_as_long_in_the_papers_game():
+def test_only_the_scenario_paper_has_a_long_run():
     longer = {
         (preset, condition.name)
         for preset in ("paper", "standard")
@@ -224,7 +224,7 @@ def test_one_run_is_ten_times_as_long_in_the_papers_game():
     assert longer == {("paper", LONG)}
 
 
-def test_tables_speak_of_what_is_in_use():
+def test_tables_show_the_values_in_use():
     (_, jamming), (_, environment), (_, algorithm) = tables()
     assert [line[2] for line in jamming[1:]] == ["1.5", "1.2", "0.4", "0.8"]
     assert ["M (dB)", "8", "8", "8", ""] in environment
@@ -233,24 +233,24 @@ def test_tables_speak_of_what_is_in_use():
 
 @pytest.mark.process
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("arguments", "message"),
     [
         (["fig8"], "did you mean 'fig"),
         (["fig3", "--scenario", "papr"], "expected one of paper, standard, figures"),
         (["fig3", "--budget", "ful"], "full"),
     ],
 )
-def test_the_verb_refuses_what_it_does_not_know(words, said, tmp_path):
-    found = fpg("reproduce", *words, "--out", tmp_path)
-    assert found.returncode == 2
-    assert said in found.stderr
-    assert len(found.stderr.strip().splitlines()) == 1
+def test_the_command_refuses_unknown_names(arguments, message, tmp_path):
+    result = fpg("reproduce", *arguments, "--out", tmp_path)
+    assert result.returncode == 2
+    assert message in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
 
 
 @pytest.mark.process
-def test_the_verb_writes_the_tables_at_once(tmp_path):
-    found = fpg("reproduce", "tables", "--out", tmp_path)
-    assert found.returncode == 0, found.stderr
+def test_the_command_writes_tables_without_runs(tmp_path):
+    result = fpg("reproduce", "tables", "--out", tmp_path)
+    assert result.returncode == 0, result.stderr
     headings = re.findall("^## (.+)$", (tmp_path / "report-paper.md").read_text(), re.MULTILINE)
     assert [heading.partition(":")[0] for heading in headings] == [
         "Table 1",

@@ -1,4 +1,4 @@
-"""The scripted screen: what a row says, what it rests on, and that nothing is made twice."""
+"""The scripted screen: its rows, games and page."""
 
 import json
 
@@ -39,8 +39,8 @@ def rows():
 
 
 def mean_of(row, statement):
-    (found,) = [part["mean"] for part in row["parts"] if part["statement"] == statement]
-    return found
+    (mean,) = [part["mean"] for part in row["parts"] if part["statement"] == statement]
+    return mean
 
 
 def test_a_row_has_all_parts_of_all_claims(rows):
@@ -61,7 +61,7 @@ def test_the_same_interpretation_gives_the_same_row(rows):
     assert screen(AS_PRINTED, 8) == rows[0]
 
 
-def test_an_ally_that_always_hops_pays_for_every_step():
+def test_an_ally_that_always_hops_pays_in_every_step():
     paid = parse_interpretation("interference=once,hops=always")
     gated, always = (
         play_pair(interpretation, "idle", "tone", 4, path="circle") for interpretation in (AS_PRINTED, paid)
@@ -71,7 +71,7 @@ def test_an_ally_that_always_hops_pays_for_every_step():
     assert gated.overlap.mean() > always.overlap.mean()
 
 
-def test_the_price_of_a_hop_changes_what_is_earned_and_nothing_else():
+def test_the_hop_cost_changes_only_the_rewards():
     dear, cheap = (parse_interpretation(f"interference=once,hop-cost={cost}") for cost in ("100", "40"))
     paid, saved = (
         play_pair(interpretation, "expert", "narrowband", 4, path="circle")
@@ -80,7 +80,9 @@ def test_the_price_of_a_hop_changes_what_is_earned_and_nothing_else():
     assert saved.ally - paid.ally == pytest.approx(60 * paid.hops)
     assert paid.hops.any()
     core = JointGame(4, scenario=cheap.scenario(), path="circle")
-    players = [as_player(*who, cheap.scenario()) for who in (("expert", "ally"), ("narrowband", "opponent"))]
+    players = [
+        as_player(*pair, cheap.scenario()) for pair in (("expert", "ally"), ("narrowband", "opponent"))
+    ]
     core.reset(seeds=np.array(evaluation_seeds(4)))
     screening._play_round(core, players, 4)
     assert core.duel.batch.tallies["ally_return"] / 100 == pytest.approx(saved.ally[0])
@@ -89,7 +91,7 @@ def test_the_price_of_a_hop_changes_what_is_earned_and_nothing_else():
 def test_the_rounds_of_a_match_are_the_first_ones_of_a_longer_match():
     core = JointGame(3, scenario=AS_PRINTED.scenario(), planner="interceptor")
     players = [
-        as_player(*who, AS_PRINTED.scenario()) for who in (("expert", "ally"), ("adaptive", "opponent"))
+        as_player(*pair, AS_PRINTED.scenario()) for pair in (("expert", "ally"), ("adaptive", "opponent"))
     ]
     core.reset(seeds=np.array(evaluation_seeds(3)))
     long = play_pair(AS_PRINTED, "expert", "adaptive", 3, 40, planner="interceptor").first(AS_PRINTED.rounds)
@@ -101,7 +103,7 @@ def test_the_rounds_of_a_match_are_the_first_ones_of_a_longer_match():
         assert core.duel.batch.tallies["opponent_return"] / 100 == pytest.approx(long.opponent[number])
 
 
-def test_what_is_there_is_not_made_again_and_what_is_missing_is(monkeypatch, tmp_path):
+def test_only_missing_rows_are_played(monkeypatch, tmp_path):
     file, interpretations = tmp_path / "screen.jsonl", list(all_interpretations(["interference"]))
     first = screen_all(interpretations[:1], file, 4)
     both = screen_all(interpretations, file, 4)
@@ -113,7 +115,7 @@ def test_what_is_there_is_not_made_again_and_what_is_missing_is(monkeypatch, tmp
         screen_all(interpretations, file, 4)
 
 
-def test_a_claim_holds_where_its_weakest_part_does(rows):
+def test_a_claim_holds_if_all_its_parts_do(rows):
     for claim in claims_of(rows):
         for effect in effects(rows, claim):
             (row,) = [row for row in rows if row["interpretation"] == effect.interpretation.name]
@@ -123,7 +125,7 @@ def test_a_claim_holds_where_its_weakest_part_does(rows):
     assert shares(effects(rows, "D3 order"))["interference", "twice"] == 0
 
 
-def test_the_curve_has_a_panel_a_claim_and_a_line_a_setting(rows):
+def test_the_curve_has_a_panel_per_claim_and_a_row_per_setting(rows):
     figure = draw_curve(rows)
     titles = [axes.get_title() for axes in figure.axes]
     assert [title.split(":")[0] for title in titles if title] == claims_of(rows)

@@ -1,4 +1,4 @@
-"""The interpretations that decide: which they are, what is trained under them, and what their page says."""
+"""Trained variants: their choice, conditions and page."""
 
 import dataclasses
 
@@ -32,41 +32,38 @@ TINY = Budget("tiny", 2_000, 8, 25, 2, 1)
 def verdicts(rows, interpretation):
     """Return for each claim whether the screen says that it holds, and whether a part is reversed."""
     row = [row for row in rows if row["interpretation"] == interpretation.name]
-    found = {name: effects(row, name) for name in ASPECTS}
-    return {name: (effect.holds, effect.n_reversed > 0) for name, (effect,) in found.items()}
+    by_claim = {name: effects(row, name) for name in ASPECTS}
+    return {name: (effect.holds, effect.n_reversed > 0) for name, (effect,) in by_claim.items()}
 
 
-def test_the_preset_is_the_interpretation_that_the_others_are_compared_with():
+def test_the_reference_is_the_preset_figures():
     assert FIGURES.scenario() == preset("figures")
     assert preset("figures") != PAPER
 
 
-def test_a_neighbour_settles_one_point_otherwise():
-    found = list(neighbours(FIGURES))
-    assert len(found) == sum(len(known) - 1 for known in POINTS.values())
-    for interpretation in found:
-        assert (
-            sum(one != other for one, other in zip(interpretation.settings, FIGURES.settings, strict=True))
-            == 1
-        )
+def test_neighbours_differ_in_one_point():
+    others = list(neighbours(FIGURES))
+    assert len(others) == sum(len(known) - 1 for known in POINTS.values())
+    for interpretation in others:
+        assert len(set(interpretation.items) - set(FIGURES.items)) == 1
 
 
-def test_variants_are_the_paper_as_printed_and_the_neighbours_under_which_a_claim_changes():
+def test_variants_are_the_neighbours_under_which_a_claim_changes_and_as_printed():
     rows = read_screen(ROOT / "results/reproduction")
     asked = {variant.interpretation: set(variant.claims) for variant in VARIANTS if variant.noise_sd is None}
     assert asked.pop(parse_interpretation("as-printed")) == set(NEEDED) == set(ASPECTS)
     here = verdicts(rows, FIGURES)
     for interpretation in neighbours(FIGURES):
         there = verdicts(rows, interpretation)
-        turned = {name for name in ASPECTS if here[name] != there[name]}
+        changed = {name for name in ASPECTS if here[name] != there[name]}
         if interpretation.setting("hop-cost") == "100":  # paid in each step, whoever plays
-            assert turned == {"D3 level"}
+            assert changed == {"D3 level"}
         else:
-            assert turned == asked.pop(interpretation, set())
+            assert changed == asked.pop(interpretation, set())
     assert not asked
 
 
-def test_what_is_trained_plays_the_interpretation_under_names_of_its_own():
+def test_conditions_of_variants_have_unique_names_and_the_right_scenario():
     every = all_conditions()
     assert len({condition.name for condition in every}) == len(every)
     for variant in VARIANTS:
@@ -78,7 +75,7 @@ def test_what_is_trained_plays_the_interpretation_under_names_of_its_own():
             assert (condition.options, condition.tested) == (known.options, True)
 
 
-def test_a_variant_of_low_noise_trains_with_it_and_nothing_else_that_is_new():
+def test_variants_change_only_the_noise():
     usual = hyperparameters(TINY)
     for variant in VARIANTS:
         for condition in variant.conditions:
@@ -87,7 +84,7 @@ def test_a_variant_of_low_noise_trains_with_it_and_nothing_else_that_is_new():
             assert config == dataclasses.replace(usual, algorithm=usual.algorithm | noise)
 
 
-def test_a_claim_is_judged_where_all_its_runs_are_there():
+def test_claims_with_missing_runs_are_not_tested():
     runs = results()
     every = {"D1 frozen", *ASPECTS}
     assert set(trained.claim_tests(runs, SEEDS)) == every
@@ -96,7 +93,7 @@ def test_a_claim_is_judged_where_all_its_runs_are_there():
 
 
 @pytest.mark.slow
-def test_trained_variants_get_a_page_and_are_not_trained_again(monkeypatch, tmp_path, capsys):
+def test_trained_variants_get_a_page_and_are_not_repeated(monkeypatch, tmp_path, capsys):
     two = (Variant(parse_interpretation("as-printed"), ("D2",)), Variant(FIGURES, ("D2",), LOW_NOISE))
     monkeypatch.setattr(trained, "VARIANTS", two)
     monkeypatch.setattr(trained, "BUDGETS", {**BUDGETS, "tiny": TINY})
