@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.match import Round
 from fpg_bench.planning.llm.transcript import Attempt
-from fpg_bench.rendering.picture import ALLY, GREY, GROUND, INK, OPPONENT, PALE, bezier_curve
+from fpg_bench.rendering.canvas import ALLY, OPPONENT
+from fpg_bench.rendering.picture import GREY, GROUND, INK, PALE, bezier_curve
 from fpg_bench.rendering.replay import write_replay
 
 MOST = 40  # panels; of a longer match evenly spaced rounds are drawn

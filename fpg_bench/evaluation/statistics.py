@@ -97,7 +97,8 @@ def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarra
     Returns:
         ``(..., t)``, in [0, 1].
     """
-    return (scores[..., None] > thresholds).mean(axis=(-3, -2))
+    shares: np.ndarray = (scores[..., None] > thresholds).mean(axis=(-3, -2))
+    return shares
 
 
 def probability_of_improvement(better: np.ndarray, other: np.ndarray) -> Interval:

@@ -235,7 +235,8 @@ class Results:
     def histogram(self, condition: str, stage: str, seed: int) -> np.ndarray:
         """Return the steps per frequency point of both sides in a stage of Fig. 4, ``(2, points)``."""
         rows = [row for row in self.runs[condition][seed] if row["window"] in STAGES[stage]]
-        return np.array([[row[name] for name in _HISTOGRAMS] for row in rows]).sum(axis=0)
+        total: np.ndarray = np.array([[row[name] for name in _HISTOGRAMS] for row in rows]).sum(axis=0)
+        return total
 
     def overlap(self, condition: str, stage: str, seeds: Iterable[int]) -> np.ndarray:
         """Return the overlap of both sides' pooled spectra in a stage of Fig. 4, ``(seeds,)``."""

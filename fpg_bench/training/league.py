@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from pydantic import Field as Constraint
@@ -43,12 +43,11 @@ from fpg_bench.training.run_folder import RunFolder, command_line
 from fpg_bench.training.train import train
 
 Hyperparams = str | Path | Mapping[str, Any] | None
-Start = Literal["nothing", "strongest"]
 T = TypeVar("T", str, int)
 
 RESULT = "best_responses.json"
 ROWS, ABOUT = "selfplay.jsonl", "selfplay.json"
-STARTS: tuple[Start, ...] = ("nothing", "strongest")
+STARTS = ("nothing", "strongest")
 MATCHES = 100  # against each player, in the evaluation of best responses and generations
 SEED_STRIDE = 1000  # generation g of self-play with seed k has training seed 1000 k + g
 RESPONDER_SEED = 1_000_000  # first training seed of the responders to champions
@@ -122,7 +121,7 @@ def best_responses(
     algorithm: str | Sequence[str] = "ppo",
     steps: int | Sequence[int] = 500_000,
     seeds: int = 3,
-    start: Start | Sequence[Start] = "nothing",
+    start: str | Sequence[str] = "nothing",
     hyperparams: Hyperparams = None,
     reward: str = "zero_sum",
     side: str | None = None,

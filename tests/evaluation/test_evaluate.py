@@ -139,7 +139,7 @@ def test_what_is_no_line_is_one_clear_error(suite, tmp_path, text):
     evaluate(["idle"], suite, tmp_path / "out")
     with (tmp_path / "out" / "records.jsonl").open("a") as file:
         file.write(text)
-    with pytest.raises(UserError, match="(line|record) 3"):
+    with pytest.raises(UserError, match=r"(line|record) 3"):
         evaluate(["idle"], suite, tmp_path / "out")
 
 

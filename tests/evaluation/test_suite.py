@@ -181,8 +181,6 @@ def test_an_agent_counts_by_its_policy_and_not_by_its_name(tmp_path, monkeypatch
     hashes = set()
     for folder, seed in (("one", 1), ("two", 1), ("three", 2)):
         agent = make_agent(member, tmp_path / folder, seed=seed)
-        content = (
-            f"side: opponent\nscenario: standard\nmatches: 2\nrivals: [{{ally: {agent}, name: it}}]"
-        )
+        content = f"side: opponent\nscenario: standard\nmatches: 2\nrivals: [{{ally: {agent}, name: it}}]"
         hashes.add((seed, load_suite(written(tmp_path, content)).hash))
     assert len(hashes) == 2

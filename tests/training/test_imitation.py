@@ -76,9 +76,7 @@ def test_a_run_imitates_once_and_reports_the_error(tmp_path):
         ("recurrent-ppo", {"teacher": "adaptive"}, "RecurrentPPO can't"),
     ],
 )
-def test_invalid_imitation_is_refused_before_anything_is_written(
-    tmp_path, algorithm, lesson, words
-):
+def test_invalid_imitation_is_refused_before_anything_is_written(tmp_path, algorithm, lesson, words):
     with pytest.raises(UserError, match=words):
         train_tiny(
             algorithm, tmp_path / "run", {"imitate": lesson}, env_id=OPPONENT, path="learned", steps=400

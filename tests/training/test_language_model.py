@@ -36,9 +36,7 @@ def lines(path, kind):
 
 
 @pytest.mark.slow
-def test_a_run_is_repeated_from_its_transcript_without_a_server(
-    tmp_path, tiny, monkeypatch
-):
+def test_a_run_is_repeated_from_its_transcript_without_a_server(tmp_path, tiny, monkeypatch):
     with FaultServer([ok(path_text(shift)) for shift in range(40)]) as server:
         monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
         monkeypatch.setenv("FPG_LLM_MODEL", "tiny")
