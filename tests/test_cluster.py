@@ -83,7 +83,7 @@ def test_killed_workers_and_failing_jobs(run, tmp_path):
         Job("wilder", partial(working.die, tmp_path, "wilder", 99)),
     ]
     lost = "its worker was lost 3 times (WorkerCrashedError)"
-    assert run(jobs, workers=1) == {"user": "no such thing", "wilder": lost}
+    assert run(jobs, n_jobs=1) == {"user": "no such thing", "wilder": lost}
     assert sorted(map(str, kept)) == ["1", "wild"]
     assert begun(tmp_path) == ["wild", "wild", "wilder", "wilder", "wilder"]
 
@@ -93,7 +93,7 @@ def test_results_of_machines_that_do_not_share_the_folder_are_missed(run, tmp_pa
         folder_job(name, tmp_path / name, partial(work), (tmp_path / name / "agent").exists)
         for name, work in {"here": partial(working.fill, b"p"), "away": working.fill_elsewhere}.items()
     ]
-    assert run(jobs, workers=1) == {
+    assert run(jobs, n_jobs=1) == {
         "away": "its files are not here; the machines of a cluster have to share their folder"
     }
 

@@ -100,13 +100,13 @@ def test_jobs_of_a_killed_worker_run_again(tmp_path):
 
 def test_a_job_that_always_kills_its_worker_is_given_up(tmp_path):
     jobs = [Job("wild", partial(working.die, tmp_path, "wild", 99))]
-    assert run_jobs(jobs, workers=2) == {"wild": f"a worker process was lost {TRIES} times"}
+    assert run_jobs(jobs, n_jobs=2) == {"wild": f"a worker process was lost {TRIES} times"}
     assert begun(tmp_path) == ["wild"] * TRIES
 
 
 def test_a_job_that_finished_before_its_worker_was_lost_is_not_run_again(tmp_path):
     done = (tmp_path / "begun").exists
-    assert run_jobs([Job("wild", partial(working.die, tmp_path, "wild", 99), done=done)], workers=2) == {}
+    assert run_jobs([Job("wild", partial(working.die, tmp_path, "wild", 99), done=done)], n_jobs=2) == {}
     assert begun(tmp_path) == ["wild"]
 
 
@@ -123,7 +123,7 @@ def test_ctrl_c_lets_jobs_save_and_the_next_call_resumes(tmp_path):
     try:
         threading.Thread(target=stop).start()
         with pytest.raises(KeyboardInterrupt):
-            run_jobs(jobs, workers=2)
+            run_jobs(jobs, n_jobs=2)
         assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
@@ -167,7 +167,7 @@ def test_a_folder_job_fills_its_folder_if_its_worker_sees_it(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"workers": 0}, "jobs: expected a whole number above 0, got 0"),
+        ({"n_jobs": 0}, "n_jobs: expected a whole number above 0, got 0"),
         ({"backend": "loki"}, "unknown 'loki'; did you mean 'loky'"),
         ({"address": "host:1"}, "say --backend ray, too"),
     ],

@@ -84,7 +84,7 @@ def run(
     """
     from fpg_bench.leaderboard.verification import run_one
 
-    verdict = run_one(folder, update, jobs=n_jobs, backend=backend, address=address, say=say)
+    verdict = run_one(folder, update, n_jobs=n_jobs, backend=backend, address=address, say=say)
     raise typer.Exit(0 if verdict.good else 1)
 
 
@@ -120,7 +120,7 @@ def verify(
         update=update,
         since=since,
         changes_known=changes_known,
-        jobs=n_jobs,
+        n_jobs=n_jobs,
         backend=backend,
         address=address,
         say=say,
@@ -267,7 +267,7 @@ def close_season(
         closing,
         out or baselines_folder() / "suites" / closing.name,
         SIDES if side is None else [side],
-        workers=n_jobs,
+        n_jobs=n_jobs,
         backend=backend,
         address=address,
         say=say,
@@ -298,7 +298,7 @@ def audit_season(
 
     season = load_season(name)
     for audited in auditing.audit_season(
-        season, read_entries(folder), work, member, n_members, workers=n_jobs, say=say
+        season, read_entries(folder), work, member, n_members, n_jobs=n_jobs, say=say
     ):
         policies = "the same policy" if audited.is_same else "another policy"
         say(

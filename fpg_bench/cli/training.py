@@ -172,7 +172,7 @@ def train(
             listed_seeds,
             evaluations=n_evals,
             restart=restart,
-            workers=n_jobs,
+            n_jobs=n_jobs,
             backend=backend,
             address=address,
             say=say,

@@ -63,20 +63,6 @@ class Outcome:
     seconds: float = 0.0
 
 
-@dataclass(frozen=True)
-class Workers:
-    """Number of workers and their backend; see :func:`run_jobs`."""
-
-    jobs: int = 1
-    backend: str = "loky"
-    address: str | None = None
-
-    @property
-    def alone(self) -> bool:
-        """True for a single local worker, which is this process."""
-        return self == Workers()
-
-
 def folder_job(name: str, folder: Path, run: Callable[[Path], Any], done: Callable[[], bool]) -> Job:
     """Return a job that fills a folder, which its worker must see under the same path.
 
@@ -93,7 +79,7 @@ def folder_job(name: str, folder: Path, run: Callable[[Path], Any], done: Callab
 
 def run_jobs(
     jobs: Iterable[Job],
-    workers: int = 2,
+    n_jobs: int = 2,
     backend: str = "loky",
     address: str | None = None,
     say: Callable[[str], None] | None = print,
@@ -105,7 +91,7 @@ def run_jobs(
 
     Args:
         jobs: started in this order.
-        workers: number of jobs that run at once, one thread each. A single local one runs in this process.
+        n_jobs: number of jobs that run at once, one thread each. A single local one runs in this process.
         backend: ``loky`` for processes of this machine, ``ray`` for a Ray cluster.
         address: of the cluster, ``host:port``. None: the environment's ``RAY_ADDRESS``; without that, Ray is
             started on this machine for the duration of the jobs.
@@ -119,7 +105,7 @@ def run_jobs(
         KeyboardInterrupt: stopped by the user. Finished results are kept, and running jobs were given time
             to save their state.
     """
-    whole(workers, "jobs")
+    whole(n_jobs, "n_jobs")
     if backend not in BACKENDS:
         raise UserError(f"backend: unknown {backend!r}{nearest(backend, BACKENDS)}")
     if address is not None and backend != "ray":
@@ -129,7 +115,7 @@ def run_jobs(
     jobs = list(jobs)
     waiting = {index: job for index, job in enumerate(jobs) if not job.done()}
     if len(waiting) > 1:
-        say(f"{len(waiting)} jobs, {min(workers, len(waiting))} at a time")
+        say(f"{len(waiting)} jobs, {min(n_jobs, len(waiting))} at a time")
 
     def calls() -> _Calls:
         for index, job in list(waiting.items()):
@@ -139,7 +125,7 @@ def run_jobs(
         if not waiting:
             break
         try:
-            with contextlib.closing(_start(calls(), workers, backend, address)) as outcomes:
+            with contextlib.closing(_start(calls(), n_jobs, backend, address)) as outcomes:
                 for index, outcome in outcomes:
                     job = waiting.pop(index)
                     if outcome.error is None:
@@ -183,13 +169,13 @@ _Calls = Iterator[tuple[int, _Call]]
 _Outcomes = Generator[tuple[int, Outcome], None, None]
 
 
-def _start(calls: _Calls, workers: int, backend: str, address: str | None) -> _Outcomes:
+def _start(calls: _Calls, n_jobs: int, backend: str, address: str | None) -> _Outcomes:
     """Return a generator of the outcomes of calls, in the order in which they finish."""
     if backend == "ray":
-        return _on_ray(calls, workers, address)
-    if workers == 1:
+        return _on_ray(calls, n_jobs, address)
+    if n_jobs == 1:
         return ((index, call()) for index, call in calls)
-    return _in_processes(calls, workers)
+    return _in_processes(calls, n_jobs)
 
 
 def _attempt(run: Callable[[], Any], folder: str) -> Outcome:
@@ -215,13 +201,13 @@ def _missing(job: Job, backend: str) -> str | None:
     return None
 
 
-def _in_processes(calls: _Calls, workers: int) -> _Outcomes:
+def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
     """Run calls in processes of this machine."""
     need("evaluate", "joblib")
     from joblib import Parallel, delayed, parallel_config
     from joblib.externals.loky import get_reusable_executor
 
-    with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
+    with parallel_config(backend="loky", n_jobs=n_jobs, inner_max_num_threads=1):
         parallel = Parallel(
             return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1, max_nbytes=None
         )
@@ -291,19 +277,19 @@ def _stop_with(driver: int) -> None:
     os._exit(1)
 
 
-def _on_ray(calls: _Calls, workers: int, address: str | None) -> _Outcomes:
+def _on_ray(calls: _Calls, n_jobs: int, address: str | None) -> _Outcomes:
     """Run calls on a Ray cluster, one CPU each; Ray itself repeats those whose worker is lost."""
     need("ray", "ray")
     import ray
 
     is_ours = not ray.is_initialized()
     if is_ours:
-        _join_cluster(ray, address or os.environ.get("RAY_ADDRESS"), workers)
+        _join_cluster(ray, address or os.environ.get("RAY_ADDRESS"), n_jobs)
     remote = ray.remote(num_cpus=1, max_retries=TRIES - 1)(_run)
     running: dict[Any, int] = {}
     try:
         while True:
-            for index, call in islice(calls, workers - len(running)):
+            for index, call in islice(calls, n_jobs - len(running)):
                 running[remote.remote(call)] = index
             if not running:
                 return
@@ -327,10 +313,10 @@ def _run(call: _Call) -> Outcome:
     return call()
 
 
-def _join_cluster(ray: Any, address: str | None, workers: int) -> None:
+def _join_cluster(ray: Any, address: str | None, n_jobs: int) -> None:
     """Join a cluster, or start one on this machine."""
     if address is None:
-        ray.init(address="local", num_cpus=workers, include_dashboard=False, logging_level="ERROR")
+        ray.init(address="local", num_cpus=n_jobs, include_dashboard=False, logging_level="ERROR")
         return
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit():

@@ -13,7 +13,7 @@ from typing import Any
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_json
-from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
+from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import Entry, check_kept, check_seeds, entries_of
 from fpg_bench.evaluation.play import play
@@ -24,7 +24,6 @@ from fpg_bench.evaluation.table import Results
 
 RECORDS, ABOUT = "records.jsonl", "evaluation.json"  # the files of a results folder
 Progress = Callable[[Entry, Rival, int], None]  # called with the number of rounds played of each match
-_ALONE = Workers()
 
 
 def evaluate(
@@ -68,9 +67,9 @@ def evaluate(
     entries = entries_of(players, played, name)
     if out is not None:
         check_kept(entries)
-    workers = Workers(n_jobs, backend, address)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
-        return Results(play_into(Path(folder), suite, played, entries, progress, workers, say))
+        summaries = play_into(Path(folder), suite, played, entries, progress, n_jobs, backend, address, say)
+        return Results(summaries)
 
 
 def play_into(
@@ -79,7 +78,9 @@ def play_into(
     suite: Suite,
     entries: Sequence[Entry],
     progress: Progress = lambda entry, rival, rounds: None,
-    workers: Workers = _ALONE,
+    n_jobs: int = 1,
+    backend: str = "loky",
+    address: str | None = None,
     say: Callable[[str], None] = print,
 ) -> list[Summary]:
     """Play entries against a suite into a results folder; raises as :func:`evaluate` does.
@@ -90,8 +91,7 @@ def play_into(
         suite: that suite.
         entries: who is measured.
         progress: see :func:`evaluate`.
-        workers: number of matchups that are played at once, and where.
-        say: see :func:`evaluate`.
+        n_jobs, backend, address, say: see :func:`evaluate`.
     """
     check_seeds(entries)
     claim(out, name, suite)
@@ -99,13 +99,13 @@ def play_into(
     with file.locked():
         _claim_names(out, entries)
         missing = list(_missing(entries, suite, file))
-        if workers.alone:
+        if n_jobs == 1 and backend == "loky":
             for entry, rival in missing:
                 progress(entry, rival, 0)
                 file.append([play(entry, suite, rival, on_round=partial(progress, entry, rival)).row()])
         else:
             jobs = [_job(entry, suite, rival, file) for entry, rival in missing]
-            check_all_done(run_jobs(jobs, workers.jobs, workers.backend, workers.address, say))
+            check_all_done(run_jobs(jobs, n_jobs, backend, address, say))
     return summarise(records_of(file), suite)
 
 

@@ -54,7 +54,7 @@ def audit_season(
     count: int = 2,
     *,
     rounds: int = ROUNDS,
-    workers: int = 2,
+    n_jobs: int = 2,
     say: Callable[[str], None] = print,
 ) -> list[AuditedMember]:
     """Train some members of a season again.
@@ -68,7 +68,7 @@ def audit_season(
         members: their names; None: ``count`` per side, drawn by the folder's name.
         count: number per side.
         rounds: rounds of each player against each of the two policies.
-        workers: number of members trained at once.
+        n_jobs: number of members trained at once.
         say: called with a line per member that starts or ends.
 
     Raises:
@@ -79,7 +79,7 @@ def audit_season(
     chosen = _choose_members(season, members, count, work)
     for side, _ in chosen:
         (work / side).mkdir(parents=True, exist_ok=True)
-    check_all_done(run_jobs([_training_job(work, member) for _, member in chosen], workers, say=say))
+    check_all_done(run_jobs([_training_job(work, member) for _, member in chosen], n_jobs, say=say))
     return [_compare(season, entries, work, side, member, rounds) for side, member in chosen]
 
 

@@ -345,7 +345,7 @@ def close_season(
     out: Path,
     sides: Sequence[str] = SIDES,
     *,
-    workers: int = 2,
+    n_jobs: int = 2,
     backend: str = "loky",
     address: str | None = None,
     say: Callable[[str], None] = print,
@@ -356,7 +356,7 @@ def close_season(
         closing: what to close.
         out: the season's folder; ``season.yml`` is written last.
         sides: train the candidates of these sides only; the season is closed once both are there.
-        workers, backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
+        n_jobs, backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
         say: called with a line per candidate that starts or ends.
 
     Returns:
@@ -373,7 +373,7 @@ def close_season(
     jobs = [_candidate_job(closing, recipe) for side in sides for recipe in closing.recipes(side)]
     done = sum(job.done() for job in jobs)
     say(f"{closing.name}, seed {closing.seed[:16]}: {len(jobs)} candidates, {done} of them done")
-    check_all_done(run_jobs(jobs, workers, backend, address, say))
+    check_all_done(run_jobs(jobs, n_jobs, backend, address, say))
     missing = [
         side
         for side in SIDES

@@ -19,7 +19,7 @@ from annotated_types import Ge, Gt, Le, Len, Lt
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.parallel import Workers, folder_job, outcome_of, run_jobs
+from fpg_bench.common.parallel import folder_job, outcome_of, run_jobs
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
 from fpg_bench.envs.two_player import TwoPlayerBatch
@@ -42,7 +42,6 @@ from fpg_bench.players.registry import as_player
 
 ROUNDS = 100
 WITHIN = 0.005  # of a rate, and of the distance from 0 to 100, when a pair is played again
-_ALONE = Workers()
 
 _Rewards = Annotated[Items[Annotated[float, Gt(-1e6), Lt(1e6)]], Len(1)]
 
@@ -233,7 +232,7 @@ def play_missing(
     rounds: int = ROUNDS,
     trusted: Collection[Row] | None = None,
     say: Callable[[str], None] = print,
-    jobs: int = 1,
+    n_jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
 ) -> list[str]:
@@ -244,7 +243,7 @@ def play_missing(
         rounds: of each pair, distributed evenly over the training seeds of both.
         trusted: trusted rows; all others are played again and replaced. None: all are trusted.
         say: called with lines of progress.
-        jobs: number of allies that play at once.
+        n_jobs: number of allies that play at once.
         backend: ``loky`` or ``ray``; see :func:`fpg_bench.common.parallel.run_jobs`.
         address: of a Ray cluster.
 
@@ -258,7 +257,7 @@ def play_missing(
     missing = [(a, o) for key, a, o in pairs.every() if key not in results]
     say(f"crossplay: {len(missing)} of {len(pairs.allies) * len(pairs.opponents)} pairs to play")
     with at_work(board):
-        played, failed = _play(board, missing, rounds, Workers(jobs, backend, address))
+        played, failed = _play(board, missing, rounds, n_jobs, backend, address)
     results |= {pair.key: pair for pair in played}
     failed += [f"{record}; replaced, commit this one" for record in _differences(played, pairs)]
     if missing or not pairs.is_clean:
@@ -315,7 +314,9 @@ def _play(
     board: Path,
     pairs: Sequence[tuple[CrossplayEntry, CrossplayEntry]],
     rounds: int,
-    workers: Workers = _ALONE,
+    n_jobs: int = 1,
+    backend: str = "loky",
+    address: str | None = None,
 ) -> tuple[list[Pair], list[str]]:
     """Play pairs, one job per ally; return their results, and what failed."""
     work = work_folder(board) / "crossplay"
@@ -326,7 +327,7 @@ def _play(
         run, done = partial(_fill, ally, opponents, rounds), partial(_is_done, folder, keys)
         jobs.append(folder_job(ally.slug, folder, run, done))
         folders.append((folder, keys))
-    failed = run_jobs(jobs, workers.jobs, workers.backend, workers.address, say=None)
+    failed = run_jobs(jobs, n_jobs, backend, address, say=None)
     rows = [row for folder, keys in folders for row in _rows(folder) if row["key"] in keys]
     shutil.rmtree(work, ignore_errors=True)
     lost = [f"{row['ally']} - {row['opponent']}: {row[FAILED]}" for row in rows if FAILED in row]

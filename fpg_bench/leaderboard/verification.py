@@ -448,7 +448,7 @@ def verify(
     since: str | None = None,
     changes_known: bool = False,
     say: Callable[[str], None] = print,
-    jobs: int = 1,
+    n_jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
 ) -> list[Verdict]:
@@ -467,7 +467,7 @@ def verify(
             whatever the sample, and their results are replaced; the results that came along are compared.
         changes_known: accept that other files changed since, too.
         say: called with a line per submission as it ends.
-        jobs: number of policies that are played at once.
+        n_jobs: number of policies that are played at once.
         backend: ``loky`` or ``ray``; see :func:`fpg_bench.common.parallel.run_jobs`.
         address: of a Ray cluster.
 
@@ -491,7 +491,7 @@ def verify(
         if not names:
             verification.check_strays()
         every = [job for case in cases for job in verification.jobs(case)]
-        verification.failed |= run_jobs(every, jobs, backend, address, say=None)
+        verification.failed |= run_jobs(every, n_jobs, backend, address, say=None)
         for case in cases:
             verification.settle(case)
     return sorted(verification.verdicts.values(), key=lambda verdict: verdict.name)
@@ -589,7 +589,7 @@ def run_one(
     update: bool = False,
     *,
     say: Callable[[str], None] = print,
-    jobs: int = 1,
+    n_jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
 ) -> Verdict:
@@ -606,5 +606,7 @@ def run_one(
         raise UserError(f"{given}: expected a folder {expected}{hint}")
     board = Path(brief(folder.parents[2]))
     name = f"{track}/{folder.name}"
-    (verdict,) = verify(board, [name], update=update, say=say, jobs=jobs, backend=backend, address=address)
+    (verdict,) = verify(
+        board, [name], update=update, say=say, n_jobs=n_jobs, backend=backend, address=address
+    )
     return verdict

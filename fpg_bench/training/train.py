@@ -137,7 +137,7 @@ def train_seeds(
     *,
     evaluations: int = EVALUATIONS,
     restart: bool = False,
-    workers: int = 2,
+    n_jobs: int = 2,
     backend: str = "loky",
     address: str | None = None,
     say: Callable[[str], None] = print,
@@ -150,7 +150,7 @@ def train_seeds(
         seeds: the training seeds.
         evaluations: number of evaluations during each training.
         restart: begin unfinished runs again, from the start; otherwise they are resumed.
-        workers, backend, address: how many are trained at once, one thread each, and where; see
+        n_jobs, backend, address: number of trainings at once, one thread each, and where; see
             :func:`fpg_bench.common.parallel.run_jobs`.
         say: called with a line per run that begins or ends.
 
@@ -168,7 +168,7 @@ def train_seeds(
             train, run, evaluations=evaluations, restart=restart, resume=not restart, progress=False
         )
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
-    check_all_done(run_jobs(jobs, workers, backend, address, say=say))
+    check_all_done(run_jobs(jobs, n_jobs, backend, address, say=say))
 
 
 def parse_seeds(text: str) -> list[int]:

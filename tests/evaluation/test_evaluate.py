@@ -11,7 +11,6 @@ import pytest
 
 import fpg_bench
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.parallel import Workers
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation import evaluate as evaluating
 from fpg_bench.evaluation.entry import Entry, entries_of, player_entry
@@ -273,7 +272,7 @@ def test_an_agent_travels_to_the_worker(suite, agents, tmp_path):
     expected = play_into(tmp_path / "one", suite, load_suite(suite), entries)
     shutil.rmtree(agents[0])
     many = tmp_path / "many"
-    found = play_into(many, suite, load_suite(suite), entries, workers=Workers(2), say=lambda record: None)
+    found = play_into(many, suite, load_suite(suite), entries, n_jobs=2, say=lambda record: None)
     assert found[0].records == expected[0].records
 
 

@@ -31,7 +31,7 @@ ENTRIES = (
 TINY = {"candidates": 2, "size": 2, "rounds": 2, "scale": 0.0005}
 
 
-def run_here(jobs, workers=1, backend=None, address=None, say=print):
+def run_here(jobs, n_jobs=1, backend=None, address=None, say=print):
     """Run jobs one after the other, as workers do."""
     for job in jobs:
         if not job.done():

@@ -149,7 +149,7 @@ def test_only_new_pairs_are_played(entered):
     enter(entered, "ally", "always-hop", script="always-hop")
     enter(entered, "ally", "unplayed", script="reactive")
     verify(entered, ["ally/always-hop"], say=lambda line: None)
-    assert play_all(entered, jobs=2) == "crossplay: 2 of 6 pairs to play"
+    assert play_all(entered, n_jobs=2) == "crossplay: 2 of 6 pairs to play"
     assert rows(entered)[2:] == first
     assert rows(entered)[0]["ally"] == "always-hop"
 

@@ -297,7 +297,7 @@ def test_several_at_once_give_the_same_results(board):
     alone = {path.name: path.read_bytes() for path in (board / "results/ally").iterdir()}
     for path in (board / "results/ally").iterdir():
         path.unlink()
-    assert all(good for good, _ in told(board, jobs=2).values())
+    assert all(good for good, _ in told(board, n_jobs=2).values())
     assert {path.name: path.read_bytes() for path in (board / "results/ally").iterdir()} == alone
 
 
