@@ -140,7 +140,7 @@ def shown_progress() -> Iterator[Callable[[str], None]]:
 
 
 def terminal_width() -> int:
-    """How many characters a line of the terminal has; 80 where there is none."""
+    """Return the width of the terminal in characters; 80 without a terminal."""
     from rich.console import Console
 
     return Console().width

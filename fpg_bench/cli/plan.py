@@ -213,7 +213,7 @@ def compare(
 
 
 def _targets(out: Path | None, name: str) -> tuple[Path, Path, Path]:
-    """Where the match, its picture and its page go."""
+    """Return the files of the match, its picture and its page."""
     folder = Path("runs", "plan", name.replace("/", "_").replace(":", "_")) if out is None else out
     if folder.suffix == ".jsonl":
         return folder, folder.with_suffix(".png"), folder.with_suffix(".html")
@@ -262,7 +262,7 @@ def _costs(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _valid(rows: list[dict[str, Any]]) -> str:
-    """How many plans were valid, where a language model gave any of them or should have."""
+    """Return the share of valid plans as text, if a language model was asked."""
     fallen = sum(row["status"].startswith("fallback") for row in rows)
     asked = fallen or any(row["source"] == "llm" for row in rows)
     return f"{len(rows) - fallen} of {len(rows)} valid" if asked else ""

@@ -1,4 +1,4 @@
-"""What a match shows while it is played: a moving line on a terminal, else a line now and then."""
+"""Progress of a match: a moving line on a terminal, else a line now and then."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class _Planning:
             self.last = f"round {index}: {played.reward_per_step:+.2f} a step, {played.row['status']}"
 
     def line(self) -> str | None:
-        """How it stands; None where nothing is waited for."""
+        """Return the progress line; None if nothing is awaited."""
         from fpg_bench.planning.llm.local_server import tokens_under_way
 
         if not self._waiting:

@@ -180,7 +180,7 @@ def nonce_of(about: Mapping[str, Any], season: SeasonKey) -> dict[str, Any]:
 
 
 def chain_of(about: Mapping[str, Any], ally: str) -> str | None:
-    """Where the chain of a run's transcript begins; None: what was recorded before chains has none."""
+    """Return the first hash of the transcript's chain; None for recordings without a chain."""
     return chain_start(about, transcript_name(ally)) if "nonce" in about else None
 
 

@@ -117,7 +117,7 @@ def write_match_replay(rounds: Sequence[Round], path: Path, title: str, ally: st
 
 
 def said_in(attempt: Attempt) -> Iterator[tuple[str, str]]:
-    """Who said what in an attempt at a plan: the request's messages, then the answer or what went wrong."""
+    """Return the messages of an attempt at a plan: the request, then the answer or the error."""
     for message in (attempt.request or {}).get("messages", []):
         yield str(message.get("role")), str(message.get("content"))
     cost = f"{attempt.status}, {attempt.seconds:.1f} s, {attempt.tokens_out or 0} tokens"

@@ -61,7 +61,7 @@ def tuning_seeds(count: int) -> list[int]:
 
 @dataclass(frozen=True)
 class SeasonKey:
-    """What of a season decides results.
+    """The parts of a season that decide results.
 
     Attributes:
         number: the season's.
@@ -75,7 +75,7 @@ class SeasonKey:
     entries: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def met(self, name: str, policies: Sequence[str]) -> bool:
-        """Whether an entry of policies was closed over as it is; any other may have trained on the season."""
+        """True if the season was closed over just these policies; others may have trained on it."""
         return list(self.entries.get(name, ())) == list(policies)
 
     def suite_name(self, public: str) -> str:

@@ -102,7 +102,7 @@ def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarra
 
 
 def probability_of_improvement(better: np.ndarray, other: np.ndarray) -> Interval:
-    """How likely a new training of the one earns more than one of the other, whomever both meet.
+    """Probability that a new training of one entry earns more than one of the other, averaged over rivals.
 
     The mean over rivals of the Mann-Whitney statistic, ties half. Its variance is that of a U statistic
     (the spread of each seed's own share of wins, DeLong et al. 1988), with Student's t of the smaller

@@ -46,12 +46,12 @@ def lines_of_table(summaries: Sequence[Summary], suite: Suite, width: int | None
 
 
 def _width(columns: Iterable[list[str]]) -> int:
-    """How wide columns are drawn: a blank before the first, and two after each."""
+    """Return the width of the columns: a blank before the first, and two after each."""
     return 1 + sum(2 + max(map(len, cells)) for cells in columns)
 
 
 def caption(suite: Suite) -> str:
-    """What the table's numbers are."""
+    """Return the caption that explains the table's numbers."""
     met = f"{len(suite.rivals)} rivals, {suite.matches} matches each"
     if suite.rounds_per_match > 1:
         met += f" of {suite.rounds_per_match} rounds"
