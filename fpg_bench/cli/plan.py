@@ -262,7 +262,7 @@ def _costs(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _valid(rows: list[dict[str, Any]]) -> str:
-    """Return the share of valid plans as text, if a language model was asked."""
+    """Return the number of valid plans as text, if a language model was asked."""
     fallen = sum(row["status"].startswith("fallback") for row in rows)
     asked = fallen or any(row["source"] == "llm" for row in rows)
     return f"{len(rows) - fallen} of {len(rows)} valid" if asked else ""
