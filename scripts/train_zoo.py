@@ -28,12 +28,12 @@ from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup, load_zoo
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.training.config import GameOptions, RunConfig
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
-from fpg_bench.training.zoo import Zoo, ZooAgent, ZooGroup, load_zoo
 
 _LOCK = "zoo.lock"
 _LOG = logging.getLogger("train_zoo")

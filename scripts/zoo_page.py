@@ -18,9 +18,9 @@ from fpg_bench.evaluation.statistics import FEW_SEEDS, performance_profile, prob
 from fpg_bench.evaluation.suite import Suite, load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.evaluation.table import as_markdown, bounds, number
+from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup
 from fpg_bench.rendering.canvas import blank_figure
 from fpg_bench.training.run_folder import EVALUATIONS
-from fpg_bench.training.zoo import Zoo, ZooAgent, ZooGroup
 
 PAGE, CURVES = "README.md", "curves.jsonl"
 PICTURES = ("curves", "profiles", "improvement")

@@ -22,7 +22,7 @@ HASHES = {
     "paper": "0fd90129e192bbf7840e0f374000c4a3e08ee74b060810bb728bf284eec8863e",
     "figures": "c95abd590ba8255df1280371f3ab5e96ab49f633afcb3294df06d9e831b318f3",
 }
-SEASONS = {"season-1": "f52ee18d21e85b0cf25f99fb411fe43d49ad5a28b9013476e41ea7bc188caf1b"}
+SEASONS = {"season-1": "0f8e36742a9772d6a2c0cc26bbff9dff286edc94164772012543dedfd77ee27c"}
 
 
 def test_the_version_stands_in_one_place():

@@ -16,9 +16,9 @@ from fpg_bench.common.ids import DUEL
 from fpg_bench.envs.sb3_vec_env import make_sb3_duel
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.league import load_recipes
-from fpg_bench.training.zoo import load_zoo
 from tests.programs import fpg, python
 from tests.training.making import add_missing_records, make_agent, make_zoo, page
 
@@ -130,7 +130,7 @@ def test_the_verb_lists_what_is_shipped():
 
 def test_the_list_tells_scores_and_what_has_changed(tmp_path, monkeypatch, capsys):
     from fpg_bench.cli.listing import zoo as verb
-    from fpg_bench.training import zoo as zoos
+    from fpg_bench.evaluation import zoo as zoos
 
     zoo = make_zoo(tmp_path)
     monkeypatch.setattr(zoos, "load_zoo", lambda: zoo)

@@ -13,7 +13,7 @@ from fpg_bench.common.extras import need
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.suite import Suite
-    from fpg_bench.training.zoo import Zoo, ZooAgent, ZooGroup
+    from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup
 
 
 def envs() -> None:
@@ -45,7 +45,7 @@ def zoo() -> None:
     Example: fpg-bench zoo
     """
     need("evaluate", "scipy")
-    from fpg_bench.training.zoo import load_zoo
+    from fpg_bench.evaluation.zoo import load_zoo
 
     shipped = load_zoo()
     members = [member for member in shipped.members() if member.shipped]
@@ -83,10 +83,10 @@ def players() -> None:
 
     Example: fpg-bench players
     """
+    from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.game.names import PATHS
     from fpg_bench.players.player import SIDES
     from fpg_bench.players.scripted import SCRIPTED
-    from fpg_bench.training.zoo import load_zoo
 
     members = [member for member in load_zoo().members() if member.shipped]
     for side in SIDES:

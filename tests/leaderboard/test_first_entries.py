@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.folders import submission_folders
 from fpg_bench.leaderboard.policy_client import check_policies
@@ -13,7 +14,6 @@ from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN, TrackSuites
 from fpg_bench.leaderboard.verification import make_case
 from fpg_bench.players.scripted import SCRIPTED
-from fpg_bench.training.zoo import load_zoo
 from fpg_bench.version import __version__
 from tests.programs import fpg, python
 

@@ -15,6 +15,7 @@ import pytest
 import yaml
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.board import Improvement, Profiles, Score
 from fpg_bench.leaderboard.site import views
 from fpg_bench.leaderboard.site.build import build_site
@@ -22,7 +23,6 @@ from fpg_bench.leaderboard.site.front_page import ticks, zoomed_axis
 from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.leaderboard.site.serve import make_server
 from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN
-from fpg_bench.training.zoo import load_zoo
 from tests.leaderboard.example_board import HOSTILE, changed, example_board, with_figures
 from tests.programs import fpg
 
@@ -244,7 +244,7 @@ def test_the_page_on_submitting_shows_the_commands_of_the_docs(pages):
     docs = (ROOT / "docs/submitting.md").read_text()
     lines = [line for text in pages["submit.html"].texts for line in text.splitlines()]
     commands = [line for line in lines if line.startswith("fpg-bench ") and line in docs]
-    assert [command.split()[1] for command in commands] == ["train", "export", "submit", "leaderboard"]
+    assert [command.split()[1] for command in commands] == ["train", "export", "submit", "submit"]
 
 
 def test_pages_link_to_the_documentation_if_they_are_told_its_address(tmp_path, pages):

@@ -46,9 +46,8 @@ DESKTOP = {"width": 1280, "height": 900}
 
 def rounds() -> list[Replay]:
     """Two rounds of a script, under a name that tries to become markup."""
-    texts = {"algorithm": "", "reference": None, "licence": "", "path": None, "training": None}
-    submission = Submission(
-        Path("player-3"), "ally", HOSTILE[0], (), saw="", unable="", script="expert-spread", **texts
+    submission = Submission.model_construct(
+        folder=Path("player-3"), track="ally", name=HOSTILE[0], script="expert-spread"
     )
     suite = load_suite("ally-v1")
     return [

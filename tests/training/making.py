@@ -9,8 +9,8 @@ import time
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.zoo import Zoo, ZooAgent, load_zoo
 from fpg_bench.training.config import RunConfig
-from fpg_bench.training.zoo import Zoo, ZooAgent, load_zoo
 from tests.leaderboard.making import policy
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))

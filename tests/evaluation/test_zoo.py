@@ -1,7 +1,7 @@
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.training.zoo import load_zoo
+from fpg_bench.evaluation.zoo import load_zoo
 from tests.training.making import ZOO, make_agent
 
 
