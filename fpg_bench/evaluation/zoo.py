@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field as Constraint
 
@@ -14,12 +14,13 @@ from fpg_bench.common.files import read_json, read_yaml
 from fpg_bench.common.ids import sides_of
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
-from fpg_bench.evaluation.entry import Entry, player_entry
-from fpg_bench.evaluation.evaluate import RECORDS, records_of
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import Suite, load_suite
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.players.scripted import SCRIPTED
+
+if TYPE_CHECKING:
+    from fpg_bench.evaluation.entry import Entry
 
 
 class _GroupEntry(Strict):
@@ -95,6 +96,8 @@ class ZooAgent:
 
     def entry(self) -> Entry:
         """Return the shipped agent as an entry of an evaluation; raises UserError where it is damaged."""
+        from fpg_bench.evaluation.entry import player_entry  # needs the extra `evaluate`
+
         return player_entry(load_agent(self.folder), self.algorithm, self.seed)
 
 
@@ -112,7 +115,7 @@ class Zoo:
 
     def score_file(self, group: ZooGroup) -> RowFile:
         """Return the file of a group's records, which is only ever appended to."""
-        return RowFile(self.scores(group) / RECORDS)
+        return RowFile(self.scores(group) / "records.jsonl")
 
     def members(self, only: str | None = None) -> list[ZooAgent]:
         """Return the agents, by group, algorithm and seed.
@@ -139,6 +142,8 @@ class Zoo:
 
     def read_records(self, group: ZooGroup, suite: Suite) -> list[Record]:
         """Return the newest records of a group on a suite, those of the present agents and scripts only."""
+        from fpg_bench.evaluation.evaluate import records_of  # needs the extra `evaluate`
+
         prints: dict[tuple[str, int | None], str] = {(name, None): name[:16] for name in SCRIPTED[group.side]}
         prints |= {
             (agent.algorithm, agent.seed): str(agent.about().get("policy_sha256"))[:16]

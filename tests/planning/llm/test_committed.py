@@ -21,7 +21,7 @@ def rows(text):
 def test_the_transcripts_give_the_table(tmp_path):
     field = str(ROOT / "scripts/planner-expert.yml")
     compared = compare(["circle"], field, tmp_path, matches=4, transcripts=COMMITTED / "transcripts")
-    write_table(compared, compared[0].field, tmp_path)
+    write_table(compared, compared[0].suite, tmp_path)
     committed = rows((COMMITTED / "table.md").read_text())
     replayed = rows((tmp_path / "table.md").read_text())
     assert len(replayed) > 5
