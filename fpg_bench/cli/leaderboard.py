@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -151,8 +151,9 @@ def crossplay(
 
     trusted = None if since is None else pairs_at(folder, since)
     if check is None:
-        where: dict[str, Any] = {"jobs": n_jobs, "backend": backend, "address": address}
-        failed = play_missing(folder, trusted=trusted, say=say, **where)
+        failed = play_missing(
+            folder, trusted=trusted, say=say, n_jobs=n_jobs, backend=backend, address=address
+        )
     else:
         failed = check_pairs(folder, _share(check), sample_seed)
     for line in failed:
@@ -257,6 +258,7 @@ def close_season(
 
     Example: fpg-bench leaderboard close-season 2 --work runs/season-2
     """
+    need("train", "torch")
     from fpg_bench.leaderboard import close_season as closing_season
     from fpg_bench.leaderboard.close_season import CANDIDATES, SIZE, make_closing
     from fpg_bench.players.agent import baselines_folder
@@ -293,6 +295,7 @@ def audit_season(
 
     Example: fpg-bench leaderboard audit-season season-1 --work runs/audit
     """
+    need("train", "torch")
     from fpg_bench.leaderboard import audit_season as auditing
     from fpg_bench.leaderboard.season import load_season, read_entries
 
