@@ -1,1 +1,1 @@
-"""Errors, checks, files, rows, ids and parallel jobs: what every package stands on."""
+"""Errors, checks, files, rows, ids and parallel jobs, used by all other packages."""

@@ -1,1 +1,1 @@
-"""Views of the game: Gymnasium single and batched, Stable-Baselines3, PettingZoo, both sides at once."""
+"""Environments: Gymnasium single and batched, Stable-Baselines3, PettingZoo, both sides at once."""

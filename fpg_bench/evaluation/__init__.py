@@ -1,1 +1,1 @@
-"""Measures under one protocol: suites, entries, lines, summaries and tables."""
+"""Evaluation under one protocol: suites, entries, records, summaries and tables."""

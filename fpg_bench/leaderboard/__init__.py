@@ -1,1 +1,1 @@
-"""Submissions, their verified results, and how they rank."""
+"""Submissions, their verified results, ranking, seasons and the site."""
