@@ -41,10 +41,11 @@ def test_nothing_gets_out(open_doors):
     prison = Sandbox("tests.attacks.prisoner", Limits())
     with prison.within(60):
         (size,) = struct.unpack("<I", prison.receive(4))
-        found = json.loads(prison.receive(size))
+        found, passing = json.loads(prison.receive(size))
     prison.close()
     assert found.keys() == escapes(0).keys()
     assert [name for name, became in found.items() if became == "out"] == []
+    assert passing == []
     assert sandbox.missing_here() == []
 
 
