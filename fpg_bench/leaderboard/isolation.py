@@ -35,13 +35,13 @@ _NOBODY = 65534
 _DEATH_SIGNAL, _NO_NEW_PRIVILEGES = 1, 38
 _CREATE_RULESET, _RESTRICT_SELF = 444, 446  # of Landlock, on every kind of machine
 _ALLOW, _REFUSE = 0x7FFF0000, 0x00050000 | 1
-# Allowed: memory, time, waiting, signals of its own, and the sockets and pipes that are open already. Everything else
-# is refused, also calls that later kernels add.
+# Allowed: memory, time, waiting, signals of its own, and the sockets and pipes that are open already.
+# Everything else is refused, also calls that later kernels add.
 _ALLOWED = """
-brk clock_getres clock_gettime clock_nanosleep close exit exit_group fstat futex getcpu getpid getrandom getrusage
-gettid gettimeofday lseek madvise membarrier mmap mprotect mremap munmap nanosleep poll ppoll pselect6 read readv
-recvfrom restart_syscall rseq rt_sigaction rt_sigprocmask rt_sigreturn sched_getaffinity sched_yield select sendto
-set_robust_list sigaltstack time times write writev
+brk clock_getres clock_gettime clock_nanosleep close exit exit_group fstat futex getcpu getpid getrandom
+getrusage gettid gettimeofday lseek madvise membarrier mmap mprotect mremap munmap nanosleep poll ppoll
+pselect6 read readv recvfrom restart_syscall rseq rt_sigaction rt_sigprocmask rt_sigreturn
+sched_getaffinity sched_yield select sendto set_robust_list sigaltstack time times write writev
 """
 
 

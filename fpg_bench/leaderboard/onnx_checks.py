@@ -10,8 +10,10 @@ import contextlib
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
+import numpy as np
 import onnx
 from onnx import (
     AttributeProto,
@@ -21,8 +23,10 @@ from onnx import (
     TensorProto,
     TypeProto,
     ValueInfoProto,
+    numpy_helper,
     shape_inference,
 )
+from onnx.helper import get_attribute_value, make_tensor_type_proto
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.leaderboard.policy_client import SIZE
@@ -33,6 +37,7 @@ from fpg_bench.players.onnx_file import check_signature, plain_model
 MOST_MULTIPLY_ADDS = 2_000_000
 MOST_NODES = 2000
 LARGEST_RANK = 8
+LARGEST_SIZE = 2**31 - 1
 # Batch sizes in which costs are counted: those of one round and few, of a suite's rounds, and of their shares
 # among training seeds.
 BATCHES = (1, 2, 3, 7, 20, 25, 34, 50, 64, 100, 257)
@@ -219,46 +224,145 @@ def multiply_adds(model: ModelProto) -> int:
 
 
 def _of_batch(model: ModelProto, rows: int) -> int:
-    graph = _sized(model, rows).graph
-    shapes: dict[str, Shape | None] = {tensor.name: tuple(tensor.dims) for tensor in graph.initializer}
-    for value in (*graph.input, *graph.value_info, *graph.output):
-        shapes[value.name] = _known(value.type)
-    return sum(_cost(node, shapes) for node in graph.node)
+    """Return the multiply-adds of a batch of so many rows."""
+    sizes = _Sizes(model, rows)
+    for node in model.graph.node:
+        sizes.infer(node)
+    return sum(_cost(node, sizes.shapes) for node in model.graph.node)
 
 
-def _sized(model: ModelProto, rows: int) -> ModelProto:
-    """Return the model with all sizes inferred for a batch of so many rows."""
-    copy = ModelProto()
-    copy.CopyFrom(model)
-    del copy.graph.value_info[:]  # the file's own statements are not trusted
-    for value in (*copy.graph.input, *copy.graph.output):
-        if value.type.tensor_type.shape.dim:
-            first = value.type.tensor_type.shape.dim[0]
-            if not first.HasField("dim_value"):
-                first.dim_value = rows
-    try:
-        return shape_inference.infer_shapes(copy, strict_mode=True, data_prop=True)
-    except Exception as error:  # shape inference has kinds of its own
-        raise UserError(f"its sizes cannot be worked out: {' '.join(str(error).split())}") from error
+class _Sizes:
+    """Sizes of all tensors in a batch of so many rows, inferred operator by operator.
+
+    Sizes that an operator takes as an input must be constants of the file, or follow from shapes by the
+    integer arithmetic of :func:`_folded`. ONNX's own inference ignores what casts and overflows do to them.
+
+    Attributes:
+        shapes: by tensor; None where the size does not follow.
+    """
+
+    def __init__(self, model: ModelProto, rows: int) -> None:
+        self._opsets = list(model.opset_import)
+        self._version = next(opset.version for opset in self._opsets if opset.domain in DOMAINS)
+        self._ir = model.ir_version
+        self._types: dict[str, TypeProto] = {}
+        self._integers: dict[str, np.ndarray] = {}
+        self.shapes: dict[str, Shape | None] = {}
+        for value in model.graph.input:
+            kind = TypeProto()
+            kind.CopyFrom(value.type)
+            if kind.tensor_type.shape.dim and not kind.tensor_type.shape.dim[0].HasField("dim_value"):
+                kind.tensor_type.shape.dim[0].dim_value = rows
+            self._add(value.name, kind)
+        for tensor in model.graph.initializer:
+            self._add(tensor.name, make_tensor_type_proto(tensor.data_type, tensor.dims))
+            if tensor.data_type in (TensorProto.INT64, TensorProto.INT32):
+                self._integers[tensor.name] = numpy_helper.to_array(tensor)
+
+    def infer(self, node: NodeProto) -> None:
+        """Add the outputs of an operator.
+
+        Raises:
+            UserError: its inputs do not fit together.
+        """
+        names = [name for name in node.input if name]
+        known = {name: self._integers[name] for name in names if name in self._integers}
+        if node.op_type in _SIZED:
+            _check_integers(node, known)
+        try:
+            outputs = shape_inference.infer_node_outputs(
+                onnx.defs.get_schema(node.op_type, self._version, ""),
+                node,
+                {name: self._types[name] for name in names},
+                {name: numpy_helper.from_array(value) for name, value in known.items()},
+                opset_imports=self._opsets,
+                ir_version=self._ir,
+            )
+        except Exception as error:  # shape inference has kinds of its own
+            raise UserError(f"its sizes cannot be worked out: {' '.join(str(error).split())}") from error
+        for name, kind in outputs.items():
+            self._add(name, kind)
+        if len(node.output) == 1:
+            value = _folded(node, [self._integers.get(name) for name in node.input], self.shapes)
+            if value is not None and value.shape == self.shapes[node.output[0]]:
+                self._integers[node.output[0]] = value
+
+    def _add(self, name: str, kind: TypeProto) -> None:
+        dims = kind.tensor_type.shape.dim
+        is_known = kind.tensor_type.HasField("shape") and all(dim.HasField("dim_value") for dim in dims)
+        self._types[name] = kind
+        self.shapes[name] = tuple(dim.dim_value for dim in dims) if is_known else None
 
 
-def _known(kind: TypeProto) -> Shape | None:
-    if not kind.tensor_type.HasField("shape"):
+def _check_integers(node: NodeProto, known: Mapping[str, np.ndarray]) -> None:
+    """Raise UserError if a size that an operator makes could overflow, or is a Range of unknown length."""
+    if any(abs(number) > LARGEST_SIZE for value in known.values() for number in value.ravel().tolist()):
+        raise UserError(f"operator {node.op_type!r}: takes a size above 2^31")
+    if node.op_type == "Range" and len(known) < len(set(node.input)):
+        raise UserError("operator 'Range': its length does not follow from the file")
+
+
+def _folded(
+    node: NodeProto, inputs: Sequence[np.ndarray | None], shapes: Mapping[str, Shape | None]
+) -> np.ndarray | None:
+    """Return the int64 output of an operator on sizes, exactly; None for all others.
+
+    Args:
+        node: the operator.
+        inputs: its integer inputs, None where one is not known.
+        shapes: of all tensors so far.
+    """
+    attributes = {attribute.name: get_attribute_value(attribute) for attribute in node.attribute}
+    if node.op_type == "Constant":
+        return _constant(attributes)
+    if node.op_type == "Shape":
+        shape = shapes.get(node.input[0])
+        part = slice(attributes.get("start", 0), attributes.get("end"))
+        return None if shape is None else np.array(shape[part], np.int64)
+    known = [value for value in inputs if value is not None]
+    if len(known) < len(inputs) or any(value.dtype != np.int64 for value in known):
         return None
-    dims = kind.tensor_type.shape.dim
-    if not all(dim.HasField("dim_value") for dim in dims):
+    fold = _FOLDS.get(node.op_type)
+    if fold is None:
         return None
-    return tuple(dim.dim_value for dim in dims)
+    value = np.asarray(fold(attributes, *(value.astype(object) for value in known)))
+    if any(abs(number) > LARGEST_SIZE for number in value.flat):
+        return None
+    return value.astype(np.int64)
 
 
-def _cost(node: NodeProto, shapes: dict[str, Shape | None]) -> int:
+def _constant(attributes: Mapping[str, Any]) -> np.ndarray | None:
+    if "value_int" in attributes or "value_ints" in attributes:
+        return np.array(attributes.get("value_int", attributes.get("value_ints")), np.int64)
+    tensor = attributes.get("value")
+    if tensor is None or tensor.data_type not in (TensorProto.INT64, TensorProto.INT32):
+        return None
+    return numpy_helper.to_array(tensor)
+
+
+_SIZED = frozenset(
+    ["ConstantOfShape", "Expand", "OneHot", "Pad", "Range", "Reshape", "Split", "Tile", "TopK"]
+)
+_FOLDS: Mapping[str, Callable[..., Any]] = {
+    "Add": lambda _, x, y: x + y,
+    "Concat": lambda _, *parts: np.concatenate(parts),
+    "Gather": lambda _, x, places: x[places.astype(int)],
+    "Identity": lambda _, x: x,
+    "Mul": lambda _, x, y: x * y,
+    "Squeeze": lambda _, x, *axes: x.reshape(()),
+    "Sub": lambda _, x, y: x - y,
+    "Unsqueeze": lambda _, x, *axes: x.reshape(1),
+}
+
+
+def _cost(node: NodeProto, shapes: Mapping[str, Shape | None]) -> int:
     inputs, outputs = ([_shape(node, name, shapes) for name in names] for names in (node.input, node.output))
     numbers = sum(math.prod(shape) for shape in (*inputs, *outputs))
     product = _PRODUCTS.get(node.op_type)
     return max(product(node, inputs, outputs) if product else 0, numbers, 1)
 
 
-def _shape(node: NodeProto, name: str, shapes: dict[str, Shape | None]) -> Shape:
+def _shape(node: NodeProto, name: str, shapes: Mapping[str, Shape | None]) -> Shape:
     """Return the shape of a tensor; (0,) for an optional one that is left out."""
     if not name:
         return (0,)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from onnx import numpy_helper
+from onnx import TensorProto, numpy_helper
 
 from tests.leaderboard.making import model, node, weights, whole
 
@@ -46,7 +46,7 @@ def _squared_rows() -> bytes:
         node("Mul", ["square", "many"], ["size"]),
         node("ConstantOfShape", ["size"], ["much"]),
     ]
-    return _made(nodes, whole([1], "one"), whole([40_000], "many"))
+    return _made(nodes, whole([1], "one"), whole([10_000], "many"))
 
 
 def _pooled(kind: str) -> bytes:
@@ -95,6 +95,41 @@ def _recurrent(kind: str, gates: int) -> bytes:
         node(kind, ["sequence", "W", "R"], ["much"], hidden_size=32),
     ]
     return _made(nodes, *constants, whole([0], "first"), whole([5000, 1, 1], "times"))
+
+
+def _cast(kind: int) -> bytes:
+    """A size of 1 if a cast to another kind of number and back changes nothing."""
+    nodes = [
+        node("Cast", ["less"], ["other"], to=kind),
+        node("Cast", ["other"], ["back"], to=TensorProto.INT64),
+        node("Sub", ["size", "back"], ["times"]),
+        node("Tile", ["x", "times"], ["much"]),
+    ]
+    return _made(nodes, whole([1, 100_000], "size"), whole([0, 99_999], "less"))
+
+
+def _ranged(start: int, limit: int, step: int) -> bytes:
+    """A range whose length overflows, or follows from nothing."""
+    nodes = [node("Range", ["start", "limit", "step"], ["range"]), node("Cast", ["range"], ["much"], to=1)]
+    return _made(
+        nodes, *(whole(value, name) for value, name in ((start, "start"), (limit, "limit"), (step, "step")))
+    )
+
+
+def _overflowing() -> bytes:
+    """A size that is small if 9 times the repeats is counted modulo 2^64."""
+    repeats = min(pow(9, -1, 2**64) * size % 2**64 for size in range(3, 20) if size % 9)
+    return _made([node("Tile", ["x", "times"], ["much"])], whole([1, repeats], "times"))
+
+
+def unsized() -> dict[str, bytes]:
+    """Return policies whose sizes other arithmetic than that of ONNX's inference would give."""
+    kinds = {"bool": TensorProto.BOOL, "float16": TensorProto.FLOAT16, "int32": TensorProto.INT32}
+    kinds |= {"float": TensorProto.FLOAT, "double": TensorProto.DOUBLE}
+    found = {f"cast to {name}": _cast(kind) for name, kind in kinds.items()}
+    found["range from the lowest integer"] = _ranged(-(2**63), 2**62, 2**62)
+    found["range over all integers"] = _ranged(-(2**63), 2**63 - 1, 2**40)
+    return found | {"overflow": _overflowing()}
 
 
 def costly() -> dict[str, bytes]:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from fpg_bench.leaderboard.policy_client import check_policies
-from tests.attacks.costly import costly
+from fpg_bench.leaderboard.policy_client import check_policies, check_policy
+from tests.attacks.costly import costly, unsized
 
 POLICIES = costly()
 
@@ -17,3 +17,8 @@ def found():
 def test_a_policy_that_costs_too_much_is_told(name, found):
     (record,) = found[name]
     assert "multiply-adds a row, at most 2,000,000 are allowed" in record
+
+
+@pytest.mark.parametrize("name", unsized())
+def test_a_size_that_does_not_follow_exactly_is_refused(name):
+    assert check_policy(unsized()[name])
