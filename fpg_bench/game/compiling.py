@@ -82,14 +82,19 @@ class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: 
         return named
 
 
-def compiled(function: Callable[..., Any]) -> Any:
-    """Compile a function of the game: no fast-math (identical bits), no GIL, cached on disk.
+def compiled(function: Callable[..., Any], allocates: bool = False) -> Any:
+    """Compile a function: no fast-math (identical bits), no GIL, cached on disk.
 
-    All of a step is put into one piece of machine code, without Numba's reference counts (``_nrt``):
-    the game allocates nothing, and counting took more time than some of its equations.
+    All of a step of the game is put into one piece of machine code, without Numba's reference counts
+    (``_nrt``): the game allocates nothing, and counting took more time than some of its equations.
+
+    Args:
+        function: to be compiled.
+        allocates: it makes arrays, or calls a function that does.
     """
     folder = cache_folder()
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+    options |= {"_nrt": allocates, "forceinline": not allocates}
     with _cached_in(folder):
         return numba.njit(cache=folder is not None, **options)(function)
 

@@ -16,19 +16,14 @@ import numpy as np
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.curve import CHORDS, PARAMETERS, SPEED, fit_games, trace
 from fpg_bench.planning.patterns import Patrol
-from fpg_bench.planning.planner import BatchPlanner, Plan, Request
+from fpg_bench.planning.planner import Array, BatchPlanner, Plan, Request
 from fpg_bench.planning.pursuit import chase_waypoints
 
 CURVES = 24  # refined in each fit
 KEPT = 16  # of them come from the fit of the previous round
 LIBRARY, FRESH = 256, 64
-STEPS, FINALS, FINAL_STEPS = 6, 8, 12
 SPEED_SD_M_S = 1.0
 _MOST_REMEMBERED = 4096  # fits
-
-Fit = tuple[
-    np.ndarray, float
-]  # curves (KEPT, 13), best first, and the share of variance that the first explains
 
 
 class Interceptor(BatchPlanner):
@@ -56,26 +51,27 @@ class Interceptor(BatchPlanner):
         share = np.linspace(0, 1, CHORDS + 1)[:, None]
         self._bernstein = np.array([1, 3, 3, 1]) * share ** np.arange(4) * (1 - share) ** np.arange(3, -1, -1)
         self._bounds, self._prior = _prior(scenario)
-        self._scratch = _scratch(self._n)
         # A library of curves as the rules draw them, three in four at full speed
         low, high = self._bounds
         self._library = np.random.default_rng(0).uniform(low, high, (LIBRARY, PARAMETERS))
         self._library[LIBRARY // 4 :, SPEED] = high[SPEED]
-        self._library_places = np.stack([self._trace(curve, self._times) for curve in self._library])
-        self._fits: OrderedDict[bytes, Fit] = OrderedDict()
+        self._library_places = np.stack(
+            [trace(curve, self._times, self._bernstein) for curve in self._library]
+        )
+        self._fits: OrderedDict[bytes, Array] = OrderedDict()
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
         """Return the plans of some games, all fitted together."""
         fits = self.fit([request.history for request in requests])
-        return [self._plan(request, fit) for request, fit in zip(requests, fits, strict=True)]
+        return [self._plan(request, curves) for request, curves in zip(requests, fits, strict=True)]
 
-    def _plan(self, request: Request, fit: Fit | None) -> Plan:
-        if fit is None:
+    def _plan(self, request: Request, curves: Array | None) -> Plan:
+        if curves is None:
             return self._circle.plan_batch([request])[0]
-        path = self._trace(fit[0][0], self._seconds)
+        path = trace(curves[0], self._seconds, self._bernstein)
         return Plan(chase_waypoints(path, request.current_position, request.limits), self.name)
 
-    def fit(self, histories: Sequence[np.ndarray]) -> list[Fit | None]:
+    def fit(self, histories: Sequence[Array]) -> list[Array | None]:
         """Fit curves to some histories.
 
         Args:
@@ -83,8 +79,7 @@ class Interceptor(BatchPlanner):
 
         Returns:
             For each game the parameters ``(KEPT, 13)`` of its curves, best first (four control points in
-            m, speed in m/s), and the share of the rewards' variance that the first explains; None without
-            any round.
+            m, speed in m/s); None without any round.
         """
         keys = [[_digest(history[: r + 1]) for r in range(len(history))] for history in histories]
         most = max(_MOST_REMEMBERED, 2 * len(histories))
@@ -105,7 +100,7 @@ class Interceptor(BatchPlanner):
         return fits
 
     def _fit_round(
-        self, keys: Sequence[bytes], histories: Sequence[np.ndarray], before: Sequence[bytes | None]
+        self, keys: Sequence[bytes], histories: Sequence[Array], before: Sequence[bytes | None]
     ) -> None:
         """Fit games of equally many rounds in one compiled call, and cache the result."""
         measured = np.stack(histories).reshape(len(histories), -1, 4)
@@ -114,24 +109,24 @@ class Interceptor(BatchPlanner):
         if before[0] is not None:
             kept, start = KEPT, measured.shape[1] // self._n * FRESH % LIBRARY
             fresh = slice(start, start + FRESH)  # another part of the library in each round
-            curves[:, :KEPT] = [self._fits[key][0] for key in before if key is not None]
-        explained = np.empty(len(histories))
+            curves[:, :KEPT] = [self._fits[key] for key in before if key is not None]
         fit_games(
-            measured, self._library[fresh], self._library_places[fresh], self._times, self._bernstein,
-            self._rules, self._prior, self._bounds, kept, STEPS, FINALS, FINAL_STEPS,
-            curves, np.empty(curves.shape[:2]), explained, np.empty(LIBRARY),
-            (np.empty(measured.shape[1]), np.empty(measured.shape[1]), *self._scratch),
-        )  # fmt: skip
-        for key, fitted, share in zip(keys, curves, explained.tolist(), strict=True):
-            self._fits[key] = fitted[:KEPT].copy(), share
+            measured,
+            curves,
+            kept,
+            self._library[fresh],
+            self._library_places[fresh],
+            self._times,
+            self._bernstein,
+            self._rules,
+            self._prior,
+            self._bounds,
+        )
+        for key, fitted in zip(keys, curves, strict=True):
+            self._fits[key] = fitted[:KEPT].copy()
 
-    def _trace(self, curve: np.ndarray, times: np.ndarray) -> np.ndarray:
-        places = np.empty((len(times), 3))
-        trace(curve, times, self._bernstein, places, *self._scratch[-2:])
-        return places
 
-
-def _prior(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
+def _prior(scenario: Scenario) -> tuple[Array, Array]:
     """Return the parameters' bounds, and their prior mean and standard deviation, each ``(2, 13)``.
 
     Control points are uniform where the rules draw them; the speed is at its greatest, or not far below.
@@ -144,13 +139,5 @@ def _prior(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([low, high]), prior
 
 
-def _scratch(n: int) -> tuple[np.ndarray, ...]:
-    """Return a fit's scratch arrays, except the two that depend on the number of measurements."""
-    p = PARAMETERS
-    fit = [3, (p, p), (p, p), p, p, p, (2, p), (3, 6)]
-    shapes = [*fit, (n, 3), (CHORDS + 1, p - 1), (n, 3, p), (CHORDS + 1, 3), CHORDS + 1]
-    return tuple(np.zeros(shape) for shape in shapes)
-
-
-def _digest(history: np.ndarray) -> bytes:
+def _digest(history: Array) -> bytes:
     return hashlib.blake2b(np.ascontiguousarray(history).tobytes(), digest_size=16).digest()
