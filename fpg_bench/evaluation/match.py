@@ -411,7 +411,7 @@ def replaying(
     """
     recorded: dict[str, Any] = {"transcript": transcript, "mode": "replay", "chain": chain}
     planner = LLMPlanner(scenario, prompt=prompt, control=told["control"], **recorded)
-    planner.transcript.check_told(told)
+    planner.transcript.check_header(told)
     return planner
 
 

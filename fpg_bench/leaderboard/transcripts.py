@@ -190,13 +190,13 @@ def _at(where: Where) -> str:
 def _attempt(row: Row, where: str) -> Attempt:
     if row.get("kind") != "attempt":
         raise UserError(f"{where} is no attempt; a transcript of plan compare holds nothing else")
-    attempt = Attempt.of(row, where)
+    attempt = Attempt.read(row, where)
     for name in ("seed", "match", "round", "attempt", *_LIMITS):
         value = getattr(attempt, name)
         if isinstance(value, bool) or (value is not None and not 0 <= value <= _LIMITS.get(name, math.inf)):
             raise UserError(f"{where}: {name}: {value!r:.40} cannot be")
     try:
-        changed = attempt.unlike(row.get("raw"))
+        changed = attempt.changed_field(row.get("raw"))
         own_key = row.get("key") == attempt.key
     except (RecursionError, ValueError) as error:
         raise UserError(f"{where} is too deep to be read") from error

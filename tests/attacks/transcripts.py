@@ -211,7 +211,7 @@ def _rewrite(folder: Path, rng: random.Random, change: Callable[[Rows], None]) -
     change(rows)
     for row in rows if rng.random() < 0.9 else ():
         try:
-            row["key"] = Attempt.of(row, "here").key
+            row["key"] = Attempt.read(row, "here").key
         except ValueError:
             continue
     if rng.random() < 0.9:

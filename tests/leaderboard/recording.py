@@ -70,7 +70,7 @@ def rows_of(file: Path) -> list[dict[str, Any]]:
 def write_rows(file: Path, rows: list[dict[str, Any]]) -> None:
     """Write a transcript whose keys fit its requests, and its chain its lines, as a careful forger would."""
     for row in rows:
-        row["key"] = Attempt.of(row, "here").key
+        row["key"] = Attempt.read(row, "here").key
     write_chained(file, rows)
 
 

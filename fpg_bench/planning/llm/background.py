@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.rows import Row
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.planning.llm.transcript import Transcript, place_of
+from fpg_bench.planning.llm.transcript import Flown, Transcript, place_of
 from fpg_bench.planning.patterns import Patrol
 from fpg_bench.planning.planner import BatchPlanner, Plan, Request, plan_all
 
@@ -76,17 +75,17 @@ class BackgroundPlanner(BatchPlanner):
             failed = f"planner {self.planner.name} failed beside the game: {self._error}"
             raise UserError(failed) from self._error
         plans: list[Plan] = []
-        new: list[tuple[Request, Row]] = []
+        new: list[tuple[Request, Flown]] = []
         for request in requests:
             game = self._game(request)
             plan = self._recorded(game, request)
             if plan is None:
-                plan, row = self._newest(game, request)
-                new.append((request, row))
+                plan, flown = self._newest(game, request)
+                new.append((request, flown))
             game.path, game.is_planned = plan.waypoints, game.is_planned or plan.status != "held"
             plans.append(plan)
         self.flown.update(plan.status for plan in plans)
-        self._transcript.add_flown([row for _, row in new])
+        self._transcript.add_flown([flown for _, flown in new])
         self._submit([request for request, _ in new])
         return plans
 
@@ -99,16 +98,18 @@ class BackgroundPlanner(BatchPlanner):
             game = self._games[request.game] = _Game(match, circle)
         return game
 
-    def _newest(self, game: _Game, request: Request) -> tuple[Plan, Row]:
-        """Return the finished plan, else the present path, and the row that notes it."""
+    def _newest(self, game: _Game, request: Request) -> tuple[Plan, Flown]:
+        """Return the finished plan, else the present path, and its note for the transcript."""
         with self._lock:
             asked, plan = self._ready.pop(request.game, (None, None))
         seed, match, number = place_of(request)
-        row: Row = {"seed": seed, "match": match, "round": number}
+        key: str | None
         if asked is None or plan is None or (asked.seed, asked.match) != game.match or asked.round >= number:
-            held = game.held()
-            return held, {**row, "plan": held.source, "planned_round": None}
-        return plan, {**row, "plan": self._key(asked), "planned_round": asked.round}
+            plan = game.held()
+            key, planned_round = plan.source, None
+        else:
+            key, planned_round = self._key(asked), asked.round
+        return plan, Flown(seed=seed, match=match, round=number, plan=key, planned_round=planned_round)
 
     def _submit(self, requests: Sequence[Request]) -> None:
         with self._lock:
@@ -143,24 +144,26 @@ class BackgroundPlanner(BatchPlanner):
 
     def _recorded(self, game: _Game, request: Request) -> Plan | None:
         """Return the plan that the round flew according to the transcript; None: it does not say."""
-        row = self._transcript.flown(request)
-        if row is None:
+        flown = self._transcript.flown(request)
+        if flown is None:
             return None
         game.past[request.round] = request
-        asked = game.past.get(row["planned_round"])
-        plan: Plan | None = game.held()
-        key: str | None = game.held().source
-        if row["planned_round"] is not None:
-            key = None if asked is None else self._key(asked)
-            plan = None if asked is None or key is None else plan_all(self.planner, [asked])[0]
-        if plan is None or row["plan"] != key:
-            problem = f"flew the plan {row['plan']} of round {row['planned_round']}, which is not there"
+        plan: Plan | None = None
+        key: str | None = None
+        if flown.planned_round is None:
+            plan = game.held()
+            key = plan.source
+        elif asked := game.past.get(flown.planned_round):
+            key = self._key(asked)
+            plan = None if key is None else plan_all(self.planner, [asked])[0]
+        if plan is None or flown.plan != key:
+            problem = f"flew the plan {flown.plan} of round {flown.planned_round}, which is not there"
             raise UserError(self._transcript.complaint(place_of(request), problem))
         return plan
 
     def _key(self, request: Request) -> str | None:
         """Return the key of the attempt that decided a request's plan, None where no transcript holds it."""
-        attempt = self._transcript.decided(request)
+        attempt = self._transcript.decided(*place_of(request))
         return None if attempt is None else attempt.key
 
 

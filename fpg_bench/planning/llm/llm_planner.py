@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -146,8 +145,8 @@ class LLMPlanner(BatchPlanner):
             if recorded is not None:
                 talk.attempts.append(self._checked(recorded, talk.request.limits))
             elif refusal := self.budget.refusal(len(bodies)):
-                skipped = Attempt(**self._judged(talk, number, None, "budget"), request=None, detail=refusal)
-                talk.attempts.append(self.transcript.add(skipped, self._circumstances()))
+                skipped = Reply(error="budget", detail=refusal, calls=0)
+                talk.attempts.append(self._add(talk, number, skipped))
             else:
                 bodies[index] = body
         self._call([(talks[index], body) for index, body in bodies.items()], number)
@@ -164,8 +163,7 @@ class LLMPlanner(BatchPlanner):
             if reply.hopeless and not self._is_answered:
                 hopeless[index] = reply
                 return
-            attempt = self._attempt(talks[index][0], number, reply)
-            made[index] = self.transcript.add(attempt, self._circumstances(reply))
+            made[index] = self._add(talks[index][0], number, reply)
 
         self._client.complete_all([body for _, body in talks], self.concurrency, keep)
         for index, reply in hopeless.items():
@@ -188,32 +186,33 @@ class LLMPlanner(BatchPlanner):
         seed = server_seed((*place_of(talk.request), number), self.sampling_seed)
         return self._client.request_body(messages, seed, answer_schema(talk.request.limits))
 
-    def _attempt(self, talk: _Talk, number: int, reply: Reply) -> Attempt:
-        return Attempt(
-            **self._judged(talk, number, reply.text, reply.error),
-            request=reply.sent,
+    def _add(self, talk: _Talk, number: int, reply: Reply) -> Attempt:
+        """Add an attempt to the transcript, with fields for readers that a replay does not need."""
+        assert self._client is not None
+        request, prompt = talk.request, self.prompt
+        attempt = Attempt(
+            seed=request.seed,
+            match=request.match,
+            round=request.round,
+            attempt=number,
+            request=reply.sent or None,
+            text=reply.text,
+            error=reply.error,
             detail=reply.detail,
+            **judge(reply.text, reply.error, request.limits),
+            prompt=prompt.name,
+            prompt_hash=prompt.hash,
+            control=self.control,
             calls=reply.calls,
             seconds=reply.seconds,
             tokens_in=reply.tokens_in,
             tokens_out=reply.tokens_out,
             model=reply.model,
         )
-
-    def _judged(self, talk: _Talk, number: int, text: str | None, error: str | None) -> dict[str, Any]:
-        request, prompt = talk.request, self.prompt
-        return {
-            "seed": request.seed, "match": request.match, "round": request.round, "attempt": number,
-            "prompt": prompt.name, "prompt_hash": prompt.hash, "control": self.control,
-            "text": text, "error": error, **judge(text, error, request.limits),
-        }  # fmt: skip
-
-    def _circumstances(self, reply: Reply | None = None) -> dict[str, Any]:
-        """Return the fields of an attempt's row for readers, which a replay does not need."""
-        assert self._client is not None
-        raw = None if reply is None else _bounded(reply.raw)
+        raw = reply.raw if len(text := _text(reply.raw)) <= _RAW_CHARS else text[:_RAW_CHARS]
         server = self._client.endpoint.server.name
-        return {"planner": self.name, "server": server, "versions": _versions(), "raw": raw}
+        extra = {"planner": self.name, "server": server, "versions": _versions(), "raw": raw}
+        return self.transcript.add(attempt, extra)
 
     def _checked(self, attempt: Attempt, limits: Limits) -> Attempt:
         """Return an attempt of the transcript whose fields still follow from its text."""
@@ -264,10 +263,8 @@ def server_seed(where: Where, sampling_seed: int = 0) -> int:
     return int.from_bytes(digest[:4], "big") >> 1
 
 
-def _bounded(raw: Any) -> Any:
-    """Return a raw reply, or the beginning of its text where it is long."""
-    text = raw if isinstance(raw, str) else json.dumps(raw)
-    return raw if len(text) <= _RAW_CHARS else text[:_RAW_CHARS]
+def _text(raw: object) -> str:
+    return raw if isinstance(raw, str) else json.dumps(raw)
 
 
 @cache

@@ -11,20 +11,20 @@ go together. The chain does not prove authorship: a complete transcript can alwa
 from __future__ import annotations
 
 import contextlib
-import copy
 import hashlib
 import json
 import logging
+import operator
 import re
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import PACKED, read_bounded
 from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.schema import Strict, parse
 from fpg_bench.common.strict_json import read_object
 from fpg_bench.planning.llm.answers import read_answer
 from fpg_bench.planning.llm.client import read_completion
@@ -45,15 +45,14 @@ LONGEST_LINE = 1_000_000  # bytes
 _OPTIONAL = ("seed", "response_format")  # fields of a request that a server may refuse
 _IN_RAW = ("text", "model", "tokens_in", "tokens_out")  # fields that an attempt's raw reply holds, too
 _NUMBERS = re.compile(r"([-+]?[0-9]++(?:\.[0-9]++)?)")
-_LOG = logging.getLogger(__name__)
+_logger = logging.getLogger(__name__)
 
 Body = dict[str, Any]  # a request without headers
 Where = tuple[int, int, int, int]  # seed, match, round, attempt
 Place = tuple[int, int, int]  # seed, match, round
 
 
-@dataclass(frozen=True)
-class Attempt:
+class Attempt(Strict, extra="ignore"):
     """One attempt at the plan of one round.
 
     Attributes:
@@ -87,27 +86,24 @@ class Attempt:
     prompt: str
     prompt_hash: str
     control: str
-    calls: int = 0
-    seconds: float = 0.0
-    tokens_in: int | None = None
-    tokens_out: int | None = None
-    model: str | None = None
+    calls: int
+    seconds: float
+    tokens_in: int | None
+    tokens_out: int | None
+    model: str | None
 
     @classmethod
-    def of(cls, row: Row, where: str) -> Attempt:
+    def read(cls, row: Row, where: str) -> Attempt:
         """Return the attempt in a row.
 
         Raises:
-            UserError: a field is missing, or of another kind; ``where`` begins the message.
+            UserError: a field is missing, or of another type; ``where`` begins the message.
         """
-        for name, kind in _KINDS.items():
-            if name not in row or not isinstance(row[name], kind):
-                raise UserError(f"{where} is no attempt: {name} is missing or changed")
-        return cls(**{name: row[name] for name in _KINDS})
+        return parse(cls, row, f"{where} is no attempt")
 
     def row(self) -> Row:
-        """Return the row that :meth:`of` reads."""
-        return {"kind": "attempt", "key": self.key, **asdict(self)}
+        """Return the row that :meth:`read` reads."""
+        return {"kind": "attempt", "key": self.key, **self.model_dump()}
 
     @property
     def key(self) -> str:
@@ -130,7 +126,7 @@ class Attempt:
         counts = [count for count in (self.tokens_in, self.tokens_out) if count is not None]
         return sum(counts) if counts else None
 
-    def unlike(self, raw: Any) -> str | None:
+    def changed_field(self, raw: object) -> str | None:
         """Return the first field that differs from the raw reply, where that was kept completely."""
         if self.text is None or not isinstance(raw, dict):
             return None
@@ -138,9 +134,20 @@ class Attempt:
         return next((name for name in _IN_RAW if getattr(self, name) != getattr(reply, name)), None)
 
 
-_TYPES: dict[str, Any] = {"int": int, "str": str, "float": float | int, "Body | None": dict | None}
-_TYPES |= {"int | None": int | None, "str | None": str | None, "list[list[float]] | None": list | None}
-_KINDS = {field.name: _TYPES[str(field.type)] for field in fields(Attempt)}
+class Flown(Strict, extra="ignore"):
+    """The plan that one round flew where planning runs beside the game.
+
+    Attributes:
+        seed, match, round: the round.
+        plan: the key of the plan's deciding attempt, ``held`` or ``circle``.
+        planned_round: the round for which it was requested; None: no new plan was flown.
+    """
+
+    seed: int
+    match: int
+    round: int
+    plan: str | None
+    planned_round: int | None
 
 
 def judge(text: str | None, error: str | None, limits: Limits) -> dict[str, Any]:
@@ -155,17 +162,9 @@ def judge(text: str | None, error: str | None, limits: Limits) -> dict[str, Any]
     return {"waypoints": answer.waypoints.tolist(), "rung": answer.rung, "status": status}
 
 
-def alike(asked: Any, recorded: Any) -> bool:
-    """Return whether two parts of requests agree: text exactly, numbers in it within ``TOLERANCE``."""
-    if type(asked) is not type(recorded):
-        return False
-    if isinstance(asked, dict):
-        return asked.keys() == recorded.keys() and all(alike(asked[name], recorded[name]) for name in asked)
-    if isinstance(asked, list):
-        return len(asked) == len(recorded) and all(map(alike, asked, recorded))
-    if not isinstance(asked, str) or asked == recorded:
-        return bool(asked == recorded)
-    x, y = _NUMBERS.split(asked), _NUMBERS.split(recorded)
+def agree(asked: object, recorded: object) -> bool:
+    """Return True if two requests' messages have the same text, and numbers in it within ``TOLERANCE``."""
+    x, y = (_NUMBERS.split(json.dumps(messages, sort_keys=True)) for messages in (asked, recorded))
     if len(x) != len(y) or x[::2] != y[::2]:
         return False
     pairs = zip(x[1::2], y[1::2], strict=True)
@@ -206,7 +205,7 @@ def follows(before: str, row: Row, where: str) -> str:
     return str(link)
 
 
-def _digest(content: Any) -> str:
+def _digest(content: object) -> str:
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -272,16 +271,15 @@ class Transcript:
         self.mode, self.chain = mode, chain
         self._link = chain  # of the last row
         self._attempts: dict[Where, Attempt] | None = None
-        self._valid: dict[tuple[int, int], dict[int, Attempt]] = {}  # by seed and match, then by round
-        self._flown: dict[Place, Row] = {}
+        self._flown: dict[Place, Flown] = {}
         self._held = contextlib.ExitStack()
         self._lock = threading.RLock()  # planning beside the game writes from two threads
 
-    def __deepcopy__(self, memo: Any) -> Transcript:
+    def __deepcopy__(self, memo: object) -> Transcript:
         if self.path is not None:
             return self
         twin = Transcript()
-        twin._valid = copy.deepcopy(self._valid)
+        twin._attempts = dict(self._read())
         return twin
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -292,11 +290,10 @@ class Transcript:
         with self._lock:
             self._held.close()
             self._attempts = None
-            self._valid.clear()
             self._flown.clear()
 
     def attempts(self) -> list[Attempt]:
-        """Return all attempts, in the order of the file."""
+        """Return all attempts, in the order of the file; in mode ``live`` those of the present matches."""
         return list(self._read().values())
 
     def first_prompt(self) -> str:
@@ -304,21 +301,23 @@ class Transcript:
         name = next((attempt.prompt for attempt in self.attempts()), None)
         return name if name in PROMPTS else "standard"
 
-    def check_told(self, told: Mapping[str, Any]) -> None:
+    def check_header(self, header: Mapping[str, Any]) -> None:
         """Check that every attempt was made with the model, prompt and control of the run's header.
 
         Args:
-            told: ``model``, ``prompt_hash`` and ``control``.
+            header: ``model``, ``prompt_hash`` and ``control``.
 
         Raises:
             UserError: the first attempt that was not.
         """
         for attempt in self.attempts():
-            model = told.get("model") if attempt.request is None else attempt.request.get("model")
-            made = {"model": model, "prompt_hash": attempt.prompt_hash, "control": attempt.control}
-            for name, value in made.items():
-                if value != told.get(name):
-                    problem = f"was recorded with {name} {value}, and not {told.get(name)} as is told of all"
+            model = header.get("model") if attempt.request is None else attempt.request.get("model")
+            used = {"model": model, "prompt_hash": attempt.prompt_hash, "control": attempt.control}
+            for name, value in used.items():
+                if value != header.get(name):
+                    problem = (
+                        f"was recorded with {name} {value}, and not {header.get(name)} as its header says"
+                    )
                     raise UserError(self.complaint(attempt.where, problem))
 
     def find(self, where: Where, body: Body) -> Attempt | None:
@@ -332,14 +331,15 @@ class Transcript:
         Raises:
             UserError: in a replay there is none; or it is the answer to another request.
         """
-        attempt = self._read().get(where)
+        attempt = None if self.path is None else self._read().get(where)
         if attempt is None:
             if self.mode == "replay":
                 raise UserError(self.complaint(where, "is missing"))
             return None
         recorded = attempt.request or {}
         for name in sorted(body.keys() & recorded.keys() - {*_OPTIONAL}):
-            if not alike(body[name], recorded[name]):
+            fits = agree if name == "messages" else operator.eq
+            if not fits(body[name], recorded[name]):
                 by = f"prompt {attempt.prompt!r}, control {attempt.control!r}"
                 raise UserError(self.complaint(where, f"was recorded with other {name} ({by})"))
         return attempt
@@ -353,50 +353,50 @@ class Transcript:
             OSError: the row cannot be written; the file stays as it was.
         """
         with self._lock:
-            kept = self._read().get(attempt.where)
-            if kept is not None:
-                return kept
+            attempts = self._read()
             if self.path is None:
-                self._valid.pop((attempt.seed, attempt.match - 1), None)  # that match is over
+                over = (attempt.seed, attempt.match - 1)
+                for where in [where for where in attempts if where[:2] == over]:
+                    del attempts[where]
+                attempts[attempt.where] = attempt.model_copy(update={"request": None})  # which is long
+            elif attempt.where in attempts:
+                return attempts[attempt.where]
             else:
                 self._append(self.path, [{**attempt.row(), **extra}])
-                self._read()[attempt.where] = attempt
-            self._note_path(attempt)
+                attempts[attempt.where] = attempt
             return attempt
 
-    def decided(self, request: Request) -> Attempt | None:
-        """Return the attempt that decided a request's plan; None: there is none, or it was cut short."""
-        attempts, place = self._read(), place_of(request)
-        first = attempts.get((*place, FIRST))
-        return attempts.get((*place, LAST)) if first is not None and first.asks_again else first
+    def decided(self, seed: int, match: int, round: int) -> Attempt | None:
+        """Return the attempt that decided a round's plan; None: there is none, or it was cut short."""
+        attempts = self._read()
+        first = attempts.get((seed, match, round, FIRST))
+        return attempts.get((seed, match, round, LAST)) if first is not None and first.asks_again else first
 
     def valid_before(self, request: Request) -> list[Attempt]:
         """Return the attempts of a request's match with a valid path, before its round, oldest first."""
-        with self._lock:
-            self._read()
-            valid = self._valid.get((request.seed, request.match), {})
-            return [valid[k] for k in sorted(valid) if k < request.round]
+        decided = (self.decided(request.seed, request.match, k) for k in range(request.round))
+        return [attempt for attempt in decided if attempt is not None and attempt.waypoints is not None]
 
-    def flown(self, request: Request) -> Row | None:
-        """Return the row of the plan that a request's round flew; None: there is none yet.
+    def flown(self, request: Request) -> Flown | None:
+        """Return the plan that a request's round flew; None: there is none yet.
 
         Raises:
             UserError: there is none in a replay.
         """
         with self._lock:
             self._read()
-            row = self._flown.get(place_of(request))
-        if row is None and self.mode == "replay":
-            raise UserError(self.complaint(place_of(request), "has no line that says what was flown"))
-        return row
+            plan = self._flown.get(place_of(request))
+        if plan is None and self.mode == "replay":
+            raise UserError(self.complaint(place_of(request), "has no row that says what was flown"))
+        return plan
 
-    def add_flown(self, rows: Sequence[Row]) -> None:
-        """Append the plans that some rounds flew; each row holds ``seed``, ``match`` and ``round``."""
+    def add_flown(self, plans: Sequence[Flown]) -> None:
+        """Append the plans that some rounds flew."""
         with self._lock:
             self._read()
-            if self.path is not None and rows:
-                self._append(self.path, [{"kind": "flown", **row} for row in rows])
-                self._flown |= {_place(row): row for row in rows}
+            if self.path is not None and plans:
+                self._append(self.path, [{"kind": "flown", **plan.model_dump()} for plan in plans])
+                self._flown |= {(plan.seed, plan.match, plan.round): plan for plan in plans}
 
     def complaint(self, where: Sequence[int], problem: str) -> str:
         """Return an error's text that names an attempt of this transcript, or a round."""
@@ -408,12 +408,6 @@ class Transcript:
     @property
     def _is_packed(self) -> bool:
         return self.path is not None and self.path.suffix == PACKED
-
-    def _note_path(self, attempt: Attempt) -> None:
-        rounds = self._valid.setdefault((attempt.seed, attempt.match), {})
-        rounds.pop(attempt.round, None)
-        if attempt.waypoints is not None:
-            rounds[attempt.round] = replace(attempt, request=None)  # which is long, and not needed
 
     def _read(self) -> dict[Where, Attempt]:
         with self._lock:
@@ -444,26 +438,14 @@ class Transcript:
             if self._link is not None:
                 self._link = follows(self._link, row, where)
             if row.get("kind") == "flown":
-                self._flown[_checked_place(row, where)] = row
+                plan = parse(Flown, row, f"{where} is no round flown")
+                self._flown[plan.seed, plan.match, plan.round] = plan
             elif row.get("kind") == "attempt":
-                attempt = Attempt.of(row, where)
-                if name := attempt.unlike(row.get("raw")):
+                attempt = Attempt.read(row, where)
+                if name := attempt.changed_field(row.get("raw")):
                     problem = f"is changed: its {name} is not what its raw reply says"
                     raise UserError(self.complaint(attempt.where, problem))
-                if attempts.setdefault(attempt.where, attempt) is attempt:
-                    self._note_path(attempt)
+                attempts.setdefault(attempt.where, attempt)
                 if row.get("key") != attempt.key:
-                    _LOG.warning("%s: not the key of its request", where)
+                    _logger.warning("%s: not the key of its request", where)
         return attempts
-
-
-def _place(row: Row) -> Place:
-    return row["seed"], row["match"], row["round"]
-
-
-def _checked_place(row: Row, where: str) -> Place:
-    for name in ("seed", "match", "round", "planned_round", "plan"):
-        kind = {"plan": str, "planned_round": int | None}.get(name, int)
-        if name not in row or not isinstance(row[name], kind):
-            raise UserError(f"{where} is no round flown: {name} is missing or changed")
-    return _place(row)

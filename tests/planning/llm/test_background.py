@@ -262,7 +262,7 @@ def test_the_transcript_says_which_plan_each_round_flew(recorded):
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        (lambda lines: [x for x in lines if x.get("planned_round") != 1], "round 2 has no line"),
+        (lambda lines: [x for x in lines if x.get("planned_round") != 1], "round 2 has no row"),
         (lambda lines: [x for x in lines if "key" not in x or x["round"] != 1], "round 2 flew .* not there"),
         (lambda lines: [{**x, "plan": "held"} if x["round"] == 0 else x for x in lines], "round 0 flew"),
         (
@@ -283,7 +283,7 @@ def test_a_transcript_of_planning_between_rounds_is_refused(tmp_path):
     file = tmp_path / "transcript.jsonl"
     with FaultServer([ok(path_text())]) as server:
         play(planner(server, transcript=file))
-    with pytest.raises(UserError, match="no line that says what was flown"):
+    with pytest.raises(UserError, match="no row that says what was flown"):
         play(BackgroundPlanner(planner(transcript=file, mode="replay")))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import dataclasses
 import math
 
 import pytest
@@ -13,16 +12,15 @@ from fpg_bench.planning.llm.budget import Budget
 from fpg_bench.planning.llm.transcript import Attempt
 
 CALLED = Attempt(
-    *(0, 0, 0, 0, {}, "text", None, "", None, "none", "invalid", "standard", "", "none"),
-    calls=1,
-    seconds=2.0,
-    tokens_in=30,
-    tokens_out=20,
+    **dict.fromkeys(("seed", "match", "round", "attempt"), 0),
+    **{"request": {}, "text": "text", "error": None, "detail": "", "waypoints": None, "rung": "none"},
+    **{"status": "invalid", "prompt": "standard", "prompt_hash": "", "control": "none"},
+    **{"calls": 1, "seconds": 2.0, "tokens_in": 30, "tokens_out": 20, "model": None},
 )
 
 
 def called(error=None, **changes):
-    return dataclasses.replace(CALLED, error=error, **changes)
+    return CALLED.model_copy(update={"error": error, **changes})
 
 
 def test_a_fresh_budget_refuses_nothing():

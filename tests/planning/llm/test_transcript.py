@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import dataclasses
 import gzip
 import json
 import pickle
@@ -11,7 +10,7 @@ import pickle
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.planning.llm.transcript import Attempt, Transcript, alike, chain_start
+from fpg_bench.planning.llm.transcript import Attempt, Flown, Transcript, agree, chain_start
 from tests.programs import python
 
 from .playing import path, request
@@ -23,19 +22,21 @@ BODY = {
     "seed": 5,
 }
 ATTEMPT = Attempt(
-    *(1, 2, 3, 0, BODY, "the text \u2028 ü", None, ""),
-    *((path() / 3).tolist(), "json", "ok", "standard", "ab12", "none"),
-    calls=2,
-    seconds=0.1 + 0.2,
-    tokens_in=10,
-    model="tiny-v2",
+    **{"seed": 1, "match": 2, "round": 3, "attempt": 0, "request": BODY},
+    **{"text": "the text \u2028 ü", "error": None, "detail": "", "waypoints": (path() / 3).tolist()},
+    **{"rung": "json", "status": "ok", "prompt": "standard", "prompt_hash": "ab12", "control": "none"},
+    **{"calls": 2, "seconds": 0.1 + 0.2, "tokens_in": 10, "tokens_out": None, "model": "tiny-v2"},
 )
 RAW = {
     "model": "tiny-v2",
     "choices": [{"message": {"content": "the text \u2028 ü"}}],
     "usage": {"prompt_tokens": 10},
 }
-TOLD = {"model": "tiny", "prompt_hash": "ab12", "control": "none"}
+HEADER = {"model": "tiny", "prompt_hash": "ab12", "control": "none"}
+
+
+def changed(**fields):
+    return ATTEMPT.model_copy(update=fields)
 
 
 def with_content(text):
@@ -71,7 +72,7 @@ def test_a_line_holds_what_a_reader_wants_to_know(recorded):
 
 def test_a_chain_goes_on_after_a_stop_and_finds_what_was_changed(file):
     start = chain_start({"begun": "now"}, file.name)
-    others = [dataclasses.replace(ATTEMPT, round=number) for number in (4, 5)]
+    others = [changed(round=number) for number in (4, 5)]
     for attempt in (ATTEMPT, *others):
         transcript = Transcript(file, "record", start)
         transcript.add(attempt, {"raw": RAW})
@@ -89,8 +90,8 @@ def test_a_chain_goes_on_after_a_stop_and_finds_what_was_changed(file):
 
 
 def test_a_key_tells_requests_rounds_and_attempts_apart():
-    others = [dataclasses.replace(ATTEMPT, request=with_content("x"))]
-    others += [dataclasses.replace(ATTEMPT, **{name: 7}) for name in ("seed", "match", "round", "attempt")]
+    others = [changed(request=with_content("x"))]
+    others += [changed(**{name: 7}) for name in ("seed", "match", "round", "attempt")]
     assert len({ATTEMPT.key, *(other.key for other in others)}) == 6
     assert len(ATTEMPT.key) == 64
 
@@ -125,8 +126,8 @@ def test_a_request_fits_where_its_text_is_the_same_and_its_numbers_are_near(reco
 
 
 def test_endless_numbers_are_compared_too():
-    assert alike("9" * 5000, "9" * 5000)
-    assert not alike("9" * 5000, "9" * 4999 + "8")
+    assert agree("9" * 5000, "9" * 5000)
+    assert not agree("9" * 5000, "9" * 4999 + "8")
 
 
 @pytest.mark.parametrize("change", [{"model": "tiny-2"}, {"temperature": 0.71}])
@@ -162,12 +163,12 @@ def test_a_raw_reply_that_was_cut_proves_nothing(recorded):
     assert Transcript(recorded, "replay").attempts() == [ATTEMPT]
 
 
-@pytest.mark.parametrize("name", TOLD)
+@pytest.mark.parametrize("name", HEADER)
 def test_attempts_are_made_as_is_told_beside_them(recorded, name):
     transcript = Transcript(recorded, "replay")
-    transcript.check_told(TOLD)
+    transcript.check_header(HEADER)
     with pytest.raises(UserError, match=f"attempt 0 was recorded with {name} .* and not other"):
-        transcript.check_told({**TOLD, name: "other"})
+        transcript.check_header({**HEADER, name: "other"})
 
 
 def test_the_key_is_advice(recorded, caplog):
@@ -184,7 +185,8 @@ def test_a_damaged_line_is_named(recorded, name, damage):
     if damage == "lost":
         del line[name]
     recorded.write_text("{}\n" + json.dumps(line) + "\n")
-    with pytest.raises(UserError, match=f"line 2 is no attempt: {name} is missing or changed"):
+    problem = f"lacks {name}" if damage == "lost" else f"{name}: expected"
+    with pytest.raises(UserError, match=f"line 2 is no attempt: {problem}"):
         Transcript(recorded, "replay").find(ATTEMPT.where, BODY)
 
 
@@ -193,7 +195,7 @@ def test_lines_of_another_kind_stay(recorded):
     with recorded.open("a") as out:
         out.write(other)
     transcript = Transcript(recorded, "record")
-    transcript.add(dataclasses.replace(ATTEMPT, round=4), {})
+    transcript.add(changed(round=4), {})
     assert recorded.read_text().splitlines()[1] + "\n" == other
     assert [attempt.round for attempt in Transcript(recorded, "replay").attempts()] == [3, 4]
 
@@ -203,13 +205,13 @@ def test_a_line_that_was_cut_off_is_asked_for_again(recorded):
     recorded.write_bytes(whole + whole.replace(b'"round":3', b'"round":4')[:-20])
     transcript = Transcript(recorded, "record")
     assert transcript.find((1, 2, 4, 0), BODY) is None
-    transcript.add(dataclasses.replace(ATTEMPT, round=5), {})
+    transcript.add(changed(round=5), {})
     assert [attempt.round for attempt in Transcript(recorded, "replay").attempts()] == [3, 5]
 
 
 def test_the_first_of_two_answers_to_the_same_counts(recorded):
     transcript = Transcript(recorded, "record")
-    assert transcript.add(dataclasses.replace(ATTEMPT, text="another"), {}) == ATTEMPT
+    assert transcript.add(changed(text="another"), {}) == ATTEMPT
     assert len(recorded.read_text().splitlines()) == 1
 
 
@@ -241,7 +243,7 @@ def test_nothing_to_replay_is_said(file):
 def test_a_copy_is_the_same_transcript_and_a_pickle_opens_it_again(recorded):
     transcript = Transcript(recorded, "record")
     twin = copy.deepcopy(transcript)
-    transcript.add(dataclasses.replace(ATTEMPT, round=4), {})
+    transcript.add(changed(round=4), {})
     assert len(twin.attempts()) == 2
     assert len(pickle.loads(pickle.dumps(transcript)).attempts()) == 2
 
@@ -274,17 +276,17 @@ def test_a_damaged_line_of_a_round_flown_is_named(file, name):
     line = {"kind": "flown", "seed": 1, "match": 0, "round": 0, "plan": "held", "planned_round": None}
     file.parent.mkdir()
     file.write_text(json.dumps({**line, name: 0.5}) + "\n")
-    with pytest.raises(UserError, match=f"line 1 is no round flown: {name} is missing or changed"):
+    with pytest.raises(UserError, match=f"line 1 is no round flown: {name}: expected"):
         Transcript(file, "replay").flown(request(0))
 
 
 def test_what_was_flown_comes_back(file):
     transcript = Transcript(file, "record")
-    lines = [{"seed": 1, "match": 0, "round": r, "plan": "held", "planned_round": None} for r in (0, 1)]
-    transcript.add_flown(lines)
+    plans = [Flown(seed=1, match=0, round=r, plan="held", planned_round=None) for r in (0, 1)]
+    transcript.add_flown(plans)
     again = Transcript(file, "replay")
-    assert again.flown(request(1)) == {"kind": "flown", **lines[1]}
-    with pytest.raises(UserError, match="seed 1, match 0, round 2 has no line"):
+    assert again.flown(request(1)) == plans[1]
+    with pytest.raises(UserError, match="seed 1, match 0, round 2 has no row"):
         again.flown(request(2))
     assert transcript.flown(request(2)) is None
 
