@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Unpack
 
 import numpy as np
@@ -14,18 +14,17 @@ from gymnasium import spaces
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
 from fpg_bench.common.ids import EnvConfig, find_env
 from fpg_bench.envs.two_player import DuelOptions, TwoPlayerBatch, make_duel
-from fpg_bench.game.batch import ActionError, check_seeds, described
+from fpg_bench.game.batch import ActionError, Seeds, check_seeds, described
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.planning import LLM_CONTROLS, Planner, as_planner
 from fpg_bench.planning.planner import planner_name
-from fpg_bench.players.player import SIDES, Player
+from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.population import with_members
 from fpg_bench.players.registry import as_player, player_name, policy_hash
 from fpg_bench.players.scripted import SCRIPTED
 
-PlayerSpec = str | os.PathLike[str] | Player
 REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
 
 
@@ -64,9 +63,9 @@ def compute_reward(reward: str, side: str, games: np.ndarray, scenario: Scenario
     Agents trained against the same fixed player differ most by their reward, hence the alternatives.
 
     Args:
-        reward: ``own``, the side's reward of the rules (Eq. 5 and 6); ``against``, minus the other side's;
+        reward: ``own``, the side's reward of the rules (Eq. 5 and 6); ``zero_sum``, minus the other side's;
             ``jamming``, 1 where the ally is covered and in outage; ``overlap``, 1 where it is covered;
-            ``spending``, the ally's costs of hopping and spreading (Eq. 4 and 5). The opponent gets the
+            ``ally_cost``, the ally's costs of hopping and spreading (Eq. 4 and 5). The opponent gets the
             last three, the ally gets minus them.
         side: ``ally`` or ``opponent``.
         games: ``(N,)`` records of dtype ``state.GAME``.
@@ -105,11 +104,14 @@ class SingleAgentGame:
             that makes one and may take the scenario. ``FPG/AllyVsLLM-v0`` takes those that ask a language
             model.
         knowledge, jamming_types: the scenario's fields of these names.
-        reward: ``own`` (None), the reward of the rules, or ``against``, ``jamming``, ``overlap``,
-            ``spending``; see :func:`compute_reward`.
+        reward: ``own`` (None), the reward of the rules, or ``zero_sum``, ``jamming``, ``overlap``,
+            ``ally_cost``; see :func:`compute_reward`.
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
 
     Attributes:
+        config: the configuration of the id.
+        duel: the games of both sides.
+        observation_space, action_space: of one game.
         observations: ``(N, 15)`` float32, a buffer; copy what you keep.
         truncated: ``(N,)`` bool, a buffer.
         policies: SHA-256 of the policies of the other side's agents, by name.
@@ -134,34 +136,35 @@ class SingleAgentGame:
         threads: int | None = None,
         **unknown: object,
     ) -> None:
-        self.view = view = find_env(env_id)
+        self.config = config = find_env(env_id)
+        self.side, other_side = config.side, config.other_side
         _refuse_unknown(unknown, GameOptions)
-        named = {"opponent": opponent, "ally": ally}
-        if named[view.side] is not None:
-            raise UserError(f"{view.side}: in {view.id} you play the {view.side}; name the {view.other_side}")
-        self.other_specs = with_members(_as_list(named[view.other_side], view.other), view.other_side)
+        own, other = (ally, opponent) if self.side == "ally" else (opponent, ally)
+        if own is not None:
+            raise UserError(f"{self.side}: in {config.id} you play the {self.side}; name the {other_side}")
+        self.other_specs = with_members(_as_list(other, config.other), other_side)
         if reward not in (None, *REWARDS):
             raise UserError(
                 f"reward: expected one of {', '.join(REWARDS)}, got {reward!r}{nearest(str(reward), REWARDS)}"
             )
         self._reward = reward or "own"
-        if planner is not None and view.planner is None:
-            raise UserError(f"planner: {view.id} plans no paths; FPG/AllyVsPlanner-v0 does")
+        if planner is not None and config.planner is None:
+            raise UserError(f"planner: {config.id} plans no paths; FPG/AllyVsPlanner-v0 does")
         has_own_rounds = scenario is not None and not (isinstance(scenario, str) and scenario in PRESETS)
         played = as_scenario(
             scenario,
-            opponent_path=_path(path, view.path, scenario),
+            opponent_path=_path(path, config.path, scenario),
             knowledge=knowledge,
             jamming_types=jamming_types,
-            rounds_per_match=None if has_own_rounds else view.rounds_per_match,
+            rounds_per_match=None if has_own_rounds else config.rounds_per_match,
         )
-        if "waypoints" in played.paths and view.planner is None:
-            raise UserError(f"path: {view.id} plans no 'waypoints'; FPG/AllyVsPlanner-v0 does")
-        self.planner = _planner(planner, view, played)
+        if "waypoints" in played.paths and config.planner is None:
+            raise UserError(f"path: {config.id} plans no 'waypoints'; FPG/AllyVsPlanner-v0 does")
+        self.planner = _planner(planner, config, played)
         self.duel = TwoPlayerBatch(played, games, self.planner, threads)
-        self.scenario, self.side, self.count = played, view.side, self.duel.count
+        self.scenario, self.count = played, self.duel.count
         self.observation_space, self.action_space = observation_space(), action_space()
-        self._runner = PolicyRunner(view.other_side, self._others(), self.duel.batch)
+        self._runner = PolicyRunner(other_side, self._others(), self.duel.batch)
         hashes = map(policy_hash, self._runner.players)
         self.policies = {
             player_name(spec): policy
@@ -183,7 +186,7 @@ class SingleAgentGame:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._bind()  # a copied view of a buffer is a buffer of its own
+        self._bind()  # the copy of an array that shows a buffer has memory of its own
 
     def _others(self) -> list[Player]:
         """Return the other side's players; one player for a name that is listed several times."""
@@ -191,21 +194,21 @@ class SingleAgentGame:
         return [named[spec] if isinstance(spec, str) else self._other(spec) for spec in self.other_specs]
 
     def _other(self, spec: PlayerSpec) -> Player:
-        side = self.view.other_side
-        if self.view.scripted and not (isinstance(spec, str) and spec in SCRIPTED[side]):
+        side = self.config.other_side
+        if self.config.scripted and not (isinstance(spec, str) and spec in SCRIPTED[side]):
             hint = nearest(str(spec), SCRIPTED[side]) if isinstance(spec, str) else ""
-            policy = re.sub("Scripted|Planner|LLM", "Policy", self.view.id)
+            policy = re.sub("Scripted|Planner|LLM", "Policy", self.config.id)
             raise UserError(f"{side}: {spec!r} is no script{hint} ({policy} plays against anyone)")
         return as_player(spec, side, self.scenario)
 
     def reset(
         self,
         mask: np.ndarray | None = None,
-        seeds: Any = None,
+        seeds: Seeds | None = None,
         new_match: bool = False,
         horizons: np.ndarray | None = None,
     ) -> None:
-        """Begin rounds in the masked games; see :meth:`fpg_bench.envs.two_player.Duel.reset`."""
+        """Begin rounds in the masked games; see ``TwoPlayerBatch.reset`` for the arguments."""
         self._runner.begin(self.duel.reset(mask, seeds, new_match, horizons))
 
     def step(self, actions: np.ndarray) -> None:
@@ -274,11 +277,11 @@ class JointGame:
     def reset(
         self,
         mask: np.ndarray | None = None,
-        seeds: Any = None,
+        seeds: Seeds | None = None,
         new_match: bool = False,
         horizons: np.ndarray | None = None,
     ) -> None:
-        """Begin rounds in the masked games; see :meth:`fpg_bench.envs.two_player.Duel.reset`."""
+        """Begin rounds in the masked games; see ``TwoPlayerBatch.reset`` for the arguments."""
         self.duel.reset(mask, seeds, new_match, horizons)
 
     def step(self, actions: np.ndarray) -> None:
@@ -298,14 +301,14 @@ class JointGame:
 
 
 def wants_new_match(options: dict[str, Any] | None) -> bool:
-    """Return whether a reset's options ask for a new match; raises UserError for an unknown option."""
+    """Return True if a reset's options ask for a new match; raises UserError for an unknown option."""
     for key in options or {}:
         if key != "new_match":
             raise UserError(f"reset: unknown option {key!r}; known: new_match")
     return bool((options or {}).get("new_match", False))
 
 
-def one_action(action: Any, whose: str) -> np.ndarray:
+def one_action(action: object, whose: str) -> np.ndarray:
     """Return an action as ``(9,)`` floats, from an array of them or a list.
 
     Raises:
@@ -325,14 +328,14 @@ def staggered_horizons(count: int, steps: int) -> np.ndarray:
     return steps - np.arange(count) * steps // count
 
 
-def first_seeds(seed: Any, count: int) -> np.ndarray:
+def first_seeds(seed: Seeds | None, count: int) -> np.ndarray:
     """Return ``(count,)`` seeds from a whole number, one number per game, or None (drawn at random)."""
     if seed is None:
         seed = int.from_bytes(os.urandom(4), "little")
     return check_seeds(seed, count)
 
 
-def _refuse_unknown(options: Any, known: type) -> None:
+def _refuse_unknown(options: Mapping[str, object], known: type) -> None:
     """Raise UnknownOptionError for the first option that a typed dictionary does not have."""
     for name in options:
         if name not in known.__annotations__:
@@ -350,23 +353,27 @@ def _as_list(spec: PlayerSpec | Sequence[PlayerSpec] | None, default: str) -> li
     return [spec]
 
 
-def _planner(spec: Any, view: EnvConfig, scenario: Scenario) -> Planner | None:
+def _planner(
+    spec: str | Planner | Callable[..., Planner] | None, config: EnvConfig, scenario: Scenario
+) -> Planner | None:
     """Return the planner that the caller names, or else the environment's own."""
-    spec = view.planner if spec is None else spec
+    spec = config.planner if spec is None else spec
     planner = None if spec is None else as_planner(spec, scenario)
-    if view.planner in LLM_CONTROLS and not getattr(planner, "asks_language_model", False):
+    if config.planner in LLM_CONTROLS and not getattr(planner, "asks_language_model", False):
         raise UserError(
-            f"planner: in {view.id} a language model plans, and {planner_name(planner)} asks none; "
+            f"planner: in {config.id} a language model plans, and {planner_name(planner)} asks none; "
             "FPG/AllyVsPlanner-v0 takes any planner"
         )
     return planner
 
 
-def _path(path: Any, default: str, scenario: Scenario | str | None) -> Any:
+def _path(
+    path: str | Sequence[str] | None, default: str, scenario: Scenario | str | None
+) -> str | Sequence[str] | None:
     """Return the path that the caller names, or else the environment's own, unless a scenario has one."""
     if path is not None:
         if default == "waypoints" and "waypoints" not in (path if isinstance(path, list | tuple) else [path]):
-            raise UserError("path: a planner view flies waypoints; choose a planner instead")
+            raise UserError("path: an opponent with a planner flies waypoints; choose a planner instead")
         return path
     if default == "waypoints":
         return default

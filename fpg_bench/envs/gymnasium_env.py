@@ -10,16 +10,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.envs.core import (
-    GameOptions,
-    SingleAgentGame,
-    action_space,
-    first_seeds,
-    observation_space,
-    one_action,
-    wants_new_match,
-)
-from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.envs.core import GameOptions, SingleAgentGame, first_seeds, one_action, wants_new_match
 from fpg_bench.rendering.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 
 
@@ -59,9 +50,7 @@ class FPGEnv(gymnasium.Env):
         self.core = SingleAgentGame(env_id, 1, **options)
         self.metadata = {**self.metadata, "render_modes": list(offered_modes())}
         self.render_mode = render_mode
-        self.observation_space = observation_space()
-        self.action_space = action_space()
-        self._actions = np.zeros((1, ACTION_SIZE), np.float32)
+        self.observation_space, self.action_space = self.core.observation_space, self.core.action_space
         self._begun = False
         self._screen = Screen(self.core.duel.batch, render_mode)
 
@@ -99,11 +88,10 @@ class FPGEnv(gymnasium.Env):
             UserError: the round is over or none was begun.
         """
         core = self.core
-        action = one_action(action, "action")
+        actions = one_action(action, "action")[None]
         if not self._begun or core.truncated[0]:
             raise UserError("step: the round is over; call reset first")
-        self._actions[0] = action
-        core.step(self._actions)
+        core.step(actions)
         self._screen.record()
         truncated = bool(core.truncated[0])
         return core.observations[0].copy(), float(core.rewards[0]), False, truncated, self._info()

@@ -12,9 +12,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import (
     GameOptions,
     SingleAgentGame,
-    action_space,
     first_seeds,
-    observation_space,
     staggered_horizons,
     wants_new_match,
 )
@@ -64,8 +62,8 @@ class FPGVectorEnv(VectorEnv):
         self.core = SingleAgentGame(env_id, num_envs, **options)
         self.num_envs = num_envs
         self.render_mode = None
-        self.single_observation_space = observation_space()
-        self.single_action_space = action_space()
+        self.single_observation_space = self.core.observation_space
+        self.single_action_space = self.core.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._stagger = stagger
@@ -77,8 +75,9 @@ class FPGVectorEnv(VectorEnv):
         """Begin a round in every game; seeds as in :class:`fpg_bench.envs.gymnasium_env.FPGEnv`."""
         options = dict(options or {})
         mask = options.pop("reset_mask", None)
-        seeds = first_seeds(seed, self.num_envs) if seed is not None or not self._begun else None
-        horizons = None
+        seeds = horizons = None
+        if seed is not None or not self._begun:
+            seeds = first_seeds(seed, self.num_envs)  # type: ignore[arg-type]  # refuses None in a list
         if self._stagger and not self._begun:
             horizons = staggered_horizons(self.num_envs, self.core.scenario.steps_per_round)
         self.core.reset(mask, seeds, wants_new_match(options), horizons)

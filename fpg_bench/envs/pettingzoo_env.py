@@ -14,9 +14,11 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import action_space, first_seeds, observation_space, one_action
 from fpg_bench.envs.two_player import DuelOptions, make_duel
 from fpg_bench.game.full_state import FULL_STATE_SIZE
-from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.player import SIDES
 from fpg_bench.rendering.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
+
+_Observations = dict[str, np.ndarray]  # by agent, as the infos
+_Infos = dict[str, dict[str, Any]]
 
 
 class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
@@ -47,22 +49,21 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         self.observation_spaces = {side: observation_space() for side in SIDES}
         self.action_spaces = {side: action_space() for side in SIDES}
         self.state_space = spaces.Box(-1.0, 1.0, (FULL_STATE_SIZE,), np.float32)
-        self._actions = {side: np.zeros((1, ACTION_SIZE), np.float32) for side in SIDES}
         self.np_random = np.random.default_rng()  # for wrappers, as SuperSuit's frame_skip
         self._begun = False
         self._screen = Screen(self.duel.batch, render_mode)
 
     def observation_space(self, agent: str) -> spaces.Box:
-        """15 numbers in [-1, 1], always the same object."""
+        """Return the space of an agent's observations, always the same object."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Box:
-        """9 numbers in [-1, 1], always the same object."""
+        """Return the space of an agent's actions, always the same object."""
         return self.action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
+    ) -> tuple[_Observations, _Infos]:
         """Begin a round."""
         seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
         # PettingZoo's own tests hand over options of no meaning, so unknown ones pass here
@@ -76,13 +77,7 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
 
     def step(
         self, actions: dict[str, np.ndarray]
-    ) -> tuple[
-        dict[str, np.ndarray],
-        dict[str, float],
-        dict[str, bool],
-        dict[str, bool],
-        dict[str, dict[str, Any]],
-    ]:
+    ) -> tuple[_Observations, dict[str, float], dict[str, bool], dict[str, bool], _Infos]:
         """Play one step with both sides' actions ``(9,)``.
 
         Raises:
@@ -90,31 +85,26 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         """
         if not self.agents:
             raise UserError("step: the round is over; call reset first")
-        for side in SIDES:
-            self._actions[side][0] = one_action(actions.get(side), side)
         batch = self.duel.batch
-        batch.step(self._actions["ally"], self._actions["opponent"])
+        batch.step(*(one_action(actions.get(side), side)[None] for side in SIDES))
         self._screen.record()
         over = bool(batch.games["truncated"][0])
         if over:
             self.agents = []
         rewards = {side: float(batch.games[f"{side}_reward"][0]) for side in SIDES}
-        infos: dict[str, dict[str, Any]] = {
-            side: {"measures": self.duel.measures(0)} if over else {} for side in SIDES
-        }
+        infos: _Infos = {side: {"measures": self.duel.measures(0)} if over else {} for side in SIDES}
         return self._observations(), rewards, dict.fromkeys(SIDES, False), dict.fromkeys(SIDES, over), infos
 
-    def _observations(self) -> dict[str, np.ndarray]:
+    def _observations(self) -> _Observations:
         batch = self.duel.batch
         return {"ally": batch.ally_observations[0].copy(), "opponent": batch.opponent_observations[0].copy()}
 
     def state(self) -> np.ndarray:
-        """The full state, ``(54,)`` float32."""
-        state: np.ndarray = self.duel.state()[0]
-        return state
+        """Return the full state, ``(54,)`` float32."""
+        return np.asarray(self.duel.state()[0])
 
     def render(self) -> np.ndarray | None:
-        """The picture of the present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``."""
+        """Return the picture of the present step, ``(height, width, 3)`` uint8, in mode ``rgb_array``."""
         return self._screen.picture()
 
     def close(self) -> None:

@@ -13,7 +13,7 @@ from typing import Any, Unpack
 
 import numpy as np
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvStepReturn
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import (
@@ -68,7 +68,7 @@ class FPGVecEnv(VecEnv):
         return [int(s) for s in self._next_seeds]
 
     def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
-        """Options of the next :meth:`reset`: ``{"new_match": True}``, for all games."""
+        """Set the options of the next :meth:`reset`: ``{"new_match": True}``, for all games."""
         self._new_match = wants_new_match(next(iter(options), None) if isinstance(options, list) else options)
 
     def reset(self) -> np.ndarray:
@@ -116,20 +116,20 @@ class FPGVecEnv(VecEnv):
         }
 
     def get_images(self) -> Sequence[np.ndarray | None]:
-        """The picture of the first game, in mode ``rgb_array``."""
+        """Return the picture of the first game, in mode ``rgb_array``."""
         return [self._screen.picture()]
 
     def close(self) -> None:
-        """Let go of the film."""
+        """Close the screen of the first game."""
         self._screen.close()
 
-    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """The attribute of this view or of its core, once per game asked for."""
-        found = getattr(self if hasattr(self, attr_name) else self.core, attr_name)
-        return [found for _ in self._get_indices(indices)]
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """Return an attribute of the environment or of its core, once per game asked for."""
+        value = getattr(self if hasattr(self, attr_name) else self.core, attr_name)
+        return [value for _ in self._get_indices(indices)]
 
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute of this view; it holds for all games at once.
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute of the environment; it holds for all games at once.
 
         Raises:
             ValueError: fewer than all games are asked for.
@@ -139,14 +139,14 @@ class FPGVecEnv(VecEnv):
         setattr(self, attr_name, value)
 
     def env_method(
-        self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
         """Call ``method_name(game, ...)`` of the core, for each game asked for: ``measures``, ``advice``."""
         method = getattr(self.core, method_name)
         return [method(game, *method_args, **method_kwargs) for game in self._get_indices(indices)]
 
-    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        """True for ``Monitor``, whose infos this view writes itself."""
+    def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:
+        """Return True for ``Monitor``, whose infos this environment writes itself."""
         return [issubclass(wrapper_class, Monitor) for _ in self._get_indices(indices)]
 
 

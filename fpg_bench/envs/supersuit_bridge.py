@@ -1,4 +1,4 @@
-"""The bridge over SuperSuit: the PettingZoo view as an SB3 ``VecEnv`` whose slots are agents.
+"""The bridge over SuperSuit: the PettingZoo environment as an SB3 ``VecEnv`` whose slots are agents.
 
 For those who come from PettingZoo and want one policy to learn both sides. A single side at full speed
 is :func:`fpg_bench.make_sb3`.
@@ -11,13 +11,14 @@ from fpg_bench.common.extras import need
 
 need("supersuit", "supersuit", "stable_baselines3")
 
+import itertools
 from collections.abc import Sequence
 from typing import Any, Unpack
 
 import numpy as np
 import supersuit
 from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 
 from fpg_bench.common.checks import whole
 from fpg_bench.envs.core import first_seeds
@@ -38,8 +39,8 @@ class SuperSuitVecEnv(VecEnvWrapper):
         seed: copy i begins with a match of seed + i; None: by chance.
     """
 
-    def __init__(self, venv: Any, seed: int | None = None) -> None:
-        self._concatenated = venv.venv
+    def __init__(self, venv: VecEnv, seed: int | None = None) -> None:
+        self._concatenated: Any = venv.venv  # type: ignore[attr-defined]
         self.games: list[FPGParallelEnv] = [part.par_env for part in self._concatenated.vec_envs]
         super().__init__(venv)
         self._next_seeds: np.ndarray | None = first_seeds(seed, len(self.games))
@@ -54,9 +55,11 @@ class SuperSuitVecEnv(VecEnvWrapper):
         seeds = [None] * len(self.games) if self._next_seeds is None else self._next_seeds.tolist()
         self._next_seeds = None
         parts = self._concatenated.vec_envs
-        found = [part.reset(seed=seed) for part, seed in zip(parts, seeds, strict=True)]
-        self.reset_infos = [info for _, infos in found for info in infos]
-        return np.concatenate([observations for observations, _ in found])
+        observations, infos = zip(
+            *(part.reset(seed=seed) for part, seed in zip(parts, seeds, strict=True)), strict=True
+        )
+        self.reset_infos = list(itertools.chain(*infos))
+        return np.concatenate(observations)
 
     def step_wait(self) -> VecEnvStepReturn:
         """Play the step; a round's end is marked as the time limit that it is."""
@@ -66,24 +69,24 @@ class SuperSuitVecEnv(VecEnvWrapper):
                 info["TimeLimit.truncated"] = not terminated
         return observations, rewards, (terminations | truncations).astype(bool), infos
 
-    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """The attribute of the game of each slot asked for."""
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """Return an attribute of the game of each slot asked for."""
         return [getattr(self._game(slot), attr_name) for slot in self._get_indices(indices)]
 
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Set an attribute of the game of each slot asked for."""
         for slot in self._get_indices(indices):
             setattr(self._game(slot), attr_name, value)
 
     def env_method(
-        self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
         """Call a method of the game of each slot asked for."""
         slots = self._get_indices(indices)
         return [getattr(self._game(slot), method_name)(*method_args, **method_kwargs) for slot in slots]
 
-    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        """False: a game is wrapped in nothing."""
+    def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:
+        """Return False: a game is wrapped in nothing."""
         return [False for _ in self._get_indices(indices)]
 
     def _game(self, slot: int) -> FPGParallelEnv:
@@ -91,7 +94,7 @@ class SuperSuitVecEnv(VecEnvWrapper):
 
 
 def supersuit_vec_env(n_envs: int = 1, seed: int | None = None, **options: Unpack[DuelOptions]) -> VecMonitor:
-    """An SB3 ``VecEnv`` of ``2 * n_envs`` slots over ``n_envs`` games: each slot is one agent.
+    """Make an SB3 ``VecEnv`` of ``2 * n_envs`` slots over ``n_envs`` games: each slot is one agent.
 
     Slots alternate, ally (even) and opponent (odd), so **one policy learns and plays both sides**
     (parameter sharing, self-play of a kind): both see 15 numbers and choose 9, whose meanings differ. A

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypedDict
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.game import rng
-from fpg_bench.game.batch import GameBatch
+from fpg_bench.game.batch import GameBatch, Seeds
 from fpg_bench.game.full_state import full_state
 from fpg_bench.game.metrics import measures, pool
 from fpg_bench.game.scenario import Scenario, as_scenario
@@ -50,7 +50,7 @@ class TwoPlayerBatch:
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
 
     Attributes:
-        arena: the games and all their buffers.
+        batch: the games and all their buffers.
         plans: the present plan of each game, None where the path is not planned.
     """
 
@@ -76,7 +76,7 @@ class TwoPlayerBatch:
     def reset(
         self,
         mask: np.ndarray | None = None,
-        seeds: Any = None,
+        seeds: Seeds | None = None,
         new_match: bool = False,
         horizons: np.ndarray | None = None,
     ) -> np.ndarray:

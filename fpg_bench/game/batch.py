@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import is_whole, whole
 from fpg_bench.common.errors import UserError
 from fpg_bench.game import step as kernel
 from fpg_bench.game.flight import LEARNED, PURSUIT
@@ -19,6 +20,7 @@ from fpg_bench.game.state import ACTION_SIZE, GAME, OBSERVATION_SIZE, TALLY
 
 _GAMES_WORTH_A_THREAD = 512
 MAX_SEED = 2**63 - 1
+Seeds = int | Sequence[int] | np.ndarray  # one whole number in [0, 2^63) per game, or the first game's
 
 
 class ActionError(UserError):
@@ -88,7 +90,7 @@ class GameBatch:
     def reset(
         self,
         mask: np.ndarray | None = None,
-        seeds: Any = None,
+        seeds: Seeds | None = None,
         horizons: np.ndarray | None = None,
         new_match: bool = False,
     ) -> None:
@@ -98,7 +100,8 @@ class GameBatch:
 
         Args:
             mask: ``(N,)`` bool, the games to begin; None: all.
-            seeds: None, or ``(N,)`` whole numbers in [0, 2^63); those of masked games are read.
+            seeds: None, one whole number s in [0, 2^63) (game i: s + i), or ``(N,)`` of them; those of
+                masked games are read.
             horizons: ``(N,)`` whole numbers: the step at which this round is cut; None: the scenario's.
             new_match: without ``seeds``: leave the present match and begin the seed's next one.
 
@@ -129,7 +132,7 @@ class GameBatch:
         kernel.begin(
             games, mask, self.ally_observations, self.opponent_observations, self.segments, self._rules
         )
-        self._note_flown()
+        self._record_flown()
 
     def check_reset(self, mask: np.ndarray, horizons: np.ndarray | None) -> None:
         """Raise UserError for a mask of the wrong shape, or a horizon outside the round."""
@@ -157,13 +160,13 @@ class GameBatch:
             kernel.play(0, self.count, *self._arguments)
         else:
             self._step_in_threads()
-        self._note_flown()
+        self._record_flown()
 
     def keep_flown(self) -> None:
         """Record from now on the ally's position after each second of its round."""
         self.flown_m = np.zeros((self.count, self.scenario.steps_per_round + 1, 3))
 
-    def _note_flown(self) -> None:
+    def _record_flown(self) -> None:
         if self.flown_m is not None:
             self.flown_m[np.arange(self.count), self.games["step"]] = self.games["ally_position"]
 
@@ -209,8 +212,9 @@ class GameBatch:
         inside = (waypoints >= 0) & (waypoints <= np.asarray(self.scenario.box_m))
         if not inside.all():
             index = int(np.argwhere(~inside)[0, 0])
-            found = waypoints[index].tolist()
-            raise UserError(f"waypoint {index}: {found} lies outside the box {self.scenario.box_m}")
+            raise UserError(
+                f"waypoint {index}: {waypoints[index].tolist()} lies outside the box {self.scenario.box_m}"
+            )
         self.waypoints[game] = waypoints
 
     def pursue(self, mask: np.ndarray) -> None:
@@ -241,25 +245,21 @@ class GameBatch:
         self._bind()
 
 
-def described(actions: Any) -> str:
+def described(actions: object) -> str:
     """Return the dtype and shape of an array, or the type of anything else, for an error message."""
-    is_array = isinstance(actions, np.ndarray)
-    return f"{actions.dtype} {actions.shape}" if is_array else type(actions).__name__
+    return f"{actions.dtype} {actions.shape}" if isinstance(actions, np.ndarray) else type(actions).__name__
 
 
-def check_seeds(seeds: Any, count: int) -> np.ndarray:
+def check_seeds(seeds: Seeds, count: int) -> np.ndarray:
     """Return ``(count,)`` seeds as uint64: from one integer s (s, s + 1, ...), or one per game.
 
     Raises:
         UserError: not whole, out of [0, 2^63), or another number of them.
     """
-    if isinstance(seeds, int | np.integer) and not isinstance(seeds, bool):
-        seeds = [int(seeds) + i for i in range(count)]
-    array = np.asarray(seeds)
-    if array.shape != (count,) or not all(
-        isinstance(s, int | np.integer) and not isinstance(s, bool | np.bool_) for s in list(seeds)
-    ):
-        raise UserError(f"seed: expected a whole number or {count} of them, got {seeds!r}")
-    if any(not 0 <= int(s) <= MAX_SEED for s in seeds):
-        raise UserError(f"seed: expected whole numbers in [0, 2^63), got {seeds!r}")
-    return array.astype(np.uint64)
+    if isinstance(seeds, Sequence | np.ndarray):
+        each = list(seeds)
+    else:
+        each = [int(seeds) + i for i in range(count)] if is_whole(seeds, least=0) else []
+    if len(each) != count or not all(is_whole(seed, least=0) and seed <= MAX_SEED for seed in each):
+        raise UserError(f"seed: expected a whole number in [0, 2^63) or {count} of them, got {seeds!r}")
+    return np.array(each, np.uint64)

@@ -43,8 +43,8 @@ def cache_folder() -> Path | None:
     Numba's own cache looks at the file of the compiled function alone and would keep running an
     old version of what that function calls. None where the folder can't be written.
     """
-    chosen = getattr(config, "CACHE_DIR", "")  # the environment's NUMBA_CACHE_DIR
-    root = Path(chosen) / "fpg_bench" if chosen else platformdirs.user_cache_path("fpg_bench")
+    own_root = getattr(config, "CACHE_DIR", "")  # the environment's NUMBA_CACHE_DIR
+    root = Path(own_root) / "fpg_bench" if own_root else platformdirs.user_cache_path("fpg_bench")
     folder = root / f"compiled-{source_digest()}"
     new = not folder.exists()
     try:
@@ -78,8 +78,7 @@ class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: 
         path = Path(py_file).resolve()
         if path.parent.parent == _PACKAGE.resolve():
             return path.parent.name
-        named: str = super().get_suitable_cache_subpath(py_file)
-        return named
+        return str(super().get_suitable_cache_subpath(py_file))
 
 
 def compiled(function: Callable[..., Any], allocates: bool = False) -> Any:

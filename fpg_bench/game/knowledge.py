@@ -8,16 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.common.checks import is_whole
+from fpg_bench.common.checks import check_keys, flag, is_whole
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml
 
 EXPERT_FILE = Path(__file__).with_name("knowledge.yml")
 _KEYS = ("spectrum", "guard_mhz", "strategy", "candidates", "spread", "advice")
-
-
-class KnowledgeError(UserError):
-    """An invalid knowledge base; the message names the file, the entry and the key."""
+_SPECTRUM = ("half_width_mhz", "spacing_mhz")
 
 
 @dataclass(frozen=True)
@@ -67,28 +64,16 @@ def _expert(jamming_types: tuple[str, ...]) -> KnowledgeBase:
 
 def _load(path: Path, jamming_types: tuple[str, ...]) -> KnowledgeBase:
     content = read_yaml(path, "knowledge (expert, none or a YAML file)")
-    if set(content) != set(jamming_types):
-        found = ", ".join(map(str, content))
-        raise KnowledgeError(
-            f"knowledge {path}: expected the entries {', '.join(jamming_types)}, got {found}"
-        )
+    check_keys(content, jamming_types, f"knowledge {path}", needed=jamming_types)
     return KnowledgeBase(tuple(_entry(f"knowledge {path}: {name}", content[name]) for name in jamming_types))
 
 
-def _entry(where: str, content: Any) -> Entry:
-    if not isinstance(content, dict) or set(content) != set(_KEYS):
-        found = ", ".join(map(str, content)) if isinstance(content, dict) else repr(content)
-        raise KnowledgeError(f"{where}: expected the keys {', '.join(_KEYS)}, got {found}")
-    spectrum = content["spectrum"]
-    if not isinstance(spectrum, dict) or set(spectrum) != {"half_width_mhz", "spacing_mhz"}:
-        raise KnowledgeError(f"{where}: spectrum: expected half_width_mhz and spacing_mhz, got {spectrum!r}")
-    candidates = content["candidates"]
+def _entry(where: str, content: dict[str, Any]) -> Entry:
+    check_keys(content, _KEYS, where, needed=_KEYS)
+    spectrum, candidates = content["spectrum"], content["candidates"]
+    check_keys(spectrum, _SPECTRUM, f"{where}: spectrum", needed=_SPECTRUM)
     if candidates != "all" and not is_whole(candidates):
-        raise KnowledgeError(
-            f"{where}: candidates: expected 'all' or a whole number above 0, got {candidates!r}"
-        )
-    if not isinstance(content["spread"], bool):
-        raise KnowledgeError(f"{where}: spread: expected true or false, got {content['spread']!r}")
+        raise UserError(f"{where}: candidates: expected 'all' or a whole number above 0, got {candidates!r}")
     spacing = spectrum["spacing_mhz"]
     return Entry(
         half_width_mhz=_positive(f"{where}: half_width_mhz", spectrum["half_width_mhz"]),
@@ -96,12 +81,12 @@ def _entry(where: str, content: Any) -> Entry:
         guard_mhz=_positive(f"{where}: guard_mhz", content["guard_mhz"]),
         candidates=0 if candidates == "all" else candidates,
         strategy=str(content["strategy"]),
-        spread=content["spread"],
+        spread=flag(content["spread"], f"{where}: spread"),
         advice=str(content["advice"]),
     )
 
 
-def _positive(where: str, value: Any) -> float:
+def _positive(where: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value < 0:
-        raise KnowledgeError(f"{where}: expected a number of at least 0, got {value!r}")
+        raise UserError(f"{where}: expected a number of at least 0, got {value!r}")
     return float(value)

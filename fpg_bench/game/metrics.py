@@ -92,12 +92,11 @@ def measures(tally: dict[str, Any], histogram: np.ndarray) -> dict[str, float | 
         Shares in [0, 1], levels in dB, rates in Mbit/s, times in s, returns summed over the rounds;
         None where a measure does not exist (nothing covered, no check heard, no outage).
     """
-    steps = tally["steps"]
 
     def share(name: str, of: str = "steps") -> float | None:
         return tally[name] / tally[of] if tally[of] else None
 
-    found = {
+    values = {
         "overlap_ratio": share("overlap"),
         "jamming_success_rate": share("jammed"),
         "outage": share("outage"),
@@ -117,8 +116,8 @@ def measures(tally: dict[str, Any], histogram: np.ndarray) -> dict[str, float | 
         "ally_return": tally["ally_return"],
         "opponent_return": tally["opponent_return"],
     }
-    found |= {f"share_{kind}": share(kind) for kind in JAMMING_TYPES}
-    return found if steps else dict.fromkeys(found)
+    values |= {f"share_{kind}": share(kind) for kind in JAMMING_TYPES}
+    return values if tally["steps"] else dict.fromkeys(values)
 
 
 def spectrum_overlap(histogram: np.ndarray) -> float | None:

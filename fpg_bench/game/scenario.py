@@ -20,19 +20,26 @@ from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.game.knowledge import KnowledgeBase, load_knowledge
 from fpg_bench.game.names import DETECTIONS, HOPPING, JAMMING_TYPES, MOST_PATHS, PATHS, SNR_MODELS
 
+RULES_VERSION = 1
+# The fields of `standard` as version 1 of the rules was released. The file never changes, except that a new
+# field is added with the value under which the game stays as it was.
+RELEASED: dict[str, Any] = json.loads(Path(__file__).with_name("released.json").read_bytes())
+
 
 class ScenarioError(UserError):
     """An invalid scenario; the message names the field, its value and what would be valid."""
 
 
-def checked(spec: dataclasses.Field[Any], value: Any) -> Any:
+def checked(spec: dataclasses.Field[Any], value: object) -> Any:
     """Return ``value`` in the field's own type; raise ScenarioError if it is invalid."""
     rules = spec.metadata
     if "length" in rules:
         if not isinstance(value, list | tuple) or len(value) != rules["length"]:
             raise ScenarioError(f"{spec.name}: expected {rules['length']} numbers, got {value!r}")
-        whole = all(isinstance(item, int) for item in spec.default)  # type: ignore[union-attr]
-        return tuple(_checked_number(spec.name, item, rules["low"], rules["high"], whole) for item in value)
+        is_whole = isinstance(rules["default"][0], int)
+        return tuple(
+            _checked_number(spec.name, item, rules["low"], rules["high"], is_whole) for item in value
+        )
     if "low" in rules:
         return _checked_number(spec.name, value, rules["low"], rules["high"], isinstance(spec.default, int))
     if "choices" in rules:
@@ -40,31 +47,31 @@ def checked(spec: dataclasses.Field[Any], value: Any) -> Any:
     return _OTHER_CHECKS[spec.name](spec.name, value)
 
 
-def _checked_number(name: str, value: Any, low: float, high: float, whole: bool) -> Any:
+def _checked_number(name: str, value: object, low: float, high: float, is_whole: bool) -> Any:
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         hint = " (YAML reads 1e2 as a word: write 100.0 or 1.0e+2)" if isinstance(value, str) else ""
         raise ScenarioError(f"{name}: expected a number, got {value!r}{hint}")
     number: Any = value  # mypy knows no order of numbers.Real
     if not low <= number <= high:  # NaN too
         raise ScenarioError(f"{name}: {value!r} is outside [{low:g}, {high:g}]")
-    if whole and number % 1:
+    if is_whole and number % 1:
         raise ScenarioError(f"{name}: expected a whole number, got {value!r}")
-    return int(number) if whole else float(number)
+    return int(number) if is_whole else float(number)
 
 
-def _checked_word(name: str, value: Any, choices: tuple[str, ...]) -> str:
+def _checked_word(name: str, value: object, choices: tuple[str, ...]) -> str:
     if not isinstance(value, str) or value not in choices:
         raise ScenarioError(f"{name}: unknown value {value!r}{nearest(str(value), choices)}")
     return value
 
 
-def _checked_bool(name: str, value: Any) -> bool:
+def _checked_bool(name: str, value: object) -> bool:
     if not isinstance(value, bool):
         raise ScenarioError(f"{name}: expected true or false, got {value!r}")
     return value
 
 
-def _checked_types(name: str, value: Any) -> tuple[str, ...]:
+def _checked_types(name: str, value: object) -> tuple[str, ...]:
     value = (value,) if isinstance(value, str) else value
     if not isinstance(value, list | tuple) or not value:
         raise ScenarioError(f"{name}: expected one or more of {', '.join(JAMMING_TYPES)}, got {value!r}")
@@ -72,7 +79,7 @@ def _checked_types(name: str, value: Any) -> tuple[str, ...]:
     return tuple(item for item in JAMMING_TYPES if item in chosen)
 
 
-def _checked_paths(name: str, value: Any) -> str | tuple[str, ...]:
+def _checked_paths(name: str, value: object) -> str | tuple[str, ...]:
     if isinstance(value, str):
         return _checked_word(name, value, PATHS)
     if not isinstance(value, list | tuple) or not value:
@@ -83,7 +90,7 @@ def _checked_paths(name: str, value: Any) -> str | tuple[str, ...]:
     return words[0] if len(words) == 1 else words
 
 
-def _checked_curve(name: str, value: Any) -> tuple[tuple[float, ...], ...] | None:
+def _checked_curve(name: str, value: object) -> tuple[tuple[float, ...], ...] | None:
     if value is None or value == "none":
         return None
     if not isinstance(value, list | tuple) or len(value) != 4:
@@ -94,11 +101,11 @@ def _checked_curve(name: str, value: Any) -> tuple[tuple[float, ...], ...] | Non
     return tuple(tuple(_checked_number(name, item, 0, 1e5, False) for item in point) for point in value)
 
 
-def _checked_cap(name: str, value: Any) -> float | None:
+def _checked_cap(name: str, value: object) -> float | None:
     return None if value in (None, "none") else _checked_number(name, value, -1000, 1000, False)
 
 
-def _checked_knowledge(name: str, value: Any) -> str:
+def _checked_knowledge(name: str, value: object) -> str:
     if not isinstance(value, str | Path):
         raise ScenarioError(f"{name}: expected 'expert', 'none' or a file, got {value!r}")
     return str(value) if value in ("expert", "none") else os.path.abspath(value)
@@ -115,7 +122,7 @@ _OTHER_CHECKS = {
 }
 
 
-def check_mix(scenario: Any) -> None:
+def check_mix(scenario: Scenario) -> None:
     """Refuse combinations of fields that are impossible together; the message names both."""
     s = scenario
     if s.band_low_mhz >= s.band_high_mhz:
@@ -126,19 +133,16 @@ def check_mix(scenario: Any) -> None:
             raise ScenarioError(f"{name}: its first value {low} must not exceed its second {high}")
     if s.ally_path_altitude_m[1] > s.box_m[2]:
         raise ScenarioError(f"ally_path_altitude_m {s.ally_path_altitude_m} does not fit box_m {s.box_m}")
-    inside = {"base_station_m": [s.base_station_m], "ally_path_m": s.ally_path_m or ()}
-    r = s.patrol_radius_m
-    centre = s.patrol_centre_m
-    inside["patrol_centre_m"] = [
-        centre,
-        (centre[0] + r, centre[1] + r, centre[2]),
-        (centre[0] - r, centre[1] - r, 0),
+    (x, y, z), r = s.patrol_centre_m, s.patrol_radius_m
+    points = [
+        ("base_station_m", s.base_station_m),
+        *(("ally_path_m", point) for point in s.ally_path_m or ()),
     ]
-    for name, points in inside.items():
-        for point in points:
-            if any(not 0 <= x <= size for x, size in zip(point, s.box_m, strict=True)):
-                extra = f" with patrol_radius_m {r}" if name == "patrol_centre_m" else ""
-                raise ScenarioError(f"{name}{extra}: {point} lies outside box_m {s.box_m}")
+    patrol = f"patrol_centre_m with patrol_radius_m {r}"
+    points += [(patrol, point) for point in ((x, y, z), (x + r, y + r, z), (x - r, y - r, 0.0))]
+    for name, point in points:
+        if any(not 0 <= value <= size for value, size in zip(point, s.box_m, strict=True)):
+            raise ScenarioError(f"{name}: {point} lies outside box_m {s.box_m}")
     if s.ally_path_m is not None and (length := _length_m(s.ally_path_m)) < s.ally_speed_m_s[1]:
         raise ScenarioError(
             f"ally_path_m {s.ally_path_m}: {length:.3g} m long, "
@@ -164,14 +168,15 @@ def _number(default: float, low: float, high: float, doc: str) -> Any:
 
 
 def _numbers(default: tuple[float, ...], low: float, high: float, doc: str) -> Any:
-    return field(default=default, metadata={"low": low, "high": high, "length": len(default), "doc": doc})
+    limits = {"low": low, "high": high, "length": len(default), "default": default}
+    return field(default=default, metadata={**limits, "doc": doc})
 
 
 def _choice(default: str, choices: tuple[str, ...], doc: str) -> Any:
     return field(default=default, metadata={"choices": choices, "doc": doc})
 
 
-def _other(default: Any, doc: str) -> Any:
+def _other(default: object, doc: str) -> Any:
     return field(default=default, metadata={"doc": doc})
 
 
@@ -301,14 +306,14 @@ class Scenario:
     def hash(self) -> str:
         """SHA-256 of the rules, as 64 hexadecimal digits; equal hashes mean equal games.
 
-        Only fields that differ from the released rules (:mod:`fpg_bench.game.scenario`) enter it, so a new
-        field with a neutral default keeps every hash, and a changed default changes it.
+        Only fields that differ from the released rules (``released.json``) enter it, so a new field with a
+        neutral default keeps every hash, and a changed default changes it.
         """
-        released = {spec.name: spec.default for spec in fields(self)} | RELEASED[RULES_VERSION]
+        released = _as_json({spec.name: spec.default for spec in fields(self)}) | RELEASED
         changed = {
-            name: getattr(self, name)
-            for name in released
-            if name != "knowledge" and getattr(self, name) != released[name]
+            name: value
+            for name, value in _as_json(dataclasses.asdict(self)).items()
+            if name != "knowledge" and value != released[name]
         }
         base = self.knowledge_base
         content = {
@@ -344,8 +349,12 @@ class Scenario:
 
     def to_yaml(self, path: str | Path) -> None:
         """Write every field, so that :meth:`from_yaml` returns an equal scenario."""
-        content = json.loads(json.dumps({spec.name: getattr(self, spec.name) for spec in fields(self)}))
-        write_whole(Path(path), yaml.safe_dump(content, sort_keys=False))
+        write_whole(Path(path), yaml.safe_dump(_as_json(dataclasses.asdict(self)), sort_keys=False))
+
+
+def _as_json(values: dict[str, Any]) -> dict[str, Any]:
+    """Return values as a JSON file would give them back: lists for tuples."""
+    return dict(json.loads(json.dumps(values)))
 
 
 STANDARD = Scenario()
@@ -397,73 +406,13 @@ def as_scenario(scenario: Scenario | str | Path | None, **changes: Any) -> Scena
         ScenarioError: no such preset or file, or a value that cannot be played.
     """
     if scenario is None:
-        found = STANDARD
+        base = STANDARD
     elif isinstance(scenario, Scenario):
-        found = scenario
+        base = scenario
     elif isinstance(scenario, str | Path):
         is_file = str(scenario).endswith((".yml", ".yaml"))
-        found = Scenario.from_yaml(scenario) if is_file else preset(str(scenario))
+        base = Scenario.from_yaml(scenario) if is_file else preset(str(scenario))
     else:
         raise ScenarioError(f"scenario: expected a Scenario, a preset or a YAML file, got {scenario!r}")
     changes = {name: value for name, value in changes.items() if value is not None}
-    return dataclasses.replace(found, **changes) if changes else found
-
-
-RULES_VERSION = 1
-
-RELEASED: dict[int, dict[str, Any]] = {
-    1: {
-        "box_m": (1500.0, 1500.0, 600.0),
-        "base_station_m": (750.0, 750.0, 0.0),
-        "steps_per_round": 300,
-        "rounds_per_match": 1,
-        "band_low_mhz": 150.0,
-        "band_high_mhz": 250.0,
-        "frequency_points": 15,
-        "path_loss_constant_db": 32.44,
-        "minimum_distance_m": 1.0,
-        "base_power_dbm": 45.0,
-        "opponent_power_dbm": 20.0,
-        "noise_density_dbm_hz": -170.0,
-        "bandwidth_mhz": 5.0,
-        "spread_bandwidth_mhz": 2400.0,
-        "fading_sd_db": 1.0,
-        "snr_threshold_db": 8.0,
-        "snr_model": "sinr",
-        "spread_capacity": False,
-        "jamming_types": ("tone", "narrowband", "broadband", "comb"),
-        "jamming_coefficients": (1.5, 1.2, 0.4, 0.8),
-        "footprint_half_widths_mhz": (2.5, 10.0, 25.0, 2.5),
-        "comb_spacing_points": 4,
-        "footprint_tolerance_mhz": 1e-06,
-        "detection": "emission",
-        "first_check_s": (1, 5),
-        "check_interval_s": (4, 6),
-        "ally_emission_dbm": -12.0,
-        "ally_speed_m_s": (5.0, 10.0),
-        "ally_path_m": None,
-        "ally_path_altitude_m": (50.0, 550.0),
-        "ally_path_chords": 256,
-        "reselect_on_despread": False,
-        "hopping": "gated",
-        "opponent_path": "pursuit",
-        "opponent_speed_m_s": 10.0,
-        "tuning_span_mhz": 50.0,
-        "patrol_centre_m": (750.0, 750.0, 300.0),
-        "patrol_radius_m": 300.0,
-        "waypoints": 16,
-        "sensing_centre_sd_mhz": 1.0,
-        "sensing_type_error": 0.1,
-        "spreading_scale_s": 60.0,
-        "snr_scale_db": 80.0,
-        "age_scale_s": 60.0,
-        "check_scale_s": 6.0,
-        "snr_cap_db": 30.0,
-        "hop_cost": 40.0,
-        "spread_cost_from_s": (0.0, 10.0, 20.0, 40.0),
-        "spread_cost_per_s": (0.5, 1.0, 1.2, 1.5),
-        "distance_reward": 20.0,
-        "distance_reward_m": 30.0,
-        "snr_drop_weight": 1.0,
-    },
-}
+    return dataclasses.replace(base, **changes) if changes else base

@@ -25,7 +25,8 @@ from fpg_bench.game.rewards import reward
 from fpg_bench.game.sensing import ally_observation, check, opponent_observation, sense
 from fpg_bench.game.state import Record
 
-# The indices of both actions; 3-8 of the ally are read in choosing.py, 6-8 of the opponent in flight.py.
+# The indices of both actions; hopping.py reads 3-8 of the ally, jamming.py and flight.py 0-3 and 6-8 of the
+# opponent.
 HOP_GATE, SPREAD_GATE, SPEED = 0, 1, 2
 TUNING, TUNING_REFERENCE = 4, 5
 

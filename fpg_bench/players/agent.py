@@ -16,7 +16,7 @@ from fpg_bench.common.files import read_json, write_json, write_whole
 from fpg_bench.common.ids import DUEL, ENVS, sides_of
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise
-from fpg_bench.players.player import SIDES
+from fpg_bench.players.player import SIDES, Memory
 from fpg_bench.players.seeded import SeededPolicy
 
 AGENT_FORMAT = 1
@@ -65,7 +65,9 @@ class OnnxPlayer(SeededPolicy):
         self.noise_size = inputs["noise"][1] if "noise" in inputs else 0
         self._outputs = ["action", "next_state"] if self.state_size else ["action"]
 
-    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+    def _answer(
+        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
+    ) -> tuple[np.ndarray, Memory]:
         count = len(seen)
         memory, steps = (None, np.zeros(count, np.int64)) if state is None else state
         feeds = {"observation": np.ascontiguousarray(seen, np.float32)}
@@ -77,14 +79,13 @@ class OnnxPlayer(SeededPolicy):
         if self.noise_size:
             steps = steps.copy() if starts is None else np.where(starts, 0, steps)
             feeds["noise"] = self._noise(steps)
-        found = self._run(feeds) if self.row_wise else self._one_by_one(feeds)
+        actions, *memory = self._run(feeds) if self.row_wise else self._one_by_one(feeds)
         if not self.state_size and not self.noise_size:
-            return found[0], None
-        return found[0], (found[1] if self.state_size else None, steps + 1)
+            return actions, None
+        return actions, (memory[0] if self.state_size else None, steps + 1)
 
     def _run(self, feeds: dict[str, np.ndarray]) -> list[np.ndarray]:
-        found: list[np.ndarray] = self._session.run(self._outputs, feeds)
-        return found
+        return list(self._session.run(self._outputs, feeds))
 
     def _one_by_one(self, feeds: dict[str, np.ndarray]) -> list[np.ndarray]:
         """Run each row in a batch of its own; outputs with more rows keep their wrong shape."""

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 
 if TYPE_CHECKING:
-    from onnx import ModelProto
-import math
-from dataclasses import dataclass
-from itertools import zip_longest
-
-if TYPE_CHECKING:
     from onnx import ModelProto, NodeProto
-
 
 MAX_NOISE = 16
 # What no answer may depend on: notes, sizes that a file claims of itself, hints for devices.
@@ -70,8 +66,8 @@ def check_signature(inputs: dict[str, list[Any]], outputs: dict[str, list[Any]])
     """
     wanted_in = {"observation": OBSERVATION_SIZE, "state": None, "noise": None}
     wanted_out = {"action": ACTION_SIZE, "next_state": None}
-    for found, wanted, what in ((inputs, wanted_in, "input"), (outputs, wanted_out, "output")):
-        for name, shape in found.items():
+    for shapes, wanted, what in ((inputs, wanted_in, "input"), (outputs, wanted_out, "output")):
+        for name, shape in shapes.items():
             if name not in wanted:
                 raise UserError(f"policy.onnx: unknown {what} {name!r}; known: {', '.join(wanted)}")
             size = wanted[name]
@@ -165,12 +161,12 @@ def _shapes(model: ModelProto) -> dict[str, Shape]:
         graph = shape_inference.infer_shapes(copy, strict_mode=True).graph
     except Exception as error:  # shape inference has kinds of its own
         raise _Unknown from error
-    found = {tensor.name: tuple(tensor.dims) for tensor in graph.initializer}
+    shapes = {tensor.name: tuple(tensor.dims) for tensor in graph.initializer}
     for value in (*graph.input, *graph.value_info, *graph.output):
         dims = value.type.tensor_type.shape.dim
         if value.type.tensor_type.HasField("shape") and all(dim.HasField("dim_value") for dim in dims):
-            found[value.name] = tuple(dim.dim_value for dim in dims)
-    return found
+            shapes[value.name] = tuple(dim.dim_value for dim in dims)
+    return shapes
 
 
 @dataclass(frozen=True)
@@ -208,17 +204,25 @@ class _Read:
         )
 
     @property
-    def first_alone(self) -> bool:
-        """True if the first input, and no other, holds rows."""
-        return self.rows[0] is not None and not any(self.rows[1:])
+    def row_shapes(self) -> list[Shape]:
+        """The shapes of the inputs that hold rows."""
+        return [shape for shape in self.rows if shape is not None]
 
 
 def _apart(read: _Read) -> bool:
     """Return True if an operator is known to keep rows independent and in order."""
-    for shape in (*filter(None, read.rows), *read.outputs):
+    for shape in (*read.row_shapes, *read.outputs):
         _axis(shape)
     rule = _RULES.get(read.node.op_type) if read.node.domain in ("", "ai.onnx") else None
     return rule is not None and rule(read)
+
+
+def _first_alone(read: _Read) -> bool:
+    """Return True if the first input, and no other, holds rows.
+
+    That suffices for reductions and selections: an axis that keeps the size of the rows keeps the rows.
+    """
+    return read.rows[0] is not None and not any(read.rows[1:])
 
 
 def _axis(shape: Shape) -> int:
@@ -239,8 +243,8 @@ def _same_for_all(others: list[Shape], place: int) -> bool:
 
 def _number_by_number(read: _Read) -> bool:
     """Element-wise operators. Inference ignores axes that PRelu's second input may add."""
-    inputs = [*filter(None, read.rows), *read.others]
-    places = {_from_end(shape) for shape in (*filter(None, read.rows), *read.outputs)}
+    inputs = [*read.row_shapes, *read.others]
+    places = {_from_end(shape) for shape in (*read.row_shapes, *read.outputs)}
     return (
         len(places) == 1
         and _same_for_all(read.others, places.pop())
@@ -250,34 +254,29 @@ def _number_by_number(read: _Read) -> bool:
 
 def _broadcast(shapes: Iterable[Shape]) -> Shape:
     """Return the shape of several tensors broadcast together."""
-    found = []
+    broadcast = []
     for sizes in zip_longest(*(reversed(shape) for shape in shapes), fillvalue=1):
         others = set(sizes) - {1}
         if len(others) > 1:
             raise _Unknown
-        found.append(others.pop() if others else 1)
-    return tuple(reversed(found))
-
-
-def _by_size(read: _Read) -> bool:
-    """Reductions and selections: an axis that keeps the size of the rows keeps the rows."""
-    return read.first_alone
+        broadcast.append(others.pop() if others else 1)
+    return tuple(reversed(broadcast))
 
 
 def _joined(read: _Read) -> bool:
-    return not read.others and len({_axis(shape) for shape in (*filter(None, read.rows), *read.outputs)}) == 1
+    return not read.others and len({_axis(shape) for shape in (*read.row_shapes, *read.outputs)}) == 1
 
 
 def _sliced(read: _Read) -> bool:
     """Slices: all rows are taken if their number stays; a negative step would reverse them."""
     steps = read.integers[4] if len(read.integers) > 4 and read.node.input[4] else [1]
-    return read.first_alone and steps is not None and min(steps, default=1) > 0
+    return _first_alone(read) and steps is not None and min(steps, default=1) > 0
 
 
 def _in_order(read: _Read) -> bool:
     """Reshapes: the number of elements before the rows must stay the same."""
-    before = {math.prod(of[: _axis(of)]) for of in (*filter(None, read.rows), *read.outputs)}
-    return read.first_alone and (read.node.op_type != "Squeeze" or _names_axes(read)) and len(before) == 1
+    before = {math.prod(of[: _axis(of)]) for of in (*read.row_shapes, *read.outputs)}
+    return _first_alone(read) and (read.node.op_type != "Squeeze" or _names_axes(read)) and len(before) == 1
 
 
 def _names_axes(read: _Read) -> bool:
@@ -287,32 +286,30 @@ def _names_axes(read: _Read) -> bool:
 
 def _along_later_axes(read: _Read) -> bool:
     shape = read.rows[0]
-    if shape is None or not read.first_alone:
-        return False
     return (
-        _axis(shape) < int(read.attributes.get("axis", 1)) % len(shape)
+        shape is not None
+        and _first_alone(read)
+        and _axis(shape) < int(read.attributes.get("axis", 1)) % len(shape)
         and _same_for_all(read.others, _from_end(shape))
         and all(len(other) <= len(shape) for other in read.others)
     )
 
 
 def _product(read: _Read) -> bool:
-    shape = read.rows[0]
-    if shape is None or not read.first_alone:
+    if not _first_alone(read):
         return False
-    place = _from_end(shape)
+    place = _from_end(read.rows[0] or ())
     return place == 2 or (place > 2 and _same_for_all(read.others, place))
 
 
 def _gemm(read: _Read) -> bool:
     """Gemm: an added tensor with rows needs two axes, or it would be added along the columns."""
-    shapes = [shape for shape in read.rows if shape is not None]
     added = [] if any(read.rows[2:]) else read.others[1:]
     return (
         bool(read.rows[0])
         and read.rows[1] is None
         and not read.attributes.get("transA", 0)
-        and all(_axis(shape) == 0 and len(shape) == 2 for shape in shapes)
+        and all(_axis(shape) == 0 and len(shape) == 2 for shape in read.row_shapes)
         and _same_for_all(added, 2)
     )
 
@@ -327,18 +324,18 @@ def _recurrent(read: _Read) -> bool:
         and not any(read.node.input[4:5])
         and not any(read.rows[7:])
         and len(begun) == sum(shape is not None for shape in read.rows[5:7])
-        and all(_axis(shape) == 1 for shape in read.rows if shape is not None)
+        and all(_axis(shape) == 1 for shape in read.row_shapes)
     )
 
 
 def _convolved(read: _Read) -> bool:
-    return read.first_alone and _axis(read.rows[0] or ()) == 0
+    return _first_alone(read) and _axis(read.rows[0] or ()) == 0
 
 
 _RULES = {
     **dict.fromkeys(_NUMBER_BY_NUMBER.split(), _number_by_number),
-    **dict.fromkeys([f"Reduce{name}" for name in _REDUCING.split()], _by_size),
-    **dict.fromkeys(("ArgMax", "ArgMin", "Gather", "Split", "Transpose"), _by_size),
+    **dict.fromkeys([f"Reduce{name}" for name in _REDUCING.split()], _first_alone),
+    **dict.fromkeys(("ArgMax", "ArgMin", "Gather", "Split", "Transpose"), _first_alone),
     **dict.fromkeys(("Flatten", "Reshape", "Squeeze", "Unsqueeze"), _in_order),
     **dict.fromkeys(("Hardmax", "LayerNormalization", "LogSoftmax", "Softmax"), _along_later_axes),
     **dict.fromkeys(("GRU", "LSTM", "RNN"), _recurrent),

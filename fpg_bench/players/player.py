@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 
 SIDES = ("ally", "opponent")
+Memory = Any  # what a player remembers of its rounds; only the player itself knows its type
 
 
 @runtime_checkable
@@ -30,10 +32,10 @@ class Player(Protocol):
     def predict(
         self,
         observation: np.ndarray,
-        state: Any = None,
+        state: Memory = None,
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
-    ) -> tuple[np.ndarray, Any]:
+    ) -> tuple[np.ndarray, Memory]:
         """Return actions ``(n, 9)`` float32 in [-1, 1], and the player's next memory.
 
         Args:
@@ -43,6 +45,9 @@ class Player(Protocol):
             deterministic: true for the mode of a stochastic policy.
         """
         ...
+
+
+PlayerSpec = str | os.PathLike[str] | Player  # a player, or its name
 
 
 @dataclass(frozen=True)
@@ -56,12 +61,12 @@ class Abilities:
     """
 
     reset: Callable[[np.ndarray, np.ndarray], None] | None
-    predict_rows: Callable[..., tuple[np.ndarray, Any]] | None
+    predict_rows: Callable[..., tuple[np.ndarray, Memory]] | None
     sees_state: bool
     pursues: bool
 
     @classmethod
-    def of(cls, player: Player) -> Abilities:
+    def of(cls, player: Player) -> Self:
         """Look up the optional members of a player."""
         return cls(
             getattr(player, "reset", None),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from fpg_bench.game import rng
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.full_state import full_state
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.players.player import Abilities, Player
+from fpg_bench.players.player import Abilities, Memory, Player
 from fpg_bench.players.scripted import player_seeds
 
 
@@ -40,7 +39,7 @@ class PolicyRunner:
         self._observations = batch.ally_observations if side == "ally" else batch.opponent_observations
         self._abilities = [Abilities.of(player) for player in self.players]
         self._callers = np.array([self._caller(index) for index in range(len(self.players))])
-        self._memories: list[Any] = [None] * len(self.players)
+        self._memories: list[Memory] = [None] * len(self.players)
         self._starts = np.ones(batch.count, bool)
         self._has_starts = True
         self._calls: list[tuple[int, np.ndarray]] = []

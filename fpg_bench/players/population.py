@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.players.agent import OnnxPlayer, baselines_folder, load_agent
-from fpg_bench.players.player import SIDES
+from fpg_bench.players.agent import OnnxPlayer, load_agent, suites_folder
+from fpg_bench.players.player import SIDES, PlayerSpec
 
 PREFIX = "suite:"
 
@@ -29,8 +29,8 @@ class SuiteMember(OnnxPlayer):
 
 def flight_of(about: dict[str, Any]) -> str:
     """Return the opponent's flight in an agent's training: ``learned`` or ``pursuit``."""
-    suites = about.get("scenario_fields")
-    path = suites.get("opponent_path", "pursuit") if isinstance(suites, dict) else "pursuit"
+    scenario = about.get("scenario_fields")
+    path = scenario.get("opponent_path", "pursuit") if isinstance(scenario, dict) else "pursuit"
     return "learned" if path == "learned" or (isinstance(path, list) and "learned" in path) else "pursuit"
 
 
@@ -40,7 +40,7 @@ def as_member(folder: str | os.PathLike[str], side: str | None = None) -> SuiteM
     return SuiteMember(agent.model, agent.about)
 
 
-def with_members(specs: Iterable[Any], side: str) -> list[Any]:
+def with_members(specs: Iterable[PlayerSpec], side: str) -> list[PlayerSpec]:
     """Return a list of players with each suite replaced by its members of a side.
 
     Args:
@@ -51,7 +51,13 @@ def with_members(specs: Iterable[Any], side: str) -> list[Any]:
     Raises:
         UserError: no such suite, or one without members of this side.
     """
-    return [member for spec in specs for member in (_members(spec, side) if _is_suite(spec) else [spec])]
+    players: list[PlayerSpec] = []
+    for spec in specs:
+        if isinstance(spec, str) and spec.startswith(PREFIX) and _folder(spec.removeprefix(PREFIX)):
+            players += _members(spec, side)
+        else:
+            players.append(spec)
+    return players
 
 
 def load_member(spec: str, side: str) -> SuiteMember:
@@ -76,32 +82,24 @@ def load_member(spec: str, side: str) -> SuiteMember:
     return as_member(folder / side / member, side)
 
 
-def _is_suite(spec: Any) -> bool:
-    return (
-        isinstance(spec, str) and spec.startswith(PREFIX) and _folder(spec.removeprefix(PREFIX)) is not None
-    )
-
-
 def _members(spec: str, side: str) -> list[str]:
     """Return the names of a suite's members of a side, in alphabetical order."""
     name = spec.removeprefix(PREFIX)
     folder = _folder(name)
     if folder is None:
         raise UserError(f"{side} {spec!r}: no such suite{nearest(name, _shipped())}")
-    inside = folder / side
-    found = sorted(entry.name for entry in inside.iterdir() if entry.is_dir()) if inside.is_dir() else []
-    if not found:
+    members = sorted(path.name for path in (folder / side).glob("*/"))
+    if not members:
         raise UserError(f"{spec}: has no members that play the {side}")
-    return [f"{PREFIX}{name.rstrip('/')}/{member}" for member in found]
+    return [f"{PREFIX}{name.rstrip('/')}/{member}" for member in members]
 
 
 def _folder(name: str) -> Path | None:
     """Return the folder of a suite; None if there is no such suite."""
-    places = [baselines_folder() / "suites" / name, Path(name)] if name else []
+    places = [suites_folder() / name, Path(name)] if name else []
     return next((place for place in places if any((place / side).is_dir() for side in SIDES)), None)
 
 
 def _shipped() -> list[str]:
     """Return the names of the suites of the package."""
-    suites = baselines_folder() / "suites"
-    return [entry.name for entry in suites.iterdir() if entry.is_dir()] if suites.is_dir() else []
+    return [path.name for path in suites_folder().iterdir() if path.is_dir()]

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.imports import import_object
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.players.player import Player
+from fpg_bench.players.player import Player, PlayerSpec
 from fpg_bench.players.scripted import ORACLES, SCRIPTED, OracleAlly, OracleOpponent, Scripted
 
 
-def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
+def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
     """Return the player that ``spec`` names.
 
     Args:
@@ -28,7 +27,7 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
         UserError: no such player, one that cannot be made, or not one of this side.
     """
     if not isinstance(spec, str | os.PathLike):
-        if isinstance(spec, Player) and callable(spec.predict):
+        if callable(getattr(spec, "predict", None)):
             return spec
         raise UserError(f"{side}: expected a player's name or an object with predict, got {spec!r}")
     name = os.fspath(spec)
@@ -53,10 +52,10 @@ def as_player(spec: Any, side: str, scenario: Scenario) -> Player:
 def policy_hash(player: Player) -> str | None:
     """Return the SHA-256 of an agent's policy; None for any other player."""
     about = getattr(player, "about", None)
-    found = about.get("policy_sha256") if isinstance(about, dict) else None
-    return None if found is None else str(found)
+    sha256 = about.get("policy_sha256") if isinstance(about, dict) else None
+    return None if sha256 is None else str(sha256)
 
 
-def player_name(spec: Any) -> str:
+def player_name(spec: PlayerSpec) -> str:
     """Return the name of a player in rows and tables: its specification, or its class."""
     return os.fspath(spec) if isinstance(spec, str | os.PathLike) else type(spec).__name__

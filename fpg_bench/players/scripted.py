@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from fpg_bench.game.sensing import (
     SPREADING_TIME,
 )
 from fpg_bench.game.state import ACTION_SIZE, TYPES
+from fpg_bench.players.player import Memory
 from fpg_bench.players.seeded import Batched, SeededPolicy
 
 ALLIES = ("idle", "random", "reactive", "expert", "expert-spread", "always-hop")
@@ -174,7 +174,9 @@ class Scripted(SeededPolicy):
             ]
         )
 
-    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+    def _answer(
+        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
+    ) -> tuple[np.ndarray, Memory]:
         count = len(seen)
         steps = np.zeros(count, np.int64) if state is None else state.copy()
         if starts is not None:
@@ -209,7 +211,9 @@ class OracleAlly(Batched):
         self._check_s = scenario.check_scale_s
         self._half_point = 1.0 / (scenario.frequency_points - 1)
 
-    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+    def _answer(
+        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
+    ) -> tuple[np.ndarray, Memory]:
         frequency = seen[:, ALLY + OWN_FREQUENCY]
         known = seen[:, OPPONENT + KNOWN_FREQUENCY]
         due = seen[:, OPPONENT + NEXT_CHECK] * self._check_s < 1.5
@@ -234,7 +238,9 @@ class OracleOpponent(Batched):
     def __init__(self, scenario: Scenario) -> None:
         self._box = np.asarray(scenario.box_m)
 
-    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+    def _answer(
+        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
+    ) -> tuple[np.ndarray, Memory]:
         actions = np.full((len(seen), ACTION_SIZE), -1, np.float32)
         actions[:, 0] = 1
         actions[:, 4] = seen[:, ALLY + OWN_FREQUENCY]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
+
+from fpg_bench.players.player import Memory
 
 
 class Batched:
@@ -15,17 +16,19 @@ class Batched:
     def predict(
         self,
         observation: np.ndarray,
-        state: Any = None,
+        state: Memory = None,
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
-    ) -> tuple[np.ndarray, Any]:
+    ) -> tuple[np.ndarray, Memory]:
         """Play one step of one game or of many; see :class:`fpg_bench.players.player.Player`."""
         if observation.ndim == 1:
             actions, state = self.predict(observation[None], state, episode_start)
             return actions[0], state
         return self._answer(observation, state, episode_start)
 
-    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+    def _answer(
+        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
+    ) -> tuple[np.ndarray, Memory]:
         """Return the actions in a batch of games and the next memory."""
         raise NotImplementedError
 
@@ -65,10 +68,10 @@ class SeededPolicy(Batched):
         self,
         rows: np.ndarray,
         observation: np.ndarray,
-        state: Any = None,
+        state: Memory = None,
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
-    ) -> tuple[np.ndarray, Any]:
+    ) -> tuple[np.ndarray, Memory]:
         """Play one step of some games; the memory of the others stays as it is.
 
         Args:
@@ -86,14 +89,14 @@ class SeededPolicy(Batched):
         return actions, _put(state, rows, memory, count)
 
 
-def _take(state: Any, rows: np.ndarray) -> Any:
+def _take(state: Memory, rows: np.ndarray) -> Memory:
     """Return the rows of a memory that belong to some games."""
     if isinstance(state, tuple):
         return tuple(_take(part, rows) for part in state)
     return None if state is None else state[rows]
 
 
-def _put(state: Any, rows: np.ndarray, new: Any, count: int) -> Any:
+def _put(state: Memory, rows: np.ndarray, new: Memory, count: int) -> Memory:
     """Return the memory of all games with the new rows of some; zeros for games that never played."""
     if isinstance(new, tuple):
         parts = [None] * len(new) if state is None else state

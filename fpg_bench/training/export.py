@@ -134,7 +134,7 @@ def export_agent(
         raise UserError("export: the model has no games of fpg_bench.make_sb3; say which id it is for")
     description = {
         "algorithm": algorithm or type(model).__name__.lower(),
-        "id": id or core.view.id,  # type: ignore[union-attr]
+        "id": id or core.config.id,  # type: ignore[union-attr]
         "scenario": STANDARD.hash if core is None else core.scenario.hash,
         "training_seed": training_seed,
         "training_steps": model.num_timesteps,

@@ -270,7 +270,7 @@ def test_what_cannot_be_is_refused(options, message):
         ({"mask": np.array([True])}, r"a mask of shape \(2,\), got \(1,\)"),
         ({"horizons": np.array([5, 301])}, "horizons of 1 to 300 steps"),
         ({"horizons": np.array([0, 300])}, "horizons of 1 to 300 steps"),
-        ({"seeds": [1]}, "a whole number or 2 of them"),
+        ({"seeds": [1]}, r"a whole number in \[0, 2\^63\) or 2 of them"),
     ],
     ids=str,
 )

@@ -167,7 +167,7 @@ def test_every_keyword_changes_the_outcome(env_id, options):
 def test_an_adversary_is_paid_what_the_other_side_loses(env_id):
     env, same = (gymnasium.make(env_id, reward=reward) for reward in ("zero_sum", "own"))
     games = [e.unwrapped.core.duel.batch.games for e in (env, same)]
-    other = env.unwrapped.core.view.other_side
+    other = env.unwrapped.core.config.other_side
     for e in (env, same):
         e.reset(seed=3)
     for action in np.random.default_rng(0).uniform(-1, 1, (50, 9)).astype(np.float32):
