@@ -221,10 +221,10 @@ def _targets(out: Path | None, name: str) -> tuple[Path, Path, Path]:
 
 
 def _print_talk(played: Round) -> None:
-    from fpg_bench.evaluation.match_picture import said_in
+    from fpg_bench.evaluation.match_picture import messages_of
 
     for attempt in played.talk:
-        for who, text in said_in(attempt):
+        for who, text in messages_of(attempt):
             for line in (f"--- {who}", *text.splitlines()):
                 typer.echo(printable(line))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Unpack
 
 import numpy as np
@@ -13,7 +13,7 @@ from gymnasium import spaces
 
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
 from fpg_bench.common.ids import EnvConfig, find_env
-from fpg_bench.envs.two_player import DuelOptions, TwoPlayerBatch, make_duel
+from fpg_bench.envs.two_player import DuelOptions, PlannerSpec, TwoPlayerBatch, make_duel
 from fpg_bench.game.batch import ActionError, Seeds, check_seeds, described
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
@@ -129,7 +129,7 @@ class SingleAgentGame:
         opponent: PlayerSpec | Sequence[PlayerSpec] | None = None,
         ally: PlayerSpec | Sequence[PlayerSpec] | None = None,
         path: str | Sequence[str] | None = None,
-        planner: str | Planner | Callable[..., Planner] | None = None,
+        planner: PlannerSpec | None = None,
         knowledge: str | None = None,
         jamming_types: Sequence[str] | None = None,
         reward: str | None = None,
@@ -353,9 +353,7 @@ def _as_list(spec: PlayerSpec | Sequence[PlayerSpec] | None, default: str) -> li
     return [spec]
 
 
-def _planner(
-    spec: str | Planner | Callable[..., Planner] | None, config: EnvConfig, scenario: Scenario
-) -> Planner | None:
+def _planner(spec: PlannerSpec | None, config: EnvConfig, scenario: Scenario) -> Planner | None:
     """Return the planner that the caller names, or else the environment's own."""
     spec = config.planner if spec is None else spec
     planner = None if spec is None else as_planner(spec, scenario)

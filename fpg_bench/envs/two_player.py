@@ -16,13 +16,15 @@ from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.planning import Limits, Plan, Planner, Request, as_planner, plan_all
 from fpg_bench.planning.planner import planner_name
 
+PlannerSpec = str | Planner | Callable[..., Planner]  # a planner, its name, or what makes one
+
 
 class DuelOptions(TypedDict, total=False):
     """Keyword options of the environments in which the caller plays both sides; see :func:`make_duel`."""
 
     scenario: Scenario | str | None
     path: str | Sequence[str] | None
-    planner: str | Planner | Callable[..., Planner] | None
+    planner: PlannerSpec | None
     knowledge: str | None
     jamming_types: Sequence[str] | None
     threads: int | None
@@ -175,7 +177,7 @@ def make_duel(
     *,
     scenario: Scenario | str | None = None,
     path: str | Sequence[str] | None = None,
-    planner: str | Planner | Callable[..., Planner] | None = None,
+    planner: PlannerSpec | None = None,
     knowledge: str | None = None,
     jamming_types: Sequence[str] | None = None,
     threads: int | None = None,

@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -27,7 +27,7 @@ from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.planning import Limits, Planner, Request, as_planner, plan_all
 from fpg_bench.planning.planner import check_described
 from fpg_bench.planning.registry import resolve
-from fpg_bench.players.player import SIDES, Player
+from fpg_bench.players.player import SIDES, Abilities, Memory, Player
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import as_player, player_name
 from fpg_bench.players.scripted import Scripted, player_seeds
@@ -40,7 +40,7 @@ _TORCH_TOLERANCE = 1e-4  # torch's last bits depend on the batch size
 _SPARRING = {"ally": ("opponent", "adaptive"), "opponent": ("ally", "expert")}
 
 
-def _require(holds: Any, message: str) -> None:
+def _require(holds: bool | np.bool_, message: str) -> None:
     """Raise AssertionError with a message unless a condition holds."""
     if not holds:
         raise AssertionError(message)
@@ -117,9 +117,9 @@ def _record_observations(player: Player, side: str, scenario: Scenario) -> tuple
     start = np.ones(_GAMES, bool)
     _reset(player, start, seeds)
     state, observations = None, []
+    sees_state = Abilities.of(player).sees_state
     for _ in range(min(_STEPS, scenario.steps_per_round)):
-        is_oracle = getattr(player, "sees", "") == "state"
-        seen = duel.state() if is_oracle else getattr(duel.present(), f"{side}_observations")
+        seen = duel.state() if sees_state else getattr(duel.present(), f"{side}_observations")
         observations.append(seen)
         actions, state = _predict(player, seen, state, start)
         start = np.zeros(_GAMES, bool)
@@ -129,8 +129,8 @@ def _record_observations(player: Player, side: str, scenario: Scenario) -> tuple
 
 
 def _predict(
-    player: Player, observation: np.ndarray, state: Any, start: np.ndarray
-) -> tuple[np.ndarray, Any]:
+    player: Player, observation: np.ndarray, state: Memory, start: np.ndarray
+) -> tuple[np.ndarray, Memory]:
     """Return the player's actions and memory, checked: shape, dtype, range, and its arguments unchanged."""
     given = observation.copy()
     answer = player.predict(given, state, start, True)
@@ -157,8 +157,8 @@ def _predict(
 
 
 def _reset(player: Player, mask: np.ndarray, seeds: np.ndarray) -> None:
-    if hasattr(player, "reset"):
-        player.reset(mask, seeds)
+    if (reset := Abilities.of(player).reset) is not None:
+        reset(mask, seeds)
 
 
 def _replay(
@@ -206,9 +206,9 @@ def check_planner(planner: Planner | str, scenario: Scenario | str | None = None
         UserError: no such planner or scenario.
     """
     played = as_scenario(scenario)
-    found = resolve(planner, played)
+    resolved = resolve(planner, played)
     with _as_assertions():
-        check_described(found)
+        check_described(resolved)
     limits = Limits.of(played)
     for rounds in (0, 3):
         rng = np.random.default_rng(rounds)
@@ -216,14 +216,14 @@ def check_planner(planner: Planner | str, scenario: Scenario | str | None = None
         history[..., :3] = rng.uniform(0, limits.box_m, (rounds, limits.waypoints, 3))
         position = rng.uniform(0, limits.box_m)
         past, here = history.copy(), position.copy()
-        (waypoints,) = _plan(found, past, here, limits, games=1)
+        (waypoints,) = _plan(resolved, past, here, limits, games=1)
         _require((past == history).all(), "planner: plan changed the history; work on a copy")
         _require((here == position).all(), "planner: plan changed the current position; work on a copy")
         _require(
-            all((waypoints == again).all() for again in _plan(found, past, here, limits, games=2)),
+            all((waypoints == again).all() for again in _plan(resolved, past, here, limits, games=2)),
             f"planner: the same generator gave another plan after {rounds} rounds; draw from rng only",
         )
-    print(f"{found.name}: keeps to the contract of planners")
+    print(f"{resolved.name}: keeps to the contract of planners")
 
 
 def _plan(
@@ -285,11 +285,11 @@ def _duel_of(scenario: Scenario, games: int) -> TwoPlayerBatch:
 
 def _play_round(scenario: Scenario, ally: str, opponent: str, games: int, seed: int) -> list[np.ndarray]:
     """Return the observations and rewards ``(games, ...)`` of each step of a round, checked."""
-    table = make_match(_duel_of(scenario, games), ally, opponent)
+    match = make_match(_duel_of(scenario, games), ally, opponent)
     steps: list[np.ndarray] = []
 
     def check_step() -> None:
-        duel, index = table.duel, len(steps)
+        duel, index = match.duel, len(steps)
         step = duel.present()
         shown = {
             "ally's observation": step.ally_observations,
@@ -313,11 +313,14 @@ def _play_round(scenario: Scenario, ally: str, opponent: str, games: int, seed: 
         _require(is_in_order, f"scenario: a round of {length} steps did not end with its last one ({index})")
         steps.append(np.column_stack([step.ally_observations, step.opponent_observations, rewards]))
 
-    play_round(table, seeds=seed, on_step=check_step)
+    play_round(match, seeds=seed, on_step=check_step)
     return steps
 
 
-def check_env(env: gymnasium.Env[Any, Any] | pettingzoo.ParallelEnv[str, Any, Any]) -> None:
+_Env: TypeAlias = gymnasium.Env[Any, Any] | pettingzoo.ParallelEnv[str, Any, Any]
+
+
+def check_env(env: _Env) -> None:
     """Check that an environment of the game keeps its library's contract and the game's own.
 
     Runs Gymnasium's ``check_env`` or PettingZoo's ``parallel_api_test`` and plays a round. The round must
@@ -372,7 +375,7 @@ def check_env(env: gymnasium.Env[Any, Any] | pettingzoo.ParallelEnv[str, Any, An
     print(f"{type(game).__name__}: keeps to the contract of environments")
 
 
-def _step(env: Any, sides: list[str]) -> tuple[Mapping[str, Any], ...]:
+def _step(env: _Env, sides: list[str]) -> tuple[Mapping[str, Any], ...]:
     """Play one step with zero actions; rewards, terminated, truncated and infos by side."""
     zeros = np.zeros(ACTION_SIZE, np.float32)
     if len(sides) > 1:

@@ -11,6 +11,7 @@ from typing import Any
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
+from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.entry import Entry, planner_entry
 from fpg_bench.evaluation.evaluate import Progress, play_into, with_matches
 from fpg_bench.evaluation.match import asks_llm, replaying
@@ -29,7 +30,7 @@ TRANSCRIPTS = "transcripts"  # of language models, in a results folder
 
 
 def compare(
-    planners: Sequence[Any] = (ALL,),
+    planners: Sequence[PlannerSpec] = (ALL,),
     suite: str = "planner-v1",
     out: str | Path = "comparison",
     *,
@@ -38,7 +39,7 @@ def compare(
     llm: Mapping[str, Any] | None = None,
     progress: Progress = lambda entry, rival, rounds: None,
 ) -> list[Summary]:
-    """Play planners against a suite of allies; what is in the folder already is not played again.
+    """Play planners against a suite of allies; records that the folder has already are not played again.
 
     Args:
         planners: planners or their names; ``all``: all that ask no language model; ``llm``,
@@ -50,49 +51,44 @@ def compare(
         transcripts: a folder of transcripts; each planner in it is one more, replayed without a server.
         llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, whose caps hold for all
             allies together, and ``server``, the profile of its endpoint.
-        progress: called before each meeting and after each of its rounds.
+        progress: called before each matchup and after each of its rounds.
 
     Returns:
         The summaries of all planners in the folder, best first.
 
     Raises:
-        UserError: something unknown, a folder that holds another suite's lines, no language model where one
-            is named, or one that is of no use, options for one where none is, or transcripts that do not
-            hold these matches.
+        UserError: something unknown, a folder that holds another suite's records, a language model without
+            an endpoint or with an unusable one, options for a language model where none is named, or
+            transcripts that do not hold these matches.
     """
     out = Path(out)
     played = with_matches(load_suite(suite, side=PLANNER), matches)
-    ordinary = [name for name in PLANNERS if not asks_llm(name)]
-    named = [spec for named in planners for spec in (ordinary if named == ALL else [named])]
-    named = [spec for k, spec in enumerate(named) if spec not in named[:k]]
-    if llm and not any(map(asks_llm, named)):
+    specs: list[PlannerSpec] = []
+    for named in planners:
+        for spec in [name for name in PLANNERS if not asks_llm(name)] if named == ALL else [named]:
+            if spec not in specs:
+                specs.append(spec)
+    entries = []
+    for spec in specs:
+        if isinstance(spec, str) and asks_llm(spec):
+            entries.append(_recorded_entry(spec, played, out / TRANSCRIPTS / spec, llm or {}))
+        else:
+            entries.append(planner_entry(spec, played))
+    if llm and not any(isinstance(spec, str) and asks_llm(spec) for spec in specs):
         raise UserError(f"{next(iter(llm))}: is for the planners {', '.join(LLM_CONTROLS)}; name one of them")
-    entries: list[Entry] = [
-        asked(spec, played, out / TRANSCRIPTS / spec, llm or {})
-        if asks_llm(spec)
-        else planner_entry(spec, played)
-        for spec in named
-    ]
     if transcripts is not None:
-        entries += replayed(Path(transcripts), played, [entry.name for entry in entries])
+        entries += _replayed_entries(Path(transcripts), played, [entry.name for entry in entries])
     return play_into(out, suite, played, entries, progress)
 
 
-ABOUT, PROMPT = "planner.json", "prompt.yml"  # lie beside a planner's transcripts, one for each ally
+ABOUT, PROMPT = "planner.json", "prompt.yml"  # beside a planner's transcripts, one per ally
 _DECIDING = ("model", "control", "prompt_hash")
 _SAMPLING = ("temperature", "sampling_seed")
 _CAPS = ("calls", "tokens", "seconds")
 
 
-def asked(name: str, suite: Suite, folder: Path, options: Mapping[str, Any]) -> Entry:
-    """A language model that is asked and recorded; what its transcripts hold is not asked again.
-
-    Args:
-        name: one of ``LLM_CONTROLS``.
-        suite: what it will play.
-        folder: where its transcripts grow.
-        options: those of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, whose caps hold for all
-            allies together, and ``server``, the profile of its endpoint.
+def _recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, Any]) -> Entry:
+    """Return a language model whose answers are recorded in a folder; recorded answers are not asked again.
 
     Raises:
         UserError: no endpoint, no such prompt, or a folder with transcripts of another model or prompt.
@@ -100,23 +96,29 @@ def asked(name: str, suite: Suite, folder: Path, options: Mapping[str, Any]) -> 
     control, rest = LLM_CONTROLS[name], dict(options)
     endpoint = endpoint_from_environment(rest.pop("server", None))
     prompt = rest.pop("prompt", endpoint.server.prompt)
-    about: dict[str, Any] = {"model": endpoint.model, "server": endpoint.server.name, "control": control}
-    about |= {"prompt": prompt, "prompt_hash": load_prompt(prompt).hash}
-    about |= {"temperature": rest.get("temperature", endpoint.server.temperature)}
-    about |= {"sampling_seed": rest.get("sampling_seed", 0)}
-    about |= {"suite": suite.name, "suite_hash": suite.hash, "matches": suite.matches}
+    about: dict[str, Any] = {
+        "model": endpoint.model,
+        "server": endpoint.server.name,
+        "control": control,
+        "prompt": prompt,
+        "prompt_hash": load_prompt(prompt).hash,
+        "temperature": rest.get("temperature", endpoint.server.temperature),
+        "sampling_seed": rest.get("sampling_seed", 0),
+        "suite": suite.name,
+        "suite_hash": suite.hash,
+        "matches": suite.matches,
+    }
     about |= begun(about)
     budget = _budget(folder, {cap: rest.pop(cap) for cap in _CAPS if cap in rest})
 
     def make(ally: Rival) -> LLMPlanner:
-        header = _claimed(folder, about, suite)
-        path = folder / transcript_name(ally.name)
+        header = _claim(folder, about, suite)
         planner = LLMPlanner(
             suite.scenario,
             endpoint,
             prompt=prompt,
             control=control,
-            transcript=path,
+            transcript=folder / transcript_name(ally.name),
             mode="record",
             chain=chain_of(header, ally.name),
             **rest,
@@ -127,29 +129,25 @@ def asked(name: str, suite: Suite, folder: Path, options: Mapping[str, Any]) -> 
     return Entry(name, None, _fingerprint(about), make, LLMPlanner.tier)
 
 
-def replayed(folder: Path, suite: Suite, taken: Collection[str] = ()) -> list[Entry]:
-    """The language models whose transcripts lie in a folder, as they were recorded; no server is asked.
-
-    Args:
-        folder: holds a folder for each planner, whose name is what rows call it.
-        suite: what they played.
-        taken: the names of the other planners under comparison.
+def _replayed_entries(folder: Path, suite: Suite, taken: Collection[str]) -> list[Entry]:
+    """Return the language models whose transcripts are in the subfolders of a folder; no server is asked.
 
     Raises:
-        UserError: no transcripts there, those of another suite, or a planner by the name of another.
+        UserError: no transcripts there, those of another suite, or a planner by the name of another one,
+            which is in ``taken`` or in the package.
     """
-    found = sorted(path.parent for path in folder.glob(f"*/{ABOUT}"))
-    if not found:
+    folders = sorted(path.parent for path in folder.glob(f"*/{ABOUT}"))
+    if not folders:
         raise UserError(f"transcripts {folder}: hold no planner; name the folder transcripts of a comparison")
-    for path in found:
+    for path in folders:
         if path.name in taken:
             raise UserError(f"transcripts {path}: another planner here has this name; rename the folder")
         if path.name in PLANNERS and path.name not in LLM_CONTROLS:
             raise UserError(f"transcripts {path}: a planner of the package has this name; rename the folder")
-    return [_replayed(path, suite) for path in found]
+    return [_replayed_entry(path, suite) for path in folders]
 
 
-def _replayed(folder: Path, suite: Suite) -> Entry:
+def _replayed_entry(folder: Path, suite: Suite) -> Entry:
     about, prompt = _about(folder), load_prompt(str(folder / PROMPT))
     _check_suite(folder, about, suite)
     if prompt.hash != about["prompt_hash"]:
@@ -163,10 +161,10 @@ def _replayed(folder: Path, suite: Suite) -> Entry:
 
 
 def begun(about: Mapping[str, Any]) -> dict[str, Any]:
-    """When a run begins, and what nobody could write before the present season's seed was known.
+    """Return the time at which a run begins, and a nonce that could not be known before the present season.
 
     Args:
-        about: what the run is told of.
+        about: the run's description.
     """
     season = current_season()
     header = {"begun": datetime.now(UTC).isoformat(timespec="seconds")}
@@ -174,7 +172,7 @@ def begun(about: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def nonce_of(about: Mapping[str, Any], season: SeasonKey) -> dict[str, Any]:
-    """The season's number, and a hash of its seed and of what is asked whom."""
+    """Return the season's number, and a hash of its seed and of the run's description."""
     words = [season.seed, *(about[key] for key in (*_DECIDING, "suite_hash"))]
     return {"season": season.number, "nonce": hashlib.sha256("/".join(words).encode()).hexdigest()}
 
@@ -184,11 +182,11 @@ def chain_of(about: Mapping[str, Any], ally: str) -> str | None:
     return chain_start(about, transcript_name(ally)) if "nonce" in about else None
 
 
-def _claimed(folder: Path, about: dict[str, Any], suite: Suite) -> dict[str, Any]:
-    """Say beside transcripts whose they are, and keep the prompt; refuse those of another.
+def _claim(folder: Path, about: dict[str, Any], suite: Suite) -> dict[str, Any]:
+    """Write the description and the prompt beside transcripts; refuse those of another planner.
 
     Returns:
-        What stands there, from when the run was begun.
+        The description in the folder, written when the run was begun.
     """
     if any(path.stat().st_size for path in folder.glob("*.jsonl")):
         known = _about(folder)
@@ -200,7 +198,7 @@ def _claimed(folder: Path, about: dict[str, Any], suite: Suite) -> dict[str, Any
                     "another folder"
                 )
         return known
-    if (folder / ABOUT).exists():  # another ally's matches began the run, and nothing was answered yet
+    if (folder / ABOUT).exists():  # the run was begun with another ally, and nothing was answered yet
         known = _about(folder)
         if all(known.get(key) == about[key] for key in (*_DECIDING, *_SAMPLING, "suite_hash")):
             return known
@@ -210,7 +208,7 @@ def _claimed(folder: Path, about: dict[str, Any], suite: Suite) -> dict[str, Any
 
 
 def _check_suite(folder: Path, about: Mapping[str, Any], suite: Suite) -> None:
-    """Check that transcripts are of the suite's matches, with what to write to compare them."""
+    """Raise UserError if transcripts are not of the suite's matches."""
     if about.get("suite_hash") != suite.hash:
         raise UserError(
             f"transcripts {folder}: hold matches of another suite, {about.get('suite')!r} with "
@@ -226,12 +224,12 @@ def _about(folder: Path) -> dict[str, Any]:
 
 
 def _fingerprint(about: Mapping[str, Any]) -> str:
-    told = [about[key] for key in _DECIDING] + [about[key] for key in _SAMPLING if key in about]
-    return hashlib.sha256(json.dumps(told).encode()).hexdigest()
+    values = [about[key] for key in _DECIDING] + [about[key] for key in _SAMPLING if key in about]
+    return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 
 def _budget(folder: Path, caps: Mapping[str, float]) -> Budget:
-    """One budget for all allies, from which everything that is recorded already is taken."""
+    """Return one budget for all allies, less what the recorded attempts have used."""
     budget = Budget(**caps)
     recorded = [Transcript(path, "replay") for path in sorted(folder.glob("*.jsonl"))]
     attempts = (attempt for transcript in recorded for attempt in transcript.attempts())
@@ -240,12 +238,12 @@ def _budget(folder: Path, caps: Mapping[str, float]) -> Budget:
 
 
 def transcript_name(ally: str) -> str:
-    """The name of the transcript of the matches against an ally, whose own name may be a path."""
+    """Return the name of the transcript of the matches against an ally, whose own name may be a path."""
     return f"{ally.replace('/', '-').replace(':', '-')}.jsonl"
 
 
 def transcript_file(folder: Path, ally: str) -> Path:
-    """The transcript in a folder of the matches against an ally, packed where only that is there."""
+    """Return a folder's transcript of the matches against an ally; the packed one if there is no other."""
     plain = folder / transcript_name(ally)
     packed = plain.with_name(plain.name + PACKED)
     return packed if packed.exists() and not plain.exists() else plain

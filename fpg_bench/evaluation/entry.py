@@ -15,8 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.envs.two_player import PlannerSpec
+from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.planning import PLANNERS, as_planner
+from fpg_bench.players.player import Abilities, Player, PlayerSpec
 from fpg_bench.players.registry import as_player, player_name, policy_hash
 from fpg_bench.players.scripted import SCRIPTED
 
@@ -42,19 +45,21 @@ class Entry:
     name: str
     training_seed: int | None
     fingerprint: str
-    make: Callable[[Rival], Any]
+    make: Callable[[Rival], PlayerSpec | PlannerSpec]
     tier: str | None = None
     made: str | None = None
 
 
-def player_entry(spec: Any, name: str | None = None, training_seed: int | None = None) -> Entry:
+def player_entry(spec: PlayerSpec, name: str | None = None, training_seed: int | None = None) -> Entry:
     """Return the entry of a single player, given by its name or as an object."""
     fingerprint = policy_hash(spec) or code_fingerprint(player_name(spec))
     return Entry(name or player_name(spec), training_seed, fingerprint, Same(spec))
 
 
 def entries_of(
-    specs: Sequence[Any] | Mapping[str, Any], suite: Suite, name: str | None = None
+    specs: Sequence[PlayerSpec] | Mapping[str, Players],
+    suite: Suite,
+    name: str | None = None,
 ) -> list[Entry]:
     """Return the entries of players, one per training seed.
 
@@ -78,12 +83,12 @@ def entries_of(
         return named
     every = [s for spec in specs for s in (SCRIPTED[suite.side] if spec == ALL_SCRIPTED else [spec])]
     players = {spec: _player(spec, suite) for spec in dict.fromkeys(every)}
-    groups: dict[str, list[Any]] = {}
+    groups: dict[str, list[PlayerSpec]] = {}
     for spec, player in players.items():
         groups.setdefault(_made_by(spec, player), []).append(spec)
     agents = [members for members in groups.values() if _about(players[members[0]]) is not None]
     if name is not None and len(agents) > 1:
-        called = " and ".join(_label(members[0]) for members in agents)
+        called = " and ".join(_label(members) for members in agents)
         raise UserError(f"name {name!r}: {called} were made differently, so they are several entries")
     if name in SCRIPTED[suite.side]:
         raise UserError(f"name {name!r}: is a script's; call the agents otherwise")
@@ -93,7 +98,7 @@ def entries_of(
     return list({(entry.name, entry.training_seed): entry for entry in entries}.values())
 
 
-def _named_entry(name: str, specs: Any, suite: Suite) -> list[Entry]:
+def _named_entry(name: str, specs: Players, suite: Suite) -> list[Entry]:
     """Return the entry of this name, one per training seed."""
     entries = entries_of(list(specs) if isinstance(specs, list | tuple) else [specs], suite)
     if len({entry.name for entry in entries}) > 1:
@@ -121,7 +126,7 @@ def check_seeds(entries: Sequence[Entry]) -> None:
             raise UserError(f"{entry.name}: two different players{seed}; name them one at a time")
 
 
-def planner_entry(spec: Any, suite: Suite) -> Entry:
+def planner_entry(spec: PlannerSpec, suite: Suite) -> Entry:
     """Return the entry of a planner, given by its name or as an object.
 
     Raises:
@@ -142,28 +147,30 @@ def code_fingerprint(name: str) -> str:
     return name if file is None else hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
-def _player(spec: Any, suite: Suite) -> Any:
+def _player(spec: PlayerSpec, suite: Suite) -> Player:
     player = as_player(spec, suite.side, suite.scenario)
-    if getattr(player, "sees", "") == "state":
+    if Abilities.of(player).sees_state:
         raise UserError(f"{suite.side} {spec!r}: sees the full state, which no suite allows")
     return player
 
 
-def _about(player: Any) -> dict[str, Any] | None:
+def _about(player: Player) -> dict[str, Any] | None:
     about = getattr(player, "about", None)
     return about if isinstance(about, dict) else None
 
 
-def _made_by(spec: Any, player: Any) -> str:
+def _made_by(spec: PlayerSpec, player: Player) -> str:
     """Return a key that agents of one entry share; any other player is an entry of its own."""
     about = _about(player)
     alone = spec if isinstance(spec, str) else f"{_NAMELESS}{id(spec)}"
     return alone if about is None else json.dumps([about.get(key) for key in _MADE_BY], sort_keys=True)
 
 
-def _names(groups: dict[str, list[Any]], players: dict[Any, Any], name: str | None) -> dict[Any, str]:
+def _names(
+    groups: Mapping[str, Sequence[PlayerSpec]], players: Mapping[PlayerSpec, Player], name: str | None
+) -> dict[PlayerSpec, str]:
     """Return the name of each player; entries that would share one are named by their folders."""
-    names: dict[Any, str] = {}
+    names: dict[PlayerSpec, str] = {}
     for members in groups.values():
         about = _about(players[members[0]])
         first = player_name(members[0]) if about is None else name or str(about["algorithm"])
@@ -176,20 +183,20 @@ def _names(groups: dict[str, list[Any]], players: dict[Any, Any], name: str | No
     return names
 
 
-def _label(specs: Sequence[Any]) -> str:
+def _label(specs: Sequence[PlayerSpec]) -> str:
     """Return the common beginning of agents' folders, without the training seed."""
     folders = [re.sub(r"(/seed_\d+)?(/agent)?/?$", "", player_name(spec)) for spec in specs]
     shared = os.path.commonprefix(folders)  # noqa: RUF071  runs/ppo_ of runs/ppo_0 and runs/ppo_1
     return shared.rstrip("/_-.") or player_name(specs[0])
 
 
-def _entry(spec: Any, player: Any, name: str) -> Entry:
+def _entry(spec: PlayerSpec, player: Player, name: str) -> Entry:
     about = _about(player)
     if about is None:
-        nameless = not isinstance(spec, str | os.PathLike)
-        fingerprint = f"{_NAMELESS}{id(spec)}" if nameless else code_fingerprint(os.fspath(spec))
+        is_nameless = not isinstance(spec, str | os.PathLike)
+        fingerprint = f"{_NAMELESS}{id(spec)}" if is_nameless else code_fingerprint(player_name(spec))
         return Entry(name, None, fingerprint, Same(spec))
-    # An agent travels to other machines itself, so that its files need not be there; all else by its name.
+    # An agent itself is sent to workers, as other machines may lack its files; other players by their names.
     made = hashlib.sha256(_made_by(spec, player).encode()).hexdigest()[:16]
     return Entry(name, about["training_seed"], str(policy_hash(player)), Same(player), made=made)
 
@@ -198,8 +205,8 @@ def _entry(spec: Any, player: Any, name: str) -> Entry:
 class Same:
     """Returns one player for all rivals; unlike a closure it can be sent to a worker."""
 
-    plays: Any
+    plays: PlayerSpec | PlannerSpec
 
-    def __call__(self, rival: Rival) -> Any:
+    def __call__(self, rival: Rival) -> PlayerSpec | PlannerSpec:
         """Return the player."""
         return self.plays

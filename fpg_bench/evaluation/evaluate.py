@@ -18,16 +18,18 @@ from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import Entry, check_kept, check_seeds, entries_of
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_records
+from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.suite import Rival, Suite, load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.evaluation.table import Results
+from fpg_bench.players.player import PlayerSpec
 
 RECORDS, ABOUT = "records.jsonl", "evaluation.json"  # the files of a results folder
 Progress = Callable[[Entry, Rival, int], None]  # called with the number of rounds played of each match
 
 
 def evaluate(
-    players: Sequence[Any] | Mapping[str, Any],
+    players: Sequence[PlayerSpec] | Mapping[str, Players],
     suite: str = "ally-v1",
     out: str | Path | None = None,
     *,
@@ -89,7 +91,7 @@ def play_into(
         out: the folder.
         name: the suite's name or YAML file.
         suite: that suite.
-        entries: who is measured.
+        entries: the entries to measure.
         progress: see :func:`evaluate`.
         n_jobs, backend, address, say: see :func:`evaluate`.
     """

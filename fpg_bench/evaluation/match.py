@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import hashlib
 import json
 import platform
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,8 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row, RowFile
-from fpg_bench.envs.two_player import TwoPlayerBatch
-from fpg_bench.evaluation.rounds import MatchBatch, begin, make_match, play_round
+from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch
+from fpg_bench.evaluation.rounds import begin, make_match, play_round
 from fpg_bench.game.batch import check_seeds
 from fpg_bench.game.metrics import measures
 from fpg_bench.game.scenario import Scenario, as_scenario
@@ -25,8 +26,9 @@ from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.prompts import Prompt
 from fpg_bench.planning.llm.servers import endpoint_from_environment
 from fpg_bench.planning.llm.transcript import Attempt
+from fpg_bench.planning.planner import Planner
 from fpg_bench.planning.registry import LLM_CONTROLS, as_planner
-from fpg_bench.players.player import SIDES, Player
+from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.registry import as_player, player_name
 from fpg_bench.rendering.recording import Recording
 from fpg_bench.version import __version__
@@ -57,9 +59,9 @@ Progress = Callable[[int, Round | None], Any]
 
 
 def run_match(
-    planner: Any = "interceptor",
-    ally: Any = "expert",
-    opponent: Any = "adaptive",
+    planner: PlannerSpec = "interceptor",
+    ally: PlayerSpec = "expert",
+    opponent: PlayerSpec = "adaptive",
     *,
     seed: int = 0,
     out: str | Path | None = None,
@@ -86,8 +88,8 @@ def run_match(
         of a language model: its answers are taken from the file.
 
     Raises:
-        UserError: an unknown planner, player or scenario, a file that holds another match, or rounds that
-            came to something else when they were first played.
+        UserError: an unknown planner, player or scenario, a file that holds another match, or rounds whose
+            results differ from the file's.
         OSError: the file cannot be written; what it holds is kept.
     """
     played = as_scenario(scenario, opponent_path="waypoints", rounds_per_match=rounds)
@@ -95,15 +97,16 @@ def run_match(
     sides = {"ally": ally, "opponent": opponent}
     players = {side: as_player(spec, side, played) for side, spec in sides.items()}
     seed = int(check_seeds(seed, 1)[0])
-    pilot, told = planner_of(planner, played, path, llm or {})
-    name = planner if isinstance(planner, str) and told is None else pilot.name
-    names = {side: player_name(spec) for side, spec in sides.items()}
-    match = Match(name, **names, scenario=played, seed=seed, llm=told)
+    flier, description = _planner(planner, played, path, llm or {})
+    name = planner if isinstance(planner, str) and description is None else flier.name
+    match = Match(name, player_name(ally), player_name(opponent), played, seed, description)
     if path is None:
-        return list(_rounds(match, pilot, players, None, [], progress))
+        return list(_rounds(match, flier, players, None, [], progress))
     file = MatchFile(path)
-    with file.locked(), contextlib.closing(pilot.transcript) if told else contextlib.nullcontext():
-        return list(_rounds(match, pilot, players, file, file.begin(match), progress))
+    with file.locked(), contextlib.ExitStack() as stack:
+        if isinstance(flier, LLMPlanner):
+            stack.callback(flier.transcript.close)
+        return list(_rounds(match, flier, players, file, file.begin(match), progress))
 
 
 def replay_match(
@@ -128,24 +131,27 @@ def replay_match(
     for name in (match.planner, match.ally, match.opponent):
         if ":" in name and name not in allow:
             raise UserError(f"match {path}: would run {name}; if you trust that code, add --allow {name}")
-    planner = replayed_planner(match.planner, match.llm, match.scenario, file.path)
+    planner = _replayed_planner(match, file.path)
     players = {side: as_player(getattr(match, side), side, match.scenario) for side in SIDES}
     return match, list(_rounds(match, planner, players, file, rows, progress))
 
 
 def _rounds(
     match: Match,
-    planner: Any,
+    planner: Planner,
     players: Mapping[str, Player],
     file: MatchFile | None,
     known: Sequence[Row],
     progress: Progress,
 ) -> Iterator[Round]:
     """Play the match; rounds that the file holds are checked, the others added."""
-    table = make_match(TwoPlayerBatch(match.scenario, 1, planner), **players)
+    batch = make_match(TwoPlayerBatch(match.scenario, 1, planner), players["ally"], players["opponent"])
     for index in range(match.rounds):
         progress(index, None)
-        row, recording = _play(table, match.seed if index == 0 else None)
+        begin(batch, seeds=match.seed if index == 0 else None)
+        recording = Recording(batch.duel.batch)
+        play_round(batch, on_step=recording.add, begun=True)
+        row = _row(batch.duel, recording)
         if file is not None and index < len(known):
             file.check(known[index], row)
             row = known[index]
@@ -156,19 +162,12 @@ def _rounds(
         yield played
 
 
-def _talk(planner: Any, row: Row) -> tuple[Attempt, ...]:
+def _talk(planner: Planner, row: Row) -> tuple[Attempt, ...]:
     """Return the exchange with a language model for a round; empty for other planners."""
     if not isinstance(planner, LLMPlanner):
         return ()
     place = (row["seed"], row["match"], row["round"])
     return tuple(attempt for attempt in planner.transcript.attempts() if attempt.where[:3] == place)
-
-
-def _play(table: MatchBatch, seed: int | None) -> tuple[Row, Recording]:
-    begin(table, seeds=seed)
-    recording = Recording(table.duel.batch)
-    play_round(table, on_step=recording.add, begun=True)
-    return _row(table.duel, recording), recording
 
 
 def _row(duel: TwoPlayerBatch, recording: Recording) -> Row:
@@ -185,18 +184,18 @@ def _row(duel: TwoPlayerBatch, recording: Recording) -> Row:
 
 
 RUN, ROUND = "run", "round"
-_TOLD = {"planner": str, "ally": str, "opponent": str, "seed": int, "scenario": dict, "scenario_hash": str}
+_HEADER = {"planner": str, "ally": str, "opponent": str, "seed": int, "scenario": dict, "scenario_hash": str}
 _SHOWN = 80  # characters of a value in an error
-_UNTIMED = "seconds"  # how long planning took is no part of what a replay repeats
+_UNTIMED = "seconds"  # of planning, which a replay does not repeat
 
 
 @dataclass(frozen=True)
 class Match:
-    """Description of a match: all that decides it.
+    """Everything that decides the course of a match.
 
     Attributes:
         planner, ally, opponent: names of planner and players.
-        scenario: what is played; it says how many rounds the match has.
+        scenario: what is played; it has the number of rounds.
         seed: of the match.
         llm: model, server, prompt and control of a planner that asks a language model, else None.
     """
@@ -215,7 +214,7 @@ class Match:
 
     def row(self) -> Row:
         """Return the file's first row."""
-        scenario = {spec.name: getattr(self.scenario, spec.name) for spec in fields(self.scenario)}
+        scenario = dataclasses.asdict(self.scenario)
         row: Row = {"kind": RUN, "planner": self.planner, "ally": self.ally, "opponent": self.opponent}
         row |= {"seed": self.seed, "rounds": self.rounds, "llm": self.llm, "versions": versions()}
         row |= {"scenario": scenario, "scenario_hash": self.scenario.hash}
@@ -223,12 +222,12 @@ class Match:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of the software that a match is played with."""
+    """Return the versions of the software that plays a match."""
     return {"fpg_bench": __version__, "numpy": np.__version__, "python": platform.python_version()}
 
 
 class MatchFile:
-    """The append-only file of one match: its header, its rounds, and whatever lines a planner adds.
+    """The append-only file of one match: its header, its rounds, and the rows that a planner adds.
 
     Args:
         path: the file; it need not exist.
@@ -241,7 +240,7 @@ class MatchFile:
         self._versions = ""  # the first version that differs from the file's
 
     def begin(self, match: Match) -> list[Row]:
-        """Write the header, or check that it is this match's; return the rounds that the file has.
+        """Write the header, or check that it is that of the match; return the rounds in the file.
 
         Raises:
             UserError: the file holds something else; the first difference is named.
@@ -250,12 +249,12 @@ class MatchFile:
         if not rows:
             self._file.append([match.row()])
             return []
-        known, asked = self._header(rows), match.row()
+        known = self._header(rows)
         if len(rows) == 1:  # nothing was played: a language model that could not be asked, for one
             self.path.write_bytes(b"")
-            self._file.append([asked])
+            self._file.append([match.row()])
             return []
-        difference = _difference(known, asked, but="versions")
+        difference = _difference(known, match.row(), but="versions")
         if difference:
             raise UserError(f"match {self.path}: is another match, {difference}; name another file or folder")
         return self._rounds(rows)
@@ -275,7 +274,7 @@ class MatchFile:
         if len(rounds) < match.rounds:
             raise UserError(
                 f"match {self.path}: round {len(rounds)} is missing, or its line was cut off; the same "
-                "plan run again goes on with it"
+                "plan run again resumes it"
             )
         return match, rounds
 
@@ -284,11 +283,7 @@ class MatchFile:
         self._file.append([row])
 
     def check(self, known: Row, played: Row) -> None:
-        """Check that a round was played as it stands in the file.
-
-        Raises:
-            UserError: it was not; the round and the first difference are named.
-        """
+        """Raise UserError, with the first difference, if a round was not played as the file has it."""
         difference = _difference(known, _as_written(played), but=_UNTIMED)
         if not isinstance(known.get(_UNTIMED), int | float):
             difference = difference or f"{_UNTIMED} is {known.get(_UNTIMED)!r}"
@@ -301,7 +296,9 @@ class MatchFile:
 
     def _header(self, rows: list[Row]) -> Row:
         head = rows[0] if rows else {}
-        if head.get("kind") != RUN or any(not isinstance(head.get(key), kind) for key, kind in _TOLD.items()):
+        if head.get("kind") != RUN or any(
+            not isinstance(head.get(key), kind) for key, kind in _HEADER.items()
+        ):
             raise UserError(f"match {self.path}: holds no match; name a file that plan run has written")
         other = _difference(head.get("versions"), versions(), "versions")
         self._versions = f"; {other}" if other else ""
@@ -321,19 +318,19 @@ class MatchFile:
         """Return the rows of the rounds, in order from round 0."""
         rounds = [row for row in rows if row.get("kind") == ROUND]
         for index, row in enumerate(rounds):
-            if row.get("round") != index:
-                place = f"in its place stands round {row.get('round')}"
-                raise UserError(f"match {self.path}: round {index} is missing; {place}")
+            if (number := row.get("round")) != index:
+                raise UserError(
+                    f"match {self.path}: round {index} is missing; round {number} is in its place"
+                )
         return rounds
 
 
 def _as_written(row: Row) -> Row:
     """Return a row as a file gives it back, with lists for tuples."""
-    written: Row = json.loads(json.dumps(row))
-    return written
+    return dict(json.loads(json.dumps(row)))
 
 
-def _difference(known: Any, now: Any, where: str = "", but: str = "") -> str:
+def _difference(known: object, now: object, where: str = "", but: str = "") -> str:
     """Describe the first value of the file that differs from the present one; empty if none does."""
     if isinstance(known, dict) and isinstance(now, dict):
         inner = [(f"{where}.{key}" if where else key, key) for key in {**now, **known} if key != but]
@@ -345,95 +342,89 @@ def _difference(known: Any, now: Any, where: str = "", but: str = "") -> str:
     return "" if known == now else f"{where} is {_short(known)} in the file, {_short(now)} now"
 
 
-def _short(value: Any) -> str:
+def _short(value: object) -> str:
     text = repr(value)
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]} ..."
 
 
-def planner_of(
-    spec: Any, scenario: Scenario, path: Path | None, options: Mapping[str, Any]
-) -> tuple[Any, dict[str, Any] | None]:
+def _planner(
+    spec: PlannerSpec, scenario: Scenario, path: Path | None, options: Mapping[str, Any]
+) -> tuple[Planner, dict[str, Any] | None]:
     """Return a match's planner, and the description of its language model for the file, if it asks one.
 
-    Args:
-        spec: a planner, by the grammar of :func:`fpg_bench.planning.as_planner`.
-        scenario: what is played.
-        path: the match's file, which is the language model's transcript too; None: none is kept.
-        options: of the language model's planner, and ``server``, the profile of its endpoint.
-
-    Raises:
-        UserError: an unknown planner or option, options for one that asks no language model, or no endpoint.
+    ``path``, the match's file, is the language model's transcript, too.
     """
-    if asks_llm(spec):
+    if isinstance(spec, str) and asks_llm(spec):
         return _llm_planner(spec, scenario, path, dict(options))
     if options:
         raise UserError(f"{next(iter(options))}: is for the planner 'llm', not for {spec!r}")
     planner = as_planner(spec, scenario)
     if path is not None and asks_llm(getattr(planner, "name", "")):
-        raise UserError(
-            "planner: name it 'llm' and give its options beside it; its file tells all of it then"
-        )
+        raise UserError("planner: name it 'llm' and pass its options with it, so that the file describes it")
     return planner, None
 
 
-def replayed_planner(name: str, told: dict[str, Any] | None, scenario: Scenario, path: Path) -> Any:
+def _replayed_planner(match: Match, path: Path) -> Planner:
     """Return the planner of a match that is replayed from its file; no server is asked.
 
     Raises:
-        UserError: an unknown planner, or a language model of which the file does not tell enough.
+        UserError: an unknown planner, or a language model that the file does not describe completely.
     """
-    if not asks_llm(name):
-        return as_planner(name, scenario)
+    if not asks_llm(match.planner):
+        return as_planner(match.planner, match.scenario)
+    description = match.llm or {}
     try:
-        prompt, control = Prompt(**told["prompt"]), str(told["control"])  # type: ignore[index]
-        unchanged = prompt.hash == told["prompt_hash"]  # type: ignore[index]
+        prompt, control = Prompt(**description["prompt"]), str(description["control"])
+        unchanged = prompt.hash == description["prompt_hash"]
     except (TypeError, KeyError, ValueError) as error:
-        raise UserError(f"match {path}: does not tell the prompt and control of its planner") from error
+        raise UserError(f"match {path}: lacks the prompt or the control of its planner") from error
     if not unchanged:
         raise UserError(f"match {path}: its prompt is not the one that was recorded")
-    return replaying(scenario, prompt, {**(told or {}), "control": control}, path)
+    return replaying(match.scenario, prompt, {**description, "control": control}, path)
 
 
 def replaying(
-    scenario: Scenario, prompt: Prompt, told: Mapping[str, Any], transcript: Path, chain: str | None = None
+    scenario: Scenario,
+    prompt: Prompt,
+    description: Mapping[str, Any],
+    transcript: Path,
+    chain: str | None = None,
 ) -> LLMPlanner:
     """Return a language model's planner that takes its answers from a transcript; no server is asked.
 
     Args:
         scenario: what is played.
-        prompt: that it was recorded with.
-        told: ``model``, ``prompt_hash`` and ``control``, with which every attempt must have been made.
+        prompt: the prompt that was recorded.
+        description: ``model``, ``prompt_hash`` and ``control``, with which every attempt must have been made.
         transcript: the file.
-        chain: where the chain of hashes through it begins; None: it has none.
+        chain: the first hash of its chain of hashes; None: it has none.
 
     Raises:
         UserError: an attempt was made otherwise.
     """
     recorded: dict[str, Any] = {"transcript": transcript, "mode": "replay", "chain": chain}
-    planner = LLMPlanner(scenario, prompt=prompt, control=told["control"], **recorded)
-    planner.transcript.check_header(told)
+    planner = LLMPlanner(scenario, prompt=prompt, control=description["control"], **recorded)
+    planner.transcript.check_header(description)
     return planner
 
 
-def asks_llm(spec: Any) -> bool:
-    """Return whether a name is that of a planner which asks a language model."""
-    return isinstance(spec, str) and spec in LLM_CONTROLS
+def asks_llm(name: str) -> bool:
+    """Return True for the name of a planner that asks a language model."""
+    return name in LLM_CONTROLS
 
 
 def _llm_planner(
     name: str, scenario: Scenario, path: Path | None, options: dict[str, Any]
-) -> tuple[Any, dict[str, Any]]:
+) -> tuple[LLMPlanner, dict[str, Any]]:
     options = {"control": LLM_CONTROLS[name], **options}
     endpoint = endpoint_from_environment(options.pop("server", None))
     planner = LLMPlanner(scenario, endpoint, transcript=path, **options)
-    sampled: dict[str, Any] = {
-        name: options[name] for name in ("temperature", "sampling_seed") if name in options
-    }
-    told: dict[str, Any] = {
+    prompt = planner.prompt
+    return planner, {
         "model": endpoint.model,
         "server": endpoint.server.name,
         "control": planner.control,
+        **{key: options[key] for key in ("temperature", "sampling_seed") if key in options},
+        "prompt": {"name": prompt.name, **prompt.model_dump()},
+        "prompt_hash": prompt.hash,
     }
-    prompt = planner.prompt
-    content = {"name": prompt.name, **prompt.model_dump()}
-    return planner, {**told, **sampled, "prompt": content, "prompt_hash": prompt.hash}

@@ -1,4 +1,4 @@
-"""A match to be looked at: as one picture, and as one page whose rounds can be watched."""
+"""Pictures of a match: one PNG with a panel per round, and an HTML replay."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _draw_heights(axes: Axes, played: Round, labelled: bool) -> None:
 
 
 def _frame(axes: Axes, width: float, height: float) -> None:
-    """Bare axes of a ground of this size."""
+    """Draw bare axes of this size."""
     axes.set_axis_on()
     axes.set_xlim(-_MARGIN * width, (1 + _MARGIN) * width)
     axes.set_ylim(-_MARGIN * height, (1 + _MARGIN) * height)
@@ -93,30 +93,30 @@ def _frame(axes: Axes, width: float, height: float) -> None:
 
 def _heading(played: Round) -> str:
     row = played.row
-    told = "" if row["status"] == "ok" else f"\n{row['status']}, {row['source']}"
-    return f"round {row['round']}: {played.reward_per_step:+.1f} a step{told}"
+    status = "" if row["status"] == "ok" else f"\n{row['status']}, {row['source']}"
+    return f"round {row['round']}: {played.reward_per_step:+.1f} per step{status}"
 
 
 def write_match_replay(rounds: Sequence[Round], path: Path, title: str, ally: str, opponent: str) -> None:
-    """Write the replay of a match as one HTML file, whole.
+    """Write the replay of a match as one HTML file.
 
     Args:
         rounds: at least one.
         path: the file; it is replaced.
         title: the page's heading.
-        ally, opponent: what the players are called.
+        ally, opponent: names of the players.
     """
     talks = [
         {
             "status": played.row["status"],
-            "talk": [{"who": who, "text": text} for each in played.talk for who, text in said_in(each)],
+            "talk": [{"who": who, "text": text} for each in played.talk for who, text in messages_of(each)],
         }
         for played in rounds
     ]
     write_replay([played.recording for played in rounds], path, title, ally, opponent, talks)
 
 
-def said_in(attempt: Attempt) -> Iterator[tuple[str, str]]:
+def messages_of(attempt: Attempt) -> Iterator[tuple[str, str]]:
     """Return the messages of an attempt at a plan: the request, then the answer or the error."""
     for message in (attempt.request or {}).get("messages", []):
         yield str(message.get("role")), str(message.get("content"))

@@ -1,14 +1,13 @@
-"""Playing: an entry against a rival of a suite, all matches as one batch, into one line.
+"""Playing of an entry against a rival of a suite: all matches as one batch, summed up in one record.
 
-There are two ways to meet: a side of the game against the other side's players, and a planner of the
-opponent's path against allies. All that comes after is the same.
+The entry is a player of one side, or a planner of the opponent's path.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,10 +19,10 @@ from fpg_bench.evaluation.rounds import MatchBatch, make_match, play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.metrics import pool as pooled_tally
-from fpg_bench.planning import as_planner
+from fpg_bench.planning import Plan, as_planner
 
-Seeds = Callable[[int], list[int]]  # gives so many
-LOST_SCORE = -100.0  # what a round scores that was lost by an answer that is no action, at the most
+SeedSource = Callable[[int], Sequence[int]]  # returns so many seeds
+LOST_SCORE = -100.0  # the highest score of a round that was lost by an invalid action
 _DIGITS = 3  # of a round's return
 
 
@@ -31,26 +30,25 @@ def play(
     entry: Entry,
     suite: Suite,
     rival: Rival,
-    seeds: Seeds | None = None,
+    seeds: SeedSource | None = None,
     on_round: Callable[[int], None] = lambda played: None,
 ) -> Record:
     """Play all matches of an entry against a rival.
 
     Args:
-        entry: who is measured.
-        suite: what the rival belongs to.
-        rival: whom it meets.
-        seeds: gives the matches' seeds; None: the evaluation seeds of the suite's season.
+        entry: the player or planner that is measured.
+        suite: the suite of the rival.
+        rival: the rival.
+        seeds: returns the matches' seeds; None: the evaluation seeds of the suite's season.
         on_round: called with the number of rounds of each match that were played.
 
     Raises:
-        UserError: a player or planner that can't be had, or that fails.
+        UserError: a player or planner that cannot be made, or that fails.
     """
-    who = entry.make(rival)
-    table = match_of(who, suite, rival)
+    player = entry.make(rival)
     sums = _Sums(suite)
-    for duel in rounds(table, suite, seeds):
-        sums.add(duel, lost_rounds(who, duel.count))
+    for duel in rounds(match_of(player, suite, rival), suite, seeds):
+        sums.add(duel, lost_rounds(player, duel.count))
         on_round(len(sums.returns))
     return Record(
         suite=suite.name,
@@ -63,28 +61,27 @@ def play(
     )
 
 
-def match_of(who: Any, suite: Suite, rival: Rival, matches: int | None = None) -> MatchBatch:
-    """Return the match batch in which a player (or planner) meets a rival."""
+def match_of(player: Any, suite: Suite, rival: Rival, matches: int | None = None) -> MatchBatch:
+    """Return the match batch in which a player, or a planner for a suite of planners, meets a rival."""
     scenario, count = rival.scenario, matches or suite.matches
     if suite.side == PLANNER:
-        return make_match(
-            TwoPlayerBatch(scenario, count, as_planner(who, scenario)), rival.players, suite.opponent
-        )
+        duel = TwoPlayerBatch(scenario, count, as_planner(player, scenario))
+        return make_match(duel, rival.players, suite.opponent)
     planner = None if rival.planner is None else as_planner(rival.planner, scenario)
-    sides = {suite.side: who, suite.other_side: rival.players}
-    return make_match(TwoPlayerBatch(scenario, count, planner), **sides)
+    sides: dict[str, Any] = {suite.side: player, suite.other_side: rival.players}
+    return make_match(TwoPlayerBatch(scenario, count, planner), sides["ally"], sides["opponent"])
 
 
-def rounds(match: MatchBatch, suite: Suite, seeds: Seeds | None = None) -> Iterator[TwoPlayerBatch]:
+def rounds(match: MatchBatch, suite: Suite, seeds: SeedSource | None = None) -> Iterator[TwoPlayerBatch]:
     """Play all rounds of new matches; yield the games at the end of each round."""
     count = match.duel.count
-    first: Any = np.array(evaluation_seeds(count, suite.season) if seeds is None else seeds(count))
+    first = np.array(evaluation_seeds(count, suite.season) if seeds is None else seeds(count))
     for number in range(suite.rounds_per_match):
         play_round(match, seeds=None if number else first)
         yield match.duel
 
 
-def lost_rounds(player: Any, count: int) -> np.ndarray:
+def lost_rounds(player: object, count: int) -> np.ndarray:
     """Return ``(count,)`` bool: present rounds that a player has lost by an invalid answer."""
     invalid = getattr(player, "invalid", None)
     return np.zeros(count, bool) if invalid is None else np.array(invalid, bool)
@@ -96,22 +93,22 @@ class _Sums:
     def __init__(self, suite: Suite) -> None:
         self._suite = suite
         self._tallies: list[np.ndarray] = []
-        self._histogram: Any = 0
+        self._histogram = np.zeros((2, suite.scenario.frequency_points), np.int64)
         self._lost: list[np.ndarray] = []
-        self._plans: list[Any] = []
+        self._plans: list[Plan] = []
         self._digest = hashlib.sha256()
         self.returns: list[np.ndarray] = []
 
     def add(self, duel: TwoPlayerBatch, lost: np.ndarray) -> None:
         batch = duel.batch
         self._tallies.append(batch.tallies.copy())
-        self._histogram = self._histogram + batch.histograms.sum(axis=0)
+        self._histogram += batch.histograms.sum(axis=0)
         self._lost.append(lost)
         self.returns.append(batch.tallies[self._suite.return_name].copy())
         for part in (batch.games["seed"], *(batch.tallies[name] for name in TALLIES), batch.histograms):
             self._digest.update(np.ascontiguousarray(part).tobytes())
         if self._suite.side == PLANNER:
-            self._plans += duel.plans
+            self._plans += [plan for plan in duel.plans if plan is not None]
 
     def fields(self) -> dict[str, Any]:
         """Return the fields of a record that describe the rounds."""

@@ -16,7 +16,7 @@ from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.suite import PLANNER, Scale, Suite, load_suite
 from fpg_bench.game.metrics import pool
 from fpg_bench.game.scenario import Scenario, as_scenario
-from fpg_bench.players.player import Player
+from fpg_bench.players.player import Abilities, Memory, Player
 from fpg_bench.players.scripted import player_seeds
 
 MATCHES = 10
@@ -76,13 +76,13 @@ class PolicyEvaluator:
         """Play new matches; return the rewards per step ``(rivals, matches)`` and the pooled measures."""
         batches = self._match_batches(player)
         returns, tallies = [], []
-        points: Any = 0
+        points = np.zeros((2, self.suite.scenario.frequency_points), np.int64)
         for number in range(self.suite.rounds_per_match):
             play_round(*batches, seeds=None if number else np.array(tuning_seeds(self.suite.matches)))
             games = [batch.duel.batch for batch in batches]
             returns.append([each.tallies[self.suite.return_name].copy() for each in games])
             tallies += [each.tallies.copy() for each in games]
-            points = points + sum(each.histograms.sum(axis=0) for each in games)
+            points += sum(each.histograms.sum(axis=0) for each in games)
         by_round = np.array(returns).transpose(1, 2, 0)  # (rivals, matches, rounds)
         rewards = np.array([self.suite.rewards(each.ravel()) for each in by_round])
         played = np.concatenate(tallies)
@@ -91,8 +91,8 @@ class PolicyEvaluator:
     def _match_batches(self, player: Player) -> list[MatchBatch]:
         batches = [match_of(player, self.suite, rival) for rival in self.suite.rivals]
         shared = _SharedPlayer(player, self.suite.side, batches)
-        sides: list[dict[str, Any]] = [{self.suite.side: _Part(shared, k)} for k in range(len(batches))]
-        return [dataclasses.replace(batch, **side) for batch, side in zip(batches, sides, strict=True)]
+        actors = [{self.suite.side: _Part(shared, k)} for k in range(len(batches))]
+        return [dataclasses.replace(batch, **actor) for batch, actor in zip(batches, actors, strict=True)]  # type: ignore[arg-type]
 
 
 def _in_scenario(suite: Suite, scenario: Scenario) -> Suite:
@@ -113,11 +113,11 @@ class _SharedPlayer:
     """A player that predicts for the games of several match batches at once."""
 
     def __init__(self, player: Player, side: str, batches: Sequence[MatchBatch]) -> None:
-        self._player, self._side = player, side
+        self._player, self._side, self._reset = player, side, Abilities.of(player).reset
         self._games = [batch.duel.batch.games for batch in batches]
         self._observations = [getattr(batch.duel.batch, f"{side}_observations") for batch in batches]
         self._cuts = np.cumsum([batch.duel.count for batch in batches])[:-1]
-        self._memory: Any = None
+        self._memory: Memory = None
         self._starts = np.zeros(sum(batch.duel.count for batch in batches), bool)
         self._actions: list[np.ndarray] = []
 
@@ -127,9 +127,9 @@ class _SharedPlayer:
     def actions(self, index: int) -> np.ndarray:
         """Return the actions of one match batch; the first call predicts for all of them."""
         if index == 0:
-            if self._starts.any() and hasattr(self._player, "reset"):
+            if self._starts.any() and self._reset is not None:
                 keys = np.concatenate([games["round_key"] for games in self._games])
-                self._player.reset(self._starts.copy(), player_seeds(keys, self._side))
+                self._reset(self._starts.copy(), player_seeds(keys, self._side))
             observations = np.concatenate(self._observations)
             actions, self._memory = self._player.predict(
                 observations, self._memory, self._starts.copy(), True

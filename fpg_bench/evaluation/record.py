@@ -202,7 +202,7 @@ def read_record(row: Row, where: str) -> Record:
     return record
 
 
-def _is_long(value: Any) -> bool:
+def _is_long(value: object) -> bool:
     return isinstance(value, dict) and len(value) > _MOST_STATUSES
 
 

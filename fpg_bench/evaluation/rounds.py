@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from fpg_bench.envs.two_player import TwoPlayerBatch
-from fpg_bench.players.player import SIDES
+from fpg_bench.game.batch import Seeds
+from fpg_bench.players.player import SIDES, PlayerSpec
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import as_player
 
+Players = PlayerSpec | list[PlayerSpec] | tuple[PlayerSpec, ...]  # one, or several to draw from per round
+
 
 class Acting(Protocol):
-    """Actor of one side: a :class:`fpg_bench.players.policy_runner.PolicyRunner` or alike."""
+    """Protocol of :class:`fpg_bench.players.policy_runner.PolicyRunner`: acts for one side of a batch."""
 
     def begin(self, mask: np.ndarray) -> None:
         """Start the rounds that begin in the masked games."""
@@ -33,7 +36,7 @@ class MatchBatch:
     opponent: Acting
 
 
-def make_match(duel: TwoPlayerBatch, ally: Any, opponent: Any) -> MatchBatch:
+def make_match(duel: TwoPlayerBatch, ally: Players, opponent: Players) -> MatchBatch:
     """Make a batch of games between two players, or lists of players of which one is drawn per round.
 
     Raises:
@@ -48,7 +51,10 @@ def make_match(duel: TwoPlayerBatch, ally: Any, opponent: Any) -> MatchBatch:
 
 
 def play_round(
-    *matches: MatchBatch, seeds: Any = None, on_step: Callable[[], None] | None = None, begun: bool = False
+    *matches: MatchBatch,
+    seeds: Seeds | None = None,
+    on_step: Callable[[], None] | None = None,
+    begun: bool = False,
 ) -> None:
     """Play one round of every game to its end, all batches step by step together.
 
@@ -67,7 +73,7 @@ def play_round(
             on_step()
 
 
-def begin(*matches: MatchBatch, seeds: Any = None) -> None:
+def begin(*matches: MatchBatch, seeds: Seeds | None = None) -> None:
     """Begin a round in every game; arguments as in :func:`play_round`."""
     for match in matches:
         mask = match.duel.reset(seeds=seeds)

@@ -1,4 +1,4 @@
-"""Which seeds are whose: training, tuning and evaluation never meet.
+"""Ranges of seeds for training, tuning and evaluation, which never meet, and the keys of seasons.
 
 A training run of seed k takes [k * 10^6, (k + 1) * 10^6); tuning seeds begin at 2^40 and evaluation
 seeds at 2^41. Evaluation seeds follow from the protocol version and a season key by a public hash, so
@@ -24,7 +24,7 @@ _BLOCK = 2**20
 
 
 def training_seed(k: int) -> int:
-    """The first environment seed of training seed k.
+    """Return the first environment seed of training seed k.
 
     Raises:
         UserError: k is negative or so large that it would reach the tuning seeds.
@@ -36,7 +36,7 @@ def training_seed(k: int) -> int:
 
 
 def evaluation_seeds(count: int, season: str = SEASON) -> list[int]:
-    """The first ``count`` evaluation seeds of a season of this protocol.
+    """Return the first ``count`` evaluation seeds of a season of this protocol.
 
     Raises:
         UserError: more than a season has.
@@ -49,7 +49,7 @@ def evaluation_seeds(count: int, season: str = SEASON) -> list[int]:
 
 
 def tuning_seeds(count: int) -> list[int]:
-    """The first ``count`` tuning seeds: what scores a policy while it is trained or tuned.
+    """Return the first ``count`` tuning seeds, on which a policy is scored while it is trained or tuned.
 
     Raises:
         UserError: more than there are.
@@ -64,10 +64,10 @@ class SeasonKey:
     """The parts of a season that decide results.
 
     Attributes:
-        number: the season's.
-        seed: that nobody knew before it was closed.
-        entries: over whom it was closed: the hashes of each entry's policies, by ``track/name``; the seed
-            follows from them, so who adds one has another seed.
+        number: the season's number.
+        seed: its seed, which nobody knew before it was closed.
+        entries: the hashes of each entry's policies when it was closed, by ``track/name``. The seed follows
+            from them, so another entry would have changed it.
     """
 
     number: int
@@ -75,38 +75,38 @@ class SeasonKey:
     entries: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def met(self, name: str, policies: Sequence[str]) -> bool:
-        """True if the season was closed over just these policies; others may have trained on it."""
+        """Return True if the entry had just these policies when the season was closed."""
         return list(self.entries.get(name, ())) == list(policies)
 
     def suite_name(self, public: str) -> str:
-        """The season's suite of a track: ``ally-v1`` becomes ``ally-season-1``."""
+        """Return the name of a track's season suite: ``ally-v1`` becomes ``ally-season-1``."""
         return f"{public.removesuffix('-v1')}-season-{self.number}"
 
 
 def seed_from(protocol: str, number: int | str, hashes: Iterable[str]) -> str:
-    """The season's seed: SHA-256 of the protocol, its number (or name) and the entries' sorted hashes.
+    """Return a season's seed: SHA-256 of the protocol, its number (or name) and the entries' sorted hashes.
 
-    Nobody knows it, or can choose it, before the last entry is in.
+    Nobody can know or choose it before the last entry is submitted.
     """
     words = ("fpg-bench", protocol, "season", number, *sorted(hashes))
     return hashlib.sha256("/".join(map(str, words)).encode()).hexdigest()
 
 
 def current_season() -> SeasonKey | None:
-    """The newest season that is closed; None before the first.
+    """Return the newest season that is closed; None before the first.
 
     Raises:
         UserError: its file cannot be read, or its seed does not follow from its entries.
     """
-    found = [_key(file.parent.name) for file in suites_folder().glob("season-*/season.yml")]
-    return max(found, key=lambda key: key.number, default=None)
+    closed = [_key(file.parent.name) for file in suites_folder().glob("season-*/season.yml")]
+    return max(closed, key=lambda key: key.number, default=None)
 
 
 def season_key(number: int) -> SeasonKey:
-    """A closed season by its number.
+    """Return a closed season by its number.
 
     Raises:
-        UserError: there is none, or see :func:`current_season`.
+        UserError: there is none; also as :func:`current_season`.
     """
     return _key(f"season-{number}")
 

@@ -1,4 +1,4 @@
-"""Means with 95 % intervals by Student's t, over the units that were really drawn; ranks over all pairs.
+"""Means with 95 % intervals by Student's t over the units that were sampled, and ranks over all pairs.
 
 Trained agents: over training seeds. One training seed, scripts and planners: over matches, the same ones
 for every rival. Rivals of a suite are never resampled: they are fixed, not drawn.
@@ -36,32 +36,33 @@ class Interval:
 
 
 def student_t(count: int) -> float:
-    """The two-sided 95 % quantile of Student's t for the mean of ``count`` units, two at least."""
+    """Return the two-sided 95 % quantile of Student's t for the mean of ``count`` units, two at least."""
     from scipy.special import stdtrit
 
     return float(stdtrit(count - 1, 0.975))
 
 
 def student_half(values: np.ndarray) -> float:
-    """Half of the 95 % interval of the mean of values ``(n,)``; not a number for a single one."""
+    """Return half of the 95 % interval of the mean of values ``(n,)``; NaN for a single value."""
     if len(values) < 2:
         return math.nan
     return student_t(len(values)) * float(np.std(values, ddof=1)) / math.sqrt(len(values))
 
 
 def mean_interval(values: np.ndarray, over: str) -> Interval:
-    """The mean of units ``(n,)`` with its interval; ends that are no numbers where there is one unit."""
+    """Return the mean of units ``(n,)`` with its interval, whose ends are NaN for a single unit."""
     value, half = float(np.mean(values)), student_half(values)
     return Interval(value, value - half, value + half, over)
 
 
 def rank_ranges(samples: Sequence[np.ndarray]) -> list[tuple[int, int]]:
-    """The best and the worst rank of each entry: 1 + how many are better, n - how many it is better than.
+    """Return the best and the worst rank of each entry.
 
-    One is better than another where the interval of their difference lies above 0; the intervals of all
-    pairs hold at once with 95 % (Tamhane's T2, 1979: Welch's t of each pair, Sidak's level). Where 16 entries
-    of five seeds are equal, 2 to 3 % of such lists hold any false "better"; by the range of Games and Howell
-    it would be 9 to 10 %.
+    They are 1 plus the number of better entries, and n minus the number of worse ones. An entry is better
+    than another if the interval of their difference lies above 0. The intervals of all pairs have 95 %
+    simultaneous coverage (Tamhane's T2, 1979: Welch's t for each pair, at Sidak's level). With 16 equal
+    entries of five seeds, 2 to 3 % of the lists hold any false "better"; by the range of Games and Howell it
+    would be 9 to 10 %.
 
     Args:
         samples: per entry its units ``(n,)``, two at least.
@@ -73,7 +74,7 @@ def rank_ranges(samples: Sequence[np.ndarray]) -> list[tuple[int, int]]:
 
 
 def _better(samples: Sequence[np.ndarray]) -> np.ndarray:
-    """``(n, n)`` bool: whether the one's mean lies above the other's beyond chance."""
+    """Return ``(n, n)`` bool: true if the row's mean is significantly above the column's."""
     from scipy.special import stdtr
 
     means = np.array([np.mean(sample) for sample in samples])
@@ -83,12 +84,11 @@ def _better(samples: Sequence[np.ndarray]) -> np.ndarray:
     level = 1 - 0.95 ** (2 / (len(samples) * (len(samples) - 1)))
     with np.errstate(divide="ignore", invalid="ignore"):  # two samples without any spread
         p = 2 * stdtr(error**2 / (each[:, None] + each), -np.abs(apart) / np.sqrt(error))
-    found: np.ndarray = (apart > 0) & ((error == 0) | (p < level))
-    return found
+    return np.asarray((apart > 0) & ((error == 0) | (p < level)))
 
 
 def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
-    """The share of runs that score more than each threshold.
+    """Return the share of runs that score more than each threshold.
 
     Args:
         scores: ``(..., training seeds, rivals)``.
@@ -97,21 +97,20 @@ def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarra
     Returns:
         ``(..., t)``, in [0, 1].
     """
-    shares: np.ndarray = (scores[..., None] > thresholds).mean(axis=(-3, -2))
-    return shares
+    return np.asarray((scores[..., None] > thresholds).mean(axis=(-3, -2)))
 
 
 def probability_of_improvement(better: np.ndarray, other: np.ndarray) -> Interval:
-    """Probability that a new training of one entry earns more than one of the other, averaged over rivals.
+    """Return the probability that a new training of one entry earns more than one of another.
 
-    The mean over rivals of the Mann-Whitney statistic, ties half. Its variance is that of a U statistic
+    It is the mean over rivals of the Mann-Whitney statistic, ties half. Its variance is that of a U statistic
     (the spread of each seed's own share of wins, DeLong et al. 1988), with Student's t of the smaller
     number of seeds; a script, which has one row, does not vary. In simulations with five seeds it covered
     93 to 98 % up to a probability of 0.7; where nearly all seeds agree it is too narrow.
 
     Args:
-        better: ``(m, rivals)`` returns a step of the one's training seeds.
-        other: ``(n, rivals)`` returns a step of the other's.
+        better: ``(m, rivals)`` rewards per step of the first entry's training seeds.
+        other: ``(n, rivals)`` rewards per step of the other's.
     """
     above = better[:, None] > other[None]
     wins = (above + 0.5 * (better[:, None] == other[None])).mean(axis=2)

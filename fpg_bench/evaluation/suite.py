@@ -7,7 +7,7 @@ import functools
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -24,7 +24,7 @@ from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.planning import as_planner
 from fpg_bench.players.agent import agent_folder, suites_folder
-from fpg_bench.players.registry import as_player, player_name
+from fpg_bench.players.registry import as_player
 
 PLANNER = "planner"  # the side of suites whose entries plan the opponent's path
 _SAME_FOR_ALL = ("steps_per_round", "rounds_per_match", "frequency_points")  # or sums could not be pooled
@@ -146,16 +146,14 @@ class Suite:
         names = [rival.name for rival in self.rivals]
         raise UserError(f"suite {self.name}: no rival {name!r}{nearest(name, names)}")
 
-    def rewards(self, returns: Any) -> np.ndarray:
+    def rewards(self, returns: Sequence[float] | np.ndarray) -> np.ndarray:
         """Return the mean rewards per step ``(matches,)`` of the counted rounds, from all rounds' returns."""
         by_match = np.asarray(returns, float).reshape(-1, self.rounds_per_match)
-        means: np.ndarray = by_match[:, self.counted_rounds].mean(axis=1) / self.scenario.steps_per_round
-        return means
+        return np.asarray(by_match[:, self.counted_rounds].mean(axis=1) / self.scenario.steps_per_round)
 
 
-def identity(player: Any) -> str:
+def identity(name: str) -> str:
     """Return what decides how a named player plays: the hash of an agent's policy, or its name."""
-    name = player_name(player)
     if name.startswith("suite:"):
         raise UserError(f"rival {name!r}: name a suite's members by their folders, NAME/SIDE/MEMBER")
     if ":" in name or "/" not in name:
@@ -175,10 +173,10 @@ def suite_of(env_id: str, options: Mapping[str, Any], side: str | None = None) -
         UserError: no such id.
     """
     if side is None or env_id != DUEL:
-        view = find_env(env_id)
-        if view.planner is not None:
+        config = find_env(env_id)
+        if config.planner is not None:
             return "ally-planner-v1"
-        side = view.side
+        side = config.side
     learned = side == "opponent" and options.get("path") == "learned"
     return "opponent-learned-v1" if learned else f"{side}-v1"
 
@@ -254,12 +252,10 @@ class _SuiteFile(Strict):
             rounds_per_match=self.rounds_per_match,
             opponent_path="waypoints" if self.side == PLANNER else None,
         )
-        rivals = tuple(
-            self._rival(file, scenario, f"rivals[{index}]") for index, file in enumerate(self.rivals)
-        )
+        rivals = tuple(self._rival(of, scenario, f"rivals[{k}]") for k, of in enumerate(self.rivals))
         names = [rival.name for rival in rivals]
         if twice := next((name for name in names if names.count(name) > 1), None):
-            raise UserError(f"rivals: {twice!r} stands there twice; give one a name of its own")
+            raise UserError(f"rivals: {twice!r} is listed twice; give one a name of its own")
         if (self.last_rounds or 1) > scenario.rounds_per_match:
             raise UserError(f"last_rounds: at most the match's {scenario.rounds_per_match} rounds")
         return Suite(

@@ -21,8 +21,8 @@ class Summary:
     Attributes:
         entry: its name.
         suite: the suite.
-        rewards: ``(training seeds, rivals, matches)`` returns per step; one training seed for a script.
-        trained: whether the first axis is training seeds.
+        rewards: ``(training seeds, rivals, matches)`` rewards per step; one training seed for a script.
+        trained: true if the first axis is training seeds.
         records: the records that it summarises, in the order of training seed and rival.
     """
 
@@ -55,17 +55,17 @@ class Summary:
 
     @cached_property
     def score(self) -> Interval:
-        """The score: the mean over rivals on the track's scale, with its interval."""
+        """The score: the mean over rivals on the suite's scale, with its interval."""
         return mean_interval(self.samples, self.over)
 
     @cached_property
     def reward(self) -> Interval:
-        """The return per step, mean over rivals, with its interval."""
+        """The reward per step, mean over rivals, with its interval."""
         return mean_interval(self.units(self.rewards), self.over)
 
     @cached_property
     def by_rival(self) -> dict[str, Interval]:
-        """The return per step against each rival, with its interval."""
+        """The reward per step against each rival, with its interval."""
         return {
             rival.name: mean_interval(self.units(self.rewards[:, k : k + 1]), self.over)
             for k, rival in enumerate(self.suite.rivals)
@@ -95,8 +95,8 @@ class Summary:
 
 def summarise(records: Iterable[Record], suite: Suite) -> list[Summary]:
     """Return one summary per entry with complete records, best first; other suites' records are skipped."""
-    found = [summary for mine in by_entry(records, suite).values() if (summary := _summary(mine, suite))]
-    return sorted(found, key=lambda summary: (-summary.score.value, summary.entry))
+    summaries = [_summary(of_entry, suite) for of_entry in by_entry(records, suite).values()]
+    return sorted(filter(None, summaries), key=lambda summary: (-summary.score.value, summary.entry))
 
 
 def by_entry(records: Iterable[Record], suite: Suite) -> dict[str, list[Record]]:
@@ -114,13 +114,12 @@ def summary_of(records: Sequence[Record], suite: Suite) -> Summary:
     Raises:
         UserError: records are missing.
     """
-    (mine,) = by_entry(records, suite).values() or [[]]
-    found = _summary(mine, suite)
-    if found is None:
-        raise UserError(
-            f"suite {suite.name}: the lines of {mine[0].entry if mine else 'anybody'} are not whole"
-        )
-    return found
+    (of_entry,) = by_entry(records, suite).values() or [[]]
+    summary = _summary(of_entry, suite)
+    if summary is None:
+        whose = f" of {of_entry[0].entry}" if of_entry else ""
+        raise UserError(f"suite {suite.name}: records{whose} are missing")
+    return summary
 
 
 def _summary(records: Sequence[Record], suite: Suite) -> Summary | None:
@@ -129,15 +128,17 @@ def _summary(records: Sequence[Record], suite: Suite) -> Summary | None:
         _check(record, suite)
         seeds.setdefault(record.training_seed, {})[record.rival] = record
     if None in seeds and len(seeds) > 1:
-        raise UserError(f"suite {suite.name}: {records[0].entry} has lines with and without a training seed")
+        raise UserError(
+            f"suite {suite.name}: {records[0].entry} has records with and without a training seed"
+        )
     names = [rival.name for rival in suite.rivals]
     order = sorted(seeds, key=lambda seed: seed or 0)
-    whole = {seed: seeds[seed] for seed in order if set(names) <= seeds[seed].keys()}
-    if not whole:
+    complete = {seed: seeds[seed] for seed in order if set(names) <= seeds[seed].keys()}
+    if not complete:
         return None
-    rewards = [[suite.rewards(of[name].returns) for name in names] for of in whole.values()]
-    ordered = tuple(of[name] for of in whole.values() for name in names)
-    return Summary(records[0].entry, suite, np.array(rewards), None not in whole, ordered)
+    rewards = [[suite.rewards(of[name].returns) for name in names] for of in complete.values()]
+    ordered = tuple(of[name] for of in complete.values() for name in names)
+    return Summary(records[0].entry, suite, np.array(rewards), None not in complete, ordered)
 
 
 def _check(record: Record, suite: Suite) -> None:
@@ -145,6 +146,6 @@ def _check(record: Record, suite: Suite) -> None:
     expected = (suite.rounds, suite.scenario.frequency_points)
     if (len(record.returns), len(record.ally_points)) != expected:
         raise UserError(
-            f"suite {suite.name}: the line of {record.entry} against {record.rival} has "
+            f"suite {suite.name}: the record of {record.entry} against {record.rival} has "
             f"{len(record.returns)} rounds, expected {suite.rounds}; evaluate again into another folder"
         )

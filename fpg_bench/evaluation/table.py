@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
@@ -25,17 +26,17 @@ _MARKERS = "os^"
 
 
 def lines_of_table(summaries: Sequence[Summary], suite: Suite, width: int | None = None) -> list[list[str]]:
-    """The headings, and a line per summary.
+    """Return the headings, and a line of cells per summary.
 
     Args:
         summaries: in the order of the lines.
-        suite: what they met.
-        width: characters that a line may have, as far as columns can be spared; None: all columns.
+        suite: their suite.
+        width: the greatest width in characters, as far as columns can be left out; None: all columns.
     """
     known = columns(suite)
     cells = [[column.heading, *map(column.cell, summaries)] for column in known]
     kept = list(range(len(known)))
-    if width is not None:  # a column that says nothing of anybody is no loss
+    if width is not None:  # first the columns that are empty for all
         kept = [k for k in kept if not summaries or set(cells[k][1:]) != {"-"}]
     while width is not None and _width(cells[k] for k in kept) > width:
         spared = max(kept, key=lambda k: (known[k].spare, k))
@@ -65,19 +66,19 @@ def caption(suite: Suite) -> str:
 
 
 def markdown(summaries: Sequence[Summary], suite: Suite) -> str:
-    """The table as Markdown, with all columns."""
+    """Return the table as Markdown, with all columns."""
     head, *lines = lines_of_table(summaries, suite)
     return as_markdown(head, [[cell.replace("|", "\\|") for cell in line] for line in lines], caption(suite))
 
 
 def as_markdown(names: list[str], lines: Sequence[list[str]], below: str) -> str:
-    """A table of Markdown with these columns and lines, and a caption below."""
-    whole = [names, ["---"] * len(names), *lines]
-    return "\n".join("| " + " | ".join(line) + " |" for line in whole) + f"\n\n{below}\n"
+    """Return a Markdown table with these columns and lines, and a caption below."""
+    rows = [names, ["---"] * len(names), *lines]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows) + f"\n\n{below}\n"
 
 
 def as_csv(summaries: Sequence[Summary]) -> str:
-    """Unrounded: the score with its interval, the return a step against every rival, every measure."""
+    """Return CSV, unrounded: the score with its interval, the reward per step by rival, all measures."""
     text = io.StringIO()
     lines = [flat(summary) for summary in summaries]
     writer = csv.DictWriter(text, list(lines[0]) if lines else [], lineterminator="\n")
@@ -87,17 +88,17 @@ def as_csv(summaries: Sequence[Summary]) -> str:
 
 
 def flat(s: Summary) -> dict[str, Any]:
-    """A summary as one flat mapping of names to numbers."""
+    """Return a summary as one flat mapping of names to numbers."""
     line: dict[str, Any] = {"entry": s.entry, "training_seeds": s.training_seeds, "rounds": s.pooled.rounds}
     line |= _ends("score", s.score) | {"interval_over": s.over} | _ends("return_a_step", s.reward)
     line |= {"worst_against": s.worst, "lost": s.pooled.lost}
-    line |= {f"return_a_step {name}": found.value for name, found in s.by_rival.items()}
+    line |= {f"return_a_step {name}": reward.value for name, reward in s.by_rival.items()}
     if s.suite.side == PLANNER:
         for k, score in enumerate(learning_curve(s), 1):
             line |= _ends(f"round_{k}", score)
         plans = s.pooled.plans
-        told = ("valid", "valid_but_useless", "tokens", "seconds")
-        line |= {} if plans is None else {name: getattr(plans, name) for name in told}
+        names = ("valid", "valid_but_useless", "tokens", "seconds")
+        line |= {} if plans is None else {name: getattr(plans, name) for name in names}
     return line | s.measures
 
 
@@ -136,13 +137,13 @@ def _style(s: Summary, index: int) -> dict[str, Any]:
     return {"color": _COLOURS[colour], "marker": _MARKERS[again % len(_MARKERS)], "ms": 4}
 
 
-def _draw_score(axes: Any, s: Summary, line: int, style: dict[str, Any]) -> None:
-    each = [s.suite.scale.score(found.value) for found in s.by_rival.values()]
+def _draw_score(axes: Axes, s: Summary, line: int, style: dict[str, Any]) -> None:
+    each = [s.suite.scale.score(reward.value) for reward in s.by_rival.values()]
     axes.plot(each, [line] * len(each), "|", color=style["color"], alpha=0.4, ms=9)
     axes.errorbar(s.score.value, line, xerr=s.score.half, lw=2, capsize=5, capthick=2, **style)
 
 
-def _draw_curves(axes: Any, summaries: Sequence[Summary], suite: Suite) -> None:
+def _draw_curves(axes: Axes, summaries: Sequence[Summary], suite: Suite) -> None:
     rounds = range(1, suite.rounds_per_match + 1)
     for index, s in enumerate(summaries):
         curve, style = learning_curve(s), _style(s, index)
@@ -166,11 +167,11 @@ class Results(list[Summary]):
     """The summaries of all entries that met a suite, best first."""
 
     def table(self) -> str:
-        """A table of Markdown with all columns, and what its numbers are."""
+        """Return a Markdown table with all columns and a caption."""
         return markdown(self, self[0].suite) if self else ""
 
     def dataframe(self) -> Any:
-        """A ``pandas.DataFrame`` with one row per entry, unrounded, the columns of ``table.csv``.
+        """Return a ``pandas.DataFrame`` with one row per entry, unrounded, the columns of ``table.csv``.
 
         Raises:
             UserError: pandas is not installed.
@@ -196,9 +197,12 @@ _MEASURES = (
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its heading, what a cell says of a summary, and how soon a narrow table does without it.
+    """A column of a table.
 
-    ``spare`` 0: never; otherwise the largest goes first.
+    Attributes:
+        heading: its heading.
+        cell: returns the text of a summary's cell.
+        spare: 0 for a column that is always shown; a narrow table leaves out the largest number first.
     """
 
     heading: str
@@ -207,7 +211,7 @@ class Column:
 
 
 def columns(suite: Suite) -> list[Column]:
-    """All columns of a suite's table."""
+    """Return all columns of a suite's table."""
     measures = [
         Column(heading, _measure(name, factor), spare)
         for spare, (heading, name, factor) in enumerate(_MEASURES, _FIRST_MEASURE)
@@ -216,28 +220,28 @@ def columns(suite: Suite) -> list[Column]:
 
 
 def number(value: float | None, factor: float = 1, digits: int = 1) -> str:
-    """A number of a table; a dash where there is none."""
+    """Return a number as text; a dash if there is none."""
     if value is None or not np.isfinite(value):
         return "-"
     return f"{round(value * factor, digits) + 0.0:.{digits}f}"  # never -0.0
 
 
 def bounds(interval: Interval) -> str:
-    """An interval's ends; a dash where there are none."""
+    """Return an interval's ends as text; a dash if there are none."""
     low, high = (number(end) for end in (interval.low, interval.high))
     return "-" if low == "-" else f"[{low}, {high}]"
 
 
 def over_rounds(summary: Summary, window: slice) -> Interval:
-    """A planner's score over some rounds of each match, with its interval over matches."""
-    returns = np.array([line.returns for line in summary.records])
+    """Return a planner's score over some rounds of each match, with its interval over matches."""
+    returns = np.array([record.returns for record in summary.records])
     by_match = returns.reshape(len(summary.records), -1, summary.suite.rounds_per_match)
     rewards = by_match[:, :, window].mean(axis=(0, 2)) / summary.suite.scenario.steps_per_round
     return mean_interval(summary.suite.scale.score(rewards), summary.over)
 
 
 def learning_curve(summary: Summary) -> list[Interval]:
-    """A planner's score round by round of a match."""
+    """Return a planner's score round by round of a match."""
     return [over_rounds(summary, slice(k, k + 1)) for k in range(summary.suite.rounds_per_match)]
 
 

@@ -1,11 +1,11 @@
-"""Watching one pairing: as text, as an interactive page, or as a film."""
+"""Watching a game of two players: as text, as an interactive page, or as a film."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Unpack
 
 import numpy as np
 
@@ -16,17 +16,17 @@ from fpg_bench.envs.two_player import DuelOptions, make_duel
 from fpg_bench.evaluation.rounds import MatchBatch, begin, make_match, play_round
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
+from fpg_bench.players.player import PlayerSpec
 from fpg_bench.players.registry import player_name
 from fpg_bench.rendering.recording import Recording
 
 SUFFIXES = (".html", ".gif", ".mp4")
-Echo = Callable[[str], Any]
 _HEADING = (
     " step  distance    ally    known  age  jamming        centre    SNR  clean  flags     ally  opponent",
     "    s         m     MHz      MHz    s                    MHz     dB     dB         reward    reward",
 )
 _FLAGS = "flags: C covered, O outage, H hop, S spreading, check + heard or - not heard"
-_CLOSING = (  # measure, what the closing line calls it, its format
+_CLOSING = (  # measure, its name in the closing line, its format
     ("jamming_success_rate", "jammed", ".1%"),
     ("outage", "outage", ".1%"),
     ("overlap_ratio", "overlap", ".1%"),
@@ -41,23 +41,21 @@ _CLOSING = (  # measure, what the closing line calls it, its format
 
 
 def watch(
-    ally: Any = "expert",
-    opponent: Any = "adaptive",
+    ally: PlayerSpec = "expert",
+    opponent: PlayerSpec = "adaptive",
     *,
     seed: int = 0,
     rounds: int = 1,
     out: str | Path | None = None,
     every: int = 1,
     overwrite: bool = False,
-    echo: Echo = print,
     **game: Unpack[DuelOptions],
 ) -> list[dict[str, float | None]]:
-    """Play a game of two players and show it.
+    """Play a game of two players and print or film it.
 
-    Without ``out`` every step is a line of text, under a heading and over a closing line of measures.
-    With it the rounds are played first and then written: ``.html`` is an interactive replay in one file,
-    ``.gif`` and ``.mp4`` are films, which need the extra ``video``; the closing lines and
-    the file's name are echoed.
+    Without ``out`` every step is printed as a line of text, and each round ends with a line of measures. With
+    it the rounds are written to a file: ``.html`` is an interactive replay, ``.gif`` and ``.mp4`` are films,
+    which need the extra ``video``. Then only the lines of measures and the file's name are printed.
 
     Args:
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.registry.as_player`.
@@ -65,8 +63,7 @@ def watch(
         rounds: number of rounds, one after the other; after a match's last one its seed's next match.
         out: the file to write, or None for text.
         every: of the lines or a film's frames, show each n-th and the last; a replay keeps all steps.
-        overwrite: whether a file of that name may be replaced.
-        echo: called with each line of text.
+        overwrite: allow an existing file to be replaced.
         **game: ``scenario``, ``path``, ``planner``, ``knowledge``, ``jamming_types``: those of
             :func:`fpg_bench.envs.two_player.make_duel`.
 
@@ -83,17 +80,17 @@ def watch(
     target = None if out is None else _checked_target(Path(out), overwrite)
     duel = make_duel(**game)
     names = {"ally": player_name(ally), "opponent": player_name(opponent)}
-    table = make_match(duel, ally, opponent)
-    recordings, found = [], []
+    match = make_match(duel, ally, opponent)
+    recordings, measures = [], []
     for index in range(rounds):
-        shown = echo if target is None else None
-        recordings.append(_play(table, seed if index == 0 else None, names, every, shown))
-        found.append(duel.measures(0))
-        echo(_closing_line(recordings[-1], found[-1]))
+        begin(match, seeds=seed if index == 0 else None)
+        recordings.append(_print_round(match, names, every) if target is None else _record_round(match))
+        measures.append(duel.measures(0))
+        print(_closing_line(recordings[-1], measures[-1]))
     if target is not None:
         _write(recordings, target, names, every)
-        echo(f"wrote {target}")
-    return found
+        print(f"wrote {target}")
+    return measures
 
 
 def _checked_target(path: Path, overwrite: bool) -> Path:
@@ -118,22 +115,24 @@ def _checked_target(path: Path, overwrite: bool) -> Path:
         raise UserError(f"out: {path} cannot be written: {error.strerror}") from error
 
 
-def _play(
-    table: MatchBatch, seed: int | None, names: dict[str, str], every: int, echo: Echo | None
-) -> Recording:
-    """Play a round to its end; with ``echo``, say what happens."""
-    begin(table, seeds=seed)
-    recording, game = Recording(table.duel.batch), table.duel.batch.games[0]
-    heading = (_title(names), f"{_which(recording)}, path {recording.path}", _FLAGS, *_HEADING)
-    for line in heading if echo is not None else ():
-        echo(line)  # type: ignore[misc]
+def _record_round(match: MatchBatch) -> Recording:
+    """Play a round to its end and return its recording."""
+    recording = Recording(match.duel.batch)
+    play_round(match, on_step=recording.add, begun=True)
+    return recording
+
+
+def _print_round(match: MatchBatch, names: dict[str, str], every: int) -> Recording:
+    """Play a round to its end, printing each n-th step and the last; return its recording."""
+    recording, game = Recording(match.duel.batch), match.duel.batch.games[0]
+    print(_title(names), f"{_which(recording)}, path {recording.path}", _FLAGS, *_HEADING, sep="\n")
 
     def show() -> None:
         recording.add()
-        if echo is not None and (game["step"] % every == 0 or game["truncated"]):
-            echo(_step_line(recording.frames[-1], recording.scenario))
+        if game["step"] % every == 0 or game["truncated"]:
+            print(_step_line(recording.frames[-1], recording.scenario))
 
-    play_round(table, on_step=show, begun=True)
+    play_round(match, on_step=show, begun=True)
     return recording
 
 
@@ -163,11 +162,11 @@ def _step_line(frame: np.void, scenario: Scenario) -> str:
 
 
 def _closing_line(recording: Recording, measures: dict[str, float | None]) -> str:
-    told = (
+    values = (
         f"{name} {'none' if measures[key] is None else format(measures[key], style)}"
         for key, name, style in _CLOSING
     )
-    return f"{_which(recording)}: {', '.join(told)}"
+    return f"{_which(recording)}: {', '.join(values)}"
 
 
 def _write(recordings: Sequence[Recording], path: Path, names: dict[str, str], every: int) -> None:

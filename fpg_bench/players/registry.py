@@ -49,7 +49,7 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
     raise UserError(f"unknown {side} {name!r}{nearest(name, [*SCRIPTED[side], *ORACLES])}")
 
 
-def policy_hash(player: Player) -> str | None:
+def policy_hash(player: object) -> str | None:
     """Return the SHA-256 of an agent's policy; None for any other player."""
     about = getattr(player, "about", None)
     sha256 = about.get("policy_sha256") if isinstance(about, dict) else None

@@ -26,7 +26,7 @@ from fpg_bench.common.ids import find_env, policy_env, sides_of
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.entry import code_fingerprint, player_entry
-from fpg_bench.evaluation.play import Seeds, play
+from fpg_bench.evaluation.play import SeedSource, play
 from fpg_bench.evaluation.seeds import PROTOCOL, tuning_seeds
 from fpg_bench.evaluation.suite import Rival, Scale, Suite, side_suite
 from fpg_bench.evaluation.summary import Summary, summarise
@@ -61,7 +61,7 @@ def evaluate_against(
     side: str,
     scenario: Scenario,
     matches: int,
-    seeds: Seeds | None = None,
+    seeds: SeedSource | None = None,
 ) -> Summary:
     """Evaluate a player against players that no suite names.
 

@@ -35,7 +35,7 @@ def test_a_meeting_that_is_told_of_twice_is_named(records):
 def test_an_entry_with_and_without_a_training_seed_is_named(records, suite):
     seeded = [dataclasses.replace(record, training_seed=3) for record in records]
     assert summary_of(seeded, suite).training_seeds == 1
-    with pytest.raises(UserError, match="idle has lines with and without a training seed"):
+    with pytest.raises(UserError, match="idle has records with and without a training seed"):
         summary_of([*seeded[1:], records[0]], suite)
 
 

@@ -194,9 +194,9 @@ def lost_head(rows):
         (unknown_rule, "its scenario cannot be played: .*hop_price"),
         (fewer_rounds, "its scenario is not the one it was played in"),
         (no_time, "round 1 differs: seconds is 'soon'"),
-        (lost_middle, "round 1 is missing; in its place stands round 2"),
+        (lost_middle, "round 1 is missing; round 2 is in its place"),
         (lost_end, "round 2 is missing"),
-        (doubled, "round 1 is missing; in its place stands round 0"),
+        (doubled, "round 1 is missing; round 0 is in its place"),
         (lost_head, "holds no match"),
     ],
 )

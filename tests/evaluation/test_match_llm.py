@@ -190,7 +190,7 @@ def test_the_file_holds_a_prompt_of_ones_own(environment, file, tmp_path):
         replay_match(file)
     for broken in ({**rows[0]["llm"], "prompt": {}}, {**rows[0]["llm"], "prompt": 3}, {}, None, "llm"):
         write(file, [{**rows[0], "llm": broken}, *rows[1:]])
-        with pytest.raises(UserError, match="does not tell the prompt"):
+        with pytest.raises(UserError, match="lacks the prompt"):
             replay_match(file)
 
 

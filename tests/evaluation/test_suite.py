@@ -129,7 +129,7 @@ def test_returns_a_step_are_those_of_the_rounds_that_count(tmp_path):
         ("{opponent: tone, path: pursuit}", "tone", r"rivals\[0\]: expected a mapping, got 'tone'"),
         ("  - {opponent: tone, path: pursuit}", "  {}", "rivals: expected a list"),
         ("opponent: tone", "opponent: tonne", "did you mean 'tone'"),
-        ("pursuit}", "pursuit}\n  - {opponent: tone, path: pursuit}", "'tone/pursuit' stands there twice"),
+        ("pursuit}", "pursuit}\n  - {opponent: tone, path: pursuit}", "'tone/pursuit' is listed twice"),
         ("scenario: standard", "scenario: standrad", "did you mean 'standard'"),
     ],
 )

@@ -98,9 +98,9 @@ def test_an_entry_without_all_its_lines_is_left_out(suite):
     (found,) = summarise(records, suite)
     assert found.training_seeds == 1
     assert summarise(records[:2], suite) == []
-    with pytest.raises(UserError, match="suite ally-v1: the lines of ppo are not whole"):
+    with pytest.raises(UserError, match="suite ally-v1: records of ppo are missing"):
         summary_of(records[:2], suite)
-    with pytest.raises(UserError, match="the lines of anybody are not whole"):
+    with pytest.raises(UserError, match="records are missing"):
         summary_of([], suite)
 
 
@@ -111,7 +111,7 @@ def test_lines_of_another_suite_are_passed_over(suite):
 
 def test_lines_with_too_few_rounds_or_other_points_are_no_lines_of_the_field(suite):
     short = [dataclasses.replace(x, returns=x.returns[:-1]) for x in records_of(suite, "it", 0.0)]
-    with pytest.raises(UserError, match=r"the line of it against tone/pursuit has 3 rounds, expected 4"):
+    with pytest.raises(UserError, match=r"the record of it against tone/pursuit has 3 rounds, expected 4"):
         summarise(short, suite)
     ragged = records_of(suite, "it", 0.0)
     ragged[1] = dataclasses.replace(ragged[1], ally_points=(1, 2), jam_points=(3, 4))
