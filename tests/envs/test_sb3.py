@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import torch
 from stable_baselines3 import PPO, SAC, TD3
-from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
@@ -197,16 +196,6 @@ def test_a_monitor_of_sb3_writes_what_this_view_writes():
         assert there["episode"]["l"] == here["episode"]["l"]
 
 
-@pytest.mark.slow
-def test_evaluation_during_training_keeps_the_best_model(tmp_path):
-    callback = EvalCallback(
-        make(seed=9), n_eval_episodes=2, eval_freq=STEPS, best_model_save_path=str(tmp_path), verbose=0
-    )
-    PPO("MlpPolicy", make(seed=0), n_steps=STEPS, batch_size=32, **small()).learn(2 * STEPS * GAMES, callback)
-    assert np.isfinite(callback.best_mean_reward)
-    assert (tmp_path / "best_model.zip").is_file()
-
-
 @pytest.mark.process
 def test_single_views_in_processes_play_the_same_game():
     theirs = make_vec_env(
@@ -228,9 +217,8 @@ def test_single_views_in_processes_play_the_same_game():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("env_id", IDS)
-def test_ppo_learns_a_few_steps_of_every_id(env_id):
-    model = PPO("MlpPolicy", make(env_id), n_steps=STEPS, batch_size=32, n_epochs=2, **small())
+def test_ppo_learns_a_few_steps():
+    model = PPO("MlpPolicy", make(), n_steps=STEPS, batch_size=32, n_epochs=2, **small())
     before = [p.clone() for p in model.policy.parameters()]
     model.learn(3 * STEPS * GAMES)
     assert any(not torch.equal(x, y) for x, y in zip(before, model.policy.parameters(), strict=True))
@@ -247,15 +235,6 @@ def test_off_policy_algorithms_learn_a_few_steps(algorithm):
     assert ends.any()
     # A time limit is no end of the game: it must be bootstrapped through
     assert np.array_equal(model.replay_buffer.timeouts[: model.replay_buffer.pos].astype(bool), ends)
-
-
-@pytest.mark.slow
-def test_training_is_the_same_for_the_same_seed():
-    def weights():
-        model = PPO("MlpPolicy", make(stagger=True), n_steps=STEPS, batch_size=32, n_epochs=1, **small())
-        return torch.cat([p.flatten() for p in model.learn(2 * STEPS * GAMES).policy.parameters()])
-
-    assert torch.equal(weights(), weights())
 
 
 @pytest.mark.slow
@@ -294,13 +273,6 @@ def test_a_model_of_sb3_plays_the_other_side(env_id):
 
 
 # Bad input
-
-
-def test_an_unknown_id_suggests_the_nearest():
-    with pytest.raises(
-        UserError, match="unknown id 'FPG/AllyVsPlaner-v0'; did you mean 'FPG/AllyVsPlanner-v0'"
-    ):
-        make_sb3("FPG/AllyVsPlaner-v0")
 
 
 @pytest.mark.parametrize(

@@ -42,17 +42,8 @@ def test_gymnasium_finds_nothing_to_warn_of(env_id):
         check_env(gymnasium.make(env_id).unwrapped)
 
 
-@pytest.mark.parametrize("env_id", IDS)
-def test_an_id_is_found_through_the_module_without_importing_it_first(env_id):
-    env = gymnasium.make(f"fpg_bench:{env_id}")
-    assert env.spec.id == env_id
-    assert env.action_space.shape == (9,)
-    assert env.unwrapped.core.side == find_env(env_id).side
-
-
-@pytest.mark.parametrize("env_id", IDS)
-def test_a_pickled_copy_plays_on_alone(env_id):
-    env = gymnasium.make(env_id, scenario=SHORT).unwrapped
+def test_a_pickled_copy_plays_on_alone():
+    env = gymnasium.make(ALLY, scenario=SHORT).unwrapped
     env.reset(seed=1)
     env.step(REST)
     twin = pickle.loads(pickle.dumps(env))

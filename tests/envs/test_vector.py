@@ -5,7 +5,7 @@ from __future__ import annotations
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode
+from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 
 from fpg_bench.common.errors import UserError
@@ -43,15 +43,6 @@ def test_game_i_of_a_batch_seeded_s_is_the_single_game_seeded_s_plus_i(env_id, g
     batch = batched_games(env_id, 20, actions)
     for game in range(games):
         assert same(batch[game], single_game(env_id, 20 + game, actions[:, game]))
-
-
-def test_gymnasiums_own_batch_of_single_games_is_the_same():
-    theirs = gymnasium.make_vec(ALLY, num_envs=GAMES, vectorization_mode="sync", scenario=SHORT)
-    ours = make()
-    assert np.array_equal(theirs.reset(seed=3)[0], ours.reset(seed=3)[0])
-    for action in tape(GAMES, 2 * STEPS):
-        for there, here in zip(theirs.step(action)[:4], ours.step(action)[:4], strict=True):
-            assert np.array_equal(there, here)
 
 
 def test_the_autoreset_mode_is_stated_and_the_spaces_are_batched():
@@ -165,15 +156,6 @@ def test_players_and_paths_of_a_list_are_drawn_per_round_from_the_games_own_stre
     assert np.array_equal(paths[:, 5:6], alone[1])
 
 
-def test_the_player_that_was_drawn_is_the_one_that_plays():
-    options = {"opponent": ["tone", "comb"]}
-    env = make(ALLY_POLICY, 16, **options)
-    env.reset(seed=0)
-    env.step(np.zeros((16, 9), np.float32))
-    core = env.unwrapped.core
-    assert np.array_equal(core.duel.batch.games["jamming_type"], np.where(core._runner.choice == 0, 0, 3))
-
-
 def test_gymnasiums_vector_wrappers_take_it():
     env = RecordEpisodeStatistics(NormalizeObservation(make()))
     env.reset(seed=0)
@@ -183,39 +165,10 @@ def test_gymnasiums_vector_wrappers_take_it():
     assert infos["episode"]["r"] == pytest.approx(infos["measures"]["ally_return"], rel=1e-5)
 
 
-@pytest.mark.process
-def test_games_in_processes_of_their_own_play_the_same():
-    makers = [lambda: gymnasium.make(ALLY, scenario=SHORT)] * 2
-    theirs, ours = AsyncVectorEnv(makers), make(games=2)
-    try:
-        assert np.array_equal(theirs.reset(seed=3)[0], ours.reset(seed=3)[0])
-        for action in tape(2, STEPS + 3):
-            for there, here in zip(theirs.step(action)[:4], ours.step(action)[:4], strict=True):
-                assert np.array_equal(there, here)
-    finally:
-        theirs.close()
-
-
 # Bad input
 
 
-@pytest.mark.parametrize(
-    "actions",
-    [
-        np.zeros((GAMES, 8), np.float32),
-        np.zeros((2, 9), np.float32),
-        np.zeros((GAMES, 9), int),
-        [REST] * GAMES,
-    ],
-)
-def test_actions_of_another_kind_are_refused(actions):
-    env = make()
-    env.reset(seed=0)
-    with pytest.raises(UserError, match=r"ally actions: expected a float array of shape \(3, 9\), got"):
-        env.step(actions)
-
-
-@pytest.mark.parametrize("seed", ["7", 1.5, -1, [1, 2], [1, 2, "3"], 2**63 - 1])
+@pytest.mark.parametrize("seed", [[1, 2], [1, 2, "3"], [1, 2, None], 2**63 - 1])
 def test_a_seed_that_cannot_be_is_refused(seed):
     with pytest.raises(UserError, match="seed: expected"):
         make().reset(seed=seed)

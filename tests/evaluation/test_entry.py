@@ -66,18 +66,6 @@ def test_agents_that_were_made_otherwise_are_entries_of_their_own(suite, agent, 
     ]
 
 
-def test_tuned_default_and_zoo_stand_side_by_side(suite, agent):
-    found = names(
-        [
-            agent("runs/ppo_1/agent", 1, training_steps=200_000),
-            agent("runs/tuned/agent", 1, policy=5, hyperparameters={"gamma": 0.9}),
-            agent("ally-scripted/ppo/seed_0", 0),
-        ],
-        suite,
-    )
-    assert found == [("runs/ppo_1", 1), ("runs/tuned", 1), ("ally-scripted/ppo", 0)]
-
-
 def test_folders_that_begin_alike_have_names_that_tell_them_apart(suite, agent):
     """What is left of these paths without the training seed is the same, so that the whole path is said."""
     one = agent("runs/a/seed_0/agent", 0)

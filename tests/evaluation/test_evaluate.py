@@ -142,16 +142,6 @@ def test_what_is_no_line_is_one_clear_error(suite, tmp_path, text):
         evaluate(["idle"], suite, tmp_path / "out")
 
 
-def test_a_torn_last_line_is_dropped_and_played_again(suite, tmp_path):
-    before = evaluate(["idle"], suite, tmp_path / "out")
-    kept = rows(tmp_path / "out")
-    with (tmp_path / "out" / "records.jsonl").open("a") as file:
-        file.write('{"suite": "sm')
-    assert read_results(tmp_path / "out")[0][0].records == before[0].records
-    evaluate(["idle", "expert"], suite, tmp_path / "out")
-    assert set(kept) < set(rows(tmp_path / "out"))
-
-
 def test_lines_of_another_suite_in_the_file_are_refused(suite, tmp_path):
     evaluate(["idle"], suite, tmp_path / "out")
     file = tmp_path / "out" / "records.jsonl"
@@ -195,23 +185,9 @@ def test_agents_that_were_made_otherwise_are_not_merged_by_a_second_command(suit
     assert {(s.entry, s.training_seeds) for s in found} == {("ppo", 3), ("mine", 1)}
 
 
-def test_the_same_training_seed_twice_is_found_before_anything_is_played(suite, agents, tmp_path):
-    zoo = make_zoo(tmp_path)
-    twin = str(make_agent(zoo.members()[0], tmp_path / "twin", seed=5))
-    with pytest.raises(UserError, match="two different players of training seed 0"):
-        evaluate([*agents, twin], suite, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_suite_of_planners_names_the_other_command(tmp_path):
     with pytest.raises(UserError, match="measures planners; write fpg-bench plan compare --suite planner-v1"):
         evaluate(["idle"], "planner-v1", tmp_path / "out")
-
-
-@pytest.mark.parametrize("matches", [0, -1])
-def test_matches_are_whole_numbers_above_0(suite, tmp_path, matches):
-    with pytest.raises(UserError, match="matches: expected a whole number above 0"):
-        evaluate(["idle"], suite, tmp_path / "out", matches=matches)
 
 
 # From Python

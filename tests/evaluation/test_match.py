@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import sys
 
@@ -97,8 +98,8 @@ def test_a_stopped_match_goes_on(torn, file, tmp_path):
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_a_file_of_another_match_is_refused_and_left(changes, word, file):
-    play(file)
+def test_a_file_of_another_match_is_refused_and_left(changes, word, played):
+    file, _ = played
     before = file.read_bytes()
     with pytest.raises(UserError, match=f"is another match, {word}.* name another file") as error:
         play(file, **changes)
@@ -124,36 +125,17 @@ def test_a_wrong_word_writes_nothing(changes, word, file):
     assert not file.exists()
 
 
-def changed_digit(rows):
-    rows[2]["waypoints"][3][1] += 1e-9
+def change(number, *keys, value):
+    """Return a function that sets one value of a row."""
 
+    def tamper(rows):
+        *path, last = keys
+        place = rows[number]
+        for key in path:
+            place = place[key]
+        place[last] = value(place[last]) if callable(value) else value
 
-def another_tally(rows):
-    rows[3]["ally_return"] = np.nextafter(rows[3]["ally_return"], np.inf)
-
-
-def another_step(rows):
-    rows[1]["steps_sha256"] = "0" * 64
-
-
-def another_status(rows):
-    rows[1]["status"] = "repaired"
-
-
-def another_ally(rows):
-    rows[0]["ally"] = "random"
-
-
-def another_seed(rows):
-    rows[0]["seed"] = 6
-
-
-def another_rule(rows):
-    rows[0]["scenario"]["hop_cost"] = 3.0
-
-
-def unknown_rule(rows):
-    rows[0]["scenario"]["hop_price"] = 3.0
+    return tamper
 
 
 def fewer_rounds(rows):
@@ -161,53 +143,55 @@ def fewer_rounds(rows):
     del rows[3]
 
 
-def no_time(rows):
-    rows[2]["seconds"] = "soon"
-
-
-def lost_middle(rows):
-    del rows[2]
-
-
-def lost_end(rows):
-    del rows[3]
-
-
-def doubled(rows):
-    rows.insert(2, rows[1])
-
-
-def lost_head(rows):
-    del rows[0]
+another_return = change(3, "ally_return", value=lambda old: np.nextafter(old, np.inf))
 
 
 @pytest.mark.parametrize(
     ("tamper", "message"),
     [
-        (changed_digit, r"round 1 differs: waypoints\[3\]\[1\] is .* in the file, .* now"),
-        (another_tally, "round 2 differs: ally_return"),
-        (another_step, "round 0 differs: steps_sha256"),
-        (another_status, "round 0 differs: status is 'repaired' in the file, 'ok' now"),
-        (another_ally, "round 0 differs"),
-        (another_seed, "round 0 differs: seed is 5 in the file, 6 now"),
-        (another_rule, "its scenario is not the one it was played in"),
-        (unknown_rule, "its scenario cannot be played: .*hop_price"),
+        (
+            change(2, "waypoints", 3, 1, value=lambda old: old + 1e-9),
+            r"round 1 differs: waypoints\[3\]\[1\] is .* in the file, .* now",
+        ),
+        (another_return, "round 2 differs: ally_return"),
+        (change(1, "steps_sha256", value="0" * 64), "round 0 differs: steps_sha256"),
+        (
+            change(1, "status", value="repaired"),
+            "status is 'repaired' in the file, 'ok' now",
+        ),
+        (change(0, "ally", value="random"), "round 0 differs"),
+        (change(0, "seed", value=6), "round 0 differs: seed is 5 in the file, 6 now"),
+        (change(0, "scenario", "hop_cost", value=3.0), "its scenario is not the one it was played in"),
+        (lambda rows: rows[0]["scenario"].update(hop_price=3), "its scenario cannot be played: .*hop_price"),
         (fewer_rounds, "its scenario is not the one it was played in"),
-        (no_time, "round 1 differs: seconds is 'soon'"),
-        (lost_middle, "round 1 is missing; round 2 is in its place"),
-        (lost_end, "round 2 is missing"),
-        (doubled, "round 1 is missing; round 0 is in its place"),
-        (lost_head, "holds no match"),
+        (change(2, "seconds", value="soon"), "round 1 differs: seconds is 'soon'"),
+        (lambda rows: rows.pop(2), "round 1 is missing; round 2 is in its place"),
+        (lambda rows: rows.pop(3), "round 2 is missing"),
+        (lambda rows: rows.insert(2, rows[1]), "round 1 is missing; round 0 is in its place"),
+        (lambda rows: rows.pop(0), "holds no match"),
     ],
 )
-def test_a_changed_or_missing_line_is_named(tamper, message, file):
-    play(file)
-    rows = lines(file)
+def test_a_changed_or_missing_line_is_named(tamper, message, played):
+    file, rows = played
     tamper(rows)
     write(file, rows)
     with pytest.raises(UserError, match=message) as error:
         replay_match(file)
     assert "\n" not in str(error.value)
+
+
+@pytest.fixture(scope="module")
+def rows_of_a_match(tmp_path_factory):
+    file = tmp_path_factory.mktemp("match") / "match.jsonl"
+    play(file)
+    return lines(file)
+
+
+@pytest.fixture
+def played(rows_of_a_match, tmp_path):
+    """A match's file to be changed, and its rows."""
+    write(tmp_path / "match.jsonl", rows_of_a_match)
+    return tmp_path / "match.jsonl", copy.deepcopy(rows_of_a_match)
 
 
 @pytest.mark.parametrize("content", ["", "no rows\n", "[]\n", '{"kind": "run"}\n', '{"suite": "ally-v1"}\n'])
@@ -222,15 +206,14 @@ def test_other_files_are_no_matches(content, file):
         assert file.read_text() == content
 
 
-def test_a_folder_is_no_match_but_holds_one(file):
-    play(file)
+def test_a_folder_is_no_match_but_holds_one(played):
+    file, _ = played
     with pytest.raises(UserError, match=r"is a folder; name its match\.jsonl"):
         replay_match(file.parent)
 
 
-def test_a_file_in_which_nothing_was_played_is_begun_anew(file):
-    play(file)
-    rows = lines(file)
+def test_a_file_in_which_nothing_was_played_is_begun_anew(played):
+    file, rows = played
     write(file, rows[:1])
     play(file, "circle")
     assert [row.get("planner", "") for row in lines(file)] == ["circle"] + [""] * ROUNDS
@@ -241,13 +224,12 @@ def test_no_file_is_no_match(file):
         replay_match(file)
 
 
-def test_a_difference_under_other_versions_says_so(file):
-    play(file)
-    rows = lines(file)
+def test_a_difference_under_other_versions_says_so(played):
+    file, rows = played
     rows[0]["versions"]["fpg_bench"] = "0.0.1"
     write(file, rows)
     assert replay_match(file)  # other versions alone are no difference
-    another_tally(rows)
+    another_return(rows)
     write(file, rows)
     with pytest.raises(UserError, match=r"round 2 differs.*; versions\.fpg_bench is '0\.0\.1' in the file"):
         replay_match(file)

@@ -51,14 +51,6 @@ def test_wider_terminals_see_more_and_nobody_loses_a_column(summaries, suite):
     assert heads[0][0] == "player"
 
 
-def test_all_columns_are_drawn_whole_on_any_terminal(summaries, suite, monkeypatch, capsys):
-    monkeypatch.setenv("COLUMNS", "80")
-    head, *lines = lines_of_table(summaries, suite)
-    print_table(head, lines, "below")
-    drawn = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith(" ppo")]
-    assert drawn == [" ".join(line).split() for line in lines if line[0] == "ppo"]
-
-
 def test_a_column_that_says_nothing_is_left_out():
     planned = dataclasses.replace(load_suite("planner-v1"), matches=1)
     found = summarise(records_of(planned, "circle", 1.0), planned)

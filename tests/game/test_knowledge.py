@@ -72,15 +72,6 @@ def test_points_equally_far_are_candidates_alike():
     assert found in ({0, 14, 1}, {0, 14, 13})
 
 
-def test_fewer_candidates_than_three():
-    """A band of 60 MHz leaves two points outside the footprint and its guard."""
-    found = chosen(BROADBAND, 200, 7, band_low_mhz=171.5, band_high_mhz=228.5, tuning_span_mhz=0)
-    spacing = 57 / 14
-    points = 171.5 + spacing * np.arange(15)
-    jam = 200.0
-    assert found == {i for i in range(15) if abs(points[i] - jam) > 27.5}
-
-
 def test_no_candidate_at_all_is_any_other_point():
     found = chosen(BROADBAND, 200, 7, band_low_mhz=180, band_high_mhz=220, frequency_points=15)
     assert found == set(range(15)) - {7}
@@ -103,15 +94,6 @@ def test_before_anything_is_sensed_the_scores_decide():
     assert set(batch.games["point"]) <= {0, 1, 2, 12, 13, 14}, "farthest from the middle of the band"
 
 
-def test_a_sensing_error_misleads_the_expert():
-    """What counts is what was sensed, not what was jammed: the wrong type sends it elsewhere."""
-    batch = begin(still(sensing_type_error=1.0), games=300)
-    jam = opponent(BROADBAND, tuning=at_mhz(150), in_band=True).repeat(300, 0)
-    batch.step(ally(hop=True, preference=to_point(14)).repeat(300, 0), jam)
-    batch.step(ally(hop=True, expert=True).repeat(300, 0), jam)
-    assert len(set(batch.games["point"])) > 6
-
-
 @pytest.mark.parametrize("changes", [{"knowledge": "none"}, {}])
 def test_without_knowledge_or_its_gate_the_preference_decides(changes):
     scenario = dataclasses.replace(STANDARD, **changes)
@@ -120,14 +102,6 @@ def test_without_knowledge_or_its_gate_the_preference_decides(changes):
         gate = bool(changes)
         batch.step(ally(hop=True, expert=gate, preference=to_point(point)), opponent())
         assert batch.games["point"][0] == point
-
-
-def test_the_expert_never_touches_the_spread_gate():
-    batch = begin(still(sensing_type_error=0))
-    jam = opponent(BROADBAND)
-    for spread in (False, True, False):
-        batch.step(ally(hop=True, expert=True, spread=spread), jam)
-        assert batch.games["spreading"][0] == spread
 
 
 def test_a_knowledge_base_of_ones_own(tmp_path):

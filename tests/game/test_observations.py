@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-from fpg_bench.game.scenario import PAPER, STANDARD
+from fpg_bench.game.scenario import STANDARD
 
 from .playing import (
     BROADBAND,
@@ -22,7 +20,6 @@ from .playing import (
     place,
     still,
     to_point,
-    wander,
 )
 
 
@@ -97,12 +94,6 @@ def test_the_opponents_fifteen_numbers():
     np.testing.assert_allclose(seen, expected, atol=2e-6)
 
 
-def test_scales_of_paper():
-    assert (PAPER.check_scale_s, STANDARD.check_scale_s) == (5, 6)
-    batch = begin(PAPER)
-    assert batch.opponent_observations[0, 8] == 1.0
-
-
 def test_the_covering_flag_speaks_of_what_was_sensed():
     """With the type always wrong the flag follows the wrong footprint."""
     found = set()
@@ -117,17 +108,6 @@ def test_the_covering_flag_speaks_of_what_was_sensed():
         assert batch.ally_observations[0, 10 + kind] == 1
         found.add(kind)
     assert found == {NARROWBAND, BROADBAND, COMB}
-
-
-def test_the_sensing_flag_follows_the_sensed_centre():
-    """On the edge of a tone's footprint a centre with 1 MHz of error covers about half the time."""
-    games = 4000
-    batch = begin(still(sensing_centre_sd_mhz=1.0), games=games)
-    tone = opponent(TONE, tuning=at_mhz(197.5), in_band=True)
-    batch.step(ally(hop=True, preference=to_point(7)).repeat(games, 0), tone.repeat(games, 0))
-    covers = batch.ally_observations[:, 14] == 1
-    assert covers.mean() == pytest.approx(0.5, abs=0.04)
-    np.testing.assert_array_equal(covers, abs(batch.games["sensed_mhz"] - 200) <= 2.5 + 1e-6)
 
 
 def test_how_wrong_sensing_is():
@@ -147,27 +127,6 @@ def test_how_wrong_sensing_is():
     assert abs(np.corrcoef(errors[0], errors[1])[0, 1]) < 0.15, "drawn anew every step"
     shares = np.bincount(types.ravel(), minlength=4) / types.size
     np.testing.assert_allclose(shares, [1 / 30, 1 / 30, 0.9, 1 / 30], atol=0.012)
-
-
-def test_sensing_and_fading_are_independent():
-    slow = dataclasses.replace(STANDARD, ally_speed_m_s=(0, 0))
-    batch = begin(slow, games=5000)
-    before = batch.games["snr_db"].copy()
-    batch.step(ally().repeat(5000, 0), opponent(tuning=0, in_band=True).repeat(5000, 0))
-    fading = batch.games["clean_snr_db"] - before
-    error = batch.games["sensed_mhz"] - batch.games["jamming_mhz"]
-    assert abs(np.corrcoef(fading, error)[0, 1]) < 0.07
-    assert abs(np.corrcoef(abs(fading), abs(error))[0, 1]) < 0.07
-
-
-def test_observations_are_single_precision_within_one():
-    for scenario in (STANDARD, PAPER, dataclasses.replace(STANDARD, snr_scale_db=1, age_scale_s=1)):
-        batch = begin(scenario, games=20)
-        for actions in zip(*wander(5, 80, 20), strict=True):
-            batch.step(*actions)
-            for seen in (batch.ally_observations, batch.opponent_observations):
-                assert seen.dtype == np.float32
-                assert abs(seen).max() <= 1
 
 
 def test_ages_and_spreading_times_are_clipped():

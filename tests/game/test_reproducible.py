@@ -55,7 +55,7 @@ def play_batch(scenario, seed: int, games: int, threads: int = 1) -> GameBatch:
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("games", [1, 7, 64, 2048])
+@pytest.mark.parametrize("games", [7, 2048])
 @pytest.mark.parametrize("scenario", [STANDARD, PAPER], ids=["standard", "paper"])
 def test_a_game_of_a_batch_is_the_game_of_its_seed(scenario, games, threads):
     seed = 1000
@@ -65,7 +65,7 @@ def test_a_game_of_a_batch_is_the_game_of_its_seed(scenario, games, threads):
         assert fingerprint(batch, game) == fingerprint(alone, 0)
 
 
-@pytest.mark.parametrize("threads", [2, 3, 5])
+@pytest.mark.parametrize("threads", [3])
 def test_threads_change_nothing(threads):
     one, many = (play_batch(STANDARD, 5, 1500, count) for count in (1, threads))
     for game in range(1500):
@@ -88,12 +88,6 @@ def test_the_order_of_the_games_changes_nothing():
 def test_the_same_seed_is_the_same_game(seed, kind):
     one, other = play_batch(kind, seed, 1), play_batch(kind, seed, 1)
     assert fingerprint(one, 0) == fingerprint(other, 0)
-
-
-@given(seed=st.integers(0, 2**63 - 2))
-@settings(max_examples=15)
-def test_another_seed_is_another_game(seed):
-    assert fingerprint(play_batch(STANDARD, seed, 1), 0) != fingerprint(play_batch(STANDARD, seed + 1, 1), 0)
 
 
 def summary() -> str:

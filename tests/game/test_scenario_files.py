@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
-import subprocess
-import sys
 
 import pytest
 import yaml
@@ -13,7 +10,7 @@ import yaml
 from fpg_bench.common.errors import UserError
 from fpg_bench.game import scenario as module
 from fpg_bench.game.knowledge import EXPERT_FILE
-from fpg_bench.game.scenario import PAPER, RELEASED, STANDARD, Scenario, ScenarioError
+from fpg_bench.game.scenario import PAPER, RELEASED, STANDARD, Scenario
 
 # A changed preset is another game: then the rules version and every id must change too.
 HASHES = {
@@ -40,23 +37,6 @@ def knowledge(folder, name: str, **changes):
 @pytest.mark.parametrize(("name", "expected"), HASHES.items())
 def test_the_hashes_of_the_presets_are_pinned(name, expected):
     assert module.preset(name).hash == expected
-
-
-@pytest.mark.process
-def test_the_hash_is_the_same_in_another_process():
-    code = "from fpg_bench.game.scenario import PAPER; print(PAPER.hash)"
-    environment = {**os.environ, "PYTHONHASHSEED": "7"}
-    found = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True
-    )
-    assert found.stdout.strip() == HASHES["paper"]
-
-
-def test_a_changed_field_changes_the_hash():
-    seen = {STANDARD.hash, PAPER.hash}
-    for changes in ({"hop_cost": 41}, {"hop_cost": 42}, {"fading_sd_db": 41}, {"knowledge": "none"}):
-        seen.add(dataclasses.replace(STANDARD, **changes).hash)
-    assert len(seen) == 6
 
 
 # A value that each field could have as its default; numbers are moved a little by themselves.
@@ -226,9 +206,5 @@ def test_a_knowledge_base_has_one_entry_per_type(tmp_path):
     content = yaml.safe_load(EXPERT_FILE.read_text())
     del content["comb"]
     (tmp_path / "three.yml").write_text(yaml.safe_dump(content))
-    with pytest.raises(UserError, match="three.yml: lacks comb"):
+    with pytest.raises(UserError, match=r"three\.yml: lacks comb"):
         Scenario(knowledge=tmp_path / "three.yml")
-
-
-def test_the_scenarios_error_is_a_user_error():
-    assert issubclass(ScenarioError, UserError)
