@@ -63,7 +63,7 @@ def rewards(
             axes.set_visible(False)
         panels[0][0].legend(frameon=False, fontsize=8)
         for axes in panels[:, 0]:
-            axes.set_ylabel("reward a step")
+            axes.set_ylabel("reward per step")
         for axes in panels.flat[max(0, len(present) - columns) : len(present)]:  # the lowest of each column
             axes.set_xlabel("share of training")
             axes.tick_params(labelbottom=True)
