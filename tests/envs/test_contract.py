@@ -33,86 +33,86 @@ def test_the_contract_holds(kind, check):
     CHECKS[check](ENVS[kind])
 
 
-# A view of one game that is spoilt in one place; ``sound`` is what it did before
+# A env of one game that is spoilt in one place; ``sound`` is what it did before
 
 
-def _too_wide(view, sound):
+def _too_wide(env, sound):
     def step(action):
         observation, *rest = sound.step(action)
         return observation + 1.5, *rest
 
-    view.step = step
+    env.step = step
 
 
-def _deaf(view, sound):
-    view.reset = lambda seed=None, options=None: sound.reset(seed=3)
+def _deaf(env, sound):
+    env.reset = lambda seed=None, options=None: sound.reset(seed=3)
 
 
-def _terminating(view, sound):
+def _terminating(env, sound):
     def step(action):
         observation, reward, _, over, info = sound.step(action)
         return observation, reward, over, False, info
 
-    view.step = step
+    env.step = step
 
 
-def _mistaken(view, sound):
+def _mistaken(env, sound):
     def step(action):
         observation, reward, *rest = sound.step(action)
         return observation, 2 * reward, *rest
 
-    view.step = step
+    env.step = step
 
 
-def _lending(view, sound):
-    view.step = lambda action: (view.core.observations[0], *sound.step(action)[1:])
+def _lending(env, sound):
+    env.step = lambda action: (env.core.observations[0], *sound.step(action)[1:])
 
 
-def _clipping(view, sound):
-    view.step = lambda action: sound.step(np.clip(action, -1, 1, out=action))
+def _clipping(env, sound):
+    env.step = lambda action: sound.step(np.clip(action, -1, 1, out=action))
 
 
-def _uncopied(view, sound):
-    view.__deepcopy__ = lambda memory: begun(8)
+def _uncopied(env, sound):
+    env.__deepcopy__ = lambda memory: begun(8)
 
 
-def _eager(view, sound):
+def _eager(env, sound):
     def step(action):
-        if not view._begun:
-            view.reset()
+        if not env._begun:
+            env.reset()
         return sound.step(action)
 
-    view.step = step
+    env.step = step
 
 
-def _tolerant(view, sound):
-    view.step = lambda action: sound.step(np.nan_to_num(action))
+def _tolerant(env, sound):
+    env.step = lambda action: sound.step(np.nan_to_num(action))
 
 
-def _rounding(view, sound):
-    view.reset = lambda seed=None, options=None: sound.reset(
+def _rounding(env, sound):
+    env.reset = lambda seed=None, options=None: sound.reset(
         seed=None if seed is None else abs(int(seed)) % 99
     )
 
 
 def begun(seed):
-    view = gymnasium.make(ALLY, scenario=SHORT).unwrapped
-    view.reset(seed=seed)
-    return view
+    env = gymnasium.make(ALLY, scenario=SHORT).unwrapped
+    env.reset(seed=seed)
+    return env
 
 
 class Sound:
-    """The methods of a view as they were."""
+    """The methods of a env as they were."""
 
-    def __init__(self, view):
-        self.reset, self.step = view.reset, view.step
+    def __init__(self, env):
+        self.reset, self.step = env.reset, env.step
 
 
 def spoilt(spoil):
     def make():
-        view = gymnasium.make(ALLY, scenario=SHORT).unwrapped
-        spoil(view, Sound(view))
-        return view
+        env = gymnasium.make(ALLY, scenario=SHORT).unwrapped
+        spoil(env, Sound(env))
+        return env
 
     return make
 
@@ -140,10 +140,10 @@ def test_each_fault_is_found_by_its_check(spoil, check, message):
 
 def test_games_of_a_batch_must_be_those_of_their_seeds():
     def make():
-        view = gymnasium.make_vec(ALLY, GAMES, scenario=SHORT).unwrapped
-        sound = view.reset
-        view.reset = lambda seed=None, options=None: sound(seed=None if seed is None else [seed, 0, seed + 2])
-        return view
+        env = gymnasium.make_vec(ALLY, GAMES, scenario=SHORT).unwrapped
+        sound = env.reset
+        env.reset = lambda seed=None, options=None: sound(seed=None if seed is None else [seed, 0, seed + 2])
+        return env
 
     with pytest.raises(AssertionError, match="game i of a batch of seed s is not game i - 1 of seed s"):
         CHECKS["batch"](make)

@@ -1,4 +1,4 @@
-"""Both sides at once: rounds and matches, chance, plans between rounds; every view shows the same game."""
+"""Both sides at once: rounds and matches, chance, plans between rounds; all environments show it."""
 
 from __future__ import annotations
 
@@ -69,18 +69,18 @@ def test_game_i_of_a_batch_is_the_duel_seeded_s_plus_i():
 
 
 @pytest.mark.parametrize("path", ["pursuit", "learned", ["circle", "learned"]])
-def test_the_single_views_of_both_sides_show_the_duel(path):
+def test_the_single_environments_of_both_sides_show_the_duel(path):
     ally, opponent, round_of_opponent = both_tapes(1)
     of_ally, of_opponent = played(7, ally, opponent, path=path)[0]
-    view = single_game(ALLY_POLICY, 7, ally[:, 0], opponent=Tape(round_of_opponent), path=path)
-    assert same(of_ally, view)
+    environment = single_game(ALLY_POLICY, 7, ally[:, 0], opponent=Tape(round_of_opponent), path=path)
+    assert same(of_ally, environment)
     swapped_ally, swapped = np.tile(ally[:STEPS], (3, 1, 1)), opponent
     of_opponent = played(7, swapped_ally, swapped, path=path)[0][1]
-    view = single_game(OPPONENT_POLICY, 7, swapped[:, 0], ally=Tape(ally[:STEPS]), path=path)
-    assert same(of_opponent, view)
+    environment = single_game(OPPONENT_POLICY, 7, swapped[:, 0], ally=Tape(ally[:STEPS]), path=path)
+    assert same(of_opponent, environment)
 
 
-def test_the_pettingzoo_view_shows_the_duel():
+def test_the_pettingzoo_environment_shows_the_duel():
     ally, opponent, _ = both_tapes(1)
     of_ally, of_opponent = played(7, ally, opponent)[0]
     env = parallel_env(scenario=SHORT)
@@ -204,7 +204,7 @@ def test_the_opponent_flies_the_plan_on_time():
     assert missed[8:].max() < 1e-6  # it starts anywhere and catches up with the circle
 
 
-def test_the_planner_view_plays_ten_rounds_a_match_and_hands_the_plan_over():
+def test_the_planner_environment_plays_ten_rounds_a_match_and_hands_the_plan_over():
     core = SingleAgentGame(PLANNED)
     core.reset(seeds=0)
     assert core.scenario.rounds_per_match == 10

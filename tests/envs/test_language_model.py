@@ -1,4 +1,4 @@
-"""FPG/AllyVsLLM-v0: the planner view with a language model, which is never replaced by anything else."""
+"""FPG/AllyVsLLM-v0: a language model plans, and nothing ever replaces it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The PettingZoo view, by PettingZoo's own tests and the game's contract."""
+"""The PettingZoo environment, by PettingZoo's own tests and the game's contract."""
 
 from __future__ import annotations
 
@@ -38,10 +38,6 @@ def test_aec_api():
 def test_seeds():
     parallel_seed_test(lambda: parallel_env(scenario=SHORT), 2 * STEPS)
     seed_test(lambda: aec_env(scenario=SHORT), 2 * STEPS)
-
-
-def test_its_agents_are_the_two_sides():
-    assert registered("parallel").possible_agents == ["ally", "opponent"]
 
 
 def test_a_round_ends_by_truncation_with_the_measures_of_both_sides():
@@ -93,16 +89,6 @@ def test_options_reach_the_game():
     planned = parallel_env(planner="hold")
     planned.reset(seed=0)
     assert planned.duel.plans[0].source == "hold"
-
-
-def test_a_new_match_can_be_asked_for():
-    env = registered("parallel")
-    curves = []
-    for options in (None, None, {"new_match": True}):
-        env.reset(seed=1 if not curves else None, options=options)
-        curves.append(env.duel.batch.games["control_points"][0].copy())
-    assert np.array_equal(curves[0], curves[1])
-    assert not np.array_equal(curves[1], curves[2])
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The SB3 view: same-step autoreset, honest truncations, and everything that SB3 asks of a ``VecEnv``."""
+"""The SB3 environment: same-step autoreset, truncations, and what SB3 asks of a ``VecEnv``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from stable_baselines3.common.vec_env import (
     SubprocVecEnv,
     VecCheckNan,
     VecFrameStack,
-    VecMonitor,
     VecNormalize,
     VecVideoRecorder,
 )
@@ -63,7 +62,7 @@ def rest(games=GAMES):
 
 
 @pytest.mark.parametrize("env_id", IDS)
-def test_sb3_finds_nothing_to_warn_of_in_the_single_view(env_id):
+def test_sb3_finds_nothing_to_warn_of_in_the_single_environment(env_id):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gymnasium.make(env_id).unwrapped)
@@ -183,21 +182,8 @@ def test_wrappers_compose():
     assert infos[0]["terminal_observation"].shape == (60,)
 
 
-def test_a_monitor_of_sb3_writes_what_this_view_writes():
-    with pytest.warns(UserWarning, match="already wrapped"):
-        env = VecMonitor(make(seed=0))
-    plain = make(seed=0)
-    env.reset()
-    plain.reset()
-    for _ in range(STEPS):
-        theirs, ours = env.step(rest())[3], plain.step(rest())[3]
-    for there, here in zip(theirs, ours, strict=True):
-        assert there["episode"]["r"] == pytest.approx(here["episode"]["r"], rel=1e-5)
-        assert there["episode"]["l"] == here["episode"]["l"]
-
-
 @pytest.mark.process
-def test_single_views_in_processes_play_the_same_game():
+def test_single_environments_in_processes_play_the_same_game():
     theirs = make_vec_env(
         ALLY,
         2,
@@ -292,9 +278,9 @@ def test_what_cannot_be_is_refused(options, message):
 @pytest.mark.slow
 def test_the_first_game_can_be_filmed(tmp_path):
     pytest.importorskip("moviepy", reason="moviepy is in the extra video")
-    view = make_sb3(ALLY, n_envs=2, seed=1, render_mode="rgb_array", scenario=SHORT)
+    environment = make_sb3(ALLY, n_envs=2, seed=1, render_mode="rgb_array", scenario=SHORT)
     filmed = VecVideoRecorder(
-        view, str(tmp_path), record_video_trigger=lambda step: step == 0, video_length=25
+        environment, str(tmp_path), record_video_trigger=lambda step: step == 0, video_length=25
     )
     filmed.reset()
     for _ in range(26):

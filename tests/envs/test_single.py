@@ -1,4 +1,4 @@
-"""The Gymnasium view of one game: its keywords and bad input. What all views share ``test_contract.py``."""
+"""The Gymnasium environment of one game: its keywords and bad input."""
 
 from __future__ import annotations
 
@@ -28,8 +28,6 @@ from .playing import (
     REST,
     SHORT,
     STEPS,
-    same,
-    single_game,
     tape,
 )
 
@@ -188,21 +186,12 @@ class Copycat:
 @pytest.mark.parametrize(
     "spec", ["adaptive", "oracle", Copycat(), f"{__name__}:Copycat", ["tone", Copycat()]]
 )
-def test_a_policy_view_takes_a_script_an_oracle_an_object_and_a_list(spec):
+def test_a_policy_environment_takes_a_script_an_oracle_an_object_and_a_list(spec):
     env = gymnasium.make(ALLY_POLICY, opponent=spec, scenario=SHORT)
     env.reset(seed=0)
     for action in tape(1, STEPS)[:, 0]:
         *_, truncated, _ = env.step(action)
     assert truncated
-
-
-def test_a_policy_view_plays_the_script_as_the_scripted_view_does():
-    actions = tape(1)[:, 0]
-    assert same(
-        single_game(ALLY, 1, actions, opponent="sweep"),
-        single_game(ALLY_POLICY, 1, actions, opponent="sweep"),
-    )
-    assert same(single_game(OPPONENT, 1, actions), single_game(OPPONENT_POLICY, 1, actions))
 
 
 # Bad input: one clear line each
@@ -274,14 +263,6 @@ def test_the_spec_says_how_long_a_round_is():
     again = gymnasium.make(env.unwrapped.spec)
     again.reset(seed=0)
     assert [again.step(REST)[3] for _ in range(STEPS)] == [False] * (STEPS - 1) + [True]
-
-
-def test_an_action_may_be_a_list():
-    env = gymnasium.make(ALLY, disable_env_checker=True)
-    env.reset(seed=0)
-    first = env.step(REST)[0]
-    env.reset(seed=0)
-    assert np.array_equal(env.step(REST.tolist())[0], first)
 
 
 def test_an_unknown_id_suggests_the_nearest():

@@ -1,4 +1,4 @@
-"""The batched Gymnasium view: NEXT_STEP autoreset, the same games as single ones, staggering."""
+"""The batched Gymnasium environment: NEXT_STEP autoreset, the same games as single ones, staggering."""
 
 from __future__ import annotations
 
@@ -121,12 +121,6 @@ def test_rounds_can_be_begun_in_some_games_alone():
     after = env.reset(options={"reset_mask": mask, "new_match": True})[0]
     assert np.array_equal(after[~mask], moved[~mask])
     assert not np.array_equal(after[1], before[1])
-
-
-def test_one_seed_per_game_may_be_given():
-    env = make()
-    assert np.array_equal(env.reset(seed=[8, 9, 10])[0], env.reset(seed=8)[0])
-    assert not np.array_equal(env.reset(seed=[9, 8, 10])[0], env.reset(seed=8)[0])
 
 
 def drawn(games, seed=0, rounds=1, **options):

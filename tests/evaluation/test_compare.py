@@ -229,18 +229,6 @@ def test_controls_and_prompts_of_ones_own_are_recorded_as_such(folder, asks):
     assert "llm-no-history" in {s.entry for s in found}
 
 
-def test_another_model_or_prompt_is_not_taken_for_the_one_recorded(folder, asks):
-    with FaultServer([ok(PATH)]) as server:
-        asks(server)
-        compare(["llm"], "mine.yml", "out")
-        asks(server, model="another")
-        with pytest.raises(UserError, match="hold records of another 'llm'"):
-            compare(["llm"], "mine.yml", "out")
-        (folder / "out" / "records.jsonl").unlink()
-        with pytest.raises(UserError, match="recorded with model toy, not another"):
-            compare(["llm"], "mine.yml", "out")
-
-
 def test_transcripts_of_other_matches_are_refused(folder, asks):
     with FaultServer([ok(PATH)]) as server:
         asks(server)

@@ -36,10 +36,6 @@ def planners():
     return dataclasses.replace(whole, scenario=scenario, matches=MATCHES, rivals=rivals)
 
 
-def untimed(record):
-    return dataclasses.replace(record, plans=dataclasses.replace(record.plans, seconds=0.0))
-
-
 # A side against players
 
 
@@ -154,25 +150,6 @@ def test_a_line_of_a_planner_says_how_the_paths_came_about(planners):
     assert record.plans.statuses == {"repaired": count}
     assert record.plans.tokens == MATCHES * sum(range(ROUNDS))
     assert record.plans.seconds == pytest.approx(0.25 * count)
-
-
-def test_a_match_is_planned_round_by_round_from_its_own_history(planners):
-    planner = Noting()
-    play(planner_entry(planner, planners), planners, planners.named("idle"))
-    assert [len(request.history) for request in planner.asked] == [
-        k for k in range(ROUNDS) for _ in range(MATCHES)
-    ]
-    assert len({request.seed for request in planner.asked}) == MATCHES
-    starts = {tuple(request.current_position) for request in planner.asked}
-    assert len(starts) == MATCHES  # one start a match, the same in all its rounds
-
-
-def test_a_planners_match_does_not_depend_on_how_many_are_played(planners):
-    entry, ally = planner_entry("random", planners), planners.named("expert")
-    few = play(entry, planners, ally)
-    many = play(entry, dataclasses.replace(planners, matches=MATCHES + 2), ally)
-    assert few.returns == many.returns[: MATCHES * ROUNDS]
-    assert untimed(play(entry, planners, ally)) == untimed(few)
 
 
 def test_returns_come_match_by_match(planners):

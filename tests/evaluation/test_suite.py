@@ -5,8 +5,8 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.play import match_of, rounds
-from fpg_bench.evaluation.suite import Scale, load_suite, side_suite, suite_of
-from fpg_bench.game.scenario import STANDARD, as_scenario
+from fpg_bench.evaluation.suite import Scale, load_suite, suite_of
+from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.scripted import SCRIPTED
 
@@ -36,7 +36,7 @@ def written(tmp_path, content):
 
 
 @pytest.mark.parametrize("name", PUBLIC)
-def test_public_fields_have_a_scale_and_rivals_that_can_be_had(name):
+def test_public_suites_have_a_scale_and_rivals_that_can_be_had(name):
     suite = load_suite(name)
     assert suite.scale != Scale()
     assert suite.scale.score(suite.scale.zero) == 0
@@ -54,14 +54,9 @@ def test_public_fields_have_a_scale_and_rivals_that_can_be_had(name):
         ("FPG/OpponentVsPolicy-v0", {"path": None}, "opponent-v1"),
     ],
 )
-def test_every_view_has_its_field(env_id, options, name):
+def test_every_id_has_its_suite(env_id, options, name):
     assert suite_of(env_id, options) == name
     assert load_suite(name).side in env_id.lower()
-
-
-def test_a_side_has_its_suite_in_every_scenario():
-    assert side_suite("ally", STANDARD).name == "ally-v1"
-    assert side_suite("opponent", as_scenario(None, opponent_path="learned")).name == "opponent-learned-v1"
 
 
 def test_the_planners_suite_plays_matches_on_planned_paths_against_scripted_allies_at_full_speed():
@@ -97,7 +92,7 @@ def test_rivals_have_names_changes_and_several_players(tmp_path):
     assert (tallies["comb"] > 0).any()
 
 
-def test_returns_a_step_are_those_of_the_rounds_that_count(tmp_path):
+def test_rewards_per_step_are_those_of_the_rounds_that_count(tmp_path):
     suite = load_suite(written(tmp_path, PLANNED))
     returns = np.array([0, 0, 300, 600, 0, 0, 0, 0])  # of two matches of four rounds, 300 steps each
     assert suite.rewards(returns).tolist() == [1.5, 0.0]

@@ -39,7 +39,7 @@ def records_of(suite, entry, rewards, seed=None, **tally):
     ]
 
 
-def test_the_score_is_the_mean_over_rivals_on_the_fields_scale(suite):
+def test_the_score_is_the_mean_over_rivals_on_the_suites_scale(suite):
     (found,) = summarise(records_of(suite, "it", [[0.0] * 4, [10.0] * 4, [20.0] * 4]), suite)
     assert found.reward.value == pytest.approx(10)
     assert found.score.value == pytest.approx(50)  # halfway from -10 to 30
@@ -53,7 +53,7 @@ def test_the_worst_rival_counts_as_much_as_any_other(suite):
     assert [summary.entry for summary in found] == ["even", "fragile"]
 
 
-def test_order_by_score_is_order_by_return_a_step(suite):
+def test_order_by_score_is_order_by_reward_per_step(suite):
     rng = np.random.default_rng(1)
     records = [x for k in range(12) for x in records_of(suite, f"e{k}", rng.normal(0, 9, (3, 4)))]
     found = summarise(records, suite)
@@ -109,7 +109,7 @@ def test_lines_of_another_suite_are_passed_over(suite):
     assert summarise(records_of(other, "it", 0.0), suite) == []
 
 
-def test_lines_with_too_few_rounds_or_other_points_are_no_lines_of_the_field(suite):
+def test_lines_with_too_few_rounds_or_other_points_are_no_records_of_the_suite(suite):
     short = [dataclasses.replace(x, returns=x.returns[:-1]) for x in records_of(suite, "it", 0.0)]
     with pytest.raises(UserError, match=r"the record of it against tone/pursuit has 3 rounds, expected 4"):
         summarise(short, suite)

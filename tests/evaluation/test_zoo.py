@@ -11,7 +11,7 @@ def zoo(tmp_path):
     return load_zoo(tmp_path)
 
 
-def test_members_by_view_algorithm_and_seed(zoo):
+def test_members_by_group_algorithm_and_seed(zoo):
     names = [member.name for member in zoo.members()]
     assert names == [f"small/{algorithm}/seed_{k}" for algorithm in ("ppo", "td3") for k in (0, 1, 2)]
     assert [m.steps for m in zoo.members("small/td3")] == [1000] * 3

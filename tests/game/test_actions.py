@@ -99,7 +99,7 @@ def test_how_an_array_lies_in_memory_does_not_matter(order, dtype):
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda batch: pickle.loads(pickle.dumps(batch))])
 @pytest.mark.parametrize("threads", [1, 2])
-def test_a_copy_of_an_batch_plays_on_by_itself(copied, threads):
+def test_a_copy_of_a_batch_plays_on_by_itself(copied, threads):
     batch = begin(STANDARD, games=1200, threads=threads)
     first, second = (x[:20] for x in wander(1, 40, 1200)), (x[20:] for x in wander(1, 40, 1200))
     for actions in zip(*first, strict=True):

@@ -52,28 +52,11 @@ def test_the_ally_follows_the_arc_there_and_back():
     assert np.linalg.norm(found[0] - CURVE[0]) == pytest.approx(7.5, abs=1e-3)
 
 
-@pytest.mark.parametrize(("speed", "metres"), [(-1, 5.0), (0, 7.5), (0.5, 8.75), (1, 10.0), (4, 10.0)])
-def test_speed_is_measured_along_the_path(speed, metres):
-    straight = ((0, 0, 0), (500, 0, 0), (1000, 0, 0), (1500, 0, 0))
-    scenario = dataclasses.replace(STANDARD, ally_path_m=straight)
-    found = flown(scenario, 300, lambda k: speed)[:, 0]
-    expected = metres * np.arange(1, 301)
-    np.testing.assert_allclose(found, 1500 - abs(expected % 3000 - 1500), atol=1e-6)
-
-
 def test_a_path_of_less_than_a_second_is_refused():
     short = ((0, 0, 0), (1, 0, 0), (2, 0, 0), (9.9, 0, 0))
     with pytest.raises(ScenarioError, match=r"9\.9 m long"):
         dataclasses.replace(STANDARD, ally_path_m=short)
     dataclasses.replace(STANDARD, ally_path_m=(*short[:3], (10.1, 0, 0)))
-
-
-def test_a_path_of_a_little_more_than_a_second_is_flown_there_and_back():
-    """12 m of path at 8.25 m/s: 8.25 m out, then 4.5 m and 3.75 m back, then out again."""
-    short = ((0, 0, 0), (4, 0, 0), (8, 0, 0), (12, 0, 0))
-    scenario = dataclasses.replace(STANDARD, ally_path_m=short)
-    found = flown(scenario, 3, lambda k: 0.3)[:, 0]
-    np.testing.assert_allclose(found, [8.25, 7.5, 0.75], atol=1e-6)
 
 
 def test_standard_draws_its_curves_in_the_box():

@@ -77,15 +77,6 @@ def test_the_jammed_snr_is_eq_3_with_one_interference(kind, point, spread):
         assert found == pytest.approx(expected, abs=1e-6)
 
 
-@pytest.mark.parametrize("kind", POWER_DBM)
-def test_paper_takes_eq_2_and_3_literally(kind):
-    for distance in (5, 50, 500, 1400):
-        jamming = POWER_DBM[kind] - loss_db(distance, 200)
-        received = 45 - loss_db(TOP, 200) - jamming  # Eq. 2
-        expected = received - decibel_sum(NOISE_DBM, jamming)  # the fraction of Eq. 3, in dB
-        assert snr(PAPER, distance, kind) == pytest.approx(expected, abs=1e-6)
-
-
 @pytest.mark.parametrize("base", [STANDARD, PAPER])
 def test_jamming_that_does_not_cover_does_nothing(base):
     for kind in (TONE, NARROWBAND, BROADBAND):

@@ -138,33 +138,23 @@ def test_a_file_changes_a_preset(tmp_path):
         ("- hop_cost", ("expected a mapping, got list",)),
         ("", ("expected a mapping",)),
         ("hop_cost: !!python/object/apply:os.getcwd []", ("not valid YAML",)),
-        ("knowledge: missing.yml", ("missing.yml", "cannot be read")),
     ],
 )
-def test_a_bad_file_is_refused_in_one_line(tmp_path, text, parts):
+def test_a_bad_file_is_refused_in_one_line_that_names_it(tmp_path, text, parts):
     with pytest.raises(UserError) as refused:
         Scenario.from_yaml(written(tmp_path, text))
-    for part in parts:
+    for part in ("mine.yml", *parts):
         assert part in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
-def test_an_error_in_a_file_names_the_file(tmp_path):
-    for text in ("hopcost: 3", "hop_cost: -3", "hop_cost: [1"):
-        with pytest.raises(UserError, match=r"mine\.yml"):
-            Scenario.from_yaml(written(tmp_path, text))
-    with pytest.raises(UserError, match=r"absent\.yml: cannot be read: No such file"):
-        Scenario.from_yaml(tmp_path / "absent.yml")
-
-
-def test_a_relative_knowledge_file_lies_beside_the_scenario(tmp_path, monkeypatch):
-    folder = tmp_path / "mine"
-    folder.mkdir()
-    knowledge(folder, "far.yml", candidates=2)
-    path = written(folder, "knowledge: far.yml")
-    monkeypatch.chdir(tmp_path)
-    assert Scenario.from_yaml(path).knowledge_base.entries[2].candidates == 2
-    assert Scenario.from_yaml("mine/mine.yml").knowledge_base.entries[2].candidates == 2
+def test_a_file_or_its_knowledge_that_is_not_there(tmp_path):
+    for name, path in (
+        ("absent", tmp_path / "absent.yml"),
+        ("gone", written(tmp_path, "knowledge: gone.yml")),
+    ):
+        with pytest.raises(UserError, match=rf"{name}\.yml: cannot be read: No such file"):
+            Scenario.from_yaml(path)
 
 
 def test_a_relative_knowledge_file_survives_being_written_again(tmp_path, monkeypatch):

@@ -99,15 +99,6 @@ def test_jamming_aims_at_what_was_known_before_the_step():
     assert batch.games["jamming_mhz"][0] == pytest.approx(heard)
 
 
-def test_a_hop_escapes_jamming_of_the_same_step():
-    batch = begin(still())
-    place(batch, (750, 750, 590))
-    batch.step(ally(hop=True, preference=to_point(0)), opponent(tuning=at_mhz(150), in_band=True))
-    assert batch.games["covered"][0]
-    batch.step(ally(hop=True, preference=to_point(14)), opponent(tuning=at_mhz(150), in_band=True))
-    assert not batch.games["covered"][0]
-
-
 def test_spreading_holds_for_the_step_itself():
     batch = begin(still())
     batch.step(ally(), opponent(tuning=1, in_band=True))
@@ -141,27 +132,12 @@ def test_gates_are_on_above_zero():
         assert (batch.games["point"][0] == 0) == (not on)
 
 
-def test_hopping_to_the_same_point_is_a_hop():
-    batch = begin(still())
-    for _ in range(2):
-        batch.step(ally(hop=True, preference=to_point(6)), opponent())
-        assert batch.games["hopped"][0]
-        assert batch.games["point"][0] == 6
-
-
 @pytest.mark.parametrize("point", range(15))
 def test_preferences_reach_every_point(point):
     batch = begin(still())
     batch.step(ally(hop=True, preference=to_point(point)), opponent())
     assert batch.games["point"][0] == point
     assert batch.games["frequency_mhz"][0] == pytest.approx(150 + point * 100 / 14)
-
-
-def test_preferences_are_rounded_half_up():
-    batch = begin(still(frequency_points=3))
-    for preference, point in ((-0.5, 1), (-0.51, 0), (0.49, 1), (0.5, 2), (9.0, 2), (-9.0, 0)):
-        batch.step(ally(hop=True, preference=preference), opponent())
-        assert batch.games["point"][0] == point
 
 
 def test_leaving_spread_keeps_the_frequency_in_standard():

@@ -18,20 +18,20 @@ FLYER = "opponent-learned/sac/seed_0"
 
 
 def rounds(path, *opponents):
-    """Two rounds of five games of an agent each, as tallies; and who was seated."""
+    """Two rounds of five games of an agent each, as tallies; and who played."""
     duel = make_duel(5, path=path)
     ally = PolicyRunner("ally", [as_player("expert", "ally", duel.scenario)], duel.batch)
     runner = PolicyRunner("opponent", opponents, duel.batch)
-    found, make_match = [], []
+    tallies, choices = [], []
     for seeds in (range(5), None):
         mask = duel.reset(seeds=seeds)
         ally.begin(mask)
         runner.begin(mask)
         while not duel.batch.games["truncated"].all():
             duel.batch.step(ally.act(), runner.act())
-        found.append(duel.batch.tallies.copy())
-        make_match.append(runner.choice.copy())
-    return np.array(found), np.array(make_match)
+        tallies.append(duel.batch.tallies.copy())
+        choices.append(runner.choice.copy())
+    return np.array(tallies), np.array(choices)
 
 
 def test_who_learned_in_pursuit_plays_the_same_rounds_under_learned_flight():
@@ -47,10 +47,10 @@ def test_who_learned_to_fly_flies_itself():
 
 def test_both_kinds_are_drawn_in_one_game():
     pursuer, flyer = as_member(PURSUER), as_member(FLYER)
-    mixed, make_match = rounds("learned", pursuer, flyer)
-    assert set(make_match.ravel()) == {0, 1}
-    assert (mixed[make_match == 0] == rounds("pursuit", pursuer)[0][make_match == 0]).all()
-    assert (mixed[make_match == 1] == rounds("learned", flyer)[0][make_match == 1]).all()
+    mixed, choices = rounds("learned", pursuer, flyer)
+    assert set(choices.ravel()) == {0, 1}
+    assert (mixed[choices == 0] == rounds("pursuit", pursuer)[0][choices == 0]).all()
+    assert (mixed[choices == 1] == rounds("learned", flyer)[0][choices == 1]).all()
 
 
 def test_a_member_that_travels_to_a_worker_flies_as_before():

@@ -1,4 +1,4 @@
-"""A seat hears the player whose round it is, and starts its memory with the round."""
+"""The runner asks the player whose round it is, and starts its memory with the round."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Listener:
         return np.full((len(observation), self.size), self.number, np.float32), len(self.starts)
 
 
-def make_match(*players, side="ally"):
+def begun(*players, side="ally"):
     duel = TwoPlayerBatch(STANDARD, GAMES)
     runner = PolicyRunner(side, players, duel.batch)
     runner.begin(duel.reset(seeds=0))
@@ -39,7 +39,7 @@ def make_match(*players, side="ally"):
 
 def test_a_rounds_start_is_told_once_and_memory_is_handed_back():
     player = Listener()
-    duel, runner = make_match(player)
+    duel, runner = begun(player)
     runner.act()
     runner.act()
     some = np.array([True, False, False, True])
@@ -52,17 +52,17 @@ def test_a_rounds_start_is_told_once_and_memory_is_handed_back():
 
 def test_seeds_are_new_for_every_round_and_each_sides_own():
     player, other = Listener(), Listener()
-    duel, runner = make_match(player)
+    duel, runner = begun(player)
     runner.begin(duel.reset(np.array([True, False, False, False])))
     (_, first), (mask, second) = player.resets
     assert mask.tolist() == [True, False, False, False]
     assert (first != second).tolist() == mask.tolist()
-    make_match(other, side="opponent")
+    begun(other, side="opponent")
     assert not set(other.resets[0][1]) & set(first)
 
 
 def test_each_game_hears_the_player_drawn_for_its_round():
-    _, runner = make_match(Listener(0.25), Listener(0.5), Listener(0.75))
+    _, runner = begun(Listener(0.25), Listener(0.5), Listener(0.75))
     actions = runner.act()
     assert np.array_equal(actions[:, 0], np.array([0.25, 0.5, 0.75], np.float32)[runner.choice])
 
@@ -70,13 +70,13 @@ def test_each_game_hears_the_player_drawn_for_its_round():
 def test_an_oracle_is_handed_the_full_state_and_others_their_observation():
     player, oracle = Listener(), Listener()
     oracle.sees = "state"
-    duel, runner = make_match(player, oracle, side="opponent")
+    duel, runner = begun(player, oracle, side="opponent")
     runner.act()
     assert np.array_equal(player.seen[0], duel.batch.opponent_observations)
     assert np.array_equal(oracle.seen[0], duel.state())
 
 
 def test_an_answer_of_another_shape_is_refused():
-    _, runner = make_match(Listener(size=3))
+    _, runner = begun(Listener(size=3))
     with pytest.raises(UserError, match=r"answered with actions of shape \(4, 3\), expected \(4, 9\)"):
         runner.act()

@@ -20,7 +20,7 @@ from fpg_bench.players.scripted import SCRIPTED
 
 from .test_agent import model_bytes
 
-GAMES, VIEW = 48, "FPG/AllyVsPolicy-v0"
+GAMES, ENV_ID = 48, "FPG/AllyVsPolicy-v0"
 SHIPPED = [
     "ally-scripted/ppo/seed_0",
     "ally-scripted/ppo-stack8/seed_0",
@@ -96,7 +96,7 @@ def suite(tmp_path):
 def test_a_suites_name_stands_for_its_members_of_the_side_wherever_it_is_in_a_list(suite):
     found = with_members(["tone", suite, "comb"], "opponent")
     assert found == ["tone", f"{suite}/a-td3", f"{suite}/b-ppo", "comb"]
-    core = SingleAgentGame(VIEW, 64, opponent=["tone", suite])
+    core = SingleAgentGame(ENV_ID, 64, opponent=["tone", suite])
     core.reset(seeds=0)
     assert set(core._runner.choice) == {0, 1, 2}
     assert set(core.policies) == set(found[1:3])
@@ -126,15 +126,15 @@ def test_a_suite_that_is_not_there_or_is_damaged_is_refused_in_one_line(suite, s
     Path(root, "broken/opponent/m/policy.onnx").write_bytes(b"else")
     Path(root, "empty/opponent/m").mkdir(parents=True)
     with pytest.raises(UserError, match=words) as caught:
-        SingleAgentGame(VIEW, opponent=spec.format(suite=suite))
+        SingleAgentGame(ENV_ID, opponent=spec.format(suite=suite))
     assert "\n" not in str(caught.value)
 
 
-def test_one_runner_for_one_player_takes_no_whole_field(suite):
+def test_one_player_is_no_whole_suite(suite):
     with pytest.raises(UserError, match="is a whole suite"):
         as_player(suite, "opponent", STANDARD)
 
 
-def test_a_view_of_scripts_takes_no_field(suite):
+def test_an_environment_of_scripts_takes_no_suite(suite):
     with pytest.raises(UserError, match="is no script"):
         SingleAgentGame("FPG/AllyVsScripted-v0", opponent=suite)
