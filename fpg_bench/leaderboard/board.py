@@ -129,7 +129,7 @@ class PlannerFigures:
     """Figures of planners alone.
 
     Attributes:
-        tier: what it is told: ``history`` or ``ally``.
+        tier: what it knows: ``history`` or ``ally``.
         model: the language model, if one was recorded.
         runs: how many times it was recorded.
         season: the season after which the recording began.

@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len, Lt
@@ -36,8 +36,7 @@ from fpg_bench.leaderboard.result import rounded
 from fpg_bench.leaderboard.sandbox import PolicyFailed
 from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
 from fpg_bench.leaderboard.verification import Case, check_share, make_case
-from fpg_bench.players.agent import OnnxPlayer
-from fpg_bench.players.player import SIDES, Player
+from fpg_bench.players.player import SIDES, Abilities, Memory, Player
 from fpg_bench.players.registry import as_player
 
 ROUNDS = 100
@@ -307,7 +306,7 @@ def _compared(
     yield "jammed", now.jamming_success_rate, then.jamming_success_rate, WITHIN
     for player in players:
         most = WITHIN * (player.scale.top - player.scale.zero)
-        yield f"{player.side}'s return a step", now.reward(player.side), then.reward(player.side), most
+        yield f"{player.side}'s return per step", now.reward(player.side), then.reward(player.side), most
 
 
 def _play(
@@ -405,15 +404,8 @@ def _finite(value: float) -> float:
 @contextlib.contextmanager
 def _team(entry: CrossplayEntry, runners: np.ndarray, duel: TwoPlayerBatch) -> Iterator[Team]:
     with contextlib.ExitStack() as stack:
-        plays = [stack.enter_context(_player(part)) for part in entry.parts]
+        plays = [stack.enter_context(running_player(part, shipped_in_process=True)) for part in entry.parts]
         yield Team([as_player(player, entry.side, duel.scenario) for player in plays], runners)
-
-
-def _player(part: Part) -> contextlib.AbstractContextManager[Any]:
-    """Return a part as a player; agents of the package need no process of their own, which saves time."""
-    if part.shipped and not isinstance(part.plays, str):
-        return contextlib.nullcontext(OnnxPlayer(part.plays.model, part.plays.about))
-    return running_player(part.plays)
 
 
 class Team:
@@ -421,26 +413,27 @@ class Team:
 
     Args:
         players: the members.
-        seats: ``(n,)`` the member that plays each game.
+        runners: ``(n,)`` the member that plays each game.
     """
 
     def __init__(self, players: Sequence[Player], runners: np.ndarray) -> None:
-        self._members = [(player, np.flatnonzero(runners == k)) for k, player in enumerate(players)]
-        self._members = [(player, games) for player, games in self._members if len(games)]
+        games = (np.flatnonzero(runners == k) for k in range(len(players)))
+        self._members = [(player, own) for player, own in zip(players, games, strict=True) if len(own)]
+        self._resets = [(Abilities.of(player).reset, own) for player, own in self._members]
 
     def reset(self, mask: np.ndarray, seeds: np.ndarray) -> None:
         """Pass the masked games' seeds on to the members that draw."""
-        for player, games in self._members:
-            if hasattr(player, "reset"):
-                player.reset(mask[games], seeds[games])
+        for reset, games in self._resets:
+            if reset is not None:
+                reset(mask[games], seeds[games])
 
     def predict(
         self,
         observation: np.ndarray,
-        state: Any = None,
+        state: Memory = None,
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
-    ) -> tuple[np.ndarray, Any]:
+    ) -> tuple[np.ndarray, Memory]:
         """Play one step; see :class:`fpg_bench.players.player.Player`."""
         memories = [None] * len(self._members) if state is None else state
         actions, after = np.empty((len(observation), ACTION_SIZE), np.float32), []

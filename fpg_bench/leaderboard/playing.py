@@ -8,12 +8,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
+from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.compare import transcript_file
 from fpg_bench.evaluation.entry import Entry, Same, player_entry
 from fpg_bench.evaluation.match import replaying
@@ -27,6 +27,8 @@ from fpg_bench.leaderboard.sandbox import PolicyFailed, missing_here
 from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import TrackSuites, track_of
 from fpg_bench.leaderboard.transcripts import FOLDER, local, read_recording
+from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.players.player import PlayerSpec
 
 RECORDS = "records.jsonl"
 FAILED = "failed"  # key of a row that says why a part could not be played on
@@ -65,14 +67,14 @@ class Part:
         """Hash of the policy, or the script's name."""
         return self.plays if isinstance(self.plays, str) else self.plays.sha256
 
-    def entry(self, player: Any, suite: Suite) -> Entry:
+    def entry(self, player: PlayerSpec, suite: Suite) -> Entry:
         """Return the part as an entry of a suite, played by a player."""
         if self.recorded is not None:
             return Entry(self.slug, None, self.fingerprint, partial(_replay, self.recorded, suite))
         return Entry(self.slug, self.seed, self.fingerprint, Same(player))
 
 
-def _replay(folder: Path, suite: Suite, ally: Rival) -> Any:
+def _replay(folder: Path, suite: Suite, ally: Rival) -> PlannerSpec:
     """Return the planner that replays a submission's transcript of the matches against an ally."""
     about, prompt = read_recording(folder, suite)
     return replaying(suite.scenario, prompt, about, transcript_file(folder / FOLDER, ally.name))
@@ -111,7 +113,7 @@ def part_records(part: Part, matchups: Iterable[Matchup]) -> Iterator[Record]:
         PolicyFailed: a policy's process died or exceeded its limits.
         UserError: a transcript is not that of these matches.
     """
-    with running_player(part.plays) as player:
+    with running_player(part) as player:
         for suite, rival in matchups:
             try:
                 record = play(part.entry(player, suite), suite, rival)
@@ -125,13 +127,23 @@ def part_records(part: Part, matchups: Iterable[Matchup]) -> Iterator[Record]:
 
 
 @contextlib.contextmanager
-def running_player(plays: str | Policy) -> Iterator[Any]:
-    """Yield a player: a script's name as it is, a policy in a process of its own."""
-    if isinstance(plays, str):
-        yield plays
-        return
-    with policy_client.PolicyClient(plays) as player:
-        yield player
+def running_player(part: Part, shipped_in_process: bool = False) -> Iterator[PlayerSpec]:
+    """Load a part for playing; everything that plays an entry of the board loads it here.
+
+    Args:
+        part: the part.
+        shipped_in_process: play the package's own agents in this process, which saves the start of another.
+
+    Yields:
+        The name of a script, or a policy as a player, which runs in a sandbox.
+    """
+    if isinstance(part.plays, str):
+        yield part.plays
+    elif part.shipped and shipped_in_process:
+        yield OnnxPlayer(part.plays.model, part.plays.about)
+    else:
+        with policy_client.PolicyClient(part.plays) as player:
+            yield player
 
 
 def fill(part: Part, matchups: Sequence[Matchup], folder: Path) -> None:

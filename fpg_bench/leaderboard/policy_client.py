@@ -15,6 +15,7 @@ from fpg_bench.common.errors import printable
 from fpg_bench.common.strict_json import read_plain
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.leaderboard.sandbox import Limits, PolicyFailed, Sandbox
+from fpg_bench.players.player import Memory
 from fpg_bench.players.seeded import Batched
 
 __all__ = ["Limits", "Policy", "PolicyClient", "PolicyFailed", "check_policies", "check_policy"]
@@ -162,7 +163,9 @@ class PolicyClient(Batched):
             with self._running().within(self.limits.call_s):
                 self._running().send(HEAD.pack(RESET, len(mask), 0), *parts)
 
-    def _answer(self, seen: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
+    def _answer(
+        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
+    ) -> tuple[np.ndarray, Memory]:
         """Return the process's actions; the memory stays there.
 
         Raises:
@@ -170,7 +173,7 @@ class PolicyClient(Batched):
             ValueError: ``state`` is not what the last call returned: another batch has been played since.
         """
         if state not in (None, self._calls):
-            raise ValueError("a PolicyHost keeps the memory of one batch of games only")
+            raise ValueError("a PolicyClient keeps the memory of one batch of games only")
         count = len(seen)
         if len(self.invalid) != count:
             self.invalid = np.zeros(count, bool)
@@ -216,8 +219,8 @@ class PolicyClient(Batched):
 
     def _running(self) -> Sandbox:
         if self._sandbox is None:
-            raise ValueError("a PolicyHost plays inside a with block")
+            raise ValueError("a PolicyClient plays inside a with block")
         return self._sandbox
 
     def __repr__(self) -> str:
-        return f"PolicyHost(seed {self.policy.seed}, {self.about.get('algorithm')})"
+        return f"PolicyClient(seed {self.policy.seed}, {self.about.get('algorithm')})"

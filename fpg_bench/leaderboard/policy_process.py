@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import socket
-from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.leaderboard.policy_client import ACTIONS, FAILED, FRESH, HEAD, LOAD, READY, RESET, STARTS
 from fpg_bench.leaderboard.sandbox import Reader
 from fpg_bench.leaderboard.sandbox_child import SandboxChild
 from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.players.player import Memory
 
 _LONGEST_REASON = 300
 _MEMORY = ("bad_alloc", "alloc", "memory")
@@ -40,7 +41,7 @@ def serve(inside: SandboxChild) -> None:
     player = OnnxPlayer(data, {})
     player.predict(np.zeros((1, OBSERVATION_SIZE), np.float32))
     connection.sendall(HEAD.pack(READY, int(player.noise_size > 0), 0))
-    memory: Any = None
+    memory: Memory = None
     while True:
         kind, count, flags = HEAD.unpack(reader.read(HEAD.size))
         if kind == RESET:
@@ -73,17 +74,17 @@ def _rehearse(noise: bool) -> None:
     OnnxPlayer(model.SerializeToString(), {}).predict(np.zeros((2, OBSERVATION_SIZE), np.float32))
 
 
-def _array(reader: Reader, kind: Any, rows: int, columns: int) -> np.ndarray:
-    data = reader.read(rows * columns * np.dtype(kind).itemsize)
-    return np.frombuffer(data, kind).reshape(rows, columns)
+def _array(reader: Reader, dtype: DTypeLike, rows: int, columns: int) -> np.ndarray:
+    data = reader.read(rows * columns * np.dtype(dtype).itemsize)
+    return np.frombuffer(data, dtype).reshape(rows, columns)
 
 
-def _misshapen(memory: Any, count: int, size: int) -> bool:
+def _misshapen(memory: Memory, count: int, size: int) -> bool:
     """Return whether the next state has another shape than the policy declares."""
     return size > 0 and memory[0].shape != (count, size)
 
 
-def _send(connection: socket.socket, actions: Any, count: int) -> None:
+def _send(connection: socket.socket, actions: np.ndarray, count: int) -> None:
     """Send the actions, or only their shape if it is wrong."""
     rows, columns = actions.shape if getattr(actions, "ndim", 0) == 2 else (0, 0)
     is_valid = (rows, columns) == (count, ACTION_SIZE) and actions.dtype == np.float32

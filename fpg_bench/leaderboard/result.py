@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
@@ -290,7 +290,7 @@ def check_records(result: Result, suites: Suites, path: Path) -> None:
         raise UserError(f"result {path}: edited by hand: its summary does not follow from its records")
 
 
-def _is_close(one: Any, other: Any) -> bool:
+def _is_close(one: object, other: object) -> bool:
     """Return whether two summaries are equal up to the last digit, which machines may round differently."""
     if isinstance(one, dict):
         return (

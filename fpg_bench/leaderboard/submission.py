@@ -12,7 +12,7 @@ import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeGuard
 from urllib.parse import urlsplit
 
 from annotated_types import Ge, Le, Len
@@ -467,7 +467,7 @@ def _scripts(track: str) -> tuple[str, ...]:
 
 @functools.cache
 def _zoo() -> tuple[str, ...]:
-    """Return the package's agents, ``view/algorithm`` each."""
+    """Return the package's agents, ``environment/algorithm`` each."""
     agents = baselines_folder() / "agents"
     names = {folder.parent.relative_to(agents).as_posix() for folder in agents.glob("*/*/seed_*")}
     return tuple(sorted(names))
@@ -499,8 +499,8 @@ def _wrong_training(training: Training, folders: Iterable[int], policies: Iterab
         yield f"seeds: no folder {lacking}; there are: {_folder_names(there)}"
     if unnamed := _folder_names(there - named):
         yield f"seeds: does not name {unnamed}, which is there"
-    every: list[Any] = [policy.about.get("training_steps") for policy in policies]
-    steps: list[int] = [max(1, count) for count in every if _is_steps(count)]
+    counts = (policy.about.get("training_steps") for policy in policies)
+    steps = [max(1, count) for count in counts if _is_steps(count)]
     if steps and not min(steps) / _OVERSHOOT <= training.steps <= max(steps) * _OVERSHOOT:
         stated = f"{min(steps):,}" + (f" to {max(steps):,}" if min(steps) < max(steps) else "")
         yield f"steps: says {training.steps:,}, but training_steps of agent.json {stated}"
@@ -628,11 +628,11 @@ def _read_agent(path: Path, seed: int, side: str | None) -> tuple[dict[str, Any]
     return about, lines
 
 
-def _is_steps(value: Any) -> bool:
-    return is_whole(value, 0) and value <= MOST_STEPS
+def _is_steps(value: object) -> TypeGuard[int]:
+    return isinstance(value, int) and is_whole(value, 0) and value <= MOST_STEPS
 
 
-def _is_finite(value: Any) -> bool:
+def _is_finite(value: object) -> bool:
     """Return whether all numbers in a JSON value are finite."""
     if isinstance(value, float):
         return math.isfinite(value)

@@ -11,7 +11,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -429,7 +428,7 @@ def _describe(result: Result) -> str:
     return f"verified: {role} {score.value:.1f} [{score.low:.1f}, {score.high:.1f}]{lost_text}"
 
 
-def _open_walls(case: Case) -> str:
+def _missing_isolation(case: Case) -> str:
     """Return what the processes of a case's policies could not be kept from, in words; else nothing."""
     names = dict.fromkeys(name for part, _ in case.wanted for name in open_in(case.work / part.name))
     return f"; this machine cannot keep a policy from {', '.join(names)}" if names else ""
@@ -558,14 +557,14 @@ class _Verification:
         if errors := [self.failed[name] for name in names if name in self.failed]:
             self._give(case.name, False, errors[0])
             return
-        judged, walls = outcome_of(partial(_judge, case)), outcome_of(partial(_open_walls, case))
+        judged, unprotected = outcome_of(partial(_judge, case)), outcome_of(partial(_missing_isolation, case))
         shutil.rmtree(case.work, ignore_errors=True)
         if case.claimed is not None:
             remove(case.claimed)
         good, line = judged.result if judged.error is None else (False, judged.error)
-        self._give(case.name, good, line + (walls.result or ""))
+        self._give(case.name, good, line + (unprotected.result or ""))
 
-    def _keep(self, job: Job, case: Case, result: Any) -> None:
+    def _keep(self, job: Job, case: Case, result: object) -> None:
         job.keep(result)
         if all(_is_done(case.work / part.name, matchups) for part, matchups in case.wanted):
             self.settle(case)

@@ -104,7 +104,7 @@ def write_verified(case: Case, lines: Iterable[Record]) -> None:
 
 
 class InProcess:
-    """A PolicyHost that starts no process; ``loses`` games' rounds, and fails at once where ``fails``."""
+    """A PolicyClient that starts no process; ``loses`` games' rounds, and fails at once where ``fails``."""
 
     loses: tuple[int, ...] = ()
     fails = False

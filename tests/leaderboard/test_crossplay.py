@@ -54,7 +54,7 @@ def record_of(player, suite, rival):
 
 @pytest.mark.parametrize("spec", ["reactive", 3])
 def test_a_pair_plays_as_an_evaluation_does(spec):
-    """Both sides' returns a step, and how much was jammed."""
+    """Both sides' returns per step, and how much was jammed."""
     found = play_pair(entry("ally-v1", "a", spec), entry("opponent-v1", "o", "adaptive"), rounds=ROUNDS)
     player = spec if isinstance(spec, str) else OnnxPlayer(policy(spec), {})
     tally = record_of(player, "ally-v1", "adaptive/pursuit").tally
@@ -210,7 +210,7 @@ def test_returns_that_were_edited_are_found(entered, side):
     last = rows(entered)[-1]
     change(entered, -1, **{f"{side}_rewards": [value + 1 for value in last[f"{side}_rewards"]]})
     (found,) = check_pairs(entered, 1.0, seed=0)
-    assert found.startswith(f"idle - linear: {side}'s return a step ")
+    assert found.startswith(f"idle - linear: {side}'s return per step ")
 
 
 def test_a_new_season_wants_new_pairs(entered, small_suites):

@@ -8,7 +8,6 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from fpg_bench.leaderboard.sandbox import PolicyFailed
 from fpg_bench.leaderboard.site.views import ROLES, format_number
 from fpg_bench.leaderboard.submission import Submission, load_submission
 from fpg_bench.leaderboard.tracks import PUBLIC, RESPONSES, UNSEEN, TrackSuites
+from fpg_bench.players.player import PlayerSpec
 from fpg_bench.rendering.recording import Recording
 from fpg_bench.rendering.replay import FORMAT, replay_data, script_json
 from fpg_bench.version import __version__
@@ -117,7 +117,7 @@ def _rounds(
         return
     if submission.track == PLANNER and submission.script is None:
         raise UserError("transcripts are not shown as rounds")
-    with running_player(parts_of(submission)[0].plays) as player:
+    with running_player(parts_of(submission)[0]) as player:
         for (label, (suite, rival)), file in zip(matchups.items(), files, strict=True):
             yield simulate_round(submission, player, suite, rival, label, file)
 
@@ -140,7 +140,7 @@ def _read_replay(path: Path, file: str) -> Replay | None:
 
 
 def simulate_round(
-    submission: Submission, player: Any, suite: Suite, rival: Rival, label: str, file: str
+    submission: Submission, player: PlayerSpec, suite: Suite, rival: Rival, label: str, file: str
 ) -> Replay:
     """Play a round of a submission.
 
@@ -163,7 +163,7 @@ def simulate_round(
     return Replay(file, label, summary, _CALL + script_json(content) + _END)
 
 
-def _play(player: Any, suite: Suite, rival: Rival) -> tuple[list[Recording], dict[str, float | None]]:
+def _play(player: PlayerSpec, suite: Suite, rival: Rival) -> tuple[list[Recording], dict[str, float | None]]:
     """Play a round, or all rounds of a planner's match; returns recordings, and the last round's measures."""
     table = match_of(player, suite, rival, matches=1)
     seeds: np.ndarray | None = np.array(evaluation_seeds(1, suite.season))
