@@ -38,7 +38,7 @@ from fpg_bench.leaderboard.crossplay import (
 from fpg_bench.leaderboard.folders import TRACKS as FOLDERS
 from fpg_bench.leaderboard.folders import brief, result_file, submission_folders
 from fpg_bench.leaderboard.ranking import improvements, nash, profiles
-from fpg_bench.leaderboard.result import Result, rounded
+from fpg_bench.leaderboard.result import Result, round_finite, rounded
 from fpg_bench.leaderboard.submission import Submission, Training
 from fpg_bench.leaderboard.tracks import (
     PUBLIC,
@@ -501,7 +501,7 @@ def _seeds_gaps(verified: Iterable[_Verified]) -> dict[str, SeedsGap]:
     }
     median = float(np.median([value for value, _ in gaps.values()])) if gaps else 0.0
     return {
-        slug: SeedsGap(_short(value - median), value - median > SEEDS_GAP and low > median)
+        slug: SeedsGap(round_finite(value - median), value - median > SEEDS_GAP and low > median)
         for slug, (value, low) in gaps.items()
     }
 
@@ -562,14 +562,16 @@ def _make_figures(
             for role, summary in summaries.items()
         },
         units={role: _make_units(summary) for role, summary in summaries.items() if role != PUBLIC_SEEDS},
-        seeds={seed: _short(score) for seed, score in ranking.seed_scores().items() if seed is not None},
+        seeds={
+            seed: round_finite(score) for seed, score in ranking.seed_scores().items() if seed is not None
+        },
         training_seeds=public.training_seeds,
         has_few_seeds=0 < public.training_seeds < FEW_SEEDS,
         seeds_gap=seeds_gap,
         is_late=is_late,
         measures={"return": public.reward.value, **public.measures},
         histograms={
-            side: tuple(_short(share) for share in counts / max(counts.sum(), 1))
+            side: tuple(round_finite(share) for share in counts / max(counts.sum(), 1))
             for side, counts in zip(("ally", "jam"), public.pooled.histogram, strict=True)
         },
         lost=sum(record.lost for record in played),
@@ -637,14 +639,14 @@ def _score(interval: Interval, scale: Scale | None = None) -> Score:
         float(end if scale is None else scale.score(end))
         for end in (interval.value, interval.low, interval.high)
     )
-    return Score(_short(value), rounded(low), rounded(high), interval.over)
+    return Score(round_finite(value), rounded(low), rounded(high), interval.over)
 
 
 def _make_improvement(ranking: Sequence[Summary]) -> Improvement:
     table = improvements(ranking)
 
     def matrix(end: str) -> Matrix:
-        return [[None if cell is None else _short(getattr(cell, end)) for cell in row] for row in table]
+        return [[None if cell is None else round_finite(getattr(cell, end)) for cell in row] for row in table]
 
     names = tuple(summary.entry for summary in ranking)
     return Improvement(names, matrix("value"), matrix("low"), matrix("high"))
@@ -653,8 +655,8 @@ def _make_improvement(ranking: Sequence[Summary]) -> Improvement:
 def _make_profiles(ranking: Sequence[Summary]) -> Profiles:
     thresholds, shares = profiles(ranking)
     return Profiles(
-        tuple(map(_short, thresholds)),
-        {summary.entry: tuple(map(_short, row)) for summary, row in zip(ranking, shares, strict=True)},
+        tuple(map(round_finite, thresholds)),
+        {summary.entry: tuple(map(round_finite, row)) for summary, row in zip(ranking, shares, strict=True)},
     )
 
 
@@ -663,7 +665,7 @@ def _make_crossplay(pairs: Pairs) -> CrossPlay | None:
     if not allies or not opponents:
         return None
     played = [[pairs.results[pair_key(a, o, pairs.rounds)] for o in opponents] for a in allies]
-    returns = {side: [[_short(pair.reward(side)) for pair in row] for row in played] for side in SIDES}
+    returns = {side: [[round_finite(pair.reward(side)) for pair in row] for row in played] for side in SIDES}
     half = {side: [[_half(pair, side) for pair in row] for row in played] for side in SIDES}
     jammed = [[pair.jamming_success_rate for pair in row] for row in played]
     equilibrium = nash(-np.array(returns["ally"]))  # the ally, who chooses rows, minimises
@@ -674,7 +676,7 @@ def _make_crossplay(pairs: Pairs) -> CrossPlay | None:
     slugs = [entry.slug for entry in opponents]
     shares = dict.fromkeys((slugs[column] for column in shown), 0.0)
     for column, share in enumerate(equilibrium.columns):  # a player has the shares of all its entries
-        shares[slugs[left_out.get(column, column)]] += _short(share)
+        shares[slugs[left_out.get(column, column)]] += round_finite(share)
 
     def columns(matrix: Sequence[Sequence[float | None]]) -> Matrix:
         return [[row[column] for column in shown] for row in matrix]
@@ -695,9 +697,9 @@ def _make_crossplay(pairs: Pairs) -> CrossPlay | None:
         jamming_success_rate=columns(jammed),
         rounds=pairs.rounds,
         nash=NashMixture(
-            ally={a.slug: _short(share) for a, share in zip(allies, equilibrium.rows, strict=True)},
+            ally={a.slug: round_finite(share) for a, share in zip(allies, equilibrium.rows, strict=True)},
             opponent=shares,
-            value=_short(-equilibrium.value),
+            value=round_finite(-equilibrium.value),
         ),
     )
 
@@ -705,7 +707,7 @@ def _make_crossplay(pairs: Pairs) -> CrossPlay | None:
 def _half(pair: Pair, side: str) -> float | None:
     """Return half of the 95 % interval of a side's return per step; None with a single training seed."""
     rewards = np.array(pair.rewards(side))
-    return _short(student_half(rewards)) if len(rewards) > 1 else None
+    return round_finite(student_half(rewards)) if len(rewards) > 1 else None
 
 
 def _same_players(identities: Sequence[list[str]], matrices: Sequence[np.ndarray]) -> dict[int, int]:
@@ -725,8 +727,3 @@ def _same_players(identities: Sequence[list[str]], matrices: Sequence[np.ndarray
 
 def _is_close(matrix: np.ndarray, one: int, other: int) -> bool:
     return bool(np.abs(matrix[:, one] - matrix[:, other]).max() <= WITHIN * np.ptp(matrix))
-
-
-def _short(value: float) -> float:
-    """Return a finite number to six significant digits."""
-    return float(f"{value:.6g}")

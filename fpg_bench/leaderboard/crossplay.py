@@ -32,7 +32,7 @@ from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.leaderboard.folders import at_work, crossplay_file, submission_folders, work_folder
 from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, running_player
-from fpg_bench.leaderboard.result import rounded
+from fpg_bench.leaderboard.result import round_finite
 from fpg_bench.leaderboard.sandbox import PolicyFailed
 from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
 from fpg_bench.leaderboard.verification import Case, check_share, make_case
@@ -381,7 +381,7 @@ def play_pair(ally: CrossplayEntry, opponent: CrossplayEntry, rounds: int = ROUN
         rounds=rounds,
         ally_rewards=_rewards(duel, ally, lost[0], of_ally),
         opponent_rewards=_rewards(duel, opponent, lost[1], of_opponent),
-        jamming_success_rate=_finite(rates.mean()),
+        jamming_success_rate=round_finite(rates.mean()),
         lost=(int(lost[0].sum()), int(lost[1].sum())),
     )
 
@@ -392,13 +392,7 @@ def _rewards(
     """Return the return per step of each of a side's parts."""
     rewards = duel.batch.tallies[f"{entry.side}_return"] / duel.batch.tallies["steps"]
     rewards[lost] = min([entry.scale.reward(LOST_SCORE), *rewards[~lost]])
-    return tuple(_finite(rewards[runners == k].mean()) for k in range(len(entry.parts)))
-
-
-def _finite(value: float) -> float:
-    number = rounded(float(value))
-    assert number is not None  # a mean of finite numbers
-    return number
+    return tuple(round_finite(rewards[runners == k].mean()) for k in range(len(entry.parts)))
 
 
 @contextlib.contextmanager

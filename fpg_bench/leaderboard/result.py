@@ -17,7 +17,6 @@ from fpg_bench.common.schema import Strict, parse
 from fpg_bench.common.strict_json import read_object
 from fpg_bench.evaluation.record import Record, read_record
 from fpg_bench.evaluation.seeds import PROTOCOL
-from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.suite import PLANNER, Suite
 from fpg_bench.evaluation.summary import Summary, summary_of
 from fpg_bench.leaderboard.tracks import PUBLIC
@@ -102,10 +101,6 @@ class Totals(Strict):
     worst: dict[str, Worst]
     measures: dict[str, float | None]
 
-    def to_dict(self) -> Row:
-        """Return the totals as they are written into results."""
-        return self.model_dump()
-
 
 class _Head(Strict):
     """First row of a result's file."""
@@ -144,14 +139,13 @@ class Result:
         """True if it was played to its end; only then it is ranked."""
         return self.reason is None
 
-    @property
-    def status(self) -> str:
-        """The status as text."""
-        return VERIFIED if self.verified else NOT_VERIFIED
-
     def summaries(self, suites: Suites) -> dict[str, Summary]:
         """Return the summary over each suite, by role."""
-        return {role: summary_of(self.records, suite) for role, suite in suites.items()}
+        return _summaries(self.records, suites)
+
+
+def _summaries(records: Sequence[Record], suites: Suites) -> dict[str, Summary]:
+    return {role: summary_of(records, suite) for role, suite in suites.items()}
 
 
 def fingerprint(submission: Submission, suites: Suites) -> Fingerprint:
@@ -186,14 +180,19 @@ def planner_facts(submission: Submission, suite: Suite) -> PlannerFacts:
 
 def totals(records: Sequence[Record], suites: Suites) -> Totals:
     """Return the summary of a submission's records on its suites."""
-    summaries = {role: summary_of(records, suite) for role, suite in suites.items()}
+    summaries = _summaries(records, suites)
     public = summaries[PUBLIC]
     return Totals(
         training_seeds=public.training_seeds,
         rounds=sum(summary.pooled.rounds for summary in summaries.values()),
         lost=sum(summary.pooled.lost for summary in summaries.values()),
         scores={
-            role: Score(**interval_row(summary.score), over=summary.over)
+            role: Score(
+                value=rounded(summary.score.value),
+                low=rounded(summary.score.low),
+                high=rounded(summary.score.high),
+                over=summary.over,
+            )
             for role, summary in summaries.items()
         },
         worst={
@@ -204,14 +203,14 @@ def totals(records: Sequence[Record], suites: Suites) -> Totals:
     )
 
 
-def interval_row(interval: Interval) -> dict[str, float | None]:
-    """Return an interval, rounded."""
-    return {name: rounded(getattr(interval, name)) for name in ("value", "low", "high")}
-
-
 def rounded(value: float | None) -> float | None:
     """Round to six significant digits; None if there is no finite number."""
-    return None if value is None or not math.isfinite(value) else float(f"{value:.{_DIGITS}g}")
+    return None if value is None or not math.isfinite(value) else round_finite(value)
+
+
+def round_finite(value: float) -> float:
+    """Round a finite number to six significant digits."""
+    return float(f"{value:.{_DIGITS}g}")
 
 
 # Files
@@ -223,10 +222,10 @@ def write_result(path: Path, result: Result) -> None:
         "kind": "result",
         "slug": result.slug,
         "track": result.track,
-        "status": result.status,
+        "status": VERIFIED if result.verified else NOT_VERIFIED,
         "reason": result.reason,
         "fingerprint": result.fingerprint.to_dict(),
-        "summary": None if result.totals is None else result.totals.to_dict(),
+        "summary": None if result.totals is None else result.totals.model_dump(),
         "records_sha256": _sha256(result.records),
     }
     write_whole(path, _text([head]) + _text([record.row() for record in result.records]))
@@ -285,8 +284,8 @@ def check_records(result: Result, suites: Suites, path: Path) -> None:
     )
     if there != expected:
         raise UserError(f"result {path}: its records are not one per training seed and rival")
-    stated = None if result.totals is None else result.totals.to_dict()
-    if not _is_close(totals(result.records, suites).to_dict(), stated):
+    stated = None if result.totals is None else result.totals.model_dump()
+    if not _is_close(totals(result.records, suites).model_dump(), stated):
         raise UserError(f"result {path}: edited by hand: its summary does not follow from its records")
 
 

@@ -143,11 +143,6 @@ def test_what_does_not_count_is_shown_last_with_its_reason(entered, in_process):
     assert len(ally.improvement.names) == 3
 
 
-def test_what_has_no_result_is_left_out(entered):
-    enter(entered, "ally", "new", script="reactive")
-    assert "new" not in [entry.slug for entry in table(entered, "ally").entries]
-
-
 def test_who_is_left_out_or_not_verified_is_said_with_the_reason(entered, in_process):
     torn, new = (
         enter(entered, "ally", "torn", script="exprt"),

@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -119,14 +120,24 @@ def test_lost_rounds_go_to_the_other_side(in_process):
     assert lost.jamming_success_rate <= 0.5
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """Folder for the board that the tests begin with, which is played once."""
+    return tmp_path_factory.mktemp("kept") / "board"
+
+
 @pytest.fixture
-def entered(board, in_process):
+def entered(board, in_process, kept):
     """A board of verified scripts and one policy."""
+    if kept.exists():
+        shutil.copytree(kept, board, dirs_exist_ok=True)
+        return board
     for slug in ("expert", "idle"):
         enter(board, "ally", slug, script=slug)
     enter(board, "opponent", "adaptive", script="adaptive")
     enter(board, "opponent", "linear", seeds=(0, 1))
     assert all(verdict.good for verdict in verify(board, say=lambda line: None))
+    shutil.copytree(board, kept)
     return board
 
 
@@ -201,16 +212,13 @@ def test_figures_that_were_edited_are_found(entered):
     change(entered, 0, jamming_success_rate=first["jamming_success_rate"] + 0.01)
     (found,) = check_pairs(entered, 1.0, seed=0)
     assert found.startswith("expert - adaptive: jammed 0.")
-    assert len([seed for seed in range(12) if check_pairs(entered, 0.01, seed)]) in range(1, 12)
-
-
-@pytest.mark.parametrize("side", ["ally", "opponent"])
-def test_returns_that_were_edited_are_found(entered, side):
-    play_all(entered)
+    assert len([seed for seed in range(6) if check_pairs(entered, 0.01, seed)]) in range(1, 6)
+    change(entered, 0, **first)
     last = rows(entered)[-1]
-    change(entered, -1, **{f"{side}_rewards": [value + 1 for value in last[f"{side}_rewards"]]})
-    (found,) = check_pairs(entered, 1.0, seed=0)
-    assert found.startswith(f"idle - linear: {side}'s return per step ")
+    for side in ("ally", "opponent"):
+        change(entered, -1, **last | {f"{side}_rewards": [x + 1 for x in last[f"{side}_rewards"]]})
+        (found,) = check_pairs(entered, 1.0, seed=0)
+        assert found.startswith(f"idle - linear: {side}'s return per step ")
 
 
 def test_a_new_season_wants_new_pairs(entered, small_suites):

@@ -55,31 +55,31 @@ def played(player, seen, restarts=()):
 
 
 @pytest.fixture(scope="module")
-def host():
-    with PolicyClient(as_policy(MEMORY)) as host:
-        yield host
+def client():
+    with PolicyClient(as_policy(MEMORY)) as client:
+        yield client
 
 
 @pytest.mark.slow
-def test_a_policy_plays_as_it_does_without_a_host(host):
+def test_a_policy_plays_as_it_does_in_this_process(client):
     for games in (1, 7):
         seen = observations(12, games)
         expected = played(OnnxPlayer(MEMORY, {}), seen, [0])
         expected[(np.abs(expected) > 1).any(axis=2)] = 0  # its noise leaves the range now and then
-        assert (played(host, seen, [0]) == expected).all()
+        assert (played(client, seen, [0]) == expected).all()
         assert np.ptp(expected[..., 2]) > 0.1
 
 
-def test_a_single_observation_is_answered_with_a_single_action(host):
-    host.reset(np.ones(1, bool), np.zeros(1, np.uint64))
-    assert host.predict(np.zeros(15, np.float32))[0].shape == (9,)
+def test_a_single_observation_is_answered_with_a_single_action(client):
+    client.reset(np.ones(1, bool), np.zeros(1, np.uint64))
+    assert client.predict(np.zeros(15, np.float32))[0].shape == (9,)
 
 
-def test_the_memory_of_another_batch_is_refused(host):
-    _, first = host.predict(np.zeros((2, 15), np.float32))
-    host.predict(np.zeros((3, 15), np.float32))
+def test_the_memory_of_another_batch_is_refused(client):
+    _, first = client.predict(np.zeros((2, 15), np.float32))
+    client.predict(np.zeros((3, 15), np.float32))
     with pytest.raises(ValueError, match="one batch"):
-        host.predict(np.zeros((2, 15), np.float32), first)
+        client.predict(np.zeros((2, 15), np.float32), first)
 
 
 @pytest.mark.parametrize(
@@ -95,23 +95,23 @@ def test_the_memory_of_another_batch_is_refused(host):
 def test_answers_that_are_none_lose_the_rounds_of_their_games_alone(data, lost):
     seen = np.zeros((3, 15), np.float32)
     seen[:, 0] = [1, -1, 0]
-    with PolicyClient(as_policy(data)) as host:
-        host.reset(np.ones(3, bool), np.zeros(3, np.uint64))
-        actions, state = host.predict(seen, None, np.ones(3, bool))
-        assert host.invalid.tolist() == lost
+    with PolicyClient(as_policy(data)) as client:
+        client.reset(np.ones(3, bool), np.zeros(3, np.uint64))
+        actions, state = client.predict(seen, None, np.ones(3, bool))
+        assert client.invalid.tolist() == lost
         assert (actions[lost] == 0).all()
-        host.predict(np.abs(seen) + 0.0, state, np.zeros(3, bool))
-        assert host.invalid[lost].all()  # to the round's end
-        host.reset(np.array([False, True, False]), np.zeros(3, np.uint64))
-        assert not host.invalid[1]
+        client.predict(np.abs(seen) + 0.0, state, np.zeros(3, bool))
+        assert client.invalid[lost].all()  # to the round's end
+        client.reset(np.array([False, True, False]), np.zeros(3, np.uint64))
+        assert not client.invalid[1]
 
 
 def test_an_answer_of_another_shape_loses_every_round():
     nodes = [node("MatMul", ["observation", "w"], ["x"]), node("Concat", ["x", "x"], ["action"], axis=0)]
-    with PolicyClient(as_policy(model(nodes, [weights()]))) as host:
-        host.reset(np.ones(4, bool), np.zeros(4, np.uint64))
-        actions, _ = host.predict(observations(1, 4)[0])
-        assert host.invalid.all()
+    with PolicyClient(as_policy(model(nodes, [weights()]))) as client:
+        client.reset(np.ones(4, bool), np.zeros(4, np.uint64))
+        actions, _ = client.predict(observations(1, 4)[0])
+        assert client.invalid.all()
         assert actions.shape == (4, 9)
         assert not actions.any()
 
@@ -122,11 +122,11 @@ def test_a_next_state_of_another_shape_loses_every_round():
         node("Concat", ["state", "state"], ["next_state"], axis=0),
     ]
     inputs, outputs = [value("observation"), value("state", 2)], [value("action", 9), value("next_state", 2)]
-    with PolicyClient(as_policy(model(nodes, [weights(scale=0.01)], inputs, outputs))) as host:
+    with PolicyClient(as_policy(model(nodes, [weights(scale=0.01)], inputs, outputs))) as client:
         state = None
         for _ in range(3):
-            _, state = host.predict(np.zeros((4, 15), np.float32), state)
-        assert host.invalid.all()
+            _, state = client.predict(np.zeros((4, 15), np.float32), state)
+        assert client.invalid.all()
 
 
 def test_gigabytes_of_memory_end_the_policy_alone():
@@ -135,24 +135,24 @@ def test_gigabytes_of_memory_end_the_policy_alone():
 
 
 def test_a_policy_that_never_answers_is_given_up():
-    with PolicyClient(as_policy(policy(0)), Limits(call_s=0.2)) as host:
-        os.kill(host.pid, signal.SIGSTOP)
+    with PolicyClient(as_policy(policy(0)), Limits(call_s=0.2)) as client:
+        os.kill(client.pid, signal.SIGSTOP)
         with pytest.raises(PolicyFailed, match=r"no answer within 0\.2 s"):
-            host.predict(np.zeros((2, 15), np.float32))
+            client.predict(np.zeros((2, 15), np.float32))
 
 
 def test_a_policy_that_is_slow_in_all_is_given_up():
-    with PolicyClient(as_policy(policy(0))) as host:
-        host._sandbox._left_s = 0.0
+    with PolicyClient(as_policy(policy(0))) as client:
+        client._sandbox._left_s = 0.0
         with pytest.raises(PolicyFailed, match="all its answers"):
-            host.predict(np.zeros((2, 15), np.float32))
+            client.predict(np.zeros((2, 15), np.float32))
 
 
-def test_a_policy_that_dies_in_a_match_says_so_itself():
-    with PolicyClient(as_policy(policy(0))) as host:
-        os.kill(host.pid, signal.SIGKILL)
+def test_a_policy_that_dies_in_a_match_is_named():
+    with PolicyClient(as_policy(policy(0))) as client:
+        os.kill(client.pid, signal.SIGKILL)
         with pytest.raises(PolicyFailed, match=r"its process died \(SIGKILL\)"):
-            record_of(host)
+            record_of(client)
 
 
 def test_what_onnxruntime_cannot_read_is_told():
@@ -160,20 +160,13 @@ def test_what_onnxruntime_cannot_read_is_told():
         pass
 
 
-def test_a_line_is_that_of_the_agent_without_a_host():
-    data = policy(3)
-    with PolicyClient(as_policy(data)) as host:
-        hosted = record_of(host)
-    assert hosted == record_of(OnnxPlayer(data, {}))
-
-
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="reads what Linux says of a process")
-def test_its_process_knows_no_key_has_no_files_and_ends_with_its_host(monkeypatch):
+def test_its_process_knows_no_key_has_no_files_and_ends_with_its_client(monkeypatch):
     monkeypatch.setenv("FPG_LLM_API_KEY", "very-secret")
-    with PolicyClient(as_policy(policy(0))) as host:
-        known = Path(f"/proc/{host.pid}/environ").read_bytes()
-        place, pid = Path(os.readlink(f"/proc/{host.pid}/cwd")), host.pid
-        limits = Path(f"/proc/{host.pid}/limits").read_text()
+    with PolicyClient(as_policy(policy(0))) as client:
+        known = Path(f"/proc/{client.pid}/environ").read_bytes()
+        place, pid = Path(os.readlink(f"/proc/{client.pid}/cwd")), client.pid
+        limits = Path(f"/proc/{client.pid}/limits").read_text()
         assert os.listdir(place) == []
     assert b"secret" not in known
     assert b"PATH" in known
@@ -184,10 +177,10 @@ def test_its_process_knows_no_key_has_no_files_and_ends_with_its_host(monkeypatc
 
 
 def test_an_answer_that_is_announced_as_huge_is_not_waited_for(monkeypatch):
-    with PolicyClient(as_policy(policy(0))) as host:
+    with PolicyClient(as_policy(policy(0))) as client:
         monkeypatch.setattr("fpg_bench.leaderboard.sandbox.LARGEST_ANSWER", 10)
         with pytest.raises(PolicyFailed, match="answers with"):
-            host.predict(np.zeros((2, 15), np.float32))
+            client.predict(np.zeros((2, 15), np.float32))
 
 
 def test_a_process_that_cannot_begin_is_told():

@@ -144,7 +144,7 @@ def test_forged_lines_that_fit_their_hash_are_refused(forge, refused, change, me
 
 @pytest.mark.parametrize("key", ["scores", "worst", "rounds", "lost", "measures", "training_seeds"])
 def test_an_edited_number_of_the_summary_is_refused(good, forge, refused, key):
-    summary = good.totals.to_dict()
+    summary = good.totals.model_dump()
     at, last = summary, key
     while isinstance(at[last], dict):
         at, last = at[last], "return_per_step" if "return_per_step" in at[last] else next(iter(at[last]))
@@ -196,7 +196,7 @@ def test_a_last_digit_that_another_machine_rounds_otherwise_is_no_edit(good, sui
             return {key: nudged(item) for key, item in value.items()}
         return float(math.nextafter(value, math.inf)) if isinstance(value, float) else value
 
-    forge(summary=nudged(good.totals.to_dict()))
+    forge(summary=nudged(good.totals.model_dump()))
     assert read_result(path, suites).records == good.records
 
 
