@@ -24,6 +24,12 @@ def hostile_texts(count: int, seed: int = 0, base: Any = None) -> Iterator[tuple
         yield kind, _text(kind, rng, dict(base or {"a": 1, "kind": "result", "lines": [1.5, None, "x"]}))
 
 
+def hostile_text(base: dict[str, Any], rng: random.Random) -> bytes:
+    """Return one text of a random kind; see :func:`hostile_texts`."""
+    *_, (_, text) = hostile_texts(1 + rng.randrange(len(KINDS)), rng.randrange(10**6), base)
+    return text
+
+
 def _text(kind: str, rng: random.Random, content: dict[str, Any]) -> bytes:
     key = rng.choice(list(content))
     value = _VALUES[kind](rng) if kind in _VALUES else None

@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from tests.attacks.json_texts import hostile_texts
+from tests.attacks.json_texts import hostile_text
 
 # What is written into the place of a text of submission.yaml, as YAML; the reader is YAML's own.
 _TEXTS = (
@@ -125,10 +125,7 @@ def _key(folder: Path, result: Path | None, rng: random.Random) -> None:
 def _about(folder: Path, result: Path | None, rng: random.Random) -> None:
     """An ``agent.json`` that is hostile JSON."""
     file = _one(folder, "seed_*/agent.json", rng)
-    ((_, text),) = list(
-        hostile_texts(1 + rng.randrange(10), rng.randrange(10**6), json.loads(file.read_text()))
-    )[-1:]
-    file.write_bytes(text)
+    file.write_bytes(hostile_text(json.loads(file.read_text()), rng))
 
 
 def _model(folder: Path, result: Path | None, rng: random.Random) -> None:
@@ -187,9 +184,7 @@ def _result(folder: Path, result: Path | None, rng: random.Random) -> None:
     assert result is not None
     rows = result.read_bytes().splitlines()
     place = rng.randrange(len(rows))
-    base = json.loads(rows[place])
-    ((_, text),) = list(hostile_texts(1 + rng.randrange(10), rng.randrange(10**6), base))[-1:]
-    rows[place] = text.replace(b"\n", b" ")
+    rows[place] = hostile_text(json.loads(rows[place]), rng).replace(b"\n", b" ")
     result.write_bytes(b"\n".join(rows) + b"\n")
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from tests.attacks.json_texts import hostile_texts
+from tests.attacks.json_texts import hostile_text
 from tests.planning.llm.fault_server import completion
 
 PAINT = "\x1b[2J\x1b]0;owned\x07\x9b31m\u202e\u2028\r"
@@ -123,8 +123,7 @@ def _long(rng: random.Random, key: str) -> tuple[Any, dict[str, str]]:
 
 def _json(rng: random.Random, key: str) -> tuple[Any, dict[str, str]]:
     """Hostile JSON of all kinds, as an answer."""
-    ((_, text),) = list(hostile_texts(1 + rng.randrange(10), rng.randrange(10**6), completion("Hello.")))[-1:]
-    return text, {}
+    return hostile_text(completion("Hello."), rng), {}
 
 
 def _headers(rng: random.Random, key: str) -> tuple[Any, dict[str, str]]:

@@ -4,10 +4,43 @@ import shutil
 
 import pytest
 
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from tests.attacks import SCALE, SEED
-from tests.attacks.replaying import Recorded
 from tests.attacks.transcripts import spoil_transcripts
+from tests.leaderboard.recording import PLANNER_SUITE, enter, record
+
+
+class Recorded:
+    """Records a model in a folder.
+
+    Attributes:
+        entry: the honest entry's folder.
+        suite: the suite that was played.
+        honest: the records of the honest entry; see :meth:`flown`.
+    """
+
+    def __init__(self, folder):
+        file = folder / "mine.yml"
+        file.write_text(PLANNER_SUITE)
+        record(folder, file)
+        self.entry, self.suite = enter(folder / "out", folder / "entry", pack=False), load_suite(str(file))
+        self.honest = self.flown(self.entry)
+
+    def flown(self, entry):
+        """Return what must agree of an entry's records; None where it is refused in clear lines."""
+        found = check_transcripts(entry, self.suite)
+        assert all(line.isprintable() and len(line) < 1000 for line in found)
+        if found:
+            return None
+        try:
+            part = Part("toy", None, "transcripts", recorded=entry)
+            lines = list(part_records(part, matchups_of([self.suite])))
+        except (UserError, OSError):
+            return None
+        return [(line.rounds_sha256, line.returns, line.plans and line.plans.statuses) for line in lines]
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.planning.llm.transcript import Attempt
-from tests.attacks.json_texts import hostile_texts
+from tests.attacks.json_texts import hostile_text
 from tests.leaderboard.recording import rows_of, write_chained
 
 Rows = list[dict[str, Any]]
@@ -50,7 +50,7 @@ def _json(folder: Path, rng: random.Random) -> None:
     file = _one(folder, rng)
     lines = file.read_bytes().splitlines()
     place = rng.randrange(len(lines))
-    lines[place] = _hostile(json.loads(lines[place]), rng).replace(b"\n", b" ")
+    lines[place] = hostile_text(json.loads(lines[place]), rng).replace(b"\n", b" ")
     file.write_bytes(b"\n".join(lines) + b"\n")
 
 
@@ -157,7 +157,7 @@ def _about(folder: Path, rng: random.Random) -> None:
     file = folder / "planner.json"
     about = json.loads(file.read_text())
     if rng.random() < 0.5:
-        file.write_bytes(_hostile(about, rng))
+        file.write_bytes(hostile_text(about, rng))
         return
     about[rng.choice(list(about))] = rng.choice(_VALUES)
     file.write_text(json.dumps(about))
@@ -187,21 +187,7 @@ def _strange(folder: Path, rng: random.Random) -> None:
     rng.choice(ways)()
 
 
-_WAYS = (
-    _json,
-    _value,
-    _value,
-    _value,
-    _lines,
-    _asked,
-    _asked,
-    _answered,
-    _answered,
-    _packed,
-    _about,
-    _prompt,
-    _strange,
-)
+_WAYS = [_json, *[_value] * 3, _lines, *[_asked] * 2, *[_answered] * 2, _packed, _about, _prompt, _strange]
 
 
 def _rewrite(folder: Path, rng: random.Random, change: Callable[[Rows], None]) -> None:
@@ -218,11 +204,6 @@ def _rewrite(folder: Path, rng: random.Random, change: Callable[[Rows], None]) -
         write_chained(file, rows)
     else:
         file.write_text("".join(json.dumps(row) + "\n" for row in rows))
-
-
-def _hostile(base: dict[str, Any], rng: random.Random) -> bytes:
-    ((_, text),) = list(hostile_texts(1 + rng.randrange(10), rng.randrange(10**6), base))[-1:]
-    return text
 
 
 def _one(folder: Path, rng: random.Random) -> Path:

@@ -27,6 +27,6 @@ def board(tmp_path, small_suites, monkeypatch):
 @pytest.fixture
 def in_process(monkeypatch):
     """Policies are played in this process; the class can be told to misbehave."""
-    kind = type("Told", (entering.InProcess,), {})
+    kind = type("PolicyClient", (entering.InProcess,), {})
     monkeypatch.setattr(policy_client, "PolicyClient", kind)
     return kind
