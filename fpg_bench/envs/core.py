@@ -88,7 +88,34 @@ def compute_reward(reward: str, side: str, games: np.ndarray, scenario: Scenario
     return value if side == "opponent" else -value
 
 
-class SingleAgentGame:
+class Core:
+    """Base class of the cores: N games, and what an environment hands to them and takes from them.
+
+    All environments take their spaces, observations and rewards from their core, and give their actions to
+    ``step(actions)``, which turns them into the ``(N, 9)`` floats of each side.
+    """
+
+    duel: TwoPlayerBatch
+
+    def reset(
+        self,
+        mask: np.ndarray | None = None,
+        seeds: Seeds | None = None,
+        new_match: bool = False,
+        horizons: np.ndarray | None = None,
+    ) -> None:
+        """Begin rounds in the masked games; see ``TwoPlayerBatch.reset`` for the arguments."""
+        self._begin(self.duel.reset(mask, seeds, new_match, horizons))
+
+    def _begin(self, mask: np.ndarray) -> None:
+        """Prepare for the rounds that have begun in the masked games."""
+
+    def measures(self, game: int) -> dict[str, float | None]:
+        """Return the measures of one game's present round so far."""
+        return self.duel.measures(game)
+
+
+class SingleAgentGame(Core):
     """N games of which the caller plays one side.
 
     Args:
@@ -201,15 +228,8 @@ class SingleAgentGame:
             raise UserError(f"{side}: {spec!r} is no script{hint} ({policy} plays against anyone)")
         return as_player(spec, side, self.scenario)
 
-    def reset(
-        self,
-        mask: np.ndarray | None = None,
-        seeds: Seeds | None = None,
-        new_match: bool = False,
-        horizons: np.ndarray | None = None,
-    ) -> None:
-        """Begin rounds in the masked games; see ``TwoPlayerBatch.reset`` for the arguments."""
-        self._runner.begin(self.duel.reset(mask, seeds, new_match, horizons))
+    def _begin(self, mask: np.ndarray) -> None:
+        self._runner.begin(mask)
 
     def step(self, actions: np.ndarray) -> None:
         """Play one step with the caller's actions ``(N, 9)``; the other side's player chooses its own."""
@@ -227,12 +247,8 @@ class SingleAgentGame:
             return None
         return str(base.entries[sensed].advice)
 
-    def measures(self, game: int) -> dict[str, float | None]:
-        """Return the measures of one game's present round so far."""
-        return self.duel.measures(game)
 
-
-class JointGame:
+class JointGame(Core):
     """N games of which the caller plays both sides, the ally's numbers first everywhere.
 
     Args:
@@ -274,16 +290,6 @@ class JointGame:
         """``(N, 2)`` float64."""
         return np.stack([self.duel.batch.games[f"{side}_reward"] for side in SIDES], axis=1)
 
-    def reset(
-        self,
-        mask: np.ndarray | None = None,
-        seeds: Seeds | None = None,
-        new_match: bool = False,
-        horizons: np.ndarray | None = None,
-    ) -> None:
-        """Begin rounds in the masked games; see ``TwoPlayerBatch.reset`` for the arguments."""
-        self.duel.reset(mask, seeds, new_match, horizons)
-
     def step(self, actions: np.ndarray) -> None:
         """Play one step with both sides' actions ``(N, 18)``.
 
@@ -294,10 +300,6 @@ class JointGame:
         if not isinstance(actions, np.ndarray) or actions.dtype.kind != "f" or actions.shape != shape:
             raise ActionError(f"actions: expected a float array of shape {shape}, got {described(actions)}")
         self.duel.batch.step(*(np.ascontiguousarray(part) for part in np.split(actions, 2, axis=1)))
-
-    def measures(self, game: int) -> dict[str, float | None]:
-        """Return the measures of one game's present round so far."""
-        return self.duel.measures(game)
 
 
 def wants_new_match(options: dict[str, Any] | None) -> bool:

@@ -96,10 +96,9 @@ def play_into(
         n_jobs, backend, address, say: see :func:`evaluate`.
     """
     check_seeds(entries)
-    claim(out, name, suite)
     file = RowFile(out / RECORDS)
     with file.locked():
-        _claim_names(out, entries)
+        _claim(out, name, suite, entries)
         missing = list(_missing(entries, suite, file))
         if n_jobs == 1 and backend == "loky":
             for entry, rival in missing:
@@ -135,22 +134,31 @@ def with_matches(suite: Suite, matches: int | None) -> Suite:
     return suite if matches is None else dataclasses.replace(suite, matches=whole(matches, "matches"))
 
 
-def claim(out: Path, name: str, suite: Suite) -> None:
-    """Write into a folder which suite its records belong to, and their number of matches.
+def _claim(out: Path, name: str, suite: Suite, entries: Sequence[Entry]) -> None:
+    """Write into a folder the suite of its records, and how the agents of each name were made.
 
     Raises:
-        UserError: it holds records of another suite.
+        UserError: it holds records of another suite, or differently made agents of one of these names.
     """
-    path, records = out / ABOUT, out / RECORDS
-    about = {"suite": name, "suite_hash": suite.hash, "matches": suite.matches}
-    known = _about(out) if path.exists() else None
-    if known is None or not records.exists() or not records.stat().st_size:
-        write_json(path, about)
-    elif known.get("suite_hash") != suite.hash:
-        raise UserError(
-            f"results {out}: hold records of {known.get('suite')} with {known.get('matches')} matches, or of "
-            f"another version of it, not of {name} with {suite.matches}; choose another folder"
-        )
+    about: dict[str, Any] = {"suite": name, "suite_hash": suite.hash, "matches": suite.matches}
+    if (out / ABOUT).exists():
+        known = _about(out)
+        if not (out / RECORDS).stat().st_size:
+            known = {}
+        elif known.get("suite_hash") != suite.hash:
+            raise UserError(
+                f"results {out}: hold records of {known['suite']} with {known['matches']} matches, or of "
+                f"another version of it, not of {name} with {suite.matches}; choose another folder"
+            )
+        about |= known
+    made = dict(about.get("made", {}))
+    for entry in entries:
+        if entry.made is not None and made.setdefault(entry.name, entry.made) != entry.made:
+            raise UserError(
+                f"results {out}: hold {entry.name!r} with another budget, other hyper-parameters or other "
+                "opponents; say --name to call this one otherwise"
+            )
+    write_json(out / ABOUT, about | {"made": made})
 
 
 def _about(folder: Path) -> dict[str, Any]:
@@ -164,23 +172,6 @@ def _about(folder: Path) -> dict[str, Any]:
     if not isinstance(about.get("made", {}), dict):
         raise UserError(f"results {folder}: {ABOUT}: made: expected a mapping, got {about['made']!r:.40}")
     return about
-
-
-def _claim_names(out: Path, entries: Sequence[Entry]) -> None:
-    """Write into a folder how the agents of each name were made.
-
-    Raises:
-        UserError: it holds agents of a name that were made otherwise.
-    """
-    about = _about(out)
-    made = dict(about.get("made", {}))
-    for entry in entries:
-        if entry.made is not None and made.setdefault(entry.name, entry.made) != entry.made:
-            raise UserError(
-                f"results {out}: hold {entry.name!r} with another budget, other hyper-parameters or other "
-                "opponents; say --name to call this one otherwise"
-            )
-    write_json(out / ABOUT, about | {"made": made})
 
 
 def _missing(entries: Sequence[Entry], suite: Suite, file: RowFile) -> Iterator[tuple[Entry, Rival]]:
