@@ -190,7 +190,7 @@ def main() -> int:
         for target in targets(options.board, options.only)
         for out in [(options.runs / target.name).absolute()]
     ]
-    check_all_done(run_jobs(jobs, options.n_jobs, say=partial(print, flush=True)))
+    check_all_done(run_jobs(jobs, options.n_jobs))
     for path in write_suites(options.board):
         print(f"written: {brief(path)}")
     return 0

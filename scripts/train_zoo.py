@@ -69,7 +69,7 @@ def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, n_jobs: int = 2) ->
         for folder, agents in by_run.items()
     ]
     with RowFile(runs / _LOCK).locked():
-        run_jobs(jobs, n_jobs, say=_LOG.info)
+        run_jobs(jobs, n_jobs)
     return [agent.name for agent in missing if not agent.shipped]
 
 

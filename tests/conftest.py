@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.logged import logged
+
 # Workers share the cores, and networks as small as ours only wait for a second thread.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -56,3 +58,10 @@ def pytest_collection_modifyitems(items):
             item.add_marker("llama")
     long = Counter(item.path for item in items if {mark.name for mark in item.iter_markers()} & LONG)
     items.sort(key=lambda item: (item.path.parent != HERE, -long[item.path]))
+
+
+@pytest.fixture
+def messages():
+    """The package's log messages during the test."""
+    with logged() as messages:
+        yield messages

@@ -35,36 +35,35 @@ def held(folder, name):
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_jobs_run_and_results_are_kept(tmp_path, workers):
-    kept, lines = [], []
+def test_jobs_run_and_results_are_kept(tmp_path, workers, messages):
+    kept = []
     jobs = [Job(str(k), partial(working.square, tmp_path, k), kept.append) for k in range(4)]
-    assert run_jobs(jobs, workers, say=lines.append) == {}
+    assert run_jobs(jobs, workers) == {}
     assert sorted(kept) == [0, 1, 4, 9]
     assert begun(tmp_path) == ["0", "1", "2", "3"]
-    assert lines[0] == f"4 jobs, {workers} at a time"
-    assert len(lines) == 5
-    assert lines[-1].endswith(": done after 0 s, 0 to come")
+    assert messages[0] == f"4 jobs, {workers} at a time"
+    assert len(messages) == 5
+    assert messages[-1].endswith(": done after 0 s, 0 to come")
 
 
 def test_workers_have_one_thread_and_need_no_importable_module():
     kept = []
     jobs = [Job("threads", working.threads, kept.append), Job("here", lambda: -os.getpid(), kept.append)]
-    assert run_jobs(jobs, say=None) == {}
+    assert run_jobs(jobs) == {}
     process, threads = sorted(kept)
     assert (threads, process != -os.getpid()) == (1, True)
 
 
-def test_finished_jobs_are_not_run(tmp_path):
-    lines = []
+def test_finished_jobs_are_not_run(tmp_path, messages):
     jobs = [Job(str(k), partial(working.square, tmp_path, k), done=lambda k=k: k < 2) for k in range(3)]
-    run_jobs(jobs, say=lines.append)
+    run_jobs(jobs)
     assert begun(tmp_path) == ["2"]
-    run_jobs(jobs[:2], say=lines.append)
-    assert lines == ["2: done after 0 s, 0 to come"]
+    run_jobs(jobs[:2])
+    assert messages == ["2: done after 0 s, 0 to come"]
 
 
-def test_a_failed_job_is_reported_and_does_not_hold_up_the_others(tmp_path):
-    lines, kept = [], []
+def test_a_failed_job_is_reported_and_does_not_hold_up_the_others(tmp_path, messages):
+    kept = []
     errors = {
         "user": UserError("no such thing"),
         "bug": ZeroDivisionError("by zero"),
@@ -72,30 +71,30 @@ def test_a_failed_job_is_reported_and_does_not_hold_up_the_others(tmp_path):
     }
     jobs = [Job(name, partial(working.fail, error)) for name, error in errors.items()]
     jobs.append(Job("good", partial(working.square, tmp_path, 3), kept.append))
-    failed = run_jobs(jobs, say=lines.append)
+    failed = run_jobs(jobs)
     assert failed == {
         "user": "no such thing",
         "bug": "a bug: ZeroDivisionError: by zero",
         "disk": "there: No space left on device",
     }
     assert kept == [9]
-    assert "user: failed: no such thing" in lines
+    assert "user: failed: no such thing" in messages
     with pytest.raises(UserError, match=r"user: no such thing \(and 2 more failed\)"):
         check_all_done(failed)
     check_all_done({})
 
 
-def test_jobs_of_a_killed_worker_run_again(tmp_path):
-    kept, lines = [], []
+def test_jobs_of_a_killed_worker_run_again(tmp_path, messages):
+    kept = []
     done = (tmp_path / "finished").exists
     jobs = [
         Job("wild", partial(working.die, tmp_path, "wild", 1), kept.append),
         Job("late", partial(working.square, tmp_path, 3), kept.append, done),
     ]
-    assert run_jobs(jobs, say=lines.append) == {}
+    assert run_jobs(jobs) == {}
     assert sorted(map(str, kept)) == ["9", "wild"]
     assert begun(tmp_path).count("wild") == 2
-    assert "a worker process was lost (killed, or out of memory?)" in lines
+    assert "a worker process was lost (killed, or out of memory?)" in messages
 
 
 def test_a_job_that_always_kills_its_worker_is_given_up(tmp_path):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import errno
 import gc
-import logging
 import os
 import pickle
 import signal
@@ -16,6 +15,7 @@ import typer
 
 from fpg_bench.cli import evaluation, leaderboard, listing, llm, plan, reproduce, training, tune
 from fpg_bench.common.errors import UserError, printable
+from fpg_bench.common.output import print_messages
 
 app = typer.Typer(
     help="Benchmark suite for the UAV frequency point game.",
@@ -66,6 +66,7 @@ def _options(
 ) -> None:
     global _DEBUG
     _DEBUG = debug
+    print_messages()
 
 
 def main() -> None:
@@ -74,7 +75,6 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _terminated)
     signal.signal(signal.SIGALRM, signal.default_int_handler)
     sys.unraisablehook = _heard_again
-    _log_to_stdout(logging.getLogger("fpg_bench.training"))
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
         if status == _STOPPED:  # what typer makes of Ctrl-C
@@ -100,21 +100,6 @@ def main() -> None:
         _fail(f"{where}{error.strerror or error}{full}", 1)
     except Exception as error:
         _fail(f"a bug: {type(error).__name__}: {error} (the traceback: fpg-bench --debug ...)", 1)
-
-
-class _PrintableFormatter(logging.Formatter):
-    """Format a record as its message, without control characters."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        return printable(record.getMessage())
-
-
-def _log_to_stdout(logger: logging.Logger) -> None:
-    """Print the messages of a logger, as text alone."""
-    handler = logging.StreamHandler(sys.stdout)
-    handler.setFormatter(_PrintableFormatter())
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
 
 
 def _heard_again(swallowed: Any) -> None:

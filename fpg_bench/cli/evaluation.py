@@ -95,7 +95,6 @@ def evaluate(
             n_jobs=n_jobs,
             backend=backend,
             address=address,
-            say=show,
         )
     table(out, wide)
 

@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import AddressOption, BackendOption, JobsOption, say
+from fpg_bench.cli.options import AddressOption, BackendOption, JobsOption
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import need
+from fpg_bench.common.output import print_line
 
 submit = typer.Typer(help="Check a submission and play it.", no_args_is_help=True)
 leaderboard = typer.Typer(
@@ -60,12 +61,12 @@ def check(folder: Annotated[Path, typer.Argument(help="Folder of the submission.
         for policy in submission.policies:
             found += [f"seed_{policy.seed}: {line}" for line in smoke_test(policy, suite)]
         for line in notes(submission):
-            say(f"{folder}: note: {line}")
+            print_line(f"{folder}: note: {line}")
     for line in found:
-        say(f"{folder}: {line}")
+        print_line(f"{folder}: {line}")
     if found:
         raise typer.Exit(1)
-    say(f"{folder}: nothing is wrong")
+    print_line(f"{folder}: nothing is wrong")
 
 
 @submit.command()
@@ -84,7 +85,7 @@ def run(
     """
     from fpg_bench.leaderboard.verification import run_one
 
-    verdict = run_one(folder, update, n_jobs=n_jobs, backend=backend, address=address, say=say)
+    verdict = run_one(folder, update, n_jobs=n_jobs, backend=backend, address=address)
     raise typer.Exit(0 if verdict.good else 1)
 
 
@@ -123,10 +124,9 @@ def verify(
         n_jobs=n_jobs,
         backend=backend,
         address=address,
-        say=say,
     )
     bad = sum(not verdict.good for verdict in verdicts)
-    say(f"{len(verdicts)} verdicts, {bad} bad" if bad else f"{len(verdicts)} verdicts, all good")
+    print_line(f"{len(verdicts)} verdicts, {bad} bad" if bad else f"{len(verdicts)} verdicts, all good")
     raise typer.Exit(1 if bad else 0)
 
 
@@ -151,13 +151,11 @@ def crossplay(
 
     trusted = None if since is None else pairs_at(folder, since)
     if check is None:
-        failed = play_missing(
-            folder, trusted=trusted, say=say, n_jobs=n_jobs, backend=backend, address=address
-        )
+        failed = play_missing(folder, trusted=trusted, n_jobs=n_jobs, backend=backend, address=address)
     else:
         failed = check_pairs(folder, _share(check), sample_seed)
     for line in failed:
-        say(line)
+        print_line(line)
     raise typer.Exit(1 if failed else 0)
 
 
@@ -196,19 +194,16 @@ def build(
     check_folder(out)
     with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("ranks", total=None)
-        left: list[str] = []
-        board = make_board(folder, left.append)
+        board = make_board(folder)
 
         def show(name: str) -> None:
             bar.update(task, description=name)
 
         rounds = make_replays(board, folder, out, show, simulate=replays)
         files = build_site(board, out, rounds, show, docs, submitted_policies(board, folder))
-    for line in left:
-        say(line)
     entries = sum(len(track.entries) for track in board.tracks)
     shown = sum(map(len, rounds.values()))
-    say(f"{entries} entries, {shown} rounds to watch, {len(files)} files: open {out / 'index.html'}")
+    print_line(f"{entries} entries, {shown} rounds to watch, {len(files)} files: open {out / 'index.html'}")
 
 
 @leaderboard.command()
@@ -229,10 +224,10 @@ def serve(
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background has it ignored
     with make_server(site, port) as server:
         try:
-            say(f"http://{HOST}:{server.server_port}/ (Ctrl-C ends it)")
+            print_line(f"http://{HOST}:{server.server_port}/ (Ctrl-C ends it)")
             server.serve_forever()
         except KeyboardInterrupt:
-            say("stopped")
+            print_line("stopped")
 
 
 @leaderboard.command()
@@ -272,10 +267,9 @@ def close_season(
         n_jobs=n_jobs,
         backend=backend,
         address=address,
-        say=say,
     )
     if season is not None:
-        say(f"{season.name}: closed, hash {season.hash[:16]}, {season.folder}")
+        print_line(f"{season.name}: closed, hash {season.hash[:16]}, {season.folder}")
 
 
 @leaderboard.command()
@@ -301,10 +295,10 @@ def audit_season(
 
     season = load_season(name)
     for audited in auditing.audit_season(
-        season, read_entries(folder), work, member, n_members, n_jobs=n_jobs, say=say
+        season, read_entries(folder), work, member, n_members, n_jobs=n_jobs
     ):
         policies = "the same policy" if audited.is_same else "another policy"
-        say(
+        print_line(
             f"{audited.side}/{audited.name}: {policies}; entries earn {audited.difference:.2f} per step "
             f"more or less, correlation {audited.correlation:.3f}"
         )

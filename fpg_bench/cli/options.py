@@ -10,8 +10,6 @@ from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.common.errors import printable
-
 # Panels of long lists of options, in the order in which they are shown.
 GAME = "Game"
 TRAINING = "Training"
@@ -139,11 +137,6 @@ def llm_options(deadline: float | None, **options: Any) -> dict[str, Any]:
 def listed(value: str | None) -> Any:
     """Split a list that is separated by commas; leave a single word as it is."""
     return value.split(",") if value is not None and "," in value else value
-
-
-def say(line: str) -> None:
-    """Print a line at once, also into a file, without control characters."""
-    print(printable(line), flush=True)
 
 
 def name_all(head: str, names: Iterable[str]) -> None:

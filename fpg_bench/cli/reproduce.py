@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import LLM, TRAINING, AddressOption, BackendOption, JobsOption, say
+from fpg_bench.cli.options import LLM, TRAINING, AddressOption, BackendOption, JobsOption
+from fpg_bench.common.output import print_line
 
 
 def reproduce(
@@ -71,7 +72,6 @@ def reproduce(
         address=address,
         llm=words if asked else None,
         learner=learner,
-        say=say,
     )
     for path in written:
-        say(f"written: {path}")
+        print_line(f"written: {path}")

@@ -33,11 +33,11 @@ from fpg_bench.cli.options import (
     TokensOption,
     listed,
     llm_options,
-    say,
     steps_option,
     whole_number,
 )
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.output import print_line
 from fpg_bench.common.rows import Row
 
 if TYPE_CHECKING:
@@ -175,7 +175,6 @@ def train(
             n_jobs=n_jobs,
             backend=backend,
             address=address,
-            say=say,
         )
         for each in listed_seeds:
             print_scores(RunFolder(out / f"seed_{each}"), f"seed {each}: ")
@@ -260,7 +259,7 @@ def selfplay(
         knowledge=knowledge,
         jamming_types=listed(jamming_types),
     )
-    say(f"agents: {agents['ally']}, {agents['opponent']}")
+    print_line(f"agents: {agents['ally']}, {agents['opponent']}")
 
 
 def best_response(
@@ -329,14 +328,18 @@ def best_response(
         reward=reward,
     )
     for response in row["responses"]:
-        say(f"{response_label(response)}: {response['return']:.2f} per step, jammed {_percent(response)}")
+        print_line(
+            f"{response_label(response)}: {response['return']:.2f} per step, jammed {_percent(response)}"
+        )
     scripts = row["scripts"]
     strongest = min(scripts, key=lambda name: scripts[name]["return"])
     met = scripts[strongest]
-    say(f"strongest script, {strongest}: {met['return']:.2f} per step, jammed {_percent(met)}")
-    say(f"{agent}: lowest {row['lowest']['return']:.2f} per step, against {row['lowest']['against']}")
+    print_line(f"strongest script, {strongest}: {met['return']:.2f} per step, jammed {_percent(met)}")
+    print_line(f"{agent}: lowest {row['lowest']['return']:.2f} per step, against {row['lowest']['against']}")
     if row["lowest"]["against"] == strongest:
-        say(f"{strongest} takes more than these responses: they are not best responses yet; raise --steps")
+        print_line(
+            f"{strongest} takes more than these responses: they are not best responses yet; raise --steps"
+        )
 
 
 def _percent(met: Row) -> str:

@@ -60,9 +60,7 @@ def run(
     """
     need("tune", "optuna", "plotly")
     from fpg_bench.training.tuning.tune import tune
-    from fpg_bench.training.tuning.worker import print_messages
 
-    print_messages()
     tune(
         algorithm,
         env_id,
@@ -119,9 +117,7 @@ def export(
     """
     need("tune", "optuna", "plotly")
     from fpg_bench.training.tuning.export import export_values
-    from fpg_bench.training.tuning.worker import print_messages
 
-    print_messages()
     export_values(
         out,
         file,

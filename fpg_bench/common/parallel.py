@@ -5,6 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import contextlib
 import functools
+import logging
 import multiprocessing
 import os
 import signal
@@ -21,6 +22,8 @@ from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import need
 from fpg_bench.common.imports import reason
+
+_logger = logging.getLogger(__name__)
 
 BACKENDS = ("loky", "ray")
 LINE_EVERY_S = 30.0  # between two lines of progress, where there is no terminal
@@ -82,7 +85,7 @@ def run_jobs(
     n_jobs: int = 2,
     backend: str = "loky",
     address: str | None = None,
-    say: Callable[[str], None] | None = print,
+    level: int = logging.INFO,
 ) -> dict[str, str]:
     """Run all jobs that are not done yet, several at once.
 
@@ -95,7 +98,7 @@ def run_jobs(
         backend: ``loky`` for processes of this machine, ``ray`` for a Ray cluster.
         address: of the cluster, ``host:port``. None: the environment's ``RAY_ADDRESS``; without that, Ray is
             started on this machine for the duration of the jobs.
-        say: called with a line for each job that ends; None: silent.
+        level: at which a line for each job that ends is logged.
 
     Returns:
         The errors of failed jobs by name, in the order of the jobs; empty on success.
@@ -110,12 +113,11 @@ def run_jobs(
         raise UserError(f"backend: unknown {backend!r}{nearest(backend, BACKENDS)}")
     if address is not None and backend != "ray":
         raise UserError("address: is a Ray cluster's; say --backend ray, too")
-    say = say or (lambda line: None)
     failed: dict[str, str] = {}
     jobs = list(jobs)
     waiting = {index: job for index, job in enumerate(jobs) if not job.done()}
     if len(waiting) > 1:
-        say(f"{len(waiting)} jobs, {min(n_jobs, len(waiting))} at a time")
+        _logger.log(level, f"{len(waiting)} jobs, {min(n_jobs, len(waiting))} at a time")
 
     def calls() -> _Calls:
         for index, job in list(waiting.items()):
@@ -132,12 +134,14 @@ def run_jobs(
                         job.keep(outcome.result)
                     error = outcome.error or _missing(job, backend)
                     if error is None:
-                        say(f"{job.name}: done after {outcome.seconds:.0f} s, {len(waiting)} to come")
+                        _logger.log(
+                            level, f"{job.name}: done after {outcome.seconds:.0f} s, {len(waiting)} to come"
+                        )
                     else:
                         failed[job.name] = error
-                        say(f"{job.name}: failed: {error}")
+                        _logger.log(level, f"{job.name}: failed: {error}")
         except concurrent.futures.BrokenExecutor:
-            say("a worker process was lost (killed, or out of memory?)")
+            _logger.warning("a worker process was lost (killed, or out of memory?)")
             waiting = {index: job for index, job in waiting.items() if not job.done()}
     failed |= {job.name: f"a worker process was lost {TRIES} times" for job in waiting.values()}
     return {job.name: failed[job.name] for job in jobs if job.name in failed}

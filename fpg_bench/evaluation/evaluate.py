@@ -36,7 +36,6 @@ def evaluate(
     matches: int | None = None,
     name: str | None = None,
     progress: Progress = lambda entry, rival, rounds: None,
-    say: Callable[[str], None] = print,
     n_jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
@@ -52,7 +51,6 @@ def evaluate(
         matches: per rival and training seed; None: the suite's own.
         name: name of the agents in records and tables; None: their algorithm. Not a script's name.
         progress: called before each matchup and after each of its rounds, if there is one job.
-        say: called with a line per matchup that begins or ends, if there are several jobs.
         n_jobs: number of matchups that are played at once; the records are the same, in another order.
         backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
 
@@ -70,7 +68,7 @@ def evaluate(
     if out is not None:
         check_kept(entries)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
-        summaries = play_into(Path(folder), suite, played, entries, progress, n_jobs, backend, address, say)
+        summaries = play_into(Path(folder), suite, played, entries, progress, n_jobs, backend, address)
         return Results(summaries)
 
 
@@ -83,7 +81,6 @@ def play_into(
     n_jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
-    say: Callable[[str], None] = print,
 ) -> list[Summary]:
     """Play entries against a suite into a results folder; raises as :func:`evaluate` does.
 
@@ -93,7 +90,7 @@ def play_into(
         suite: that suite.
         entries: the entries to measure.
         progress: see :func:`evaluate`.
-        n_jobs, backend, address, say: see :func:`evaluate`.
+        n_jobs, backend, address: see :func:`evaluate`.
     """
     check_seeds(entries)
     file = RowFile(out / RECORDS)
@@ -106,7 +103,7 @@ def play_into(
                 file.append([play(entry, suite, rival, on_round=partial(progress, entry, rival)).row()])
         else:
             jobs = [_job(entry, suite, rival, file) for entry, rival in missing]
-            check_all_done(run_jobs(jobs, n_jobs, backend, address, say))
+            check_all_done(run_jobs(jobs, n_jobs, backend, address))
     return summarise(records_of(file), suite)
 
 

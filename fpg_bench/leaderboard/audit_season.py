@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -55,7 +55,6 @@ def audit_season(
     *,
     rounds: int = ROUNDS,
     n_jobs: int = 2,
-    say: Callable[[str], None] = print,
 ) -> list[AuditedMember]:
     """Train some members of a season again.
 
@@ -69,7 +68,6 @@ def audit_season(
         count: number per side.
         rounds: rounds of each player against each of the two policies.
         n_jobs: number of members trained at once.
-        say: called with a line per member that starts or ends.
 
     Raises:
         UserError: an entry that the season was closed over is missing or has changed, a seed that does not
@@ -79,7 +77,7 @@ def audit_season(
     chosen = _choose_members(season, members, count, work)
     for side, _ in chosen:
         (work / side).mkdir(parents=True, exist_ok=True)
-    check_all_done(run_jobs([_training_job(work, member) for _, member in chosen], n_jobs, say=say))
+    check_all_done(run_jobs([_training_job(work, member) for _, member in chosen], n_jobs))
     return [_compare(season, entries, work, side, member, rounds) for side, member in chosen]
 
 

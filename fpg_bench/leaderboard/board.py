@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import logging
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -53,6 +54,8 @@ from fpg_bench.leaderboard.tracks import (
 from fpg_bench.leaderboard.verification import Case, case_of, entered
 from fpg_bench.players.player import SIDES
 from fpg_bench.version import __version__
+
+_logger = logging.getLogger(__name__)
 
 CROSSPLAY = "cross-play"
 # Points by which a score on public seeds may exceed that on the season's seeds, beyond the track's median.
@@ -363,7 +366,7 @@ class _Verified:
 
 
 def make_board(
-    folder: str | Path = "leaderboard", say: Callable[[str], None] = lambda message: None
+    folder: str | Path = "leaderboard",
 ) -> Board:
     """Compute the board from the results of a leaderboard's folder.
 
@@ -372,15 +375,14 @@ def make_board(
 
     Args:
         folder: the leaderboard's folder.
-        say: called with a line per submission that is left out or not verified, with the reason.
 
     Raises:
         UserError: no such folder, or a file of it that cannot be read.
     """
     folder, suites = Path(folder), TrackSuites()
     season = suites.season
-    shown = _read_submissions(folder, suites, say)
-    pairs = read_pairs(folder, players_of([item.case for item in shown if item.case is not None]), say=say)
+    shown = _read_submissions(folder, suites)
+    pairs = read_pairs(folder, players_of([item.case for item in shown if item.case is not None]))
     results = list(pairs.results.values())
     tracks = tuple(_make_track(shown, track, suites, results) for track in TRACKS.values())
     return Board(
@@ -393,24 +395,24 @@ def make_board(
     )
 
 
-def _read_submissions(board: Path, suites: TrackSuites, say: Callable[[str], None]) -> list[_Shown]:
+def _read_submissions(board: Path, suites: TrackSuites) -> list[_Shown]:
     shown: list[_Shown] = []
     for path in sorted((board / "submissions").glob("[!.]*/")):
         if path.name not in FOLDERS:
-            say(f"submissions/{path.name}: left out: is no track{nearest(path.name, FOLDERS)}")
+            _logger.info(f"submissions/{path.name}: left out: is no track{nearest(path.name, FOLDERS)}")
     for folder in submission_folders(board):
         name = f"{folder.parent.name}/{folder.name}"
         if not result_file(board, folder.parent.name, folder.name).exists():
-            say(f"{name}: left out: has no result; make it: fpg-bench submit run {brief(folder)}")
+            _logger.info(f"{name}: left out: has no result; make it: fpg-bench submit run {brief(folder)}")
             continue
         read = outcome_of(partial(entered, board, folder, contract=False, suites=suites))
         if read.error is not None:
-            say(f"{name}: left out: {read.error}")  # nothing of it can be trusted, not even its name
+            _logger.info(f"{name}: left out: {read.error}")  # nothing of it can be trusted, not even its name
             continue
         item = _with_case(board, read.result, suites)
         shown.append(item)
         if item.reason is not None:
-            say(f"{name}: not verified: {item.reason}")
+            _logger.info(f"{name}: not verified: {item.reason}")
     return shown
 
 

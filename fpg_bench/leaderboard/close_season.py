@@ -6,11 +6,12 @@ All draws follow from the season's seed by SHA-256, so they are the same on ever
 from __future__ import annotations
 
 import hashlib
+import logging
 import re
 import shutil
 import statistics
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -45,6 +46,8 @@ from fpg_bench.players.player import SIDES, Player
 from fpg_bench.training.config import GameOptions, RunConfig
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
+
+_logger = logging.getLogger(__name__)
 
 CANDIDATES, SIZE, ROUNDS = 24, 12, 60
 PROFILE, PLAN = "profile.jsonl", "plan.yml"
@@ -348,7 +351,6 @@ def close_season(
     n_jobs: int = 2,
     backend: str = "loky",
     address: str | None = None,
-    say: Callable[[str], None] = print,
 ) -> Season | None:
     """Close a season, or resume its closing with the same result.
 
@@ -357,7 +359,6 @@ def close_season(
         out: the season's folder; ``season.yml`` is written last.
         sides: train the candidates of these sides only; the season is closed once both are there.
         n_jobs, backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
-        say: called with a line per candidate that starts or ends.
 
     Returns:
         The season; None while candidates of the other side are missing.
@@ -372,15 +373,17 @@ def close_season(
     _check_plan(closing)
     jobs = [_candidate_job(closing, recipe) for side in sides for recipe in closing.recipes(side)]
     done = sum(job.done() for job in jobs)
-    say(f"{closing.name}, seed {closing.seed[:16]}: {len(jobs)} candidates, {done} of them done")
-    check_all_done(run_jobs(jobs, n_jobs, backend, address, say))
+    _logger.info(f"{closing.name}, seed {closing.seed[:16]}: {len(jobs)} candidates, {done} of them done")
+    check_all_done(run_jobs(jobs, n_jobs, backend, address))
     missing = [
         side
         for side in SIDES
         if not all(_candidate_job(closing, recipe).done() for recipe in closing.recipes(side))
     ]
     if missing:
-        say(f"{closing.name}: candidates of the {' and '.join(missing)} are not there yet; it is not closed")
+        _logger.info(
+            f"{closing.name}: candidates of the {' and '.join(missing)} are not there yet; it is not closed"
+        )
         return None
     return _publish(closing, out, {side: _select_members(closing, side) for side in SIDES})
 

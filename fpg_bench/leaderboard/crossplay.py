@@ -5,10 +5,11 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import logging
 import math
 import random
 import shutil
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -38,6 +39,8 @@ from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
 from fpg_bench.leaderboard.verification import Case, check_share, make_case
 from fpg_bench.players.player import SIDES, Abilities, Memory, Player
 from fpg_bench.players.registry import as_player
+
+_logger = logging.getLogger(__name__)
 
 ROUNDS = 100
 WITHIN = 0.005  # of a rate, and of the distance from 0 to 100, when a pair is played again
@@ -185,7 +188,6 @@ def read_pairs(
     board: Path,
     players: tuple[list[CrossplayEntry], list[CrossplayEntry]],
     rounds: int = ROUNDS,
-    say: Callable[[str], None] = lambda record: None,
 ) -> Pairs:
     """Read the results of pairs of these players; all other lines are left out.
 
@@ -193,7 +195,6 @@ def read_pairs(
         board: the leaderboard's folder.
         players: allies and opponents.
         rounds: of each pair.
-        say: called with a line if lines of the file are left out.
 
     Raises:
         UserError: the file cannot be read.
@@ -202,7 +203,7 @@ def read_pairs(
     rows = RowFile(file).read(bad.append)
     sound = [pair for pair in map(read_pair, rows) if pair is not None]
     if count := len(bad) + len(rows) - len(sound):
-        say(f"{file}: {count} lines are no pair's, or an older protocol's, and left out")
+        _logger.info(f"{file}: {count} lines are no pair's, or an older protocol's, and left out")
     wanted = {key: (a, o) for key, a, o in Pairs(*players, {}, rounds=rounds).every()}
     results = {pair.key: pair for pair in sound if pair.key in wanted and pair.is_of(*wanted[pair.key])}
     return Pairs(*players, results, not bad and len(results) == len(rows), rounds)
@@ -230,7 +231,6 @@ def play_missing(
     *,
     rounds: int = ROUNDS,
     trusted: Collection[Row] | None = None,
-    say: Callable[[str], None] = print,
     n_jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
@@ -241,7 +241,6 @@ def play_missing(
         board: the leaderboard's folder.
         rounds: of each pair, distributed evenly over the training seeds of both.
         trusted: trusted rows; all others are played again and replaced. None: all are trusted.
-        say: called with lines of progress.
         n_jobs: number of allies that play at once.
         backend: ``loky`` or ``ray``; see :func:`fpg_bench.common.parallel.run_jobs`.
         address: of a Ray cluster.
@@ -250,11 +249,11 @@ def play_missing(
         Pairs that could not be played, and untrusted rows that did not hold, one line each.
     """
     board = Path(board)
-    pairs = read_pairs(board, players_of_board(board), rounds, say)
+    pairs = read_pairs(board, players_of_board(board), rounds)
     believed = None if trusted is None else set(map(read_pair, trusted))
     results = {key: pair for key, pair in pairs.results.items() if believed is None or pair in believed}
     missing = [(a, o) for key, a, o in pairs.every() if key not in results]
-    say(f"crossplay: {len(missing)} of {len(pairs.allies) * len(pairs.opponents)} pairs to play")
+    _logger.info(f"crossplay: {len(missing)} of {len(pairs.allies) * len(pairs.opponents)} pairs to play")
     with at_work(board):
         played, failed = _play(board, missing, rounds, n_jobs, backend, address)
     results |= {pair.key: pair for pair in played}
@@ -326,7 +325,7 @@ def _play(
         run, done = partial(_fill, ally, opponents, rounds), partial(_is_done, folder, keys)
         jobs.append(folder_job(ally.slug, folder, run, done))
         folders.append((folder, keys))
-    failed = run_jobs(jobs, n_jobs, backend, address, say=None)
+    failed = run_jobs(jobs, n_jobs, backend, address, level=logging.DEBUG)
     rows = [row for folder, keys in folders for row in _rows(folder) if row["key"] in keys]
     shutil.rmtree(work, ignore_errors=True)
     lost = [f"{row['ally']} - {row['opponent']}: {row[FAILED]}" for row in rows if FAILED in row]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import logging
 import math
 import random
 import shutil
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -53,6 +54,8 @@ from fpg_bench.leaderboard.result import (
 )
 from fpg_bench.leaderboard.submission import Submission, load_submission, taken
 from fpg_bench.leaderboard.tracks import TrackSuites, ranked_by
+
+_logger = logging.getLogger(__name__)
 
 _SUBMITTED = {"submission", "policies", "planner"}  # keys of a fingerprint that depend on the submission
 
@@ -446,7 +449,6 @@ def verify(
     update: bool = False,
     since: str | None = None,
     changes_known: bool = False,
-    say: Callable[[str], None] = print,
     n_jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
@@ -465,7 +467,6 @@ def verify(
         since: a trusted git revision. Entries whose submission or result differs from it are played in full,
             whatever the sample, and their results are replaced; the results that came along are compared.
         changes_known: accept that other files changed since, too.
-        say: called with a line per submission as it ends.
         n_jobs: number of policies that are played at once.
         backend: ``loky`` or ``ray``; see :func:`fpg_bench.common.parallel.run_jobs`.
         address: of a Ray cluster.
@@ -481,16 +482,16 @@ def verify(
     board = Path(board)
     new = frozenset() if since is None else _new_entries(board, since, changes_known)
     with at_work(board):
-        verification = _Verification(say, board, new)
+        verification = _Verification(board, new)
         cases = verification.cases(submission_folders(board, names), update)
         if sample is not None:
             seed = random.SystemRandom().randrange(2**32) if sample_seed is None else sample_seed
-            say(f"sample: {100 * sample:g} % of all records, --sample-seed {seed}")
+            _logger.info(f"sample: {100 * sample:g} % of all records, --sample-seed {seed}")
             cases = sampled(cases, sample, seed)
         if not names:
             verification.check_strays()
         every = [job for case in cases for job in verification.jobs(case)]
-        verification.failed |= run_jobs(every, n_jobs, backend, address, say=None)
+        verification.failed |= run_jobs(every, n_jobs, backend, address, level=logging.DEBUG)
         for case in cases:
             verification.settle(case)
     return sorted(verification.verdicts.values(), key=lambda verdict: verdict.name)
@@ -511,10 +512,10 @@ def _new_entries(board: Path, since: str, changes_known: bool) -> frozenset[str]
 class _Verification:
     """Collects verdicts; each submission is settled as soon as its last record is there."""
 
-    def __init__(self, say: Callable[[str], None], board: Path, new: Collection[str]) -> None:
+    def __init__(self, board: Path, new: Collection[str]) -> None:
         self.verdicts: dict[str, Verdict] = {}
         self.failed: dict[str, str] = {}
-        self._say, self._board, self._new = say, board, new
+        self._board, self._new = board, new
 
     def cases(self, folders: Sequence[Path], update: bool) -> list[Case]:
         """Return the cases of folders; those that are wrong, or gone, get their verdicts."""
@@ -571,7 +572,7 @@ class _Verification:
 
     def _give(self, name: str, good: bool, line: str) -> None:
         self.verdicts[name] = Verdict(name, good, printable(line))
-        self._say(printable(f"{name}: {line}"))
+        _logger.info(printable(f"{name}: {line}"))
 
 
 def _job_name(case: Case, part: Part) -> str:
@@ -587,7 +588,6 @@ def run_one(
     folder: str | Path,
     update: bool = False,
     *,
-    say: Callable[[str], None] = print,
     n_jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
@@ -605,7 +605,5 @@ def run_one(
         raise UserError(f"{given}: expected a folder {expected}{hint}")
     board = Path(brief(folder.parents[2]))
     name = f"{track}/{folder.name}"
-    (verdict,) = verify(
-        board, [name], update=update, say=say, n_jobs=n_jobs, backend=backend, address=address
-    )
+    (verdict,) = verify(board, [name], update=update, n_jobs=n_jobs, backend=backend, address=address)
     return verdict

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,6 @@ def reproduce(
     n_jobs: int = 2,
     backend: str = "loky",
     address: str | None = None,
-    say: Callable[[str], None] = print,
 ) -> list[Path]:
     """Run the experiments behind a figure of the paper, draw it, and report on all runs in the folder.
 
@@ -48,7 +47,7 @@ def reproduce(
         llm: options of the language-model planner, which is then trained against as well; the environment
             names its endpoint. ``transcript`` replays that file. None: no language model.
         learner: ``torch`` or ``jax``; the latter is faster and requires the extra ``fast``.
-        n_jobs, backend, address, say: see :func:`fpg_bench.common.parallel.run_jobs`.
+        n_jobs, backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
 
     Returns:
         The files written: figures first, then the report.
@@ -71,7 +70,6 @@ def reproduce(
         n_jobs=n_jobs,
         backend=backend,
         address=address,
-        say=say,
     )
     names = [name for each in _conditions(ALL, scenario, BUDGETS["full"], {}) for name in each.runs]
     results = read_results(file, dict.fromkeys(names, range(first_seed, first_seed + count)))
@@ -96,7 +94,6 @@ def run_conditions(
     n_jobs: int = 2,
     backend: str = "loky",
     address: str | None = None,
-    say: Callable[[str], None] = print,
 ) -> dict[str, str]:
     """Run the missing runs of some conditions and add them to a file.
 
@@ -107,7 +104,7 @@ def run_conditions(
         budget: budget of each run.
         seeds: training seeds; see :func:`reproduce` for conditions that need fewer.
         llm, learner: see :func:`reproduce`.
-        n_jobs, backend, address, say: see :func:`fpg_bench.common.parallel.run_jobs`.
+        n_jobs, backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
 
     Returns:
         The errors of failed jobs by name.
@@ -125,7 +122,7 @@ def run_conditions(
             folder = transcripts / condition.name
             run = partial(run_experiment, condition, preset, budget, missing, folder, llm, learner)
             jobs.append(Job(name, run, file.add))
-    return run_jobs(jobs, n_jobs, backend, address, say)
+    return run_jobs(jobs, n_jobs, backend, address)
 
 
 def check_same_game(file: RunFile, condition: Condition, preset: str) -> None:

@@ -9,7 +9,7 @@ import platform
 import re
 import shutil
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -140,7 +140,6 @@ def train_seeds(
     n_jobs: int = 2,
     backend: str = "loky",
     address: str | None = None,
-    say: Callable[[str], None] = print,
 ) -> None:
     """Train several seeds of a run, some of them at once; finished ones are not repeated.
 
@@ -152,7 +151,6 @@ def train_seeds(
         restart: begin unfinished runs again, from the start; otherwise they are resumed.
         n_jobs, backend, address: number of trainings at once, one thread each, and where; see
             :func:`fpg_bench.common.parallel.run_jobs`.
-        say: called with a line per run that begins or ends.
 
     Raises:
         UserError: something unknown or out of range, folders that hold other runs, a language model as the
@@ -168,7 +166,7 @@ def train_seeds(
             train, run, evaluations=evaluations, restart=restart, resume=not restart, progress=False
         )
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
-    check_all_done(run_jobs(jobs, n_jobs, backend, address, say=say))
+    check_all_done(run_jobs(jobs, n_jobs, backend, address))
 
 
 def parse_seeds(text: str) -> list[int]:

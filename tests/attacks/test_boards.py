@@ -18,6 +18,7 @@ from tests.attacks import SCALE, SEED
 from tests.attacks.json_texts import hostile_texts
 from tests.attacks.pull_requests import spoil
 from tests.leaderboard.entering import enter
+from tests.logged import logged
 
 pytestmark = pytest.mark.slow
 
@@ -34,7 +35,7 @@ def entered(board, in_process):
     enter(board, "ally", "wise", script="expert")
     enter(board, "ally", "linear", seeds=(0, 2))
     enter(board, "opponent", "near", script="adaptive")
-    assert all(verdict.good for verdict in verify(board, say=quiet))
+    assert all(verdict.good for verdict in verify(board))
     return board
 
 
@@ -53,21 +54,19 @@ def stormed(entered):
     return entered
 
 
-def test_verify_gives_each_its_own_verdict_and_the_honest_ones_hold(stormed):
-    said = []
-    verdicts = {verdict.name: verdict for verdict in verify(stormed, say=said.append)}
+def test_verify_gives_each_its_own_verdict_and_the_honest_ones_hold(stormed, messages):
+    verdicts = {verdict.name: verdict for verdict in verify(stormed)}
     assert len(verdicts) == COUNT + 3
     good = {name for name, verdict in verdicts.items() if verdict.good}
     assert good == {"ally/wise", "ally/linear", "opponent/near"}
-    assert not [line for line in said if "a bug" in line]
-    assert all(line.isprintable() for line in said)
+    assert not [line for line in messages if "a bug" in line]
+    assert all(line.isprintable() for line in messages)
 
 
-def test_build_and_crossplay_go_on_without_them(stormed, tmp_path):
-    said = []
-    assert play_missing(stormed, rounds=2, say=said.append) == []
-    board = make_board(stormed, said.append)
-    assert not [line for line in said if "a bug" in line]
+def test_build_and_crossplay_go_on_without_them(stormed, tmp_path, messages):
+    assert play_missing(stormed, rounds=2) == []
+    board = make_board(stormed)
+    assert not [line for line in messages if "a bug" in line]
     ranked = [entry.slug for entry, figures in board.tracks[0].verified() if figures.rank]
     assert sorted(ranked) == ["linear", "wise"]
     build_site(board, tmp_path / "site", {})
@@ -88,19 +87,19 @@ def test_the_command_line_says_it_in_lines(stormed, seed):
 
 
 def test_a_hostile_line_of_cross_play_is_left_out_alone(entered, tmp_path):
-    play_missing(entered, rounds=100, say=quiet)
+    play_missing(entered, rounds=100)
     file = crossplay_file(entered)
     (sound,) = (json.loads(line) for line in file.read_text().splitlines() if '"wise"' in line)
     forged = [sound | {"ally_rewards": [99.0, 99.0]}, sound | {"lost": "x"}, sound | {"ally": "linear"}]
     texts = [text.replace(b"\n", b" ") for _, text in hostile_texts(40, base=sound)]
     texts += [json.dumps(row).encode() for row in forged]
     file.write_bytes(file.read_bytes() + b"\n".join(texts) + b"\n")
-    said = []
-    board = make_board(entered, said.append)
-    assert any("crossplay.jsonl" in line and "left out" in line for line in said)
+    with logged() as messages:
+        board = make_board(entered)
+    assert any("crossplay.jsonl" in line and "left out" in line for line in messages)
     assert repr(board.crossplay).count("99.0") == 0
     build_site(board, tmp_path / "site", {})
-    assert play_missing(entered, rounds=100, say=quiet) == []
+    assert play_missing(entered, rounds=100) == []
     assert len(file.read_bytes().splitlines()) == 2
 
 
@@ -113,7 +112,7 @@ def test_even_a_bug_of_ours_stops_nobody_else(entered, monkeypatch):
         return known(folder, *how)
 
     monkeypatch.setattr(verification, "load_submission", fails)
-    verdicts = {verdict.name: verdict for verdict in verify(entered, say=quiet)}
+    verdicts = {verdict.name: verdict for verdict in verify(entered)}
     assert {name: verdict.good for name, verdict in verdicts.items()} == {
         "ally/wise": False,
         "ally/linear": True,

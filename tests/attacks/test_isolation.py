@@ -98,7 +98,7 @@ def test_and_said_in_the_verdict(board, in_process, monkeypatch):
     monkeypatch.setattr("fpg_bench.leaderboard.playing.missing_here", lambda: ["files", "the network"])
     enter(board, "ally", "linear", seeds=(0,))
     enter(board, "ally", "wise", script="expert")
-    lines = {verdict.name: verdict.line for verdict in verify(board, say=lambda line: None)}
+    lines = {verdict.name: verdict.line for verdict in verify(board)}
     assert lines["ally/linear"].endswith("; this machine cannot keep a policy from files, the network")
     assert "cannot" not in lines["ally/wise"]
     assert OPEN not in (board / "results/ally/linear.jsonl").read_text()

@@ -85,9 +85,9 @@ def test_two_at_work_on_one_board_are_told(board, in_process, tmp_path):
     other = python(HOLDS, board, tmp_path / "cache", stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert other.stdout.readline() == "held\n"
     with pytest.raises(UserError, match="another process plays it; wait for its end"):
-        verify(board, say=lambda line: None)
+        verify(board)
     other.communicate("", timeout=60)
-    assert verify(board, say=lambda line: None)[0].good
+    assert verify(board)[0].good
 
 
 def test_one_process_may_work_on_a_board_twice(board):

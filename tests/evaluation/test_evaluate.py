@@ -225,7 +225,7 @@ def test_a_dataframe_has_a_row_per_entry_and_needs_pandas_alone(suite, monkeypat
 def test_the_lines_and_the_table_are_the_identical(suite, agents, tmp_path):
     players = [*agents, "expert", "idle", "expert"]
     for out, jobs in (("many", 2), ("one", 1)):
-        evaluate(players, suite, tmp_path / out, n_jobs=jobs, say=lambda record: None)
+        evaluate(players, suite, tmp_path / out, n_jobs=jobs)
         write_table(*read_results(tmp_path / out), tmp_path / out)
     assert rows(tmp_path / "many") == rows(tmp_path / "one")
     assert (tmp_path / "many" / "table.csv").read_text() == (tmp_path / "one" / "table.csv").read_text()
@@ -237,7 +237,7 @@ def test_a_player_that_fails_does_not_hold_up_the_others(suite, tmp_path, monkey
     (tmp_path / "bad.py").write_text(source)
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(UserError, match=r"bad:Bad - adaptive/pursuit: .*no idea \(and 1 more failed\)"):
-        evaluate(["bad:Bad", "expert"], suite, tmp_path / "out", n_jobs=2, say=lambda record: None)
+        evaluate(["bad:Bad", "expert"], suite, tmp_path / "out", n_jobs=2)
     assert {json.loads(row)["entry"] for row in rows(tmp_path / "out")} == {"expert"}
     assert len(rows(tmp_path / "out")) == 2
 
@@ -248,7 +248,7 @@ def test_an_agent_travels_to_the_worker(suite, agents, tmp_path):
     expected = play_into(tmp_path / "one", suite, load_suite(suite), entries)
     shutil.rmtree(agents[0])
     many = tmp_path / "many"
-    found = play_into(many, suite, load_suite(suite), entries, n_jobs=2, say=lambda record: None)
+    found = play_into(many, suite, load_suite(suite), entries, n_jobs=2)
     assert found[0].records == expected[0].records
 
 

@@ -19,6 +19,7 @@ from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
 from fpg_bench.leaderboard.verification import make_case, verify
 from tests.leaderboard.entering import SUITE, close_season, enter, write_suite, write_verified
 from tests.leaderboard.making import model, node, weights
+from tests.logged import logged
 
 pytestmark = pytest.mark.slow
 
@@ -44,7 +45,7 @@ def entered(board, in_process, kept):
     enter(board, "ally", "few", seeds=(0,), algorithm="few")
     enter(board, "opponent", "near", script="adaptive")
     enter(board, "opponent", "far", script="tone", path="learned")
-    assert all(verdict.good for verdict in verify(board, say=quiet))
+    assert all(verdict.good for verdict in verify(board))
     shutil.copytree(board, kept)
     return board
 
@@ -66,7 +67,7 @@ def test_the_board_is_strict_json(entered):
     def no_constant(name):
         raise AssertionError(name)  # NaN or Infinity
 
-    play_missing(entered, say=quiet)
+    play_missing(entered)
     board = make_board(entered)
     content = json.loads(board.to_json(), parse_constant=no_constant)
     assert [track["key"] for track in content["tracks"]] == [track.key for track in board.tracks]
@@ -133,7 +134,7 @@ def test_what_does_not_count_is_shown_last_with_its_reason(entered, in_process):
     path.write_text(path.read_text().replace('"public":{"value":', '"public":{"value":9', 1))
     enter(entered, "ally", "slow", seeds=(7,))
     in_process.fails = True
-    verify(entered, ["ally/slow"], say=quiet)
+    verify(entered, ["ally/slow"])
     ally = table(entered, "ally")
     slow, wise = ally.entries[-2:]
     assert (slow.slug, wise.slug) == ("slow", "wise")
@@ -151,13 +152,13 @@ def test_who_is_left_out_or_not_verified_is_said_with_the_reason(entered, in_pro
     (entered / "results/ally/torn.jsonl").write_text("")
     enter(entered, "ally", "slow", seeds=(7,))
     in_process.fails = True
-    verify(entered, ["ally/slow"], say=quiet)
+    verify(entered, ["ally/slow"])
     wise = entered / "submissions/ally/wise/submission.yaml"
     wise.write_text(wise.read_text().replace("much", "little"))
     (entered / "submissions" / "planers").mkdir()
-    said = []
-    make_board(entered, said.append)
-    assert said == [
+    with logged() as messages:
+        make_board(entered)
+    assert messages == [
         "submissions/planers: left out: is no track; did you mean 'planner'?",
         f"ally/new: left out: has no result; make it: fpg-bench submit run {new}",
         "ally/slow: not verified: seed_7: took longer than it may",
@@ -169,12 +170,12 @@ def test_who_is_left_out_or_not_verified_is_said_with_the_reason(entered, in_pro
 
 
 def test_a_result_of_an_older_protocol_is_named_and_never_mixed(entered):
-    play_missing(entered, say=quiet)
+    play_missing(entered)
     path = entered / "results/ally/wise.jsonl"
     path.write_text(path.read_text().replace(f'"protocol":"{PROTOCOL}"', '"protocol":"0"', 1))
-    said = []
-    board = make_board(entered, said.append)
-    assert said == [
+    with logged() as messages:
+        board = make_board(entered)
+    assert messages == [
         f"ally/wise: not verified: result {path}: of another protocol than this version's, {PROTOCOL!r}; "
         "play it again"
     ]
@@ -186,7 +187,7 @@ def test_a_result_of_an_older_protocol_is_named_and_never_mixed(entered):
 
 def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered):
     assert make_board(entered).crossplay is None
-    play_missing(entered, say=quiet)
+    play_missing(entered)
     crossplay = make_board(entered).crossplay
     assert crossplay.allies == ("few", "linear", "still", "wise")
     assert crossplay.opponents == ("far", "near")
@@ -194,13 +195,13 @@ def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered):
         assert [len(row) for row in matrix] == [2] * 4
     assert crossplay.missing == {"ally": (), "opponent": ()}
     enter(entered, "ally", "new", script="reactive", name="Brand New")
-    verify(entered, ["ally/new"], say=quiet)
+    verify(entered, ["ally/new"])
     missing = {"ally": ("new",), "opponent": ()}
     assert make_board(entered).crossplay == dataclasses.replace(crossplay, missing=missing)
 
 
 def test_the_mixtures_are_those_of_the_ally_s_returns(entered):
-    play_missing(entered, say=quiet)
+    play_missing(entered)
     crossplay = make_board(entered).crossplay
     returns, value = np.array(crossplay.returns["ally"]), crossplay.nash.value
     ally, opponent = (np.array(list(of.values())) for of in (crossplay.nash.ally, crossplay.nash.opponent))
@@ -215,8 +216,8 @@ def test_hopping_in_every_step_is_not_in_the_mixture_where_hops_cost(board):
     for slug in ("always-hop", "expert", "reactive"):
         enter(board, "ally", f"the-{slug}", script=slug)
     enter(board, "opponent", "the-tone", script="tone")
-    verify(board, say=quiet)
-    play_missing(board, say=quiet)
+    verify(board)
+    play_missing(board)
     crossplay = make_board(board).crossplay
     assert crossplay.nash.ally["the-always-hop"] == 0
     by_rate = nash(np.array(crossplay.jamming_success_rate)).rows
@@ -230,8 +231,8 @@ def test_the_same_player_is_shown_once(board):
         enter(board, "opponent", f"near-{script}", script=script)
         enter(board, "opponent", f"far-{script}", script=script, path="learned")
     enter(board, "opponent", "other", script="comb")
-    verify(board, say=quiet)
-    play_missing(board, say=quiet)
+    verify(board)
+    play_missing(board)
     crossplay = make_board(board).crossplay
     assert crossplay.same_player == {"near-tone": "far-tone"}
     assert crossplay.opponents == ("far-random", "far-tone", "near-random", "other")
@@ -244,7 +245,7 @@ def test_the_same_player_is_shown_once(board):
 def test_an_ally_s_worst_may_be_an_opponent_of_the_board(entered):
     before = {slug: figures.worst for slug, figures in figures_of(table(entered, "ally")).items()}
     assert {worst.where for worst in before.values()} == {PUBLIC}
-    play_missing(entered, say=quiet)
+    play_missing(entered)
     board = make_board(entered)
     after = {slug: figures.worst for slug, figures in figures_of(board.tracks[0]).items()}
     crossplay = board.crossplay
@@ -268,7 +269,7 @@ def season(board, small_suites, in_process):
     enter(board, "ally", "wise", script="expert")
     enter(board, "ally", "still", script="idle")
     enter(board, "ally", "linear", seeds=(0, 10, 2))
-    assert all(verdict.good for verdict in verify(board, say=quiet))
+    assert all(verdict.good for verdict in verify(board))
     return board
 
 
@@ -294,11 +295,11 @@ def test_a_closed_season_ranks_by_whom_nobody_had_met(season):
 
 def test_results_from_before_a_season_do_not_count_in_it(entered, small_suites):
     close_season(small_suites)
-    said = []
-    board = make_board(entered, said.append)
-    assert len(said) == 6
+    with logged() as messages:
+        board = make_board(entered)
+    assert len(messages) == 6
     assert all(
-        "not verified: result" in record and "of other suites; make it again" in record for record in said
+        "not verified: result" in record and "of other suites; make it again" in record for record in messages
     )
     assert not [figures for track in board.tracks for figures in track.verified()]
 
@@ -343,9 +344,9 @@ def test_an_empty_board_is_a_board(board):
 def test_cross_play_names_who_is_not_in_it_on_its_page(entered, tmp_path):
     from fpg_bench.leaderboard.site.build import build_site
 
-    play_missing(entered, say=quiet)
+    play_missing(entered)
     enter(entered, "ally", "new", script="reactive", name="Brand New")
-    verify(entered, ["ally/new"], say=quiet)
+    verify(entered, ["ally/new"])
     build_site(make_board(entered), tmp_path / "site")
     page = (tmp_path / "site/crossplay.html").read_text()
     assert "Not in it yet: Brand New." in page
@@ -369,16 +370,18 @@ def test_the_command_on_an_entry_s_page_plays_it_again(entered, tmp_path, monkey
 
 def test_the_verb_says_who_is_left_out_and_keeps_rounds_that_it_does_not_simulate(board, tmp_path, capsys):
     enter(board, "ally", "wise", script="expert")
-    verify(board, say=quiet)
+    verify(board)
     enter(board, "ally", "still", script="idle")
     site = tmp_path / "site"
+    capsys.readouterr()
     build(site, board)
     first, told = capsys.readouterr().out.splitlines()
     assert first.startswith("ally/still: left out: has no result")
     assert told.startswith("1 entries, 1 rounds to watch")
     rounds = sorted(site.glob("replays/ally/wise/*.js"))
     assert len(rounds) == 1
-    verify(board, say=quiet)
+    verify(board)
+    capsys.readouterr()
     build(site, board, replays=False)
     assert capsys.readouterr().out.startswith("2 entries, 1 rounds to watch")
     assert sorted(site.glob("replays/*/*/*.js")) == rounds

@@ -15,6 +15,7 @@ from fpg_bench.leaderboard.folders import crossplay_file, result_file
 from fpg_bench.leaderboard.result import read_result
 from fpg_bench.leaderboard.verification import make_case, verify
 from tests.leaderboard.entering import enter, write_verified
+from tests.logged import logged
 
 
 def git(board, *words):
@@ -27,8 +28,8 @@ def trusted(board, in_process):
     """A board with one honest entry of each side, its results and pairs, all committed."""
     enter(board, "ally", "honest", seeds=(0, 1))
     enter(board, "opponent", "script", script="adaptive")
-    assert all(verdict.good for verdict in verify(board, say=lambda line: None))
-    play_missing(board, rounds=4, say=lambda line: None)
+    assert all(verdict.good for verdict in verify(board))
+    play_missing(board, rounds=4)
     git(board, "init", "--quiet")
     git(board, "add", "--all")
     git(board, "commit", "--quiet", "--message", "as it was")
@@ -59,7 +60,7 @@ def test_new_and_changed_entries_are_found(trusted):
 def test_the_lines_of_who_verifies_take_the_place_of_forged_ones(trusted):
     kept, case = forged(trusted, "ally/honest")
     assert read_result(case.path, case.suites).records != kept.records
-    (verdict,) = verify(trusted, ["ally/honest"], sample=0.01, since="HEAD", say=lambda line: None)
+    (verdict,) = verify(trusted, ["ally/honest"], sample=0.01, since="HEAD")
     assert not verdict.good
     assert verdict.line.startswith("replaced: the result that came along does not hold: ")
     assert "; commit this one: verified: public " in verdict.line
@@ -70,16 +71,16 @@ def test_a_result_that_can_not_even_be_read_is_replaced(trusted):
     case = make_case(trusted, trusted / "submissions" / "ally/honest")
     whole = case.path.read_text()
     case.path.write_text("[" * 500)
-    (verdict,) = verify(trusted, ["ally/honest"], since="HEAD", say=lambda line: None)
+    (verdict,) = verify(trusted, ["ally/honest"], since="HEAD")
     assert verdict.line.startswith("replaced: the result that came along is none of this entry's, or was")
     assert case.path.read_text() == whole
 
 
 def test_an_honest_result_that_came_along_is_good(trusted):
     enter(trusted, "ally", "newcomer", seeds=(2,))
-    (first,) = verify(trusted, ["ally/newcomer"], say=lambda line: None)
+    (first,) = verify(trusted, ["ally/newcomer"])
     before = result_file(trusted, "ally", "newcomer").read_bytes()
-    (verdict,) = verify(trusted, ["ally/newcomer"], since="HEAD", say=lambda line: None)
+    (verdict,) = verify(trusted, ["ally/newcomer"], since="HEAD")
     assert (verdict.good, verdict.line) == (True, first.line)
     assert result_file(trusted, "ally", "newcomer").read_bytes() == before
 
@@ -89,8 +90,8 @@ def test_what_was_claimed_is_not_forgotten_when_playing_is_broken_off(trusted, m
     with monkeypatch.context() as broken:
         broken.setattr("fpg_bench.leaderboard.verification.run_jobs", lambda *how, **more: 1 / 0)
         with pytest.raises(ZeroDivisionError):
-            verify(trusted, since="HEAD", say=lambda line: None)
-    verdicts = {v.name: v for v in verify(trusted, since="HEAD", say=lambda line: None)}
+            verify(trusted, since="HEAD")
+    verdicts = {v.name: v for v in verify(trusted, since="HEAD")}
     assert verdicts["ally/honest"].line.startswith("replaced: ")
     assert verdicts["opponent/script"].good
 
@@ -98,11 +99,11 @@ def test_what_was_claimed_is_not_forgotten_when_playing_is_broken_off(trusted, m
 def test_the_result_of_an_entry_that_breaks_the_contract_goes(trusted):
     result = result_file(trusted, "ally", "honest")
     (trusted / "submissions/ally/honest/seed_0/policy.onnx").write_bytes(b"nothing")
-    found = {v.name: v.good for v in verify(trusted, since="HEAD", say=lambda line: None)}
+    found = {v.name: v.good for v in verify(trusted, since="HEAD")}
     assert found == {"ally/honest": False, "opponent/script": True}
     assert not result.exists()
-    said = []
-    assert [entry.slug for entry in make_board(trusted, said.append).tracks[0].entries] == []
+    with logged():
+        assert [entry.slug for entry in make_board(trusted).tracks[0].entries] == []
 
 
 @pytest.mark.parametrize("with_result", [True, False])
@@ -110,7 +111,7 @@ def test_a_rival_that_is_gone_is_told(trusted, with_result):
     shutil.rmtree(trusted / "submissions/ally/honest")
     if with_result:
         result_file(trusted, "ally", "honest").unlink()
-    found = {v.name: v for v in verify(trusted, since="HEAD", say=lambda line: None)}
+    found = {v.name: v for v in verify(trusted, since="HEAD")}
     assert not found["ally/honest"].good
     assert "gone" in found["ally/honest"].line
     assert found["opponent/script"].good
@@ -119,7 +120,7 @@ def test_a_rival_that_is_gone_is_told(trusted, with_result):
 @pytest.mark.parametrize("slug", ["aaa", "zzz"])
 def test_who_comes_later_has_not_the_name_of_who_was_there(trusted, slug):
     enter(trusted, "ally", slug, seeds=(2,), name="H0nest")
-    verdicts = {v.name: v for v in verify(trusted, since="HEAD", say=lambda line: None)}
+    verdicts = {v.name: v for v in verify(trusted, since="HEAD")}
     assert "is that of 'honest', too" in verdicts[f"ally/{slug}"].line
     assert verdicts["ally/honest"].good
     assert [entry.slug for entry in make_board(trusted).tracks[0].entries] == ["honest"]
@@ -130,11 +131,11 @@ def test_who_comes_later_has_not_the_name_of_who_was_there(trusted, slug):
 def test_a_forged_name_and_result_show_nobody_twice(trusted):
     """Of two that both have a result the first stays; what came since a revision is never the first."""
     folder = enter(trusted, "ally", "zzz", seeds=(2,))
-    assert verify(trusted, ["ally/zzz"], say=lambda line: None)[0].good
+    assert verify(trusted, ["ally/zzz"])[0].good
     (folder / "submission.yaml").write_text((folder / "submission.yaml").read_text().replace("Zzz", "Honest"))
-    said = []
-    assert [entry.slug for entry in make_board(trusted, said.append).tracks[0].entries] == ["honest"]
-    assert any("ally/zzz: left out: " in record for record in said)
+    with logged() as messages:
+        assert [entry.slug for entry in make_board(trusted).tracks[0].entries] == ["honest"]
+    assert any("ally/zzz: left out: " in record for record in messages)
 
 
 def test_bytes_count_and_not_what_git_is_told_of_them(trusted):
@@ -176,7 +177,7 @@ def test_an_entry_that_is_a_link_has_changed(trusted, tmp_path):
     (trusted / "submissions/ally/honest").rename(tmp_path / "elsewhere")
     (trusted / "submissions/ally/honest").symlink_to(tmp_path / "elsewhere")
     assert changed_entries(trusted, "HEAD").entries == {"ally/honest"}
-    verdicts = {v.name: v.good for v in verify(trusted, since="HEAD", say=lambda line: None)}
+    verdicts = {v.name: v.good for v in verify(trusted, since="HEAD")}
     assert verdicts == {"ally/honest": False, "opponent/script": True}
 
 
@@ -187,8 +188,8 @@ def test_changes_of_other_files_are_named_and_refused_until_they_are_known(trust
         "since: 2 files of no entry are not as they were: results/best_responses.jsonl, season.yml; read them"
     )
     with pytest.raises(UserError, match=said):
-        verify(trusted, since="HEAD", say=lambda line: None)
-    assert all(v.good for v in verify(trusted, since="HEAD", changes_known=True, say=lambda line: None))
+        verify(trusted, since="HEAD")
+    assert all(v.good for v in verify(trusted, since="HEAD", changes_known=True))
 
 
 def test_a_link_or_a_repository_that_came_is_named_wherever_it_lies(trusted):
@@ -209,7 +210,7 @@ def test_forged_pairs_are_dropped_and_played_again(trusted):
     file = crossplay_file(trusted)
     row = json.loads(file.read_text())
     file.write_text(json.dumps(row | {"jamming_success_rate": 0.0}) + "\n")
-    found = play_missing(trusted, rounds=4, trusted=pairs_at(trusted, "HEAD"), say=lambda line: None)
+    found = play_missing(trusted, rounds=4, trusted=pairs_at(trusted, "HEAD"))
     assert any("jammed" in record and record.endswith("; replaced, commit this one") for record in found)
     assert json.loads(file.read_text()) == row
 
@@ -217,7 +218,7 @@ def test_forged_pairs_are_dropped_and_played_again(trusted):
 def test_trusted_pairs_and_honest_ones_stay(trusted):
     for trust in (pairs_at(trusted, "HEAD"), []):
         before = crossplay_file(trusted).read_bytes()
-        assert play_missing(trusted, rounds=4, trusted=trust, say=lambda line: None) == []
+        assert play_missing(trusted, rounds=4, trusted=trust) == []
         assert crossplay_file(trusted).read_bytes() == before
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import re
 import shutil
 from pathlib import Path
@@ -18,6 +19,7 @@ from fpg_bench.leaderboard.close_season import PROFILE, close_season, make_closi
 from fpg_bench.leaderboard.season import FILE, load_season, read_entries, season_seed
 from fpg_bench.players.agent import load_agent
 from tests.leaderboard.making import model, node, weights
+from tests.logged import logged
 from tests.programs import fpg
 
 ROOT = Path(__file__).parents[2]
@@ -31,21 +33,20 @@ ENTRIES = (
 TINY = {"candidates": 2, "size": 2, "rounds": 2, "scale": 0.0005}
 
 
-def run_here(jobs, n_jobs=1, backend=None, address=None, say=print):
+def run_here(jobs, n_jobs=1, backend=None, address=None):
     """Run jobs one after the other, as workers do."""
     for job in jobs:
         if not job.done():
-            say(f"{job.name}: begins")
+            logging.getLogger("fpg_bench").info(f"{job.name}: begins")
             job.keep(job.run())
     return {}
 
 
 def close_tiny(board, work, out, name="1", **options):
     """Close a season of two candidates per side; returns it and the messages."""
-    messages = []
-    with patch("fpg_bench.leaderboard.close_season.run_jobs", run_here):
+    with patch("fpg_bench.leaderboard.close_season.run_jobs", run_here), logged() as messages:
         closing = make_closing(name, board, work, **TINY)
-        season = close_season(closing, out, say=messages.append, **options)
+        season = close_season(closing, out, **options)
     return season, messages
 
 

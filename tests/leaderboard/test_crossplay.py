@@ -29,6 +29,7 @@ from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.registry import as_player
 from tests.leaderboard.entering import close_season, enter
 from tests.leaderboard.making import policy
+from tests.logged import logged
 
 pytestmark = pytest.mark.slow
 
@@ -136,7 +137,7 @@ def entered(board, in_process, kept):
         enter(board, "ally", slug, script=slug)
     enter(board, "opponent", "adaptive", script="adaptive")
     enter(board, "opponent", "linear", seeds=(0, 1))
-    assert all(verdict.good for verdict in verify(board, say=lambda line: None))
+    assert all(verdict.good for verdict in verify(board))
     shutil.copytree(board, kept)
     return board
 
@@ -146,9 +147,9 @@ def rows(board):
 
 
 def play_all(board, **how):
-    said = []
-    assert play_missing(board, say=said.append, **how) == []
-    return said[0]
+    with logged() as messages:
+        assert play_missing(board, **how) == []
+    return messages[0]
 
 
 def test_only_new_pairs_are_played(entered):
@@ -159,7 +160,7 @@ def test_only_new_pairs_are_played(entered):
     assert play_all(entered) == "crossplay: 0 of 4 pairs to play"
     enter(entered, "ally", "always-hop", script="always-hop")
     enter(entered, "ally", "unplayed", script="reactive")
-    verify(entered, ["ally/always-hop"], say=lambda line: None)
+    verify(entered, ["ally/always-hop"])
     assert play_all(entered, n_jobs=2) == "crossplay: 2 of 6 pairs to play"
     assert rows(entered)[2:] == first
     assert rows(entered)[0]["ally"] == "always-hop"
@@ -192,7 +193,7 @@ def test_who_lacks_pairs_is_taken_out(played, left):
 
 def test_a_policy_that_fails_leaves_a_gap_and_a_line(entered, in_process):
     in_process.fails = True
-    assert play_missing(entered, say=lambda line: None) == [
+    assert play_missing(entered) == [
         "expert - linear: took longer than it may",
         "idle - linear: took longer than it may",
     ]
@@ -226,9 +227,9 @@ def test_a_new_season_wants_new_pairs(entered, small_suites):
     play_all(entered)
     before = rows(entered)
     close_season(small_suites)
-    assert play_missing(entered, say=lambda line: None) == []
+    assert play_missing(entered) == []
     assert rows(entered) == []
-    verify(entered, update=True, say=lambda line: None)
+    verify(entered, update=True)
     assert play_all(entered) == "crossplay: 4 of 4 pairs to play"
     assert not {row["key"] for row in before} & {row["key"] for row in rows(entered)}
 
@@ -254,12 +255,12 @@ def test_who_is_not_verified_does_not_play(entered):
     ],
     ids=["nonsense", "the older protocol's"],
 )
-def test_a_line_that_is_no_pair_is_left_out_and_said(entered, row):
+def test_a_line_that_is_no_pair_is_left_out_and_said(entered, row, messages):
     play_all(entered)
     before = rows(entered)
     with crossplay_file(entered).open("a") as file:
         file.write(json.dumps(row) + "\n")
-    said = []
-    assert play_missing(entered, rounds=before[0]["rounds"], say=said.append) == []
-    assert "crossplay.jsonl: 1 lines are no pair's, or an older protocol's, and left out" in said[0]
+    messages.clear()
+    assert play_missing(entered, rounds=before[0]["rounds"]) == []
+    assert "crossplay.jsonl: 1 lines are no pair's, or an older protocol's, and left out" in messages[0]
     assert rows(entered) == before

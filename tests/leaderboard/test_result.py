@@ -81,7 +81,7 @@ def test_a_failure_is_written_with_its_reason(good, suites, path):
 
 
 def test_a_result_says_what_an_evaluation_says_to_the_digit(good, suites, tmp_path):
-    (found,) = evaluate(["expert"], "ally-v1", tmp_path, say=lambda line: None)
+    (found,) = evaluate(["expert"], "ally-v1", tmp_path)
     summary = good.summaries(suites)["public"]
     for name in ("score", "reward", "by_rival", "measures"):
         assert getattr(summary, name) == getattr(found, name)

@@ -25,7 +25,7 @@ def script(board, in_process, tmp_path, monkeypatch):
     module = importlib.util.module_from_spec(spec)
     monkeypatch.setitem(sys.modules, "train_best_responses", module)
     spec.loader.exec_module(module)
-    monkeypatch.setattr(module, "run_jobs", lambda jobs, workers, say: run(jobs, say))
+    monkeypatch.setattr(module, "run_jobs", lambda jobs, workers: run(jobs))
     enter(board, "ally", "linear", seeds=(3, 1))
     enter(board, "ally", "wise", script="expert")
     enter(board, "opponent", "flying", seeds=(5,), path="learned")
@@ -39,11 +39,11 @@ def script(board, in_process, tmp_path, monkeypatch):
     return call
 
 
-def run(jobs, say):
+def run(jobs):
     """All that is not done yet, in this process."""
     for job in jobs:
         if not job.done():
-            say(f"{job.name}: begins")
+            print(f"{job.name}: begins")
             job.keep(job.run())
     return {}
 
@@ -94,7 +94,7 @@ def test_the_strongest_of_an_entry_s_responses_is_met_by_all(script, board, smal
     strongest = min(rows, key=lambda row: row["return"])
     about = json.loads((small_suites / "suites/responses-v1/ally/linear/agent.json").read_text())
     assert about["training_seed"] == strongest["training_seed"]
-    verdicts = verify(board, ["ally/wise"], say=lambda line: None)
+    verdicts = verify(board, ["ally/wise"])
     assert verdicts[0].good
     head = json.loads((board / "results/ally/wise.jsonl").read_text().splitlines()[0])
     assert head["summary"]["worst"]["responses"]["rival"] == "response to linear"

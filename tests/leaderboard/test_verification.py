@@ -26,6 +26,7 @@ from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
 from fpg_bench.leaderboard.verification import disagreements, identical, make_case, run_one, sampled, verify
 from fpg_bench.players.agent import OnnxPlayer
 from tests.leaderboard.entering import SUITE, close_season, enter, write_suite
+from tests.logged import logged
 
 pytestmark = pytest.mark.slow
 
@@ -35,7 +36,7 @@ RIVALS = ("adaptive/pursuit", "sweep/circle")
 
 def told(board, *names, **how):
     """The verdicts of a board, by name: whether good, and the line."""
-    verdicts = verify(board, names, say=lambda line: None, **how)
+    verdicts = verify(board, names, **how)
     return {verdict.name: (verdict.good, verdict.line) for verdict in verdicts}
 
 
@@ -73,7 +74,7 @@ def test_a_verdict_says_what_an_evaluation_says_to_the_digit(board, in_process, 
     folder = enter(board, "ally", "linear", seeds=(0, 2))
     told(board)
     agents = [str(folder / f"seed_{seed}") for seed in (0, 2)]
-    (found,) = evaluate(agents, "ally-v1", tmp_path / "results", name="linear", say=lambda line: None)
+    (found,) = evaluate(agents, "ally-v1", tmp_path / "results", name="linear")
     case = make_case(board, folder)
     assert case.result.summaries(case.suites)[PUBLIC].records == found.records
     score = case.result.totals.scores[PUBLIC]
@@ -210,7 +211,7 @@ def test_a_submission_that_has_changed_wants_a_new_result(board, in_process, mon
     assert told(board)["ally/linear"] == (False, said.format(folder))
     monkeypatch.chdir(board)
     for given in ("submissions/ally/linear", folder):
-        verdict = run_one(given, say=lambda line: None)
+        verdict = run_one(given)
         assert verdict.line == said.format("submissions/ally/linear")
     assert told(board, update=True)["ally/linear"][0]
     shutil.rmtree(folder)
@@ -253,8 +254,8 @@ def test_a_sample_holds_a_line_of_each_and_can_be_drawn_again(board, in_process)
     assert sum(map(len, drawn(1, 5))) == 14
     assert drawn(0.3, 5) == drawn(0.3, 5)
     assert len({str(drawn(0.3, seed)) for seed in range(5)}) > 1
-    lines = []
-    verify(board, sample=0.05, say=lines.append)
+    with logged() as lines:
+        verify(board, sample=0.05)
     assert lines[0].startswith("sample: 5 % of all records, --sample-seed ")
     assert all("holds: 1 of 1 records" in line for line in lines[1:])
 
@@ -278,7 +279,7 @@ def test_names_and_shares_are_checked(board, tmp_path):
 
 def test_one_folder_is_run_where_it_lies(board, tmp_path):
     folder = enter(board, "opponent", "near", script="adaptive")
-    verdict = run_one(folder, say=lambda line: None)
+    verdict = run_one(folder)
     assert (verdict.name, verdict.good) == ("opponent/near", True)
     assert result(board, "opponent/near").exists()
     with pytest.raises(UserError, match="expected a folder <leaderboard>/submissions/"):

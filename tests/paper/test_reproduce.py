@@ -16,6 +16,7 @@ from fpg_bench.paper.experiment import BUDGETS, Budget, Recorded, run_experiment
 from fpg_bench.paper.report import tables, write_report
 from fpg_bench.paper.reproduce import reproduce
 from fpg_bench.paper.runs import FINAL, STAGES, WINDOWS, RunFile, windows_of
+from tests.logged import logged
 from tests.programs import fpg
 
 # Enough for a round in each of the forty windows, and for some updates.
@@ -26,8 +27,8 @@ TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
 def made(tmp_path_factory):
     """Reproduce Fig. 7; yields the folder, the written files and the messages."""
     out = tmp_path_factory.mktemp("reproduced")
-    messages: list[str] = []
-    written = reproduce("fig7", out, budget=TINY, n_jobs=1, say=messages.append)
+    with logged() as messages:
+        written = reproduce("fig7", out, budget=TINY, n_jobs=1)
     return out, written, messages
 
 
@@ -63,7 +64,7 @@ def test_swapped_paths_are_reported_but_not_counted_as_runs(monkeypatch, tmp_pat
         replace(each, changes={"rounds_per_match": 4}) for each in conditions_of("fig4", "paper", False)
     ]
     monkeypatch.setattr(reproducing, "_conditions", lambda *_: [short])
-    reproduce("fig4", tmp_path, budget=budget, seeds=2, n_jobs=1, say=lambda line: None)
+    reproduce("fig4", tmp_path, budget=budget, seeds=2, n_jobs=1)
     frozen = [each for each in compare(seen[0]) if each.claim == "D1 frozen"]
     assert [each.statement.split()[4] for each in frozen] == [f"{path}," for path in FIXED_PATHS]
     report, _ = write_report(seen[0], "paper", budget, [], tmp_path, "made so")
@@ -97,8 +98,8 @@ def test_finished_runs_are_not_repeated(made, monkeypatch):
     monkeypatch.setattr(reproducing, "draw", lambda *_: {})
     out, _, first = made
     assert sum(": done" in line for line in first) == 3
-    messages: list[str] = []
-    reproduce("fig5", out, budget=TINY, n_jobs=1, say=messages.append)
+    with logged() as messages:
+        reproduce("fig5", out, budget=TINY, n_jobs=1)
     assert messages == []
 
 

@@ -23,6 +23,7 @@ from fpg_bench.training.callbacks import LOGGED_MEASURES
 from fpg_bench.training.checkpoint import newest_checkpoint
 from fpg_bench.training.config import GameOptions, RunConfig
 from fpg_bench.training.train import parse_seeds, train_seeds
+from tests.logged import logged
 from tests.training.tiny import ALLY, SMALL, run_config, settings, train, train_tiny
 
 POLICY = "FPG/OpponentVsPolicy-v0"
@@ -241,10 +242,10 @@ def test_unknown_and_impossible_options_are_refused(tmp_path, algorithm, env_id,
 
 
 def train_several(out, seeds, *, n_jobs=2, **options):
-    lines = []
     config = run_config("ppo", **{"hyperparams": settings("ppo")} | options)
-    train_seeds(config, out, seeds, evaluations=0, n_jobs=n_jobs, say=lines.append)
-    return lines
+    with logged() as messages:
+        train_seeds(config, out, seeds, evaluations=0, n_jobs=n_jobs)
+    return messages
 
 
 @pytest.mark.process

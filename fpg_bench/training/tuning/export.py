@@ -130,7 +130,7 @@ def export_values(
         for trial in trials
         for seed in seeds
     ]
-    run_jobs(jobs, n_jobs, backend, address, logger.info)
+    run_jobs(jobs, n_jobs, backend, address)
     with opened.errors():
         stored = study.user_attrs
     confirmed = []

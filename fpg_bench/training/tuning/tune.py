@@ -12,11 +12,12 @@ import optuna
 
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.output import print_messages
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.training.tuning.objective import N_EVALS, Objective
 from fpg_bench.training.tuning.study import DATABASE, Task, make_task, open_storage, open_study
-from fpg_bench.training.tuning.worker import print_messages, run_worker
+from fpg_bench.training.tuning.worker import run_worker
 
 N_TRIALS = 20
 N_SEEDS = 2
@@ -129,7 +130,7 @@ def tune(
     folder = Path(out).absolute()
     work = partial(_work, task, folder, storage, name, sampler, pruner, n_trials, timeout)
     jobs = [Job(f"worker {index}", work) for index in range(n_jobs)]
-    check_all_done(run_jobs(jobs, n_jobs, backend, address, logger.info))
+    check_all_done(run_jobs(jobs, n_jobs, backend, address))
     return study
 
 

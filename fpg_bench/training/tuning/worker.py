@@ -15,27 +15,12 @@ import optuna
 from optuna.study import MaxTrialsCallback
 from optuna.trial import FrozenTrial, TrialState
 
-from fpg_bench.common.errors import UserError, printable
+from fpg_bench.common.errors import UserError
 from fpg_bench.training.tuning.study import FINISHED, Storage, count_finished, retry
 
 MAX_FAILURES = 5  # in a row; then the search space is at fault
 
 logger = logging.getLogger(__name__)
-
-
-class _PrintHandler(logging.Handler):
-    """Prints messages to standard output; what they quote of others does nothing to a terminal."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        print(printable(self.format(record)), flush=True)
-
-
-def print_messages() -> None:
-    """Print the package's log messages, unless they have a handler already."""
-    package = logging.getLogger("fpg_bench")
-    if not package.handlers:
-        package.addHandler(_PrintHandler())
-        package.setLevel(logging.INFO)
 
 
 class StopRequest:

@@ -12,9 +12,10 @@ from pathlib import Path
 import sqlalchemy
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.output import print_messages
 from fpg_bench.training.tuning.space import suggest
 from fpg_bench.training.tuning.study import Task, open_storage, open_study
-from fpg_bench.training.tuning.worker import print_messages, run_worker
+from fpg_bench.training.tuning.worker import run_worker
 
 TASK = {
     "algorithm": "ppo",
