@@ -59,7 +59,7 @@ def test_run_shows_keeps_and_draws_a_match_and_replay_repeats_it(folder):
     rows = lines(folder / "runs" / "plan" / "circle-idle-4" / "match.jsonl")
     for row in rows[1:]:
         reward = f"{row['opponent_return'] / 32:+.2f}"
-        assert f"round {row['round']}: {reward} a step, ok" in found.stdout
+        assert f"round {row['round']}: {reward} per step, ok" in found.stdout
         cells = [
             str(row["round"]),
             reward,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,7 +25,6 @@ from fpg_bench.cli.options import (
     WideOption,
     llm_options,
 )
-from fpg_bench.cli.watching import watched
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.extras import need
 
@@ -73,27 +74,30 @@ def run(
     from fpg_bench.evaluation.match import run_match
     from fpg_bench.evaluation.match_picture import draw_match, write_match_replay
 
-    told: dict[str, Any] = {"prompt": prompt, "control": control, "server": server}
-    told |= {"temperature": temperature, "sampling_seed": sampling_seed}
-    llm = llm_options(deadline, **told, calls=calls, tokens=tokens, seconds=seconds)
+    asked: dict[str, Any] = {"prompt": prompt, "control": control, "server": server}
+    asked |= {"temperature": temperature, "sampling_seed": sampling_seed}
+    llm = llm_options(deadline, **asked, calls=calls, tokens=tokens, seconds=seconds)
     name = planner if control in (None, "none") else f"{planner}-{control}"
     file, picture, page = _targets(out, f"{name}-{ally}-{seed}")
     title = f"{name} against {ally}, seed {seed}"
     played: list[Round] = []
     drawn = time.monotonic()
 
-    def come(index: int, round: Round | None) -> None:
-        nonlocal drawn
-        if round is not None:
-            played.append(round)
-            if time.monotonic() - drawn > DRAW_EVERY_S:
-                draw_match(played, picture, title)
-                drawn = time.monotonic()
-            if talk:
-                _print_talk(round)
-
     try:
-        with watched(rounds, come) as progress:
+        with _shown_progress(rounds) as show:
+
+            def progress(index: int, round: Round | None) -> None:
+                nonlocal drawn
+                show(index, round)
+                if round is None:
+                    return
+                played.append(round)
+                if time.monotonic() - drawn > DRAW_EVERY_S:
+                    draw_match(played, picture, title)
+                    drawn = time.monotonic()
+                if talk:
+                    _print_talk(round)
+
             run_match(
                 planner,
                 ally,
@@ -218,6 +222,29 @@ def _targets(out: Path | None, name: str) -> tuple[Path, Path, Path]:
     if folder.suffix == ".jsonl":
         return folder, folder.with_suffix(".png"), folder.with_suffix(".html")
     return folder / "match.jsonl", folder / "paths.png", folder / "replay.html"
+
+
+@contextlib.contextmanager
+def _shown_progress(rounds: int) -> Iterator[Callable[[int, Round | None], None]]:
+    """Show the progress of a match: a line that moves on a terminal, else a line per round played."""
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    console = Console()
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task, latest = bar.add_task(""), ""
+
+        def show(index: int, played: Round | None) -> None:
+            nonlocal latest
+            if played is None:
+                bar.reset(task, description=f"planning round {index} of {rounds}  {latest}")
+                return
+            latest = f"round {index}: {played.reward_per_step:+.2f} per step, {played.row['status']}"
+            if not console.is_terminal:
+                typer.echo(latest)
+
+        yield show
 
 
 def _print_talk(played: Round) -> None:

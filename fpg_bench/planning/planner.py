@@ -166,13 +166,13 @@ def plan_all(planner: Any, requests: Sequence[Request]) -> list[Plan]:
     return [plan if plan.seconds is not None else replace(plan, seconds=each) for plan in plans]
 
 
-def planner_name(planner: Any) -> str:
+def planner_name(planner: object) -> str:
     """Return a planner's name for messages: its ``name`` or ``__name__``, else its class."""
     names = (getattr(planner, attribute, None) for attribute in ("name", "__name__"))
     return next((name for name in names if isinstance(name, str) and name), type(planner).__name__)
 
 
-def check_described(planner: Any) -> None:
+def check_described(planner: object) -> None:
     """Raise UserError where a planner lacks a valid ``name`` or ``tier``."""
     name, tier = getattr(planner, "name", None), getattr(planner, "tier", None)
     if not (isinstance(name, str) and name):
@@ -181,7 +181,7 @@ def check_described(planner: Any) -> None:
         raise UserError(f"planner {name}: its tier is {tier!r}; set it to one of {', '.join(TIERS)}")
 
 
-def _checked(plan: Any, where: str) -> Plan:
+def _checked(plan: object, where: str) -> Plan:
     """Return a plan with checked types and its waypoints as an array; their values are not checked."""
     if not isinstance(plan, Plan):
         raise UserError(f"{where}: plan must give a fpg_bench.planning.Plan, got {type(plan).__name__}")

@@ -46,7 +46,7 @@ _MAKERS: dict[str, Callable[[Scenario], Any]] = {
 PLANNERS = tuple(_MAKERS)
 
 
-def as_planner(spec: Any, scenario: Scenario) -> Planner:
+def as_planner(spec: object, scenario: Scenario) -> Planner:
     """Return the planner that ``spec`` names, makes, or is.
 
     Args:
@@ -64,7 +64,7 @@ def as_planner(spec: Any, scenario: Scenario) -> Planner:
     return planner
 
 
-def resolve(spec: Any, scenario: Scenario) -> Any:
+def resolve(spec: object, scenario: Scenario) -> Any:
     """Return the planner of a spec as :func:`as_planner` does, without checking its name and tier."""
     if isinstance(spec, str) and ":" in spec:
         return import_object(spec, "planner", _METHODS, scenario)

@@ -6,7 +6,6 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Iterable
-from typing import Any
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.planning.llm.transcript import UNANSWERED, Attempt
@@ -17,7 +16,7 @@ SECONDS = 7 * 86_400.0
 FAILURES_IN_A_ROW = 5
 
 FAILURES = ("timeout", "http", "invalid")  # errors of a call that are the server's fault
-_LOG = logging.getLogger(__name__)
+_logger = logging.getLogger(__name__)
 
 
 class Budget:
@@ -44,7 +43,7 @@ class Budget:
         self.failures = 0
         self._is_resumed = self._is_reported = False
 
-    def __deepcopy__(self, memo: Any) -> Budget:
+    def __deepcopy__(self, memo: object) -> Budget:
         return self
 
     def resume(self, attempts: Iterable[Attempt], where: str) -> None:
@@ -67,7 +66,7 @@ class Budget:
         if lost.total():
             why = ", ".join(f"{error} {count}" for error, count in sorted(lost.items()) if count)
             stay = "they stay as they were flown; another file or folder asks anew"
-            _LOG.warning("%s: plans without an answer: %d (%s); %s", where, lost.total(), why, stay)
+            _logger.warning("%s: plans without an answer: %d (%s); %s", where, lost.total(), why, stay)
 
     def refusal(self, under_way: int = 0) -> str | None:
         """Return the reason that no further call may be made, None if one may.
@@ -78,7 +77,7 @@ class Budget:
         why = self._why(under_way)
         if why is not None and not self._is_reported:
             self._is_reported = True
-            _LOG.warning("%s; the rest of the run is flown without calls", why)
+            _logger.warning("%s; the rest of the run is flown without calls", why)
         return why
 
     def _why(self, under_way: int) -> str | None:

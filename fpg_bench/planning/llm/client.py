@@ -16,12 +16,15 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fpg_bench.common.errors import printable
 from fpg_bench.common.extras import need
 from fpg_bench.common.strict_json import read_plain
 from fpg_bench.planning.llm.servers import Endpoint
+
+if TYPE_CHECKING:
+    import httpx
 
 ERRORS = ("timeout", "http", "refused", "invalid")
 LONGEST_BODY = 1_000_000  # bytes of a body that are read
@@ -54,7 +57,7 @@ _HEADERS = {
     "x-stainless-raw-response",
 }  # fmt: skip
 _WIRE_LOGS = ("openai", "httpx", "httpx2", "httpcore", "httpcore2")
-_LOG = logging.getLogger(__name__)
+_logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -250,7 +253,7 @@ class _Question:
             http_client=http,
         )
 
-    async def _restrict(self, request: Any) -> None:
+    async def _restrict(self, request: httpx.Request) -> None:
         """Count a request, and keep to the headers that it needs."""
         self.calls += 1
         for name in list(request.headers):
@@ -261,7 +264,7 @@ class _Question:
         if self.client.endpoint.key:
             request.headers["Authorization"] = f"Bearer {self.client.endpoint.key}"
 
-    async def _read(self, response: Any) -> None:
+    async def _read(self, response: httpx.Response) -> None:
         """Read no more than ``LONGEST_BODY`` bytes of a response, and unpack nothing."""
         self.status, data = response.status_code, bytearray()
         async for part in response.stream:
@@ -283,7 +286,7 @@ class _Question:
     def _remember(self) -> None:
         for name in self.dropped - self.client.dropped:
             self.client.dropped.add(name)
-            _LOG.warning("%s refuses %s; it is left out", self.client.endpoint.base_url, name)
+            _logger.warning("%s refuses %s; it is left out", self.client.endpoint.base_url, name)
 
 
 def _http_package() -> Any:
@@ -398,7 +401,7 @@ def one_line(text: str) -> str:
     return line if len(line) <= _LONGEST_DETAIL else f"{line[: _LONGEST_DETAIL - 1]}…"
 
 
-def error_text(body: Any) -> str:
+def error_text(body: object) -> str:
     """Return a server's error message, from any of the common forms."""
     if not isinstance(body, dict):
         return "" if str(body).lstrip()[:1] == "<" else str(body or "")
@@ -424,7 +427,7 @@ def _read_body(text: str, secret: str | None) -> Any:
         return without(secret, text)[:_LONGEST_RAW]
 
 
-def _texts(value: Any) -> Iterator[str]:
+def _texts(value: object) -> Iterator[str]:
     """Yield all texts in JSON in their order, keys included."""
     if isinstance(value, str):
         yield value
@@ -432,13 +435,13 @@ def _texts(value: Any) -> Iterator[str]:
         yield from _texts(list(part) if isinstance(part, tuple) else part)
 
 
-def _failed(body: Any, problem: str, refusal_codes: tuple[int | str, ...]) -> Reply:
+def _failed(body: object, problem: str, refusal_codes: tuple[int | str, ...]) -> Reply:
     message = error_text(body)
     error = "refused" if _codes(body) & set(refusal_codes) else "http"
     return Reply(error=error, detail=one_line(f"{problem}: {message}" if message else problem), raw=body)
 
 
-def _codes(body: Any) -> set[int | str]:
+def _codes(body: object) -> set[int | str]:
     """Return the codes of an error object, wherever they stand; numbers written as words are numbers."""
     outer = _object(body)
     codes = [str(part.get(key)) for part in (outer, _object(outer.get("error"))) for key in ("code", "type")]
@@ -453,16 +456,18 @@ def _kind(data: bytes) -> str:
     return "cut or broken JSON" if data.strip() else "empty"
 
 
-def _content(content: Any) -> str:
+def _content(content: object) -> str:
     """Return a message's content: a string, or the texts among its parts, without halves of letters."""
     if isinstance(content, list):
         content = "".join(str(part.get("text", "")) for part in content if isinstance(part, dict))
     return content.encode("utf-8", "replace").decode() if isinstance(content, str) else ""
 
 
-def _count(value: Any) -> int | None:
-    return value if type(value) is int and 0 <= value <= MOST_TOKENS else None
+def _count(value: object) -> int | None:
+    if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= MOST_TOKENS:
+        return value
+    return None
 
 
-def _object(value: Any) -> dict[str, Any]:
+def _object(value: object) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}

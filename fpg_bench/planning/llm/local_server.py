@@ -8,7 +8,6 @@ The process serves on loopback, and ends with its standard input, so that it end
 from __future__ import annotations
 
 import atexit
-import contextlib
 import hashlib
 import json
 import os
@@ -20,7 +19,6 @@ import urllib.request
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import platformdirs
 
@@ -40,7 +38,6 @@ _PATIENCE = 6  # a deadline by the expected duration of a plan
 _SHORTEST_DEADLINE_S = 60.0
 _PROMPT = "The opponent flies towards the ally and jams its frequency point. " * 8
 _STARTING_S = 120.0
-_ASKING_S = 2.0  # for a request of the server's state
 _CACHE_MIB = 1024  # of prompts that were read: matches in turn find theirs again; 50 MiB each for SmolLM2
 
 
@@ -234,13 +231,6 @@ class LocalServer:
         """True while its process runs."""
         return self._process.poll() is None
 
-    def written(self) -> int | None:
-        """Return the tokens of the present answer so far; None: none is under way."""
-        with contextlib.suppress(OSError, ValueError, LookupError, TypeError):
-            (slot,) = self._ask("/slots", timeout=_ASKING_S)
-            return int(slot["next_token"][0]["n_decoded"]) if slot["is_processing"] else None
-        return None
-
     def wait(self) -> None:
         """Wait until it ends by itself.
 
@@ -277,19 +267,16 @@ class LocalServer:
 
     def _measure(self) -> Speed:
         body = {"prompt": _PROMPT, "n_predict": 16, "cache_prompt": False, "ignore_eos": True}
+        url, headers = f"{self._address}/completion", {"Content-Type": "application/json"}
+        request = urllib.request.Request(url, json.dumps(body).encode(), headers)
+        opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # no proxy on loopback
         try:
-            timings = self._ask("/completion", body, _STARTING_S)["timings"]
+            with opener.open(request, timeout=_STARTING_S) as reply:
+                timings = read_plain(reply.read())["timings"]
             return Speed(float(timings["prompt_per_second"]), float(timings["predicted_per_second"]))
         except (OSError, ValueError, LookupError, TypeError) as error:
             self.stop()
             raise UserError(f"language model {self.file}: its server gives no answer: {error}") from error
-
-    def _ask(self, path: str, body: dict[str, Any] | None = None, timeout: float = _ASKING_S) -> Any:
-        data = None if body is None else json.dumps(body).encode()
-        request = urllib.request.Request(self._address + path, data, {"Content-Type": "application/json"})
-        opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # no proxy on loopback
-        with opener.open(request, timeout=timeout) as reply:
-            return read_plain(reply.read())
 
 
 # Servers of this process, shared by all that ask for the same model
@@ -315,12 +302,6 @@ def shared_server(file: Path) -> LocalServer:
     return server
 
 
-def tokens_under_way() -> int | None:
-    """Return the tokens written of present answers by this process's servers; None: none is asked."""
-    counts = [count for server in list(_SERVERS) if (count := server.written()) is not None]
-    return sum(counts) if counts else None
-
-
 def serve(file: str, threads: int, context: int, port: int) -> None:
     """Serve a model, print the address, and end the process with standard input."""
     import xllamacpp
@@ -333,7 +314,6 @@ def serve(file: str, threads: int, context: int, port: int) -> None:
     params.cpuparams.n_threads = params.cpuparams_batch.n_threads = threads
     params.hostnames, params.port = ["127.0.0.1"], port
     params.warmup = params.fit_params = params.ui = False
-    params.endpoint_slots = True  # reports the tokens written so far
     params.verbosity = -1
     server = xllamacpp.Server(params)
     print(server.listening_address, flush=True)

@@ -70,7 +70,7 @@ class _File(_Texts):
     rounds: _Rounds
 
 
-class Prompt(_Texts):
+class Prompt(_Texts, _Rounds):
     """A prompt profile: texts with ``$placeholders``, and the choice of past rounds.
 
     Attributes:
@@ -85,9 +85,6 @@ class Prompt(_Texts):
     """
 
     name: str
-    first: NonNegativeInt
-    best: NonNegativeInt
-    latest: NonNegativeInt
 
     @property
     def hash(self) -> str:
