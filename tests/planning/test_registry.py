@@ -86,13 +86,10 @@ def test_an_object_with_plan_is_taken_as_it_is(planner):
         ("cirlce", "unknown planner 'cirlce'; did you mean 'circle'"),
         (3, "a name or an object with plan, got 3"),
         (":X", "planner ':X': expected package.module:object"),
-        ("x:", "planner 'x:': expected package.module:object"),
-        ("../x:y", "planner '../x:y': expected package.module:object"),
         ("no_such_module:x", "planner 'no_such_module:x': No module named 'no_such_module'"),
         (f"{__name__}:NOT_A_PLANNER", "NOT_A_PLANNER': has no plan or plan_batch"),
         (f"{__name__}:NeedsTwo", "NeedsTwo': making it failed: TypeError: .* missing 1 required .* 'gain'"),
         (NeedsTwo, "planner mine: making it failed: TypeError"),
-        (f"{__name__}:failing", "failing': making it failed: RuntimeError: cannot open my file"),
         (failing, "planner failing: making it failed: RuntimeError: cannot open my file"),
         (refusing, "^say please$"),
         (dict, "planner dict: "),
@@ -105,21 +102,4 @@ def test_an_object_with_plan_is_taken_as_it_is(planner):
 def test_what_is_no_planner_is_refused_in_one_line(spec, message):
     with pytest.raises(UserError, match=message) as caught:
         as_planner(spec, STANDARD)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("code", "message"),
-    [
-        ("1 / 0", "importing it failed: ZeroDivisionError: division by zero"),
-        ("def (:", "importing it failed: SyntaxError"),
-        ("import no_such_module", "No module named 'no_such_module'"),
-        ("pass", "no attribute 'Mine'"),
-    ],
-)
-def test_a_module_that_fails_is_named_with_its_reason(tmp_path, monkeypatch, code, message):
-    (tmp_path / f"broken_{abs(hash(code))}.py").write_text(code)
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(UserError, match=rf"^planner 'broken_\d+:Mine': .*{message}") as caught:
-        as_planner(f"broken_{abs(hash(code))}:Mine", STANDARD)
     assert "\n" not in str(caught.value)

@@ -84,8 +84,7 @@ def test_long_matches_are_remembered_by_their_last_rounds():
 # Both planners
 
 
-@pytest.mark.parametrize("scenario", ["standard", "paper"])
-@pytest.mark.parametrize("search", SEARCHES)
+@pytest.mark.parametrize(("search", "scenario"), [(HillClimb, "paper"), (CMAES, "standard")])
 def test_they_keep_to_the_contract(search, scenario):
     check_planner(search(), scenario)
 
@@ -94,7 +93,7 @@ def test_they_keep_to_the_contract(search, scenario):
     ("search", "rounds", "first", "last", "factor"),
     [(HillClimb, 10, slice(1), slice(-1, None), 4), (CMAES, 20, slice(2), slice(-3, None), 2)],
 )
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_they_approach_an_ally_known_by_its_rewards_alone(search, rounds, first, last, factor, seed):
     ally = ally_path(seed)
     away = np.linalg.norm(flown_in_theory(search(), ally, rounds)[..., :3] - ally, axis=2)
@@ -102,14 +101,10 @@ def test_they_approach_an_ally_known_by_its_rewards_alone(search, rounds, first,
     assert away[last, late].mean() < away[first, late].mean() / factor
 
 
-@pytest.mark.parametrize(
-    ("search", "matches", "least"),
-    [(HillClimb, 16, 2), pytest.param(CMAES, 12, 1, marks=pytest.mark.slow)],
-)
-def test_in_the_game_they_earn_more_than_their_first_circle(search, matches, least):
-    rewards, _ = play(search(), "idle", matches, seed=2**40 + 40_000)
+def test_in_the_game_hill_climbing_earns_more_than_its_first_circle():
+    rewards, _ = play(HillClimb(), "idle", 16, seed=2**40 + 40_000)
     gain = rewards[-3:].mean(axis=0) - rewards[0]
-    assert gain.mean() - 3 * gain.std() / np.sqrt(len(gain)) > least
+    assert gain.mean() - 3 * gain.std() / np.sqrt(len(gain)) > 2
 
 
 @pytest.mark.parametrize("rewards", [0.0, -3.0, [-50.0, 0.0, 0.0, 1e6]])

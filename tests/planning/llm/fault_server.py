@@ -168,11 +168,6 @@ def error_object() -> Behaviour:
     return json_body({"error": {"message": "out of quota", "type": "insufficient_quota"}})
 
 
-def empty_choices() -> Behaviour:
-    """A completion that holds no answer."""
-    return ok(None, choices=[])
-
-
 def html(code: int = 200) -> Behaviour:
     """A web page, as a proxy or a wrong base URL gives it."""
     page = "<html><body><h1>It works!</h1></body></html>"

@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpg_bench.game.scenario import STANDARD
@@ -240,6 +240,7 @@ garbled = st.lists(pieces | triples | st.text(max_size=5), max_size=40).map("".j
 
 
 @pytest.mark.slow
+@settings(max_examples=40)
 @given(garbled | st.text() | st.lists(triples, min_size=2, max_size=5).map(" ".join))
 def test_no_text_is_a_crash_and_no_waypoint_is_invented(text):
     answer = read_answer(text, TWO)

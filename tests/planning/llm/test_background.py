@@ -196,10 +196,9 @@ def flown(file):
     return [line for line in lines if line["kind"] == "flown"]
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_replay_flies_the_same_without_a_server_or_a_thread(tmp_path, seed):
+def test_a_replay_flies_the_same_without_a_server_or_a_thread(tmp_path):
     file = tmp_path / "transcript.jsonl"
-    with FaultServer([answer(Uneven(seed))]) as server:
+    with FaultServer([answer(Uneven(0))]) as server:
         beside = BackgroundPlanner(planner(server, transcript=file, concurrency=2))
         played = play(Settled(beside, 0.3), rounds=3 * ROUNDS, games=3)
         settle(beside)
@@ -336,7 +335,7 @@ def test_a_killed_run_flies_what_it_flew_and_goes_on(tmp_path, monkeypatch):
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("ending", ["end", "error", "interrupt"])
+@pytest.mark.parametrize("ending", ["end", "interrupt"])
 def test_a_program_ends_while_a_call_is_under_way(monkeypatch, ending):
     asked, go = threading.Event(), threading.Event()
 
@@ -345,7 +344,7 @@ def test_a_program_ends_while_a_call_is_under_way(monkeypatch, ending):
         go.wait(60)
         return path_text()
 
-    then = {"end": "input()", "error": "input(); 1 / 0", "interrupt": "time.sleep(60)"}[ending]
+    then = {"end": "input()", "interrupt": "time.sleep(60)"}[ending]
     with FaultServer([answer(said)]) as server:
         environment(monkeypatch, server)
         command = [sys.executable, "-c", RUN + "play(beside, rounds=1); " + then]
@@ -357,8 +356,7 @@ def test_a_program_ends_while_a_call_is_under_way(monkeypatch, ending):
                 run.send_signal(signal.SIGINT)
             _, errors = run.communicate("now end\n", timeout=30)  # the call would take twice as long
             go.set()
-    said_last = {"end": "", "error": "ZeroDivisionError", "interrupt": "KeyboardInterrupt"}[ending]
-    assert (said_last in errors) if said_last else errors == ""
+    assert ("KeyboardInterrupt" in errors) if ending == "interrupt" else errors == ""
     assert (run.returncode == 0) == (ending == "end")
 
 

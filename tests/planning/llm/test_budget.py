@@ -23,10 +23,6 @@ def called(error=None, **changes):
     return CALLED.model_copy(update={"error": error, **changes})
 
 
-def test_a_fresh_budget_refuses_nothing():
-    assert Budget().refusal() is None
-
-
 @pytest.mark.parametrize(
     ("caps", "calls", "named"),
     [
@@ -50,22 +46,18 @@ def test_calls_that_are_decided_on_count_before_they_are_made():
     assert Budget(calls=3).refusal(3) is not None
 
 
-def test_all_that_a_call_took_counts():
-    budget = Budget(calls=4)
-    budget.spend(called(calls=4))
-    assert budget.refusal() is not None
-
-
-def test_tokens_that_a_server_does_not_count_are_none():
-    budget = Budget(tokens=1)
-    budget.spend(called(tokens_in=None, tokens_out=None))
-    assert budget.refusal() is None
-
-
-def test_an_attempt_without_a_call_costs_nothing():
-    budget = Budget(calls=1, tokens=1, seconds=1)
-    budget.spend(called("budget"))
-    assert budget.refusal() is None
+@pytest.mark.parametrize(
+    ("caps", "attempt", "is_spent"),
+    [
+        ({"calls": 4}, called(calls=4), True),  # a call that was tried again
+        ({"tokens": 1}, called(tokens_in=None, tokens_out=None), False),  # the server does not count
+        ({"calls": 1, "tokens": 1, "seconds": 1}, called("budget"), False),  # no call was made
+    ],
+)
+def test_what_a_call_took_counts(caps, attempt, is_spent):
+    budget = Budget(**caps)
+    budget.spend(attempt)
+    assert (budget.refusal() is not None) == is_spent
 
 
 @pytest.mark.parametrize("error", ["timeout", "http", "invalid"])
@@ -106,17 +98,14 @@ def test_what_was_spent_before_a_run_was_stopped_counts_once_and_its_failures_do
 
 
 def test_plans_that_got_no_answer_are_told_once_where_a_run_goes_on(caplog):
+    Budget().resume([CALLED, called("invalid"), called("refused")], "transcript x.jsonl")
+    assert not caplog.messages
     budget, lost = Budget(), [called("http"), called("budget"), called("budget"), called("timeout")]
     for _ in range(2):
         budget.resume([CALLED, called("invalid"), *lost], "transcript x.jsonl")
     (said,) = caplog.messages
     assert said.startswith("transcript x.jsonl: plans without an answer: 4 (budget 2, http 1, timeout 1)")
     assert "another file or folder asks anew" in said
-
-
-def test_where_all_was_answered_nothing_is_said(caplog):
-    Budget().resume([CALLED, called("invalid"), called("refused")], "transcript x.jsonl")
-    assert not caplog.messages
 
 
 def test_copies_spend_from_one_budget():

@@ -130,7 +130,6 @@ def test_a_good_answer_comes_with_its_model_tokens_and_time():
     ("behaviour", "error", "calls"),
     [
         (faults.status(401), "http", 1),
-        (faults.status(404), "http", 1),
         (faults.status(302, {"Location": "/elsewhere"}), "http", 1),
         (faults.status(429), "http", TRIED_AGAIN),
         (faults.status(429, {"Retry-After": "Wed, 21 Oct 2099 07:28:00 GMT"}), "http", 1),
@@ -141,9 +140,7 @@ def test_a_good_answer_comes_with_its_model_tokens_and_time():
         (faults.error_object(), "http", 1),
         (lambda handler, body: handler.send(200, b"no gzip", {"Content-Encoding": "gzip"}), "invalid", 1),
         (faults.html(), "invalid", 1),
-        (faults.empty_choices(), "invalid", 1),
         (faults.ok(None), "invalid", 1),
-        (faults.cut_json(), "invalid", 1),
         (lambda handler, body: handler.send(200, "x" * 3_000_000), "invalid", 1),
         (faults.refusal(), "refused", 1),
         (faults.content_filter(), "refused", 1),
@@ -191,9 +188,9 @@ def test_a_429_is_waited_for_within_the_deadline():
     reply, requests = reply_to(faults.status(429, {"Retry-After": "0.1"}), ok("Hello."), deadline_s=30.0)
     assert (reply.text, reply.calls, requests) == ("Hello.", 2, 2)
     assert reply.seconds >= 0.1
-    reply, requests = reply_to(faults.status(429, {"Retry-After": "50"}), ok("Hello."), deadline_s=2.0)
+    reply, requests = reply_to(faults.status(429, {"Retry-After": "50"}), ok("Hello."), deadline_s=0.5)
     assert (reply.error, requests) == ("timeout", 1)
-    assert reply.detail.startswith("no answer within 2 s, HTTP 429 before")
+    assert reply.detail.startswith("no answer within 0.5 s, HTTP 429 before")
 
 
 # Fields that a server refuses
@@ -358,6 +355,7 @@ def test_what_is_no_completion_is_invalid(body, detail):
         ({"error": {"message": "no"}}, 401, "http", "FPG_LLM_API_KEY"),
         ({"detail": "Not Found"}, 404, "http", "FPG_LLM_MODEL"),
         ({"detail": [{"loc": ["body", "seed"]}]}, 422, "http", "seed"),
+        ({"error": {"message": "a\nb\r\n" * 1000}}, 200, "http", "a b a b"),
         (b"<html>Bad gateway</html>", 502, "http", "HTTP 502"),
         (b"Internal Server Error", 500, "http", "Internal Server Error"),
         (completion(None, choices=choice(content=None, refusal="I can't.")), 200, "refused", "I can't."),
@@ -371,10 +369,6 @@ def test_errors_and_refusals_come_with_the_server_s_message(body, status, error,
     assert (reply.text, reply.error) == (None, error)
     assert detail in reply.detail
     assert "<html>" not in reply.detail
-
-
-def test_details_are_one_short_line():
-    reply = read({"error": {"message": "a\nb\r\n" * 1000}})
     assert "\n" not in reply.detail
     assert len(reply.detail) <= 200
 
@@ -420,11 +414,10 @@ def test_anything_at_all_becomes_a_reply(body, status):
 # Many questions: threads, event loops, processes, copies
 
 
-@pytest.mark.parametrize("concurrency", [1, 4, 100])
-def test_replies_come_in_the_order_of_the_questions(concurrency):
+def test_replies_come_in_the_order_of_the_questions():
     with FaultServer([faults.answer(lambda body: f"seed {body['seed']}")]) as fake:
         asked = client(fake.url, "vllm", deadline_s=30.0)
-        replies = asked.complete_all([asked.request_body(CHAT, seed) for seed in range(9)], concurrency)
+        replies = asked.complete_all([asked.request_body(CHAT, seed) for seed in range(9)], 4)
     assert [reply.text for reply in replies] == [f"seed {seed}" for seed in range(9)]
     assert asked.complete_all([]) == []
 

@@ -29,6 +29,8 @@ from .fault_server import (
     refusal,
     reject_field,
     status,
+    think,
+    trickle,
 )
 from .playing import (
     BAD,
@@ -74,10 +76,18 @@ def test_an_invalid_answer_is_sent_back_once_with_the_rule():
     assert "expected 16 points, got 1" in second[-1]["content"]
 
 
-def test_a_repaired_answer_is_told_from_a_good_one():
-    with FaultServer([ok(f"Next directions: {np.vstack([path(), path()]).tolist()}")]) as server:
-        (plan,) = planner(server).plan_batch([request()])
-    assert plan.status == "repaired"
+@pytest.mark.parametrize(
+    ("behaviour", "expected"),
+    [
+        (ok(f"Next directions: {np.vstack([path(), path()]).tolist()}"), "repaired"),
+        (think(path_text()), "ok"),
+        (reject_field("response_format", path_text(), 500), "ok"),
+    ],
+)
+def test_what_can_be_read_is_flown(behaviour, expected):
+    with FaultServer([behaviour]) as server:
+        (plan,) = LLMPlanner(SHORT, endpoint(server, "llama.cpp")).plan_batch([request()])
+    assert (plan.source, plan.status) == ("llm", expected)
     assert np.array_equal(plan.waypoints, path())
 
 
@@ -85,21 +95,30 @@ def test_a_repaired_answer_is_told_from_a_good_one():
     ("behaviours", "calls", "expected"),
     [
         ([ok(BAD)], 2, "fallback-invalid"),
+        ([ok(f"<think>{path_text()}</think>I do not know.")], 2, "fallback-invalid"),
+        ([ok("\ud800")], 2, "fallback-invalid"),
+        ([cut_json()], 1, "fallback-invalid"),
         ([ok("I'm sorry, I can't help with that.")], 2, "fallback-refused"),
         ([refusal()], 1, "fallback-refused"),
         ([status(500)], 3, "fallback-http"),
         ([ok(BAD), status(500)], 4, "fallback-http"),
+        ([close_socket(30)], 3, "fallback-http"),
         ([late(60, path_text())], 1, "fallback-timeout"),
+        ([trickle(60, path_text())], 1, "fallback-timeout"),
     ],
 )
-def test_without_a_valid_answer_the_circle_is_flown_and_the_status_says_why(behaviours, calls, expected):
-    deadline = 0.3 if expected == "fallback-timeout" else 30.0
+def test_without_a_valid_answer_the_circle_is_flown_and_the_status_says_why(
+    tmp_path, behaviours, calls, expected
+):
+    deadline, file = 0.3 if expected == "fallback-timeout" else 30.0, tmp_path / "transcript.jsonl"
     with FaultServer(behaviours) as server:
-        (plan,) = planner(server, deadline_s=deadline).plan_batch([request()])
+        (plan,) = planner(server, deadline_s=deadline, transcript=file).plan_batch([request()])
         assert len(server.requests) == calls
     assert (plan.source, plan.status) == ("circle", expected)
     centre = np.array(SHORT.patrol_centre_m)
     assert np.linalg.norm((plan.waypoints - centre)[:, :2], axis=1) == pytest.approx(np.full(16, 300.0))
+    (again,) = planner(transcript=file, mode="replay").plan_batch([request()])
+    assert (again.source, again.status, again.tokens) == (plan.source, plan.status, plan.tokens)
 
 
 @pytest.mark.parametrize("mode", ["live", "record"])
@@ -136,15 +155,6 @@ def test_what_is_done_with_a_plan_does_not_change_the_next():
 # What is asked
 
 
-def test_a_request_holds_what_the_profile_says():
-    with FaultServer([GOOD]) as server:
-        planner(server).plan_batch([request()])
-        LLMPlanner(SHORT, endpoint(server, "llama.cpp")).plan_batch([request()])
-        plain, rich = (set(received.body) for received in server.requests)
-    assert plain == {"model", "messages", "temperature", "max_tokens"}
-    assert rich - plain == {"seed", "response_format"}
-
-
 def test_a_seed_for_the_server_is_its_attempt_s_own_and_fits_31_bits():
     wheres = [(s, m, r, a) for s in (0, 2**62) for m in (0, 1) for r in range(10) for a in (0, 1)]
     seeds = [server_seed(where) for where in wheres]
@@ -171,15 +181,14 @@ def test_it_keeps_to_the_contract_of_planners():
         check_planner(planner(server), SHORT)
 
 
-@pytest.mark.parametrize("concurrency", [2, 5])
-def test_plans_do_not_depend_on_how_many_games_are_asked_for_at_once(tmp_path, concurrency):
+def test_plans_do_not_depend_on_how_many_games_are_asked_for_at_once(tmp_path):
     def said(body):  # a path, or none, that depends on what is asked
         shift = sum(map(ord, json.dumps(body["messages"]))) % 50
         return BAD if shift % 3 == 0 else path_text(shift)
 
     with FaultServer([answer(said)]) as server:
         first = play(planner(server, transcript=tmp_path / "1.jsonl"), games=5)
-        second = play(planner(server, transcript=tmp_path / "n.jsonl", concurrency=concurrency), games=5)
+        second = play(planner(server, transcript=tmp_path / "n.jsonl", concurrency=2), games=5)
     again = play(planner(transcript=tmp_path / "n.jsonl", mode="replay"), games=5)
     assert_same(second, again)
     assert np.array_equal(first[1], second[1])
@@ -213,12 +222,6 @@ def test_a_spent_budget_ends_the_calls_and_the_path_is_held(tmp_path, caplog, ca
     assert (played[0][-1].source, played[0][-1].tokens) == ("held", 0)
     assert len(caplog.records) == 1
     assert_same(played, play(planner(transcript=file, mode="replay")))
-
-
-def test_time_is_capped_too():
-    with FaultServer([GOOD]) as server:
-        played, _ = play(planner(server, seconds=1e-6))
-    assert statuses(played) == ["ok", *["fallback-budget"] * 3]
 
 
 def test_a_call_s_second_attempt_is_under_the_budget_too(tmp_path):
@@ -283,8 +286,9 @@ HOPELESS = {
 }
 
 
-@pytest.mark.parametrize("concurrency", [1, 3])
-@pytest.mark.parametrize("name", HOPELESS)
+@pytest.mark.parametrize(
+    ("name", "concurrency"), [*[(name, 1) for name in HOPELESS], ("the key is refused", 3)]
+)
 def test_what_asking_again_cannot_mend_ends_the_run_and_is_not_kept(tmp_path, name, concurrency):
     behaviour, why = HOPELESS[name]
     file, requests = tmp_path / "transcript.jsonl", [request(seed=seed) for seed in range(6)]

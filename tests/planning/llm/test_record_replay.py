@@ -134,8 +134,8 @@ play(LLMPlanner(SHORT, transcript=sys.argv[1], concurrency=int(sys.argv[2])), ga
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("games", [1, 3])
-def test_a_killed_run_goes_on_and_calls_nothing_twice(tmp_path, monkeypatch, games):
+def test_a_killed_run_goes_on_and_calls_nothing_twice(tmp_path, monkeypatch):
+    games = 3
     file, reached, go = tmp_path / "transcript.jsonl", threading.Event(), threading.Event()
     numbers, killed = itertools.count(), []
 
@@ -147,7 +147,7 @@ def test_a_killed_run_goes_on_and_calls_nothing_twice(tmp_path, monkeypatch, gam
                 go.wait(0.01)
             reached.set()
             go.wait(60)
-        return BAD if (games, number) == (1, 0) else path_text(len(json.dumps(body)) % 40)
+        return path_text(len(json.dumps(body)) % 40)
 
     with FaultServer([answer(said)]) as server:
         monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
