@@ -153,7 +153,7 @@ def test_importing_the_package_loads_nothing_heavy():
 
 @pytest.mark.process
 def test_the_process_of_a_submitted_policy_loads_no_more_than_it_plays_with():
-    code = "import sys, fpg_bench.leaderboard.policy_process; print(*sys.modules)"
+    code = "import sys, fpg_bench.players.sandbox.policy; print(*sys.modules)"
     loaded = subprocess.check_output([sys.executable, "-c", code], text=True).split()
     assert set(loaded).isdisjoint({*HEAVY, "fpg_bench.leaderboard.submission", "fpg_bench.planning"})
 

@@ -37,7 +37,7 @@ FolderOption = Annotated[Path, typer.Option(help="Folder of the leaderboard.")]
 @submit.callback()
 def _forget_keys() -> None:
     """Check a submission and play it."""
-    from fpg_bench.leaderboard.sandbox import forget_keys
+    from fpg_bench.players.sandbox.process import forget_keys
 
     forget_keys()
 

@@ -13,7 +13,7 @@ import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,7 +27,7 @@ from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.seeds import PROTOCOL
-from fpg_bench.evaluation.suite import Rival, Suite
+from fpg_bench.evaluation.suite import Rival, Scale, Suite, load_suite
 from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.leaderboard.season import (
     FILE,
@@ -43,6 +43,7 @@ from fpg_bench.leaderboard.season import (
     write_suites,
 )
 from fpg_bench.players.player import SIDES, Player
+from fpg_bench.players.registry import as_player
 from fpg_bench.training.config import GameOptions, RunConfig
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
@@ -453,18 +454,28 @@ def play_pair(
         rounds: number of rounds.
 
     Returns:
-        Mean return per step of both sides, by side.
+        Mean return per step of both sides, by side. The player's own counts rounds that it lost by an invalid
+        answer as :func:`fpg_bench.evaluation.play.play` does.
 
     Raises:
-        UserError: an unknown player, one of the wrong side, or actions that are not numbers.
+        UserError: an unknown player, or one of the wrong side.
     """
     rival = Rival("season", (other,), as_scenario(STANDARD, opponent_path=path))
-    suite = Suite("season", side, STANDARD, rounds, (rival,), season=season)
+    suite = Suite("season", side, STANDARD, rounds, (rival,), season=season, scale=_scale(side))
     try:
-        record = play(player_entry(player), suite, rival)
+        record = play(player_entry(as_player(player, side, rival.scenario)), suite, rival)
     except UserError as error:
         raise UserError(f"{player} against {other}: {error}") from error
-    return {name: round(record.tally[f"{name}_return"] / record.tally["steps"], 6) for name in SIDES}
+    earned = {name: record.tally[f"{name}_return"] / record.tally["steps"] for name in SIDES}
+    if record.lost:
+        earned[side] = statistics.fmean(record.returns) / STANDARD.steps_per_round
+    return {name: round(value, 6) for name, value in earned.items()}
+
+
+@cache
+def _scale(side: str) -> Scale:
+    """Return the scale of a side's public suite, on which a lost round has its score."""
+    return load_suite(f"{side}-v1").scale
 
 
 def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:

@@ -34,11 +34,11 @@ from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.leaderboard.folders import at_work, crossplay_file, submission_folders, work_folder
 from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, running_player
 from fpg_bench.leaderboard.result import round_finite
-from fpg_bench.leaderboard.sandbox import PolicyFailed
 from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
 from fpg_bench.leaderboard.verification import Case, check_share, make_case
 from fpg_bench.players.player import SIDES, Abilities, Memory, Player
 from fpg_bench.players.registry import as_player
+from fpg_bench.players.sandbox.process import PolicyFailed
 
 _logger = logging.getLogger(__name__)
 

@@ -21,14 +21,14 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_record
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.state import OBSERVATION_SIZE
-from fpg_bench.leaderboard import policy_client
-from fpg_bench.leaderboard.policy_client import Policy
-from fpg_bench.leaderboard.sandbox import PolicyFailed, missing_here
 from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import TrackSuites, track_of
 from fpg_bench.leaderboard.transcripts import FOLDER, local, read_recording
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.player import PlayerSpec
+from fpg_bench.players.sandbox import client
+from fpg_bench.players.sandbox.client import Policy
+from fpg_bench.players.sandbox.process import PolicyFailed, missing_here
 
 RECORDS = "records.jsonl"
 FAILED = "failed"  # key of a row that says why a part could not be played on
@@ -142,7 +142,7 @@ def running_player(part: Part, shipped_in_process: bool = False) -> Iterator[Pla
     elif part.shipped and shipped_in_process:
         yield OnnxPlayer(part.plays.model, part.plays.about)
     else:
-        with policy_client.PolicyClient(part.plays) as player:
+        with client.PolicyClient(part.plays) as player:
             yield player
 
 
@@ -189,7 +189,7 @@ def smoke_test(policy: Policy, suite: Suite | None = None) -> list[str]:
         suite: its first and last rival are met for some rounds; None: no rival.
     """
     try:
-        with policy_client.PolicyClient(policy) as player:
+        with client.PolicyClient(policy) as player:
             is_lost = _loses_random_rounds(player)
             for matchup in _few_matchups(suite):
                 play(player_entry(player), *matchup)
@@ -199,7 +199,7 @@ def smoke_test(policy: Policy, suite: Suite | None = None) -> list[str]:
     return [line] if is_lost else []
 
 
-def _loses_random_rounds(player: policy_client.PolicyClient) -> bool:
+def _loses_random_rounds(player: client.PolicyClient) -> bool:
     """Play random observations; return whether any round is lost."""
     rng = np.random.default_rng(0)
     player.reset(np.ones(_GAMES, bool), np.arange(_GAMES, dtype=np.uint64))

@@ -33,13 +33,13 @@ from fpg_bench.leaderboard.folders import (
     shown,
     strays,
 )
-from fpg_bench.leaderboard.policy_client import MOST_BYTES, Policy, check_policies
 from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
 from fpg_bench.leaderboard.tracks import TRACKS as TABLES
 from fpg_bench.leaderboard.transcripts import FOLDER as TRANSCRIPTS
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.players.agent import baselines_folder, check_about
+from fpg_bench.players.sandbox.client import MOST_BYTES, Policy, check_policies
 from fpg_bench.players.scripted import SCRIPTED
 
 need("evaluate", "onnx", "scipy", "matplotlib", "joblib")

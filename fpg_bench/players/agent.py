@@ -6,7 +6,7 @@ import hashlib
 import os
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise
 from fpg_bench.players.player import SIDES, Memory
 from fpg_bench.players.seeded import SeededPolicy
+
+if TYPE_CHECKING:
+    from fpg_bench.players.sandbox.agent import SandboxedAgent
 
 AGENT_FORMAT = 1
 _FIELDS = ("format", "algorithm", "id", "scenario", "training_seed", "training_steps", "policy_sha256")
@@ -108,8 +111,10 @@ class OnnxPlayer(SeededPolicy):
         return f"OnnxPlayer({self.about.get('id')}, {self.about.get('algorithm')})"
 
 
-def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPlayer:
+def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPlayer | SandboxedAgent:
     """Load a trained agent as a player, without torch or Stable-Baselines3.
+
+    An agent of a leaderboard submission, whose folder lies beside ``submission.yaml``, plays in a sandbox.
 
     Args:
         name: a shipped agent (``ally-scripted/ppo/seed_0``) or an agent folder.
@@ -128,6 +133,10 @@ def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPla
     if hashlib.sha256(model).hexdigest() != about["policy_sha256"]:
         raise UserError(f"agent {folder}: policy.onnx is not the file that agent.json describes (sha256)")
     try:
+        if (folder.absolute().parent / "submission.yaml").exists():
+            from fpg_bench.players.sandbox.agent import SandboxedAgent
+
+            return SandboxedAgent(model, about)
         return OnnxPlayer(model, about)
     except UserError as error:
         raise UserError(f"agent {folder}: {error}") from error

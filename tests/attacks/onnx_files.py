@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from onnx import ModelProto, TensorProto, defs, helper, numpy_helper
 
-from fpg_bench.leaderboard.onnx_checks import OPERATORS
+from fpg_bench.players.sandbox.onnx_checks import OPERATORS
 from tests.attacks.batch_readers import batch_readers
 from tests.attacks.costly import costly
 from tests.leaderboard.making import model, node, value, weights

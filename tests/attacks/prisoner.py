@@ -1,4 +1,4 @@
-"""What runs inside the walls in the tests, and tries to get out: it sends what it managed as JSON."""
+"""What runs inside the layers in the tests, and tries to get out: it sends what it managed as JSON."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.leaderboard.isolation import _ALLOWED
+from fpg_bench.players.sandbox.isolation import _ALLOWED
 
 
 def escapes(outside: int) -> dict[str, Callable[[], Any]]:

@@ -5,10 +5,10 @@ import pytest
 
 from fpg_bench.evaluation.play import play
 from fpg_bench.leaderboard.playing import Part, part_records, smoke_test
-from fpg_bench.leaderboard.policy_client import check_policies
 from fpg_bench.leaderboard.tracks import TRACKS, TrackSuites
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.players.onnx_file import plain_model, row_wise
+from fpg_bench.players.sandbox.client import check_policies
 from tests.attacks.batch_readers import batch_readers, batches_of_one, by_place, honest, rows_as_columns
 from tests.leaderboard.making import as_policy
 from tests.players.test_agent import model_bytes

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fpg_bench.leaderboard.policy_client import check_policies, check_policy
+from fpg_bench.players.sandbox.client import check_policies, check_policy
 from tests.attacks.costly import costly, unsized
 
 POLICIES = costly()

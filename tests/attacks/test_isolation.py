@@ -12,15 +12,15 @@ import pytest
 from typer.testing import CliRunner
 
 from fpg_bench.cli import app
-from fpg_bench.leaderboard import sandbox
-from fpg_bench.leaderboard.isolation import Wall, missing
 from fpg_bench.leaderboard.playing import OPEN
-from fpg_bench.leaderboard.sandbox import Limits, Sandbox
 from fpg_bench.leaderboard.verification import verify
+from fpg_bench.players.sandbox import process
+from fpg_bench.players.sandbox.isolation import Layer, missing
+from fpg_bench.players.sandbox.process import Limits, Sandbox
 from tests.attacks.prisoner import escapes
 from tests.leaderboard.entering import enter
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the walls are Linux's")
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the layers are Linux's")
 
 
 @pytest.fixture
@@ -31,8 +31,8 @@ def open_doors(monkeypatch):
     named.bind(f"\0{name}")
     named.listen()
     found = {"OPEN_PORT": str(server.getsockname()[1]), "OPEN_NAME": name, "PARENT": str(os.getpid())}
-    kept = sandbox._environment
-    monkeypatch.setattr(sandbox, "_environment", lambda: kept() | found)
+    kept = process._environment
+    monkeypatch.setattr(process, "_environment", lambda: kept() | found)
     with server, named:
         yield found
 
@@ -46,35 +46,35 @@ def test_nothing_gets_out(open_doors):
     assert found.keys() == escapes(0).keys()
     assert [name for name, became in found.items() if became == "out"] == []
     assert passing == []
-    assert sandbox.missing_here() == []
+    assert process.missing_here() == []
 
 
 ALONE = """
 import json, os, sys
-from fpg_bench.leaderboard import isolation as walls
+from fpg_bench.players.sandbox import isolation
 from tests.attacks.prisoner import attempted
-kept = walls.{kept}
+kept = isolation.{kept}
 for name in ("_landlocked", "_calls_refused", "_empty_root"):
     if name != "{kept}":
-        setattr(walls, name, lambda *library: False)
-standing = walls.shut(walls.Wall(0))
+        setattr(isolation, name, lambda *library: False)
+standing = isolation.shut(isolation.Layer(0))
 print(json.dumps([int(standing), attempted(int(os.environ["PARENT"]))]))
 """
 
 
 @pytest.mark.process
 @pytest.mark.parametrize(
-    ("kept", "wall", "open_still"),
+    ("kept", "layer", "open_still"),
     [
         (
             "_landlocked",
-            Wall.LANDLOCK,
+            Layer.LANDLOCK,
             {"fork", "listen", "send", "new users", "another name", "leave the root", "connect"},
         ),
-        ("_calls_refused", Wall.CALLS, set()),
+        ("_calls_refused", Layer.CALLS, set()),
     ],
 )
-def test_each_wall_stands_where_the_others_cannot_be_had(open_doors, kept, wall, open_still):
+def test_each_wall_stands_where_the_others_cannot_be_had(open_doors, kept, layer, open_still):
     done = subprocess.run(
         [sys.executable, "-c", ALONE.format(kept=kept)],
         env=os.environ | open_doors | {"PYTHONPATH": os.pathsep.join(sys.path)},
@@ -83,15 +83,15 @@ def test_each_wall_stands_where_the_others_cannot_be_had(open_doors, kept, wall,
         check=True,
     )
     standing, found = json.loads(done.stdout)
-    if not standing & wall:
+    if not standing & layer:
         pytest.skip("this kernel does not have it")
     assert {name for name, became in found.items() if became == "out"} <= open_still
 
 
 def test_what_could_not_be_had_is_named():
-    assert missing(Wall(0)) == ["files", "the network", "other processes"]
-    assert missing(Wall.LANDLOCK) == ["the network"]
-    assert missing(Wall.CALLS) == missing(Wall.NAMESPACES | Wall.EMPTY_ROOT) == []
+    assert missing(Layer(0)) == ["files", "the network", "other processes"]
+    assert missing(Layer.LANDLOCK) == ["the network"]
+    assert missing(Layer.CALLS) == missing(Layer.NAMESPACES | Layer.EMPTY_ROOT) == []
 
 
 def test_and_said_in_the_verdict(board, in_process, monkeypatch):
@@ -107,7 +107,7 @@ def test_and_said_in_the_verdict(board, in_process, monkeypatch):
 FORGETS = """
 import os
 from pathlib import Path
-from fpg_bench.leaderboard.sandbox import forget_keys
+from fpg_bench.players.sandbox.process import forget_keys
 print(*sorted(forget_keys()))
 print(dict(os.environ), Path("/proc/self/environ").read_bytes())
 """

@@ -2,8 +2,8 @@
 
 import pytest
 
-from fpg_bench.leaderboard.policy_client import check_policies
 from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.players.sandbox.client import check_policies
 from tests.attacks import SCALE, SEED
 from tests.attacks.onnx_files import hostile_files
 

@@ -8,8 +8,8 @@ import pytest
 from onnx import ModelProto, helper
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.leaderboard.policy_client import check_policy
 from fpg_bench.players.agent import OnnxPlayer, _read
+from fpg_bench.players.sandbox.client import check_policy
 from tests.leaderboard.making import model, node, value, weights
 from tests.training.making import policy
 

@@ -3,8 +3,8 @@
 import platformdirs
 import pytest
 
-from fpg_bench.leaderboard import policy_client
 from fpg_bench.players import agent
+from fpg_bench.players.sandbox import client
 from tests.leaderboard import entering
 
 
@@ -28,5 +28,5 @@ def board(tmp_path, small_suites, monkeypatch):
 def in_process(monkeypatch):
     """Policies are played in this process; the class can be told to misbehave."""
     kind = type("PolicyClient", (entering.InProcess,), {})
-    monkeypatch.setattr(policy_client, "PolicyClient", kind)
+    monkeypatch.setattr(client, "PolicyClient", kind)
     return kind

@@ -11,10 +11,10 @@ import yaml
 
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.seeds import PROTOCOL, seed_from
-from fpg_bench.leaderboard.policy_client import PolicyFailed
 from fpg_bench.leaderboard.result import Result, totals, write_result
 from fpg_bench.leaderboard.verification import Case
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
+from fpg_bench.players.sandbox.client import PolicyFailed
 from tests.leaderboard.making import write_seed
 from tests.leaderboard.recording import PLANNER_SUITE
 

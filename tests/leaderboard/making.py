@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 from onnx import TensorProto, helper, numpy_helper
 
-from fpg_bench.leaderboard.policy_client import Policy
+from fpg_bench.players.sandbox.client import Policy
 
 FIELDS = {
     "name": "Mine",
@@ -63,6 +63,18 @@ def through(*kinds, scale=1.0, **attributes) -> bytes:
     nodes = [node("MatMul", ["observation", "w"], [names[0]])]
     nodes += [node(k, [a], [b], **attributes) for k, a, b in zip(kinds, names[:-1], names[1:], strict=True)]
     return model(nodes, [weights(scale=scale)])
+
+
+def dividing_by_zero() -> bytes:
+    """A policy that divides integers by zero, which ends its process."""
+    nodes = [
+        node("MatMul", ["observation", "w"], ["x"]),
+        node("Cast", ["x"], ["whole"], to=TensorProto.INT64),
+        node("Div", ["one", "whole"], ["part"]),
+        node("Cast", ["part"], ["y"], to=TensorProto.FLOAT),
+        node("Tanh", ["y"], ["action"]),
+    ]
+    return model(nodes, [weights(scale=0.0), whole([1], "one")])
 
 
 def policy(seed: int) -> bytes:

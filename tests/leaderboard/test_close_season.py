@@ -14,11 +14,21 @@ import pytest
 import yaml
 
 from fpg_bench import UserError
+from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.audit_season import audit_season, check_entries, describe_season, late_entries
 from fpg_bench.leaderboard.close_season import PROFILE, close_season, make_closing, play_pair
 from fpg_bench.leaderboard.season import FILE, load_season, read_entries, season_seed
 from fpg_bench.players.agent import load_agent
-from tests.leaderboard.making import model, node, weights
+from tests.leaderboard.making import (
+    dividing_by_zero,
+    model,
+    node,
+    through,
+    weights,
+    write_seed,
+    write_submission,
+)
 from tests.logged import logged
 from tests.programs import fpg
 
@@ -118,6 +128,20 @@ def test_a_killed_candidate_is_trained_again_with_the_same_result(season, board,
     assert policies(again) == policies(season)
     assert (again.folder / FILE).read_text() == (season.folder / FILE).read_text()
     assert {line.split(":")[0] for line in messages[1:]} == {"opponent/o00", "ally/a01"}
+
+
+@pytest.mark.slow
+def test_an_entry_that_answers_nan_or_dies_holds_up_no_closing(board, tmp_path):
+    shutil.copytree(board, tmp_path / "board")
+    ally = tmp_path / "board/submissions/ally/broken"
+    write_submission(ally, seeds=(0, 1), name="Broken")
+    write_seed(ally / "seed_0", 0, through("Abs", "Neg", "Log"))  # NaN or infinity
+    write_seed(ally / "seed_1", 1, dividing_by_zero())
+    season, _ = close_tiny(tmp_path / "board", tmp_path / "work", tmp_path / "season-1")
+    assert season.entries["ally/broken"]
+    profile = RowFile(tmp_path / "work/opponent/o00" / PROFILE).read()
+    lost = [row["ally"] for row in profile if row["entry"] == "ally/broken"]
+    assert lost == [pytest.approx(load_suite("ally-v1").scale.reward(-100), rel=0.01)] * 2
 
 
 @pytest.mark.slow

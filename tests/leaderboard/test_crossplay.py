@@ -23,10 +23,10 @@ from fpg_bench.leaderboard.crossplay import (
 )
 from fpg_bench.leaderboard.folders import crossplay_file
 from fpg_bench.leaderboard.playing import Part
-from fpg_bench.leaderboard.policy_client import Policy
 from fpg_bench.leaderboard.verification import verify
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.registry import as_player
+from fpg_bench.players.sandbox.client import Policy
 from tests.leaderboard.entering import close_season, enter
 from tests.leaderboard.making import policy
 from tests.logged import logged

@@ -9,10 +9,10 @@ import pytest
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.folders import submission_folders
-from fpg_bench.leaderboard.policy_client import check_policies
 from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN, TrackSuites
 from fpg_bench.leaderboard.verification import make_case
+from fpg_bench.players.sandbox.client import check_policies
 from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.version import __version__
 from tests.programs import fpg, python

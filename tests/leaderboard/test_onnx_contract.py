@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from onnx import ModelProto, TensorProto, helper, numpy_helper
 
-from fpg_bench.leaderboard.policy_client import check_policies, check_policy
 from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.sandbox.client import check_policies, check_policy
 from tests.leaderboard.making import model, node, policy, through, value, weights, whole
 
 DEEP = model(

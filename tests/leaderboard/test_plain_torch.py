@@ -5,9 +5,9 @@ from pathlib import Path
 
 import torch
 
-from fpg_bench.leaderboard.policy_client import check_policy
 from fpg_bench.leaderboard.submission import load_submission, problems
 from fpg_bench.players.agent import load_agent
+from fpg_bench.players.sandbox.client import check_policy
 
 ROOT = Path(__file__).parents[2]
 ENTRY = ROOT / "leaderboard" / "submissions" / "ally" / "plain-torch"

@@ -11,9 +11,9 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.leaderboard.playing import smoke_test
-from fpg_bench.leaderboard.policy_client import Limits, PolicyClient, PolicyFailed
-from fpg_bench.leaderboard.sandbox import Sandbox
 from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.players.sandbox.client import Limits, PolicyClient, PolicyFailed
+from fpg_bench.players.sandbox.process import Sandbox
 from tests.leaderboard.making import as_policy, model, node, policy, through, value, weights, whole
 from tests.players.test_agent import model_bytes
 
@@ -135,7 +135,7 @@ def test_gigabytes_of_memory_end_the_policy_alone():
 
 
 def test_a_policy_that_never_answers_is_given_up():
-    with PolicyClient(as_policy(policy(0)), Limits(call_s=0.2)) as client:
+    with PolicyClient(as_policy(policy(0)), Limits(call_s=0.1, row_s=0.05)) as client:
         os.kill(client.pid, signal.SIGSTOP)
         with pytest.raises(PolicyFailed, match=r"no answer within 0\.2 s"):
             client.predict(np.zeros((2, 15), np.float32))
@@ -178,7 +178,7 @@ def test_its_process_knows_no_key_has_no_files_and_ends_with_its_client(monkeypa
 
 def test_an_answer_that_is_announced_as_huge_is_not_waited_for(monkeypatch):
     with PolicyClient(as_policy(policy(0))) as client:
-        monkeypatch.setattr("fpg_bench.leaderboard.sandbox.LARGEST_ANSWER", 10)
+        monkeypatch.setattr("fpg_bench.players.sandbox.process.LARGEST_ANSWER", 10)
         with pytest.raises(PolicyFailed, match="answers with"):
             client.predict(np.zeros((2, 15), np.float32))
 

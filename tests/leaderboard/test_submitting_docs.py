@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from fpg_bench.leaderboard import onnx_checks, policy_client, submission
-from fpg_bench.leaderboard.policy_client import Limits
+from fpg_bench.leaderboard import submission
 from fpg_bench.leaderboard.submission import problems, read_about
+from fpg_bench.players.sandbox import client, onnx_checks
+from fpg_bench.players.sandbox.client import Limits
 from tests.pages import Reader, blocks, broken_links, small, small_baselines
 from tests.programs import ROOT
 
@@ -50,13 +51,14 @@ def test_every_key_is_told_of():
 
 
 def test_the_page_s_limits_are_the_code_s():
-    assert f"| {policy_client.MOST_BYTES // 10**6} MB |" in PAGE
+    assert f"| {client.MOST_BYTES // 10**6} MB |" in PAGE
     assert f"| {onnx_checks.MOST_MULTIPLY_ADDS:,};" in PAGE
     assert f"{onnx_checks.MOST_NODES:,} at most" in PAGE
     assert f"| {submission.MOST_TEXT_BYTES // 1000} kB each" in PAGE
     limits = Limits()
     assert f"| {limits.memory_bytes >> 30} GB |" in PAGE
-    assert f"| {limits.call_s:g} s an answer, {limits.total_s / 60:g} minutes in all" in PAGE
+    each = f"{limits.call_s:g} s an answer and {limits.row_s:g} s a game in it"
+    assert f"| {each}, {limits.total_s / 60:g} minutes in all" in PAGE
 
 
 def test_links_lead_somewhere():

@@ -1,7 +1,7 @@
 """Checks of submitted ``policy.onnx`` files: what a file may hold, and what it may cost.
 
 A file may be made to exploit its parser, so this module runs in a process of its own under limits, which
-:func:`fpg_bench.leaderboard.policy_client.check_policies` starts.
+:func:`fpg_bench.players.sandbox.client.check_policies` starts.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from onnx import (
 from onnx.helper import get_attribute_value, make_tensor_type_proto
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.leaderboard.policy_client import SIZE
-from fpg_bench.leaderboard.sandbox import Reader
-from fpg_bench.leaderboard.sandbox_child import SandboxChild
 from fpg_bench.players.onnx_file import check_signature, plain_model
+from fpg_bench.players.sandbox.child import SandboxChild
+from fpg_bench.players.sandbox.client import SIZE
+from fpg_bench.players.sandbox.process import Reader
 
 MOST_MULTIPLY_ADDS = 2_000_000
 MOST_NODES = 2000

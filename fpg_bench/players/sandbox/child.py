@@ -8,20 +8,20 @@ import resource
 import socket
 import sys
 
-from fpg_bench.leaderboard import isolation as walls
-from fpg_bench.leaderboard.sandbox import HELLO
+from fpg_bench.players.sandbox import isolation
+from fpg_bench.players.sandbox.process import HELLO
 
 
 class SandboxChild:
-    """Connection to the parent process, and the walls around this one.
+    """Connection to the parent process, and the layers around this one.
 
     Args:
         connection: the socket to the parent.
-        standing: the walls that stand already.
+        standing: the layers that stand already.
         outside: this process's id as seen from outside.
     """
 
-    def __init__(self, connection: socket.socket, standing: walls.Wall, outside: int) -> None:
+    def __init__(self, connection: socket.socket, standing: isolation.Layer, outside: int) -> None:
         self.connection = connection
         self._standing, self._outside = standing, outside
 
@@ -29,7 +29,7 @@ class SandboxChild:
         """Forbid files and processes, once everything is loaded; then report to the parent."""
         for kind in (resource.RLIMIT_FSIZE, resource.RLIMIT_NPROC):
             _limit(kind, 0)
-        self._standing = walls.shut(self._standing)
+        self._standing = isolation.shut(self._standing)
         self.connection.sendall(HELLO.pack(self._outside, int(self._standing)))
 
 
@@ -40,7 +40,7 @@ def main() -> None:
     _limit(resource.RLIMIT_AS, memory_bytes)
     _limit(resource.RLIMIT_CPU, cpu_s)
     _limit(resource.RLIMIT_CORE, 0)
-    standing, outside = walls.isolate()
+    standing, outside = isolation.isolate()
     importlib.import_module(module).main(SandboxChild(socket.socket(fileno=number), standing, outside))
 
 

@@ -1,7 +1,7 @@
-"""Sandboxed processes for untrusted bytes: limits and walls around them, raw bytes in and out.
+"""Sandboxed processes for untrusted bytes: limits and layers around them, raw bytes in and out.
 
 Nothing from the process is ever unpickled. It starts with an environment without keys, in an empty folder,
-and ends with its parent. Before it reads an untrusted byte it reports the walls that stand around it.
+and ends with its parent. Before it reads an untrusted byte it reports the layers that stand around it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.leaderboard.isolation import Wall, missing
+from fpg_bench.players.sandbox.isolation import Layer, missing
 
 # Environment variables that the process gets: nothing that could be a secret.
 _KEPT = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "LANG")
@@ -29,7 +29,7 @@ _SECRET = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIAL", re.IGNORECA
 _NEEDED = "RAY_"  # a cluster's
 _ONES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX")
 LARGEST_ANSWER = 1 << 26
-HELLO = struct.Struct("<II")  # the process id as seen from outside, and the walls that stand
+HELLO = struct.Struct("<II")  # the process id as seen from outside, and the layers that stand
 _AT_ONCE = 1 << 16
 _LATER_S = 0.5  # by how much a time limit may be overdrawn
 
@@ -53,13 +53,14 @@ class Limits:
     Attributes:
         memory_bytes: address space, the interpreter and its libraries included.
         start_s: seconds until the policy is loaded.
-        call_s: seconds for one answer.
+        call_s, row_s: seconds for one answer, and for each game in it.
         total_s: seconds for all answers together.
     """
 
     memory_bytes: int = 2 * 2**30
     start_s: float = 120.0
-    call_s: float = 60.0
+    call_s: float = 10.0
+    row_s: float = 0.02
     total_s: float = 1200.0
 
 
@@ -67,7 +68,7 @@ class Sandbox:
     """Running sandboxed process of a module of this package, and the socket to it.
 
     Args:
-        module: its ``main`` takes an :class:`fpg_bench.leaderboard.sandbox_child.Inside`, and locks it down.
+        module: its ``main`` takes a :class:`fpg_bench.players.sandbox.child.SandboxChild` and locks it down.
         limits: of memory and time.
     """
 
@@ -77,10 +78,10 @@ class Sandbox:
         self._folder = tempfile.TemporaryDirectory(prefix="fpg-bench-")
         self._socket, theirs = socket.socketpair()
         self._reader, self._timeout = Reader(self._socket), 0.0
-        self._hello: tuple[int, Wall] | None = None
+        self._hello: tuple[int, Layer] | None = None
         cpu_s = int(limits.start_s + limits.total_s) + 1
         numbers = map(str, (theirs.fileno(), limits.memory_bytes, cpu_s))
-        command = [sys.executable, "-P", "-m", "fpg_bench.leaderboard.sandbox_child", module, *numbers]
+        command = [sys.executable, "-P", "-m", "fpg_bench.players.sandbox.child", module, *numbers]
         with theirs:
             self._process = subprocess.Popen(
                 command,
@@ -129,8 +130,8 @@ class Sandbox:
             raise PolicyFailed(f"answers with {count:,} bytes")
         if self._hello is None:
             outside, standing = HELLO.unpack(self._reader.read(HELLO.size, self._wait))
-            self._hello = outside, Wall(standing)
-            _MISSING.update(dict.fromkeys(missing(Wall(standing))))
+            self._hello = outside, Layer(standing)
+            _MISSING.update(dict.fromkeys(missing(Layer(standing))))
         return self._reader.read(count, self._wait)
 
     def close(self) -> None:

@@ -14,8 +14,8 @@ import numpy as np
 from fpg_bench.common.errors import printable
 from fpg_bench.common.strict_json import read_plain
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.leaderboard.sandbox import Limits, PolicyFailed, Sandbox
 from fpg_bench.players.player import Memory
+from fpg_bench.players.sandbox.process import Limits, PolicyFailed, Sandbox
 from fpg_bench.players.seeded import Batched
 
 __all__ = ["Limits", "Policy", "PolicyClient", "PolicyFailed", "check_policies", "check_policy"]
@@ -56,7 +56,7 @@ class Policy:
 def check_policy(model: bytes) -> list[str]:
     """Return all problems of a ``policy.onnx``, one line each; none if it may be played.
 
-    The file is parsed in a process of its own under limits; :mod:`fpg_bench.leaderboard.onnx_checks` says
+    The file is parsed in a process of its own under limits; :mod:`fpg_bench.players.sandbox.onnx_checks` says
     what it may hold. External data is never read.
     """
     return check_policies([model])[0]
@@ -77,7 +77,7 @@ def check_policies(models: Sequence[bytes]) -> list[list[str]]:
 def _check(models: list[bytes]) -> None:
     """Check policies in one process; in a new one after each that ends it."""
     while models:
-        sandbox = Sandbox("fpg_bench.leaderboard.onnx_checks", _READING)
+        sandbox = Sandbox("fpg_bench.players.sandbox.onnx_checks", _READING)
         try:
             while models:
                 model = models.pop(0)
@@ -127,7 +127,7 @@ class PolicyClient(Batched):
         self._sandbox: Sandbox | None = None
 
     def __enter__(self) -> PolicyClient:
-        self._sandbox = Sandbox("fpg_bench.leaderboard.policy_process", self.limits)
+        self._sandbox = Sandbox("fpg_bench.players.sandbox.policy", self.limits)
         try:
             with self._sandbox.within(self.limits.start_s):
                 self._sandbox.send(HEAD.pack(LOAD, len(self.policy.model), 0), self.policy.model)
@@ -183,7 +183,7 @@ class PolicyClient(Batched):
             flags |= STARTS
             parts.append(np.ascontiguousarray(starts, bool).data)
         sandbox = self._running()
-        with sandbox.within(self.limits.call_s):
+        with sandbox.within(self.limits.call_s + count * self.limits.row_s):
             sandbox.send(HEAD.pack(PLAY, count, flags), *parts)
             actions = self._actions(count)
         self._calls += 1

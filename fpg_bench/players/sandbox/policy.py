@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.leaderboard.policy_client import ACTIONS, FAILED, FRESH, HEAD, LOAD, READY, RESET, STARTS
-from fpg_bench.leaderboard.sandbox import Reader
-from fpg_bench.leaderboard.sandbox_child import SandboxChild
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.player import Memory
+from fpg_bench.players.sandbox.child import SandboxChild
+from fpg_bench.players.sandbox.client import ACTIONS, FAILED, FRESH, HEAD, LOAD, READY, RESET, STARTS
+from fpg_bench.players.sandbox.process import Reader
 
 _LONGEST_REASON = 300
 _MEMORY = ("bad_alloc", "alloc", "memory")

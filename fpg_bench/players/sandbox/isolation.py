@@ -1,6 +1,6 @@
 """Isolation of this process by namespaces, an empty root, Landlock and refused system calls.
 
-Each wall is tried by itself, since not every kernel has all of them; those that stand are reported.
+Each layer is tried by itself, since not every kernel has all of them; those that stand are reported.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import signal
 import struct
 
 
-class Wall(enum.IntFlag):
-    """Walls around a process."""
+class Layer(enum.IntFlag):
+    """Layers around a process."""
 
     NAMESPACES = 1  # its own users, mounts, network, processes
     EMPTY_ROOT = 2  # a root folder that holds nothing and cannot be written
@@ -22,11 +22,11 @@ class Wall(enum.IntFlag):
     CALLS = 8  # no socket, no file, no process: the kernel refuses the calls
 
 
-# Resources that are shut out, each by any one of these walls.
+# Resources that are shut out, each by any one of these layers.
 _SHUT_OUT = {
-    "files": Wall.EMPTY_ROOT | Wall.LANDLOCK | Wall.CALLS,
-    "the network": Wall.NAMESPACES | Wall.CALLS,
-    "other processes": Wall.NAMESPACES | Wall.LANDLOCK | Wall.CALLS,
+    "files": Layer.EMPTY_ROOT | Layer.LANDLOCK | Layer.CALLS,
+    "the network": Layer.NAMESPACES | Layer.CALLS,
+    "other processes": Layer.NAMESPACES | Layer.LANDLOCK | Layer.CALLS,
 }
 
 _NEW_USER, _NEW_REST = 0x10000000, 0x00020000 | 0x08000000 | 0x04000000 | 0x20000000 | 0x40000000
@@ -45,21 +45,21 @@ sched_getaffinity sched_yield select sendto set_robust_list sigaltstack time tim
 """
 
 
-def missing(walls: Wall) -> list[str]:
-    """Return the resources that these walls do not shut out."""
-    return [name for name, any_of in _SHUT_OUT.items() if not walls & any_of]
+def missing(layers: Layer) -> list[str]:
+    """Return the resources that these layers do not shut out."""
+    return [name for name, any_of in _SHUT_OUT.items() if not layers & any_of]
 
 
-def isolate() -> tuple[Wall, int]:
+def isolate() -> tuple[Layer, int]:
     """Move this single-threaded process into namespaces of its own, if the kernel allows them.
 
     A child continues as the first process of its namespace. This process waits for it and ends as it ends.
 
     Returns:
-        The walls that stand now, and the process id as seen from outside.
+        The layers that stand now, and the process id as seen from outside.
     """
     if not _unshared():
-        return Wall(0), os.getpid()
+        return Layer(0), os.getpid()
     reading, writing = os.pipe()
     if inner := os.fork():
         os.write(writing, struct.pack("<I", inner))
@@ -68,22 +68,22 @@ def isolate() -> tuple[Wall, int]:
     (outside,) = struct.unpack("<I", os.read(reading, 4))
     os.close(reading)
     os.close(writing)
-    return Wall.NAMESPACES, outside
+    return Layer.NAMESPACES, outside
 
 
-def shut(walls: Wall) -> Wall:
-    """Raise all other walls, once everything is loaded; return those that stand then."""
+def shut(layers: Layer) -> Layer:
+    """Raise all other layers, once everything is loaded; return those that stand then."""
     filters = _filter_library()  # while there are files
-    if walls & Wall.NAMESPACES and _empty_root():
-        walls |= Wall.EMPTY_ROOT
+    if layers & Layer.NAMESPACES and _empty_root():
+        layers |= Layer.EMPTY_ROOT
     _drop_capabilities()
     with contextlib.suppress(OSError, AttributeError):
         _check(_libc().prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0))
         if _landlocked():
-            walls |= Wall.LANDLOCK
+            layers |= Layer.LANDLOCK
         if filters is not None and _calls_refused(filters):
-            walls |= Wall.CALLS
-    return walls
+            layers |= Layer.CALLS
+    return layers
 
 
 def _libc() -> ctypes.CDLL:

@@ -1,0 +1,94 @@
+"""Agents of submissions as players: each plays in a sandbox, and what it does there stops nobody."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.players.player import Memory
+from fpg_bench.players.sandbox.client import Policy, PolicyClient, check_policy
+from fpg_bench.players.sandbox.process import Limits, PolicyFailed
+from fpg_bench.players.seeded import Batched
+
+_logger = logging.getLogger(__name__)
+# Training asks millions of times, so only the start and each answer are limited.
+_LIMITS = Limits(total_s=1e7)
+
+
+class SandboxedAgent(Batched):
+    """Player of an untrusted policy, as part of a training, a season or an evaluation.
+
+    Its process starts with the first answer. An invalid answer loses that game's round, as in
+    :class:`fpg_bench.players.sandbox.client.PolicyClient`. If the process dies, exceeds a limit or breaks the
+    contract, the present rounds of all games and all later ones are lost, with actions of zeros.
+
+    Args:
+        model: the bytes of ``policy.onnx``.
+        about: the content of ``agent.json``.
+
+    Attributes:
+        invalid: ``(n,)`` bool, the games whose current round is lost.
+        failure: why the process could not play on; None while it can.
+
+    Raises:
+        UserError: the file breaks the contract; see :func:`fpg_bench.players.sandbox.client.check_policy`.
+    """
+
+    def __init__(self, model: bytes, about: dict[str, Any]) -> None:
+        if problems := check_policy(model):
+            raise UserError(f"policy.onnx: {problems[0]}")
+        self.model, self.about = model, about
+        self.failure: str | None = None
+        self.invalid = np.zeros(0, bool)
+        self._policy = Policy(0, about, model, str(about.get("policy_sha256")))
+        self._client: PolicyClient | None = None
+
+    def reset(self, mask: np.ndarray, seeds: np.ndarray) -> None:
+        """Start a round in the masked games with these seeds for their noise."""
+        if self.failure is None:
+            with self._failures():
+                self._running().reset(mask, seeds)
+                self.invalid = self._running().invalid
+        if self.failure is not None:
+            self.invalid = np.ones(len(mask), bool)
+
+    def _answer(
+        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
+    ) -> tuple[np.ndarray, Memory]:
+        if self.failure is None:
+            with self._failures():
+                actions, state = self._running().predict(seen, state, starts)
+                self.invalid = self._running().invalid
+                return actions, state
+        self.invalid = np.ones(len(seen), bool)
+        return np.zeros((len(seen), ACTION_SIZE), np.float32), None
+
+    def _running(self) -> PolicyClient:
+        if self._client is None:
+            self._client = PolicyClient(self._policy, _LIMITS).__enter__()
+        return self._client
+
+    @contextlib.contextmanager
+    def _failures(self) -> Iterator[None]:
+        """Turn the failure of the process into lost rounds."""
+        try:
+            yield
+        except PolicyFailed as error:
+            self.failure = str(error)
+            _logger.warning(f"{self!r}: {error}; its rounds are lost from here on")
+
+    def __reduce__(self) -> tuple[type[SandboxedAgent], tuple[bytes, dict[str, Any]]]:
+        return type(self), (self.model, self.about)
+
+    def __del__(self) -> None:
+        if self.__dict__.get("_client") is not None:
+            self._client.close()  # type: ignore[union-attr]
+
+    def __repr__(self) -> str:
+        return f"SandboxedAgent({self.about.get('id')}, {self.about.get('algorithm')})"

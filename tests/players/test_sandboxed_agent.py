@@ -1,0 +1,60 @@
+"""Agents of submissions play in a sandbox wherever they are named."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import fpg_bench
+from fpg_bench import UserError, load_agent
+from fpg_bench.envs.core import SingleAgentGame
+from fpg_bench.players.sandbox.agent import SandboxedAgent
+from tests.leaderboard.making import (
+    dividing_by_zero,
+    model,
+    node,
+    through,
+    weights,
+    write_seed,
+    write_submission,
+)
+
+
+@pytest.fixture
+def submission(tmp_path):
+    return write_submission(tmp_path / "entry", seeds=(0,))
+
+
+def test_an_agent_of_a_submission_plays_as_it_would_in_this_process(submission, tmp_path):
+    sandboxed = load_agent(submission / "seed_0", "ally")
+    write_seed(tmp_path / "mine", 0)
+    own = load_agent(tmp_path / "mine", "ally")
+    assert isinstance(sandboxed, SandboxedAgent)
+    observation = np.random.default_rng(0).uniform(-1, 1, (5, 15)).astype(np.float32)
+    for player in (sandboxed, pickle.loads(pickle.dumps(sandboxed))):
+        np.testing.assert_array_equal(player.predict(observation)[0], own.predict(observation)[0])
+
+
+@pytest.mark.parametrize(
+    "data", [through("Abs", "Neg", "Log"), dividing_by_zero()], ids=["not a number", "dies"]
+)
+def test_what_it_does_wrong_loses_rounds_and_ends_nothing(submission, data):
+    write_seed(submission / "seed_0", 0, data)
+    game = SingleAgentGame("FPG/OpponentVsPolicy-v0", 4, ally=str(submission / "seed_0"))
+    game.reset(seeds=0)
+    for _ in range(3):
+        game.step(np.zeros((4, 9), np.float32))
+    (player,) = game._runner.players
+    assert player.invalid.all()
+
+
+def test_a_file_that_breaks_the_contract_is_not_played(submission):
+    write_seed(
+        submission / "seed_0", 0, model([node("RandomNormal", [], ["action"], shape=[2, 9])], [weights()])
+    )
+    with pytest.raises(UserError, match="draws at random"):
+        load_agent(submission / "seed_0", "ally")
+
+
+def test_scripts_and_shipped_agents_are_loaded_in_this_process():
+    assert not isinstance(fpg_bench.load_agent("ally-scripted/ppo/seed_0"), SandboxedAgent)
