@@ -134,9 +134,11 @@ def verify(
 def crossplay(
     folder: FolderOption = Path("leaderboard"),
     check: Annotated[
-        str | None, typer.Option(help="Share of existing pairs to play again and compare, as 5%.")
+        str | None, typer.Option(help="Share of each ally's pairs to play again and compare, as 5%.")
     ] = None,
-    sample_seed: Annotated[int, typer.Option(help="Seed of the draw.")] = 0,
+    sample_seed: Annotated[
+        int | None, typer.Option(help="Seed of the draw. Default: a new one, which is printed.")
+    ] = None,
     since: SinceOption = None,
     n_jobs: JobsOption = 1,
     backend: BackendOption = "loky",
@@ -153,7 +155,9 @@ def crossplay(
     if check is None:
         failed = play_missing(folder, trusted=trusted, n_jobs=n_jobs, backend=backend, address=address)
     else:
-        failed = check_pairs(folder, _share(check), sample_seed)
+        failed = check_pairs(
+            folder, _share(check), sample_seed, n_jobs=n_jobs, backend=backend, address=address
+        )
     for line in failed:
         print_line(line)
     raise typer.Exit(1 if failed else 0)

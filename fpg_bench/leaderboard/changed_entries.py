@@ -28,10 +28,12 @@ class Changes:
     Attributes:
         entries: ``track/name`` of the entries whose submission or result changed.
         others: all other files but that of cross-play, relative to the top of the checkout, sorted.
+        has_pairs: true if the file of cross-play changed; :func:`pairs_at` returns its trusted rows.
     """
 
     entries: frozenset[str] = frozenset()
     others: tuple[str, ...] = ()
+    has_pairs: bool = False
 
 
 def changed_entries(board: Path, revision: str) -> Changes:
@@ -51,6 +53,7 @@ def changed_entries(board: Path, revision: str) -> Changes:
     return Changes(
         frozenset(name for name in names.values() if name is not None),
         tuple(path for path in changed if names[path] is None and path != pairs),
+        pairs in changed,
     )
 
 

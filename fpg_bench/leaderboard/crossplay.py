@@ -8,6 +8,7 @@ import json
 import logging
 import math
 import random
+import secrets
 import shutil
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -43,6 +44,7 @@ from fpg_bench.players.sandbox.process import PolicyFailed
 _logger = logging.getLogger(__name__)
 
 ROUNDS = 100
+_UNEVEN = 0.1  # of the spread between training seeds: they do not all play as many rounds
 WITHIN = 0.005  # of a rate, and of the distance from 0 to 100, when a pair is played again
 
 _Rewards = Annotated[Items[Annotated[float, Gt(-1e6), Lt(1e6)]], Len(1)]
@@ -116,6 +118,23 @@ class Pair(Strict):
         names = (self.ally, self.opponent) == (ally.slug, opponent.slug)
         seeds = len(self.ally_rewards), len(self.opponent_rewards)
         return names and seeds == (len(ally.parts), len(opponent.parts))
+
+    def is_possible(self, scenario: Scenario) -> bool:
+        """Return whether rounds of a scenario can earn these returns (Eq. 5 and 6).
+
+        The ally earns at most the capped SNR above the threshold. The opponent earns at most what the ally's
+        SNR lies below the cap, and the reward for being near.
+        """
+        if scenario.snr_cap_db is None or any(self.lost):
+            return True
+        most = scenario.snr_cap_db - scenario.snr_threshold_db
+        left = most - self.reward("ally")
+        near = max(scenario.distance_reward, 0.0)
+        tolerance = _UNEVEN * (max(self.ally_rewards) - min(self.ally_rewards)) + WITHIN
+        return (
+            max(self.ally_rewards) <= most + WITHIN
+            and self.reward("opponent") <= near + scenario.snr_drop_weight * (left + tolerance) + WITHIN
+        )
 
 
 def read_pair(row: Row) -> Pair | None:
@@ -205,7 +224,11 @@ def read_pairs(
     if count := len(bad) + len(rows) - len(sound):
         _logger.info(f"{file}: {count} lines are no pair's, or an older protocol's, and left out")
     wanted = {key: (a, o) for key, a, o in Pairs(*players, {}, rounds=rounds).every()}
-    results = {pair.key: pair for pair in sound if pair.key in wanted and pair.is_of(*wanted[pair.key])}
+    own = [pair for pair in sound if pair.key in wanted and pair.is_of(*wanted[pair.key])]
+    results = {pair.key: pair for pair in own if pair.is_possible(wanted[pair.key][1].scenario)}
+    for pair in own:
+        if pair.key not in results:
+            _logger.warning(f"{file}: {pair.ally} - {pair.opponent}: no rounds can earn this; it is left out")
     return Pairs(*players, results, not bad and len(results) == len(rows), rounds)
 
 
@@ -265,24 +288,36 @@ def play_missing(
     return failed
 
 
-def check_pairs(board: str | Path, share: float, seed: int) -> list[str]:
-    """Play some pairs again, drawn at random, and return what differs, one line each.
+def check_pairs(
+    board: str | Path,
+    share: float,
+    seed: int | None = None,
+    *,
+    n_jobs: int = 1,
+    backend: str = "loky",
+    address: str | None = None,
+) -> list[str]:
+    """Play some pairs again, drawn at random for each ally, and return what differs, one line each.
 
     Args:
         board: the leaderboard's folder.
-        share: of the pairs; at least one is played.
-        seed: of the draw.
+        share: of each ally's pairs; at least one is played.
+        seed: of the draw; None: a new one, which is logged.
+        n_jobs, backend, address: as in :func:`play_missing`.
 
     Raises:
         UserError: a share out of range.
     """
     check_share(share)
-    board = Path(board)
+    board, seed = Path(board), secrets.randbits(31) if seed is None else seed
+    _logger.info(f"check: {100 * share:g} % of each ally's pairs, --sample-seed {seed}")
     pairs = read_pairs(board, players_of_board(board))
-    there = [(a, o) for key, a, o in pairs.every() if key in pairs.results]
-    drawn = random.Random(seed).sample(there, math.ceil(share * len(there)))
+    rng, drawn = random.Random(seed), []
+    for ally in pairs.allies:
+        there = [(a, o) for key, a, o in pairs.every() if a is ally and key in pairs.results]
+        drawn += rng.sample(there, math.ceil(share * len(there)))
     with at_work(board):
-        played, failed = _play(board, drawn, pairs.rounds)
+        played, failed = _play(board, drawn, pairs.rounds, n_jobs, backend, address)
     return failed + _differences(played, pairs)
 
 

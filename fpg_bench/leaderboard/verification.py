@@ -506,6 +506,10 @@ def _new_entries(board: Path, since: str, changes_known: bool) -> frozenset[str]
             f"since: {len(changes.others)} files of no entry are not as they were: {few}; read them, then "
             "say --changes-known"
         )
+    if changes.has_pairs:
+        _logger.info(
+            f"pairs of cross-play changed: fpg-bench leaderboard crossplay --since {since} plays them"
+        )
     return changes.entries
 
 

@@ -210,6 +210,7 @@ def test_forged_pairs_are_dropped_and_played_again(trusted):
     file = crossplay_file(trusted)
     row = json.loads(file.read_text())
     file.write_text(json.dumps(row | {"jamming_success_rate": 0.0}) + "\n")
+    assert changed_entries(trusted, "HEAD") == Changes(has_pairs=True)
     found = play_missing(trusted, rounds=4, trusted=pairs_at(trusted, "HEAD"))
     assert any("jammed" in record and record.endswith("; replaced, commit this one") for record in found)
     assert json.loads(file.read_text()) == row

@@ -10,6 +10,7 @@ from fpg_bench.evaluation.play import LOST_SCORE, play
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import as_scenario
+from fpg_bench.leaderboard import crossplay
 from fpg_bench.leaderboard.crossplay import (
     CrossplayEntry,
     Pairs,
@@ -220,6 +221,31 @@ def test_figures_that_were_edited_are_found(entered):
         change(entered, -1, **last | {f"{side}_rewards": [x + 1 for x in last[f"{side}_rewards"]]})
         (found,) = check_pairs(entered, 1.0, seed=0)
         assert found.startswith(f"idle - linear: {side}'s return per step ")
+
+
+def test_a_check_plays_pairs_of_every_ally_drawn_anew_each_time(entered, monkeypatch, messages):
+    play_all(entered)
+    drawn = []
+    monkeypatch.setattr(crossplay, "_play", lambda board, pairs, *how: (drawn.append(pairs), ([], []))[1])
+    for _ in range(2):
+        assert check_pairs(entered, 0.01) == []
+    assert [[ally.slug for ally, _ in pairs] for pairs in drawn] == [["expert", "idle"]] * 2
+    first, second = (line.split()[-1] for line in messages if "--sample-seed" in line)
+    assert first != second
+
+
+@pytest.mark.parametrize(
+    "forged", [{"ally_rewards": [22.1]}, {"ally_rewards": [21.9], "opponent_rewards": [25.0]}]
+)
+def test_a_return_that_no_rounds_can_earn_is_left_out(entered, forged, messages):
+    play_all(entered)
+    before = rows(entered)
+    change(entered, 0, **forged)
+    messages.clear()
+    assert play_missing(entered) == []
+    assert "expert - adaptive: no rounds can earn this" in messages[0]
+    assert messages[1] == "crossplay: 1 of 4 pairs to play"
+    assert rows(entered) == before
 
 
 def test_a_new_season_wants_new_pairs(entered, small_suites):
