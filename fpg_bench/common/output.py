@@ -1,8 +1,9 @@
-"""Standard output: lines without control characters, and the package's log messages."""
+"""Lines without control characters on standard output, and the package's log messages."""
 
 from __future__ import annotations
 
 import logging
+import sys
 
 from fpg_bench.common.errors import printable
 
@@ -13,7 +14,10 @@ def print_line(line: str) -> None:
 
 
 def print_messages() -> None:
-    """Print the package's log messages from INFO on, unless its logger has a handler already."""
+    """Print the package's log messages from INFO on, warnings on standard error.
+
+    Nothing is changed if its logger has a handler already.
+    """
     package = logging.getLogger("fpg_bench")
     if not package.handlers:
         package.addHandler(_PrintHandler())
@@ -24,4 +28,5 @@ class _PrintHandler(logging.Handler):
     """Handler that prints messages as lines of text."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        print_line(self.format(record))
+        stream = sys.stderr if record.levelno >= logging.WARNING else sys.stdout
+        print(printable(self.format(record)), file=stream, flush=True)

@@ -199,17 +199,3 @@ def test_a_planner_whose_file_would_not_tell_all_is_refused(environment, file):
         with pytest.raises(UserError, match="name it 'llm'"):
             play(file, planner)
         assert play(None, planner, rounds=1)[0].row["status"] == "ok"
-
-
-@pytest.mark.slow
-def test_a_server_that_is_of_no_use_ends_the_match_which_then_goes_on(environment, file, monkeypatch):
-    with FaultServer([status(404)]) as server:
-        environment(server)
-        monkeypatch.setenv("FPG_LLM_MODEL", "mistyped-model")
-        with pytest.raises(UserError, match=r"HTTP 404, no such address or model.* fpg-bench plan probe"):
-            ask(file)
-        assert [row["kind"] for row in lines(file)] == ["run"]
-        server.behaviours = list(BEHAVIOURS)
-        server.requests.clear()
-        environment(server)
-        assert [x.row["status"] for x in ask(file)] == STATUSES

@@ -18,7 +18,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.planning import Plan
 from fpg_bench.planning.llm.background import BackgroundPlanner
 
-from .fault_server import FaultServer, answer, ok, status
+from .fault_server import FaultServer, answer, ok
 from .playing import BAD, ROUNDS, SHORT, endpoint, path, path_text, planner, play, request
 
 
@@ -358,12 +358,3 @@ def test_a_program_ends_while_a_call_is_under_way(monkeypatch, ending):
             go.set()
     assert ("KeyboardInterrupt" in errors) if ending == "interrupt" else errors == ""
     assert (run.returncode == 0) == (ending == "end")
-
-
-def test_a_server_that_is_of_no_use_comes_up_at_the_next_round(tmp_path):
-    with FaultServer([status(401)]) as server:
-        beside = BackgroundPlanner(planner(server, transcript=tmp_path / "transcript.jsonl"))
-        beside.plan_batch([request(0)])
-        settle(beside)
-        with pytest.raises(UserError, match=r"HTTP 401, the key is refused \(FPG_LLM_API_KEY\)"):
-            beside.plan_batch([request(1)])

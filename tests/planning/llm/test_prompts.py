@@ -99,9 +99,8 @@ def test_an_echo_of_the_whole_prompt_is_no_answer(name, rounds):
 
 
 @pytest.mark.parametrize("name", PROMPTS)
-@pytest.mark.parametrize("rounds", [10, 200])
-def test_a_prompt_stays_short(name, rounds):
-    history = np.tile([1499.0, 1499.0, 599.0, -19.99], (rounds, 16, 1))
+def test_a_prompt_stays_short(name):
+    history = np.tile([1499.0, 1499.0, 599.0, -19.99], (200, 16, 1))
     assert tokens(text(name, request(history=history))) < 6000
 
 
@@ -185,11 +184,6 @@ def test_no_history_reads_like_a_first_round(name):
     assert "Round 1" not in first
     assert "$" not in first
     assert "\n\n\n" not in first
-
-
-def test_an_unknown_control_is_refused():
-    with pytest.raises(UserError, match="unknown control 'shuffled'; did you mean 'shuffled-rewards'"):
-        load_prompt("standard").messages(request(), "shuffled")
 
 
 def test_a_re_ask_repeats_the_reply_and_names_the_rule():

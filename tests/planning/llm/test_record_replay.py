@@ -110,21 +110,6 @@ def test_a_replay_with_another_prompt_is_told_the_recorded_one(recorded, options
         play(planner(transcript=recorded[0], mode="replay", **options))
 
 
-def test_a_replay_of_another_match_is_refused(recorded):
-    with pytest.raises(UserError, match="seed 6, match 0, round 0, attempt 0 is missing"):
-        play(planner(transcript=recorded[0], mode="replay"), seed=6)
-
-
-def test_a_record_with_another_model_is_refused(recorded):
-    with FaultServer([GOOD]) as server:
-        asking = planner(server, transcript=recorded[0])
-        line = recorded[0].read_text().replace('"model":"tiny"', '"model":"huge"')
-        recorded[0].write_text(line)
-        with pytest.raises(UserError, match=r"other model .*into a new file"):
-            play(asking)
-        assert not server.requests
-
-
 RUN = """
 import sys
 from tests.planning.llm.playing import SHORT, play
