@@ -1,0 +1,94 @@
+"""A pull request that brings its own verifier is verified by that of the base branch."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from tests.programs import ROOT
+
+pytestmark = [pytest.mark.process, pytest.mark.slow]
+ENTRY = "ally/always-hop"
+
+
+def git(repository, *words):
+    identity = ("-c", "user.name=x", "-c", "user.email=x@example.org")
+    done = subprocess.run(
+        ["git", "-C", str(repository), *identity, *words], check=True, capture_output=True, text=True
+    )
+    return done.stdout.strip()
+
+
+@pytest.fixture
+def base(tmp_path):
+    """A repository with the package, the script of the workflow, and a board without entries."""
+    top = tmp_path / "repository"
+    for name in (".github", "fpg_bench"):
+        shutil.copytree(ROOT / name, top / name, ignore=shutil.ignore_patterns("__pycache__"))
+    (top / "leaderboard/submissions/ally").mkdir(parents=True)
+    (top / "leaderboard/submissions/ally/.keep").touch()
+    (top / "baselines").symlink_to(ROOT / "baselines")
+    program = top / ".venv/bin/fpg-bench"
+    program.parent.mkdir(parents=True)
+    program.write_text(f'#!/bin/sh\nPYTHONPATH={top} exec {sys.executable} -m fpg_bench.cli "$@"\n')
+    program.chmod(0o755)
+    (top / ".gitignore").write_text("/.venv\n/baselines\n__pycache__\n")
+    git(top, "init", "--quiet", "--initial-branch", "main")
+    git(top, "add", "--all")
+    git(top, "commit", "--quiet", "--message", "base")
+    return top
+
+
+def verified(top):
+    """The status and the report of the workflow's script for the pull request on the branch ``change``."""
+    head = git(top, "rev-parse", "change")
+    git(top, "checkout", "--quiet", "-b", "merged", "main")
+    git(top, "merge", "--quiet", "--no-ff", "--message", "merge", "change")
+    git(top, "checkout", "--quiet", "main")
+    done = subprocess.run(
+        [str(top / ".github/verify-pull-request"), "merged", head],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=os.environ | {"XDG_CACHE_HOME": str(top.parent / "cache")},
+        check=False,
+    )
+    return done.returncode, done.stdout
+
+
+def test_a_pull_request_cannot_verify_itself(base):
+    git(base, "checkout", "--quiet", "-b", "change")
+    shutil.copytree(ROOT / "leaderboard/submissions" / ENTRY, base / "leaderboard/submissions" / ENTRY)
+    result = base / f"leaderboard/results/{ENTRY}.jsonl"
+    result.parent.mkdir(parents=True)
+    head, *lines = (ROOT / f"leaderboard/results/{ENTRY}.jsonl").read_text().splitlines(keepends=True)
+    result.write_text("".join([head, *lines]).replace('"returns":[', '"returns":[99.9,', 1))
+    entry = base / "fpg_bench/cli/__main__.py"
+    entry.write_text('print("ally/always-hop: verified: unseen 99.9")\n')
+    (base / ".github/verify-pull-request").write_text("#!/bin/sh\necho verified: unseen 99.9\n")
+    git(base, "add", "--all")
+    git(base, "commit", "--quiet", "--message", "change")
+
+    status, report = verified(base)
+    assert status != 0
+    assert "outside leaderboard/, not used here:\n  .github/verify-pull-request\n  fpg_bench/cli/" in report
+    assert "unseen 99.9" not in report
+    assert "ally/always-hop: replaced" in report
+    assert "commit this one" in report
+
+
+def test_a_pull_request_that_does_not_follow_from_the_branch_is_not_verified(base):
+    git(base, "checkout", "--quiet", "-b", "change")
+    (base / "leaderboard/note").touch()
+    git(base, "add", "--all")
+    git(base, "commit", "--quiet", "--message", "change")
+    done = subprocess.run(
+        [str(base / ".github/verify-pull-request"), "change", "0" * 40],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode != 0
+    assert "has moved on" in done.stdout
