@@ -1,6 +1,6 @@
 """A pull request that brings its own verifier is verified by that of the base branch."""
 
-import os
+import re
 import shutil
 import subprocess
 import sys
@@ -23,18 +23,18 @@ def git(repository, *words):
 
 @pytest.fixture
 def base(tmp_path):
-    """A repository with the package, the script of the workflow, and a board without entries."""
+    """A repository with the script of the workflow, a board without entries, and a package that is ours."""
     top = tmp_path / "repository"
-    for name in (".github", "fpg_bench"):
-        shutil.copytree(ROOT / name, top / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / ".github", top / ".github")
+    (top / "fpg_bench").mkdir()
+    (top / "fpg_bench/verifier.sh").write_text(f'exec {sys.executable} -m fpg_bench.cli "$@"\n')
     (top / "leaderboard/submissions/ally").mkdir(parents=True)
     (top / "leaderboard/submissions/ally/.keep").touch()
-    (top / "baselines").symlink_to(ROOT / "baselines")
     program = top / ".venv/bin/fpg-bench"
     program.parent.mkdir(parents=True)
-    program.write_text(f'#!/bin/sh\nPYTHONPATH={top} exec {sys.executable} -m fpg_bench.cli "$@"\n')
+    program.write_text(f"#!/bin/sh\n. {top}/fpg_bench/verifier.sh\n")
     program.chmod(0o755)
-    (top / ".gitignore").write_text("/.venv\n/baselines\n__pycache__\n")
+    (top / ".gitignore").write_text("/.venv\n")
     git(top, "init", "--quiet", "--initial-branch", "main")
     git(top, "add", "--all")
     git(top, "commit", "--quiet", "--message", "base")
@@ -52,7 +52,6 @@ def verified(top):
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        env=os.environ | {"XDG_CACHE_HOME": str(top.parent / "cache")},
         check=False,
     )
     return done.returncode, done.stdout
@@ -61,19 +60,21 @@ def verified(top):
 def test_a_pull_request_cannot_verify_itself(base):
     git(base, "checkout", "--quiet", "-b", "change")
     shutil.copytree(ROOT / "leaderboard/submissions" / ENTRY, base / "leaderboard/submissions" / ENTRY)
+    honest = ROOT / f"leaderboard/results/{ENTRY}.jsonl"
     result = base / f"leaderboard/results/{ENTRY}.jsonl"
     result.parent.mkdir(parents=True)
-    head, *lines = (ROOT / f"leaderboard/results/{ENTRY}.jsonl").read_text().splitlines(keepends=True)
-    result.write_text("".join([head, *lines]).replace('"returns":[', '"returns":[99.9,', 1))
-    entry = base / "fpg_bench/cli/__main__.py"
-    entry.write_text('print("ally/always-hop: verified: unseen 99.9")\n')
+    result.write_text(re.sub(r'"returns":\[[-\d.]+', '"returns":[999.9', honest.read_text()))
+    (base / "fpg_bench/verifier.sh").write_text("echo ally/always-hop: verified: unseen 99.9\n")
     (base / ".github/verify-pull-request").write_text("#!/bin/sh\necho verified: unseen 99.9\n")
     git(base, "add", "--all")
     git(base, "commit", "--quiet", "--message", "change")
 
     status, report = verified(base)
     assert status != 0
-    assert "outside leaderboard/, not used here:\n  .github/verify-pull-request\n  fpg_bench/cli/" in report
+    assert (
+        "outside leaderboard/, not used here:\n  .github/verify-pull-request\n  fpg_bench/verifier.sh"
+        in report
+    )
     assert "unseen 99.9" not in report
     assert "ally/always-hop: replaced" in report
     assert "commit this one" in report
