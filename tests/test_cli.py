@@ -237,7 +237,8 @@ def test_a_player_that_fails_is_named(tmp_path):
     (tmp_path / "bad.py").write_text(source)
     found = fpg("evaluate", "bad:Bad", "--out", "results", folder=tmp_path)
     assert found.returncode == 2
-    assert found.stderr.strip().endswith("ally Bad: its predict failed: RuntimeError: no idea")
+    where = f"in {tmp_path / 'bad.py'}, line 3"
+    assert found.stderr.strip().endswith(f"ally Bad: its predict failed: RuntimeError: no idea, {where}")
 
 
 @pytest.mark.process

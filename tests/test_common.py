@@ -52,6 +52,7 @@ KNOWN = ["ally/tone", "ally/comb", "random"]
         ("aly/tone", "; did you mean 'ally/tone'?"),
         ("ally/x/tone", "; did you mean 'ally/tone'?"),
         ("randm", "; did you mean 'random'?"),
+        ("RANDOM", "; did you mean 'random'?"),
         ("ally/zzz", "; known: ally/comb, ally/tone, random"),
         ("", "; known: ally/comb, ally/tone, random"),
     ],

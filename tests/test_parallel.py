@@ -72,9 +72,10 @@ def test_a_failed_job_is_reported_and_does_not_hold_up_the_others(tmp_path, mess
     jobs = [Job(name, partial(working.fail, error)) for name, error in errors.items()]
     jobs.append(Job("good", partial(working.square, tmp_path, 3), kept.append))
     failed = run_jobs(jobs)
+    line = working.fail.__code__.co_firstlineno + 1
     assert failed == {
         "user": "no such thing",
-        "bug": "a bug: ZeroDivisionError: by zero",
+        "bug": f"ZeroDivisionError: by zero, in {working.__file__}, line {line}",
         "disk": "there: No space left on device",
     }
     assert kept == [9]

@@ -15,6 +15,7 @@ import typer
 
 from fpg_bench.cli import evaluation, leaderboard, listing, llm, plan, reproduce, training, tune
 from fpg_bench.common.errors import UserError, printable
+from fpg_bench.common.imports import described
 from fpg_bench.common.output import print_messages
 
 app = typer.Typer(
@@ -99,7 +100,7 @@ def main() -> None:
         where = f"{error.filename}: " if error.filename else ""
         _fail(f"{where}{error.strerror or error}{full}", 1)
     except Exception as error:
-        _fail(f"a bug: {type(error).__name__}: {error} (the traceback: fpg-bench --debug ...)", 1)
+        _fail(f"{described(error)} (the traceback: fpg-bench --debug ...)", 1)
 
 
 def _heard_again(swallowed: Any) -> None:

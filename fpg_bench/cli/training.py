@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -347,8 +347,14 @@ def _percent(met: Row) -> str:
 
 
 def export(
-    source: Annotated[Path, typer.Argument(help="Folder of a run, or a zip written by SB3's save.")],
-    out: Annotated[Path, typer.Option(help="Folder of the agent, <submission>/seed_<k>.")],
+    source: Annotated[
+        Path,
+        typer.Argument(help="Folder of a run or of seed_0, seed_1, ..., or a zip written by SB3's save."),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(help="Folder of the agent, <submission>/seed_<k>; for several seeds, <submission>."),
+    ],
     side: Annotated[
         str | None, typer.Option(help="For a run that trained both sides: ally or opponent.")
     ] = None,
@@ -375,21 +381,34 @@ def export(
 ) -> None:
     """Export a trained model as an agent's folder, and compare it with the model's predict.
 
+    A folder with the runs of several training seeds (train --seeds) is exported as one agent for each seed.
+
     Example: fpg-bench export runs/ppo_0 --out leaderboard/submissions/ally/my-agent/seed_0
     """
-    if (out / "agent.json").exists():
-        raise UserError(f"export: {out} holds an agent; choose another folder, or remove it")
-    if source.is_dir():
-        difference = _from_run(source, out, side)
-    else:
-        difference = _from_zip(source, out, algo, env_id, seed, not_normalized)
-    told = "unknown" if difference is None else f"{difference:.2g}"
-    typer.echo(f"agent: {out}\nlargest difference to predict: {told}")
-
-
-def _from_run(run: Path, out: Path, side: str | None) -> Any:
-    """Copy the agent of a run's folder, which was compared when it was exported."""
     from fpg_bench.common.files import write_whole
+    from fpg_bench.players.agent import seed_folders
+
+    seeds = seed_folders(source)
+    targets = [out / seed.name for seed in seeds] or [out]
+    if taken := next((target for target in targets if (target / "agent.json").exists()), None):
+        raise UserError(f"export: {taken} holds an agent; choose another folder, or remove it")
+    if source.is_dir():
+        agents = [_agent_of(run, side) for run in seeds or [source]]  # all of them, before any is written
+        for (agent, difference), target in zip(agents, targets, strict=True):
+            for name in ("policy.onnx", "agent.json"):
+                write_whole(target / name, (agent / name).read_bytes())
+            _print_exported(target, difference)
+        return
+    _print_exported(out, _from_zip(source, out, algo, env_id, seed, not_normalized))
+
+
+def _print_exported(agent: Path, difference: float | None) -> None:
+    shown = "unknown" if difference is None else f"{difference:.2g}"
+    typer.echo(f"agent: {agent}\nlargest difference to predict: {shown}")
+
+
+def _agent_of(run: Path, side: str | None) -> tuple[Path, float | None]:
+    """Return the agent's folder of a run, and its difference to the model, measured when it was exported."""
     from fpg_bench.players.agent import load_agent
 
     agent = run / "agent" if (run / "agent").is_dir() else run
@@ -399,10 +418,7 @@ def _from_run(run: Path, out: Path, side: str | None) -> Any:
         both = (agent / "ally").is_dir()
         hint = "; say --side ally or --side opponent" if both else "; is the run finished?"
         raise UserError(f"export: {run} holds no agent{hint}")
-    about = load_agent(agent, side).about
-    for name in ("policy.onnx", "agent.json"):
-        write_whole(out / name, (agent / name).read_bytes())
-    return about.get("largest_difference")
+    return agent, load_agent(agent, side).about.get("largest_difference")
 
 
 def _from_zip(

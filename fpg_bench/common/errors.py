@@ -33,11 +33,12 @@ def nearest(word: str, known: Iterable[str]) -> str:
 def meant(word: str, known: Iterable[str]) -> str:
     """Return the end of an error message on an unknown word: the nearest known word, or nothing.
 
-    Of words as ``a/b`` the last parts must be near, too: all that lies in one folder begins alike.
+    Capitals do not matter. Of words as ``a/b`` the last parts must be near, too: all that lies in one
+    folder begins alike.
     """
-    near = [name for name in sorted(set(known)) if _ends_near(word, name)]
-    close = difflib.get_close_matches(word, near, n=1, cutoff=_NEAR)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    near = {name.lower(): name for name in sorted(set(known)) if _ends_near(word.lower(), name.lower())}
+    close = difflib.get_close_matches(word.lower(), near, n=1, cutoff=_NEAR)
+    return f"; did you mean {near[close[0]]!r}?" if close else ""
 
 
 def _ends_near(word: str, name: str) -> bool:

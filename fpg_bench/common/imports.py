@@ -5,7 +5,9 @@ from __future__ import annotations
 import importlib
 import inspect
 import sys
+import traceback
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError
@@ -66,8 +68,23 @@ def has_any(thing: Any, methods: Sequence[str]) -> bool:
 
 
 def reason(error: Exception) -> str:
-    """Return the type and message of an exception in one line."""
-    return " ".join(f"{type(error).__name__}: {error}".split())
+    """Return the type and message of an exception in one line, and where the user's own code raised it."""
+    return " ".join(f"{type(error).__name__}: {error}{_at_line(error)}".split())
+
+
+def described(error: Exception) -> str:
+    """Return one line on an exception that nobody caught: a fault of the user's code, or a bug of ours."""
+    return f"{'' if _at_line(error) else 'a bug: '}{reason(error)}"
+
+
+def _at_line(error: BaseException) -> str:
+    """Return ``, in FILE, line N`` where an exception arose in the user's own code; empty if it did not."""
+    others = (Path(__file__).parents[1], Path(sys.prefix), Path(sys.base_prefix))
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        file = Path(frame.filename).absolute()
+        if file.is_file() and not any(file.is_relative_to(folder) for folder in others):
+            return f", in {frame.filename}, line {frame.lineno}"
+    return ""
 
 
 def _made(maker: Any, what: str, scenario: Any) -> Any:

@@ -21,7 +21,7 @@ from typing import Any
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import need
-from fpg_bench.common.imports import reason
+from fpg_bench.common.imports import described
 
 _logger = logging.getLogger(__name__)
 
@@ -165,7 +165,7 @@ def outcome_of(run: Callable[[], Any]) -> Outcome:
     except OSError as error:  # a full disk, most often
         return Outcome(error=": ".join(filter(None, [error.filename, error.strerror or str(error)])))
     except Exception as error:
-        return Outcome(error=f"a bug: {reason(error)}")
+        return Outcome(error=described(error))
 
 
 _Call = Callable[[], Outcome]

@@ -19,6 +19,7 @@ from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.planning import PLANNERS, as_planner
+from fpg_bench.players.agent import agents_named
 from fpg_bench.players.player import Abilities, Player, PlayerSpec
 from fpg_bench.players.registry import as_player, player_name, policy_hash
 from fpg_bench.players.scripted import SCRIPTED
@@ -68,7 +69,8 @@ def entries_of(
     differ in these are called by their folders.
 
     Args:
-        specs: players of the suite's side, or ``all-scripted``; of a mapping, each key is the name of one
+        specs: players of the suite's side, groups of training seeds (``ally-scripted/sac``, ``runs/ppo``), or
+            ``all-scripted``; of a mapping, each key is the name of one
             entry, a player or a list of agents.
         suite: what they will meet.
         name: name of the agents among them; None: their algorithm.
@@ -81,7 +83,7 @@ def entries_of(
         named = [entry for name, spec in specs.items() for entry in _named_entry(str(name), spec, suite)]
         check_seeds(named)
         return named
-    every = [s for spec in specs for s in (SCRIPTED[suite.side] if spec == ALL_SCRIPTED else [spec])]
+    every = [each for spec in specs for each in _each(spec, suite.side)]
     players = {spec: _player(spec, suite) for spec in dict.fromkeys(every)}
     groups: dict[str, list[PlayerSpec]] = {}
     for spec, player in players.items():
@@ -96,6 +98,15 @@ def entries_of(
     entries = [_entry(spec, players[spec], names[spec]) for spec in players]
     check_seeds(entries)
     return list({(entry.name, entry.training_seed): entry for entry in entries}.values())
+
+
+def _each(spec: PlayerSpec, side: str) -> Sequence[PlayerSpec]:
+    """Return the players that a specification stands for."""
+    if spec == ALL_SCRIPTED:
+        return SCRIPTED[side]
+    name = os.fspath(spec) if isinstance(spec, str | os.PathLike) else ""
+    named = agents_named(name, side) if name and ":" not in name and name not in SCRIPTED[side] else [name]
+    return [spec] if named == [name] else named
 
 
 def _named_entry(name: str, specs: Players, suite: Suite) -> list[Entry]:
@@ -123,7 +134,9 @@ def check_seeds(entries: Sequence[Entry]) -> None:
         who = (entry.name, entry.training_seed)
         if known.setdefault(who, entry.fingerprint) != entry.fingerprint:
             seed = "" if entry.training_seed is None else f" of training seed {entry.training_seed}"
-            raise UserError(f"{entry.name}: two different players{seed}; name them one at a time")
+            raise UserError(
+                f"{entry.name}: two different players{seed}; evaluate them one at a time, each with a --name"
+            )
 
 
 def planner_entry(spec: PlannerSpec, suite: Suite) -> Entry:

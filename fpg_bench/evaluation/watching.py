@@ -100,7 +100,9 @@ def _checked_target(path: Path, overwrite: bool) -> Path:
     if path.is_dir():
         raise UserError(f"out: {path} is a folder")
     if path.exists() and not overwrite:
-        raise UserError(f"out: {path} is there already; choose another name, or allow overwriting")
+        raise UserError(
+            f"out: {path} is there already; choose another name, or say --overwrite (overwrite=True)"
+        )
     if suffix != ".html":
         need("video", "matplotlib", "PIL")
     if suffix == ".mp4":

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
+from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from fpg_bench.players.sandbox.agent import SandboxedAgent
 
 AGENT_FORMAT = 1
+_SEED = re.compile(r"seed_(\d+)")
 _FIELDS = ("format", "algorithm", "id", "scenario", "training_seed", "training_steps", "policy_sha256")
 
 
@@ -174,16 +177,65 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
         raise UserError(
             f"agent {os.fspath(name)!r}: SB3's zip holds pickled code; name the run's agent folder"
         )
-    for folder in (Path(name), baselines_folder() / "agents" / name, suites_folder() / name):
+    for folder in _places(name):
         for inside in (folder / "agent", folder):
             if all((inside / side).is_dir() for side in SIDES):
                 both = " and ".join(str(inside / side) for side in SIDES)
                 raise UserError(f"agent {os.fspath(name)!r}: holds agents of both sides, {both}; name one")
         if (folder / "agent" / "agent.json").is_file():
             raise UserError(f"agent {os.fspath(name)!r}: is a run's folder; the agent is {folder / 'agent'}")
+        if seeds := seed_folders(folder):
+            raise UserError(
+                f"agent {os.fspath(name)!r}: holds {len(seeds)} training seeds; name one, {seeds[0].name} "
+                "for instance"
+            )
         if folder.is_dir():
             return folder
     raise UserError(f"agent {os.fspath(name)!r}: neither a shipped agent nor a folder")
+
+
+def agents_named(name: str, side: str) -> list[str]:
+    """Return the agents that a name stands for: those of all training seeds of a group or of a list of runs.
+
+    Args:
+        name: a shipped group (``ally-scripted/sac``), a folder with ``seed_0``, ``seed_1`` and so on, a run's
+            folder, or any other player, which is returned as it is.
+        side: the side that is meant where a run trained both.
+
+    Raises:
+        UserError: a training seed has no agent yet.
+    """
+    for folder in _places(name):
+        home = name.rstrip("/")
+        if seeds := seed_folders(folder):
+            found = {seed.name: _agent_within(seed, side) for seed in seeds}
+            if missing := [seed for seed, inside in found.items() if inside is None]:
+                raise UserError(f"agents {name!r}: {', '.join(missing)} has no agent; is its run finished?")
+            return [f"{home}/{seed}{inside}" for seed, inside in found.items()]
+        if folder.is_dir():
+            return [f"{home}{_agent_within(folder, side) or ''}"]
+    return [name]
+
+
+def _places(name: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield the folders that a name may mean."""
+    yield from (Path(name), baselines_folder() / "agents" / name, suites_folder() / name)
+
+
+def seed_folders(folder: Path) -> list[Path]:
+    """Return the folders of training seeds in a folder that is no agent, in their order."""
+    if (folder / "agent.json").exists() or (folder / "agent").exists():
+        return []
+    seeds = [path for path in folder.glob("seed_*") if _SEED.fullmatch(path.name) and path.is_dir()]
+    return sorted(seeds, key=lambda path: int(path.name.removeprefix("seed_")))
+
+
+def _agent_within(folder: Path, side: str) -> str | None:
+    """Return where the agent of a side lies in its own folder or a run's; None if there is none."""
+    for inside in ("", "/agent", f"/{side}", f"/agent/{side}"):
+        if Path(f"{folder}{inside}", "agent.json").is_file():
+            return inside
+    return None
 
 
 def baselines_folder() -> Path:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.imports import reason
 from fpg_bench.game import rng
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.full_state import full_state
@@ -116,8 +117,8 @@ class PolicyRunner:
         except UserError:
             raise
         except Exception as error:  # a player may be anybody's code
-            name, kind = type(player).__name__, type(error).__name__
-            raise UserError(f"{self.side} {name}: its predict failed: {kind}: {error}") from error
+            name = type(player).__name__
+            raise UserError(f"{self.side} {name}: its predict failed: {reason(error)}") from error
         shape = getattr(actions, "shape", type(actions).__name__)
         if shape != (count, ACTION_SIZE):
             raise UserError(

@@ -46,6 +46,9 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         from fpg_bench.players.agent import load_agent
 
         return load_agent(name, side)
+    other_side = "opponent" if side == "ally" else "ally"
+    if name in SCRIPTED[other_side]:
+        raise UserError(f"unknown {side} {name!r}: it plays the {other_side}")
     raise UserError(f"unknown {side} {name!r}{nearest(name, [*SCRIPTED[side], *ORACLES])}")
 
 

@@ -1,5 +1,7 @@
 """Who is one entry: agents that differ by their training seed alone."""
 
+from pathlib import Path
+
 import pytest
 
 from fpg_bench.common.errors import UserError
@@ -44,6 +46,21 @@ def test_agents_that_differ_by_their_training_seed_alone_are_one_entry(suite, ag
     assert names(agents, suite, name="mine") == [("mine", 0), ("mine", 1), ("mine", 2)]
 
 
+def test_a_group_stands_for_all_its_training_seeds(suite, agent):
+    for k in (10, 2, 0):
+        agent(f"runs/ppo/seed_{k}/agent", k)
+    assert names(["runs/ppo"], suite) == [("ppo", 0), ("ppo", 2), ("ppo", 10)]
+    assert names(["runs/ppo/seed_2", "ally-scripted/sac"], suite) == [
+        ("ppo", 2),
+        *(("sac", k) for k in range(5)),
+    ]
+    Path("runs/ppo/seed_3").mkdir()
+    with pytest.raises(UserError, match="seed_3 has no agent; is its run finished"):
+        names(["runs/ppo"], suite)
+    with pytest.raises(UserError, match="holds 4 training seeds; name one, seed_0 for instance"):
+        load_agent("runs/ppo")
+
+
 @pytest.mark.parametrize(
     "other",
     [
@@ -80,7 +97,9 @@ def test_algorithms_of_other_names_keep_them(suite, agent):
 
 def test_the_same_training_seed_twice_is_found_before_anything_is_played(suite, agent):
     agents = [agent("a/one", 0, policy=1), agent("b/two", 0, policy=2)]
-    with pytest.raises(UserError, match="ppo: two different players of training seed 0; name them one at a"):
+    with pytest.raises(
+        UserError, match=r"ppo: two different players of training seed 0; .* each with a --name"
+    ):
         entries_of(agents, suite)
 
 

@@ -71,7 +71,11 @@ def test_a_class_that_takes_no_argument():
         (":X", "ally ':X': expected package.module:object"),
         ("../x:y", "ally '../x:y': expected package.module:object"),
         (f"{__name__}:NeedsTwo", "^ally '.*:NeedsTwo': making it failed: TypeError: .*'gain'"),
-        (f"{__name__}:failing", "^ally '.*:failing': making it failed: RuntimeError: cannot open my file"),
+        (
+            f"{__name__}:failing",
+            "^ally '.*:failing': making it failed: RuntimeError: cannot open my file, in .*py, line 38",
+        ),
+        ("tone", "^unknown ally 'tone': it plays the opponent$"),
         ("no_such_module:x", "No module named 'no_such_module'"),
         (f"{__name__}:nothing", "no attribute 'nothing'"),
         (f"{__name__}:NOT_A_PLAYER", "has no predict"),

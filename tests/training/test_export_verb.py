@@ -12,7 +12,7 @@ from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
 import fpg_bench
 from fpg_bench.cli.training import export as export_verb
 from fpg_bench.common.errors import UserError
-from fpg_bench.players.agent import load_agent
+from fpg_bench.players.agent import agent_folder, load_agent
 from fpg_bench.training.export import export_agent
 from fpg_bench.training.sb3_zip import load_zip
 from tests.programs import fpg
@@ -126,3 +126,15 @@ def test_export_reads_runs_and_zips(tmp_path):
     assert (found.returncode, "--not-normalized" in found.stderr) == (2, True)
     assert export(*words, "--not-normalized").returncode == 0
     assert load_agent(tmp_path / "mine" / "seed_7").about["training_seed"] == 7
+
+
+def test_export_of_a_folder_of_runs_is_one_agent_for_each_seed(tmp_path):
+    for k in (0, 1):
+        shutil.copytree(agent_folder(f"ally-scripted/ppo/seed_{k}"), tmp_path / f"runs/seed_{k}/agent")
+    (tmp_path / "runs/seed_2").mkdir()
+    with pytest.raises(UserError, match="seed_2 holds no agent; is the run finished"):
+        export_verb(tmp_path / "runs", tmp_path / "mine")
+    assert not (tmp_path / "mine").exists()
+    (tmp_path / "runs/seed_2").rmdir()
+    export_verb(tmp_path / "runs", tmp_path / "mine")
+    assert [load_agent(tmp_path / f"mine/seed_{k}").about["training_seed"] for k in (0, 1)] == [0, 1]
