@@ -13,6 +13,8 @@ import sys
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.paper.experiment import BUDGETS
+from fpg_bench.training.maddpg.multi_seed import LEARNERS
 from scripts.interpretations.screen import make_screen
 from scripts.interpretations.trained import train_variants
 
@@ -26,10 +28,10 @@ def main(arguments: list[str] | None = None) -> None:
     screen = studies.add_parser("screen", help="scripted players under all 768 interpretations")
     screen.add_argument("--games", type=int, default=96, help="matches of each pair of scripts")
     trained = studies.add_parser("trained", help="MADDPG under the interpretations that decide")
-    trained.add_argument("--budget", default="quick")
+    trained.add_argument("--budget", choices=BUDGETS, default="quick")
     trained.add_argument("--n-seeds", type=int)
     trained.add_argument("--first-seed", type=int, default=0)
-    trained.add_argument("--learner", default="torch")
+    trained.add_argument("--learner", choices=LEARNERS, default="torch")
     for study in (screen, trained):
         study.add_argument("--out", type=Path, default=Path("reproduced"))
         study.add_argument("--n-jobs", type=int, default=2, help="jobs at once, one thread each")

@@ -17,11 +17,11 @@ from __future__ import annotations
 import gzip
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import lru_cache, partial
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import ttest_ind
@@ -51,71 +51,22 @@ from scripts.interpretations.interpretations import (
 ASKING = ("expert", "expert-spread")  # allies that use the knowledge base
 NOT_ASKING = ("idle", "reactive", "always-hop")
 FINE = 30  # bins of a finer histogram, for the continuous jamming frequency
-_SUMS = {  # measure -> tally of a round
+_TALLIES = {  # measure -> tally of a round
     "ally": "ally_return",
     "opponent": "opponent_return",
     "overlap": "overlap",
     "success": "jammed",
     "hops": "hops",
 }
-_LONGEST = max(REMEMBERED.values())
-_PLANNED: Mapping[str, Any] = {"planner": "interceptor"}
-
-
-@dataclass(frozen=True)
-class Part:
-    """A part of a claim under an interpretation.
-
-    Attributes:
-        claim: of :data:`fpg_bench.paper.claims.ASPECTS`.
-        statement: the quantity claimed to be positive.
-        mean, low, high: the difference and its 95 % interval (Welch).
-        p: two-sided.
-    """
-
-    claim: str
-    statement: str
-    mean: float
-    low: float
-    high: float
-    p: float
-
-
-@dataclass(frozen=True)
-class Played:
-    """Results of a pair of players, round by round.
-
-    Attributes:
-        ally, opponent: ``(rounds, games)`` rewards a step.
-        overlap, success, hops: ``(rounds, games)`` shares of the steps.
-        histograms: ``(rounds, 2, points)`` steps per frequency point, and ``(rounds, 2, 30)`` per finer bin.
-    """
-
-    ally: np.ndarray
-    opponent: np.ndarray
-    overlap: np.ndarray
-    success: np.ndarray
-    hops: np.ndarray
-    histograms: tuple[np.ndarray, np.ndarray]
-
-    def matches(self, name: str) -> np.ndarray:
-        """Return the mean of a measure over each match, ``(games,)``."""
-        return getattr(self, name).mean(axis=0)
-
-    def first(self, rounds: int) -> Played:
-        """Return the first rounds of each match."""
-        cut = {name: getattr(self, name)[:rounds] for name in _SUMS}
-        coarse, fine = (each[:rounds] for each in self.histograms)
-        return replace(self, **cut, histograms=(coarse, fine))
+# Per measure (rounds, games): rewards per step and shares of steps. ``points`` (rounds, 2, points) and
+# ``bins`` (rounds, 2, 30): steps of both sides per frequency point and per finer bin.
+Played = dict[str, np.ndarray]
 
 
 def play_pair(
-    interpretation: Interpretation, ally: str, opponent: str, games: int, rounds: int = 1, **options: Any
+    interpretation: Interpretation, ally: str, opponent: str, games: int, rounds: int = 1, **options: str
 ) -> Played:
     """Play the first rounds of some matches between two scripts, on the same seeds for every pair.
-
-    Scripts do not observe the hop cost, and the first rounds of a match do not depend on later ones. So
-    interpretations that differ in these points only share the games.
 
     Args:
         interpretation: the rules.
@@ -123,45 +74,43 @@ def play_pair(
         games, rounds: number of matches, and of rounds in each.
         **options: those of :func:`fpg_bench.envs.two_player.make_duel`.
     """
-    played = _play_free(_free(interpretation), ally, opponent, games, rounds, tuple(options.items()))
-    return replace(played, ally=played.ally - interpretation.scenario().hop_cost * played.hops)
+    played = _play_free(_free(interpretation), ally, opponent, games, rounds, **options)
+    return played | {"ally": played["ally"] - interpretation.scenario().hop_cost * played["hops"]}
 
 
 def _free(interpretation: Interpretation) -> Interpretation:
-    """Return the interpretation whose games this one shares, with free hops and the longest memory."""
-    return interpretation.replace(hop_cost="0", memory="for-ever")
+    """Return the interpretation whose games this one shares, with free hops and the longest memory.
+
+    Scripts do not observe the hop cost, and the first rounds of a match do not depend on later ones.
+    """
+    return interpretation.replace({"hop-cost": "0", "memory": "for-ever"})
 
 
 @lru_cache(maxsize=128)
 def _play_free(
-    interpretation: Interpretation,
-    ally: str,
-    opponent: str,
-    games: int,
-    rounds: int,
-    options: tuple[tuple[str, Any], ...],
+    interpretation: Interpretation, ally: str, opponent: str, games: int, rounds: int, **options: str
 ) -> Played:
     scenario = interpretation.scenario()
-    core = JointGame(games, scenario=scenario, **dict(options))
-    players: list[Any] = [as_player(ally, "ally", scenario), as_player(opponent, "opponent", scenario)]
+    core = JointGame(games, scenario=scenario, **options)
+    players = [as_player(ally, "ally", scenario), as_player(opponent, "opponent", scenario)]
     core.reset(seeds=np.array(evaluation_seeds(games)))
-    tallies, coarse, fine = [], [], []
+    tallies, points, bins = [], [], []
     for number in range(rounds):
         if number:
             core.reset(np.ones(games, bool))
-        fine.append(_play_round(core, players, games))
+        bins.append(play_round(core, players))
         tallies.append(core.duel.batch.tallies.copy())
-        coarse.append(core.duel.batch.histograms.sum(axis=0))
+        points.append(core.duel.batch.histograms.sum(axis=0))
     sums = np.stack(tallies)
-    shares: dict[str, Any] = {name: sums[tally] / sums["steps"] for name, tally in _SUMS.items()}
-    return Played(**shares, histograms=(np.stack(coarse), np.stack(fine)))
+    played = {name: sums[tally] / sums["steps"] for name, tally in _TALLIES.items()}
+    return played | {"points": np.stack(points), "bins": np.stack(bins)}
 
 
-def _play_round(core: JointGame, players: Sequence[Any], games: int) -> np.ndarray:
+def play_round(core: JointGame, players: Sequence[Any]) -> np.ndarray:
     """Play a round, and return the finer histogram of both centre frequencies, ``(2, 30)``."""
     scenario, state = core.scenario, core.duel.batch.games
     memories: list[Any] = [None, None]
-    starts, counts = np.ones(games, bool), np.zeros((2, FINE))
+    starts, counts = np.ones(core.count, bool), np.zeros((2, FINE))
     for _ in range(scenario.steps_per_round):
         actions: list[Any] = [None, None]
         for side, observations in enumerate(np.split(core.observations, 2, axis=1)):
@@ -169,7 +118,7 @@ def _play_round(core: JointGame, players: Sequence[Any], games: int) -> np.ndarr
                 np.ascontiguousarray(observations), memories[side], starts
             )
         core.step(np.concatenate(actions, axis=1))
-        starts = np.zeros(games, bool)
+        starts = np.zeros(core.count, bool)
         for side, name in enumerate(("frequency_mhz", "jamming_mhz")):
             share = (state[name] - scenario.band_low_mhz) / (scenario.band_high_mhz - scenario.band_low_mhz)
             counts[side] += np.bincount((share * FINE).astype(int).clip(0, FINE - 1), minlength=FINE)
@@ -183,225 +132,150 @@ def screen(interpretation: Interpretation, games: int) -> Row:
         interpretation: the rules.
         games: matches of each pair; planned paths have a third of them, with all rounds.
     """
-    pair = partial(play_pair, interpretation, games=games)
-    best = {kind: _best(pair, kind, (*ASKING, *NOT_ASKING)) for kind in JAMMING_TYPES}
-    most = max(2, games // 3)
-    planned = play_pair(interpretation, "expert", "adaptive", most, _LONGEST, **_PLANNED).first(
-        interpretation.rounds
-    )
-    early = pair("random", "random", path="circle")
+    pair = partial(play_pair, interpretation)
+
+    def best(opponent: str, allies: Iterable[str], **options: str) -> Played:
+        """Return the games of the ally's best script, by its reward, against an opponent on the circle."""
+        played = [pair(ally, opponent, games, path="circle", **options) for ally in allies]
+        return max(played, key=lambda each: float(each["ally"].mean()))
+
+    matches, longest = max(2, games // 3), max(REMEMBERED.values())
+    long = pair("expert", "adaptive", matches, longest, planner="interceptor")
+    planned = {name: values[: interpretation.rounds] for name, values in long.items()}
+    early = pair("random", "random", games, path="circle")
+    flown = {path: pair("expert", "adaptive", games, path=path) for path in (*FIXED_PATHS, "learned")}
+    jammed = {kind: best(kind, (*ASKING, *NOT_ASKING)) for kind in JAMMING_TYPES}
+    with_knowledge, without = best("adaptive", ASKING), best("adaptive", NOT_ASKING, knowledge="none")
     parts = [
-        *_paths(pair, planned),
-        *_over_training(early, planned),
-        *_types(best),
-        _difference(
+        *(_part("D1", f"opponent's reward: planned - {path}", planned, flown[path]) for path in FIXED_PATHS),
+        _part("D4 planner", "opponent's reward: planned - learned path", planned, flown["learned"]),
+        _part("D2", "overlap ratio: early - late", early, planned, "overlap"),
+        _part("D2", "jamming success rate: late - early", planned, early, "success"),
+        *(
+            _part("D3 level", f"{kind} alone: ally's - opponent's reward", played, played, "ally", "opponent")
+            for kind, played in jammed.items()
+        ),
+        *(
+            _part("D3 order", f"opponent's reward: {strong} - {weak}", jammed[strong], jammed[weak])
+            for strong, weak in STRONGER
+        ),
+        _part(
             "D4 knowledge",
             "ally's reward: best script with - without knowledge base",
-            _best(pair, "adaptive", ASKING).matches("ally"),
-            _best(pair, "adaptive", NOT_ASKING, knowledge="none").matches("ally"),
+            with_knowledge,
+            without,
+            "ally",
         ),
     ]
     return {
         "interpretation": interpretation.name,
         "games": games,
-        "parts": [asdict(part) for part in parts],
-        "overlap": [round(float(each.overlap.mean()), 5) for each in (early, planned)],
+        "parts": parts,
+        "overlap": [round(float(played["overlap"].mean()), 5) for played in (early, planned)],
         "spectrum overlap": [
-            [round(spectrum_overlap(each.sum(axis=0)) or 0.0, 5) for each in played.histograms]
+            [round(spectrum_overlap(played[name].sum(axis=0)) or 0.0, 5) for name in ("points", "bins")]
             for played in (early, planned)
         ],
     }
 
 
-def _best(pair: Any, opponent: str, allies: Iterable[str], **options: Any) -> Played:
-    """Return the games of the ally's best script, by its own reward, against an opponent on the circle."""
-    results: list[Played] = [pair(ally, opponent, path="circle", **options) for ally in allies]
-    return max(results, key=lambda played: float(played.ally.mean()))
-
-
-def _paths(pair: Any, planned: Played) -> Iterator[Part]:
-    for path in FIXED_PATHS:
-        yield _earned("D1", f"planned - {path}", planned, pair("expert", "adaptive", path=path))
-    yield _earned("D4 planner", "planned - learned path", planned, pair("expert", "adaptive", path="learned"))
-
-
-def _over_training(early: Played, late: Played) -> Iterator[Part]:
-    overlap, success = ((early.matches(name), late.matches(name)) for name in ("overlap", "success"))
-    yield _difference("D2", "overlap ratio: early - late", *overlap)
-    yield _difference("D2", "jamming success rate: late - early", *reversed(success))
-
-
-def _types(best: Mapping[str, Played]) -> Iterator[Part]:
-    for kind, played in best.items():
-        statement = f"{kind} alone: ally's - opponent's reward"
-        yield _difference("D3 level", statement, played.matches("ally"), played.matches("opponent"))
-    for strong, weak in STRONGER:
-        yield _earned("D3 order", f"{strong} - {weak}", best[strong], best[weak])
-
-
-def _earned(claim: str, names: str, high: Played, low: Played) -> Part:
-    """Compare the opponent's rewards."""
-    return _difference(
-        claim, f"opponent's reward: {names}", high.matches("opponent"), low.matches("opponent")
-    )
-
-
-def _difference(claim: str, statement: str, high: np.ndarray, low: np.ndarray) -> Part:
-    """Test a difference by Welch's t-test."""
-    mean = float(high.mean() - low.mean())
-    if high.std() == low.std() == 0:  # nothing varies
-        return Part(claim, statement, mean, mean, mean, 0.0 if mean else 1.0)
-    test = ttest_ind(high, low, equal_var=False)
-    numbers = (mean, *test.confidence_interval(), test.pvalue)
-    return Part(claim, statement, *(float(f"{number:.5g}") for number in numbers))
-
-
-def screen_all(
-    interpretations: Iterable[Interpretation], file: Path, games: int = 96, n_jobs: int = 2
-) -> list[Row]:
-    """Screen interpretations, and return their rows in the same order.
+def _part(
+    claim: str, statement: str, more: Played, less: Played, name: str = "opponent", other: str | None = None
+) -> Row:
+    """Test a difference, which the claim says is positive, between means of matches by Welch's t-test.
 
     Args:
-        interpretations: the interpretations.
-        file: file of the rows; existing rows are kept, and new ones appended as they finish.
-        games: see :func:`screen`.
-        n_jobs: number of processes.
-
-    Raises:
-        UserError: malformed rows, or failed jobs (the other rows are kept).
+        claim: of :data:`fpg_bench.paper.claims.ASPECTS`.
+        statement: description of the difference.
+        more, less: games whose difference it is.
+        name, other: measures of ``more`` and ``less``; ``other`` defaults to ``name``.
     """
-    rows = RowFile(file, {"interpretation": str, "games": int, "parts": list})
-    interpretations = list(interpretations)
-    with rows.locked():
-        done = {row["interpretation"] for row in rows.read() if row["games"] == games}
-        groups: dict[Interpretation, list[Interpretation]] = {}  # by the games that they share
-        for interpretation in interpretations:
-            if interpretation.name not in done:
-                groups.setdefault(_free(interpretation), []).append(interpretation)
-        jobs = [
-            Job(
-                f"{group[0].name} and {len(group) - 1} more",
-                partial(_screen_group, group, games),
-                rows.append,
-            )
-            for group in groups.values()
-        ]
-        check_all_done(run_jobs(jobs, n_jobs))
-        by_name = {row["interpretation"]: row for row in rows.read() if row["games"] == games}
-    return [by_name[interpretation.name] for interpretation in interpretations]
+    above, below = more[name].mean(axis=0), less[other or name].mean(axis=0)
+    mean = float(above.mean() - below.mean())
+    if above.std() == below.std() == 0:  # nothing varies
+        low, high, p = mean, mean, 0.0 if mean else 1.0
+    else:
+        test = ttest_ind(above, below, equal_var=False)
+        mean, low, high, p = (
+            float(f"{number:.5g}") for number in (mean, *test.confidence_interval(), test.pvalue)
+        )
+    return {"claim": claim, "statement": statement, "mean": mean, "low": low, "high": high, "p": p}
 
 
-def _screen_group(interpretations: Iterable[Interpretation], games: int) -> list[Row]:
-    return [screen(interpretation, games) for interpretation in interpretations]
+HOLDS, REVERSED, OPEN = "#0b5fa5", "#d95f02", "#777777"
 
 
-HELD, OPPOSITE, OPEN = "#0b5fa5", "#d95f02", "#777777"
-
-
-@dataclass(frozen=True)
-class Effect:
+class Effect(NamedTuple):
     """A claim under an interpretation: its weakest part decides (intersection-union test).
 
     Attributes:
         interpretation: the interpretation.
-        weakest: the part, as in a row of the screen.
-        n_reversed: number of parts whose interval lies below zero.
+        size: mean of the weakest part in half widths of its interval, which makes claims comparable.
+        statement: of the weakest part.
+        holds: true if all parts hold: the weakest is positive with a one-sided p below 0.025.
+        is_reversed: true if the interval of any part is below zero.
     """
 
     interpretation: Interpretation
-    weakest: Mapping[str, Any]
-    n_reversed: int
+    size: float
+    statement: str
+    holds: bool
+    is_reversed: bool
 
     @property
-    def size(self) -> float:
-        """Mean of the weakest part in half widths of its interval, which makes claims comparable."""
-        part = self.weakest
-        return part["mean"] / max((part["high"] - part["low"]) / 2, 1e-9)
-
-    @property
-    def holds(self) -> bool:
-        """True if all parts hold: the weakest is positive with a one-sided p below 0.025."""
-        return _not_positive(self.weakest) < LEVEL / 2
+    def colour(self) -> str:
+        """Colour in figures."""
+        return HOLDS if self.holds else REVERSED if self.is_reversed else OPEN
 
 
-def claims_of(rows: Sequence[Row]) -> list[str]:
-    """Return the claims that occur in rows, sorted."""
-    return sorted({part["claim"] for row in rows for part in row["parts"]})
+def effects(rows: Iterable[Row]) -> dict[str, list[Effect]]:
+    """Return the effects of each claim under all interpretations, the weakest first; claims are sorted."""
+    by_claim: dict[str, list[Effect]] = {claim: [] for claim in sorted(ASPECTS)}
+    for row in rows:
+        for claim, unsorted in by_claim.items():
+            parts = [part for part in row["parts"] if part["claim"] == claim]
+            weakest = max(parts, key=_one_sided_p)
+            unsorted.append(
+                Effect(
+                    parse_interpretation(row["interpretation"]),
+                    weakest["mean"] / max((weakest["high"] - weakest["low"]) / 2, 1e-9),
+                    weakest["statement"],
+                    holds=_one_sided_p(weakest) < LEVEL / 2,
+                    is_reversed=any(part["high"] < 0 for part in parts),
+                )
+            )
+    key = attrgetter("size", "interpretation.name")
+    return {claim: sorted(unsorted, key=key) for claim, unsorted in by_claim.items()}
 
 
-def effects(rows: Sequence[Row], claim: str) -> list[Effect]:
-    """Return a claim's effects under all interpretations, the weakest first."""
-    unsorted = (_effect(row, claim) for row in rows)
-    return sorted(unsorted, key=lambda effect: (effect.size, effect.interpretation.name))
-
-
-def _effect(row: Row, claim: str) -> Effect:
-    parts = [part for part in row["parts"] if part["claim"] == claim]
-    weakest = max(parts, key=_not_positive)
-    return Effect(
-        parse_interpretation(row["interpretation"]), weakest, sum(part["high"] < 0 for part in parts)
-    )
-
-
-def _not_positive(part: Mapping[str, Any]) -> float:
-    """Return the one-sided p of a part."""
+def _one_sided_p(part: Row) -> float:
     half = part["p"] / 2
-    return half if part["mean"] > 0 else 1 - half
+    return float(half if part["mean"] > 0 else 1 - half)
 
 
-def shares(claim_effects: Sequence[Effect]) -> dict[tuple[str, str], float]:
-    """Return by point and setting the share of interpretations under which the claim holds."""
-    held: dict[tuple[str, str], list[bool]] = {}
-    for effect in claim_effects:
-        for setting in effect.interpretation.items:
-            held.setdefault(setting, []).append(effect.holds)
-    return {key: sum(values) / len(values) for key, values in held.items()}
-
-
-def draw_curve(rows: Sequence[Row]) -> Any:
+def draw_curve(by_claim: Mapping[str, list[Effect]]) -> Any:
     """Draw the specification curve: a column per claim, with its weakest part and the settings below."""
     settings = [(point, setting) for point, known in POINTS.items() for setting in known]
-    claims = claims_of(rows)
-    figure = blank_figure(2.6 * len(claims) + 1.4, 8)
-    above, below = figure.subplots(2, len(claims), sharex="col", sharey="row", height_ratios=(2, 3))
-    for column, claim in enumerate(claims):
-        claim_effects = effects(rows, claim)
-        _draw_effects(above[column], claim_effects, claim)
-        _draw_settings(below[column], claim_effects, settings)
+    figure = blank_figure(2.6 * len(ASPECTS) + 1.4, 8)
+    above, below = figure.subplots(2, len(ASPECTS), sharex="col", sharey="row", height_ratios=(2, 3))
+    for curve, strokes, (claim, each) in zip(above, below, by_claim.items(), strict=True):
+        colours, sizes = [effect.colour for effect in each], [effect.size for effect in each]
+        curve.scatter(range(len(each)), sizes, s=4, c=colours, linewidths=0, rasterized=True)
+        curve.axhline(0, color="black", lw=0.8)
+        curve.axhspan(-1, 1, color="#000000", alpha=0.08, lw=0)
+        curve.set_yscale("symlog", linthresh=1)
+        held = sum(effect.holds for effect in each)
+        curve.set_title(f"{claim}:\nholds under {held} of {len(each)}", fontsize=9)
+        across, colours = (np.repeat(values, len(POINTS)) for values in (range(len(each)), colours))
+        down = [settings.index(item) for effect in each for item in effect.interpretation.items]
+        strokes.scatter(across, down, s=28, c=colours, marker="|", linewidths=0.25, rasterized=True)
+        strokes.set_xlabel("interpretations, sorted")
+        strokes.grid(axis="y", alpha=0.2)
     above[0].set_ylabel("weakest part, in its 95 % half widths")
-    below[0].set_yticks(
-        range(len(settings)), [f"{point}: {setting}" for point, setting in settings], fontsize=8
-    )
+    labels = [f"{point}: {setting}" for point, setting in settings]
+    below[0].set_yticks(range(len(settings)), labels, fontsize=8)
     below[0].invert_yaxis()
     return figure
-
-
-def _colour(effect: Effect) -> str:
-    if effect.holds:
-        return HELD
-    return OPPOSITE if effect.n_reversed else OPEN
-
-
-def _draw_effects(axes: Any, claim_effects: Sequence[Effect], claim: str) -> None:
-    places, held = range(len(claim_effects)), sum(effect.holds for effect in claim_effects)
-    sizes, colours = [effect.size for effect in claim_effects], [_colour(each) for each in claim_effects]
-    axes.scatter(places, sizes, s=4, c=colours, linewidths=0, rasterized=True)
-    axes.axhline(0, color="black", lw=0.8)
-    axes.axhspan(-1, 1, color="#000000", alpha=0.08, lw=0)
-    axes.set_yscale("symlog", linthresh=1)
-    axes.set_title(f"{claim}:\nholds under {held} of {len(places)}", fontsize=9)
-
-
-def _draw_settings(axes: Any, claim_effects: Sequence[Effect], settings: list[tuple[str, str]]) -> None:
-    dots = [
-        (place, settings.index(setting), _colour(effect))
-        for place, effect in enumerate(claim_effects)
-        for setting in effect.interpretation.items
-    ]
-    across, down, colours = zip(*dots, strict=True)
-    axes.scatter(across, down, s=28, c=colours, marker="|", linewidths=0.25, rasterized=True)
-    axes.set_xlabel("interpretations, sorted")
-    axes.grid(axis="y", alpha=0.2)
 
 
 ROWS = "screen.jsonl.gz"
@@ -430,7 +304,9 @@ them. So finer bins alone bring the overlap of two even spectra near one half, w
 not state the width of its bins."""
 
 
-def make_screen(out: Path, games: int = 96, points: Iterable[str] = POINTS, n_jobs: int = 2) -> list[Path]:
+def make_screen(
+    out: Path, games: int = 96, points: Collection[str] = tuple(POINTS), n_jobs: int = 2
+) -> list[Path]:
     """Screen interpretations; return the written files: rows, ``screen.md`` and the specification curve.
 
     Args:
@@ -440,12 +316,29 @@ def make_screen(out: Path, games: int = 96, points: Iterable[str] = POINTS, n_jo
         n_jobs: number of processes.
 
     Raises:
-        UserError: an unknown point, malformed rows, or failed jobs (the other rows are kept).
+        UserError: malformed rows, or failed jobs (the other rows are kept).
     """
-    rows = screen_all(all_interpretations(points), out / "screen.jsonl", games, n_jobs)
+    file = RowFile(out / "screen.jsonl", {"interpretation": str, "games": int, "parts": list})
+    interpretations = list(all_interpretations(points))
+    with file.locked():
+        done = {row["interpretation"] for row in file.read() if row["games"] == games}
+        groups: dict[Interpretation, list[Interpretation]] = {}  # by the games that they share
+        for interpretation in interpretations:
+            if interpretation.name not in done:
+                groups.setdefault(_free(interpretation), []).append(interpretation)
+        jobs = [
+            Job(free.name, partial(_screen_all, group, games), file.append) for free, group in groups.items()
+        ]
+        check_all_done(run_jobs(jobs, n_jobs))
+        by_name = {row["interpretation"]: row for row in file.read() if row["games"] == games}
+    rows = [by_name[interpretation.name] for interpretation in interpretations]
     text = "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
     write_whole(out / ROWS, gzip.compress(text.encode(), mtime=0))
     return [out / ROWS, *write_screen(rows, out)]
+
+
+def _screen_all(interpretations: Iterable[Interpretation], games: int) -> list[Row]:
+    return [screen(interpretation, games) for interpretation in interpretations]
 
 
 def read_screen(folder: Path) -> list[Row]:
@@ -455,47 +348,68 @@ def read_screen(folder: Path) -> list[Row]:
 
 def write_screen(rows: Sequence[Row], out: Path) -> list[Path]:
     """Write ``screen.md`` and the specification curve, and return the files."""
-    written = save_figure(draw_curve(rows), out / "figures" / "screen")
-    write_whole(out / "screen.md", _HEAD.format(count=len(rows)) + _tables(rows))
-    return [*written, out / "screen.md"]
-
-
-def _tables(rows: Sequence[Row]) -> str:
-    by_claim = {claim: effects(rows, claim) for claim in claims_of(rows)}
-    games = rows[0]["games"]
+    by_claim, games = effects(rows), rows[0]["games"]
+    written = save_figure(draw_curve(by_claim), out / "figures" / "screen")
     sections = {
         "How often each claim holds": _held(by_claim),
         "Part by part": _parts(rows),
-        "Effect of each point": by_setting(rows),
-        "Interpretations under which most claims hold": _best_table(by_claim),
+        "Effect of each point": by_setting(by_claim),
+        "Interpretations under which most claims hold": _most(by_claim),
         "How far the spectra overlap (Fig. 4)": _bins(rows) + "\n\n" + _BINS_NOTE,
         "How it was made": f"```bash\npython -m scripts.interpretations screen --games {games}\n```\n\n"
         f"{games} matches of each pair of scripts, on evaluation seeds, one round of each; of planned paths "
         f"{max(2, games // 3)} matches, with all rounds that the planner remembers.",
     }
-    return "\n\n".join(f"## {title}\n\n{text}" for title, text in sections.items()) + "\n"
+    text = "\n\n".join(f"## {title}\n\n{text}" for title, text in sections.items()) + "\n"
+    write_whole(out / "screen.md", _HEAD.format(count=len(rows)) + text)
+    return [*written, out / "screen.md"]
 
 
-def _held(by_claim: dict[str, list[Effect]]) -> str:
+def _held(by_claim: Mapping[str, list[Effect]]) -> str:
     lines = [["claim", "the paper", "holds", "a part is reversed", "weakest part most often"]]
     for claim, each in by_claim.items():
-        held, against = sum(effect.holds for effect in each), sum(effect.n_reversed > 0 for effect in each)
-        weakest = Counter(effect.weakest["statement"] for effect in each if not effect.holds)
+        weakest = Counter(effect.statement for effect in each if not effect.holds)
         most_often = max(weakest, key=lambda text: (weakest[text], text), default="-")
-        lines.append([claim, ASPECTS[claim], f"{held} of {len(each)}", str(against), most_often])
+        held, reverse = sum(effect.holds for effect in each), sum(effect.is_reversed for effect in each)
+        lines.append([claim, ASPECTS[claim], f"{held} of {len(each)}", str(reverse), most_often])
     return markdown_table(lines)
 
 
 def _parts(rows: Sequence[Row]) -> str:
     """Tabulate for each part how many interpretations show it, and its opposite."""
-    lines = [["claim", "claimed to be positive", "shown", "reversed", "not shown"]]
-    for number, part in enumerate(rows[0]["parts"]):
-        same = [row["parts"][number] for row in rows]
-        shown = [each for each in same if each["p"] < LEVEL]
-        above = sum(each["mean"] > 0 for each in shown)
-        counts = (above, len(shown) - above, len(same) - len(shown))
-        lines.append([part["claim"], part["statement"], *map(str, counts)])
-    return markdown_table([lines[0], *sorted(lines[1:])])
+    heading, lines = ["claim", "claimed to be positive", "shown", "reversed", "not shown"], []
+    for same in zip(*(row["parts"] for row in rows), strict=True):
+        shown = [part["mean"] > 0 for part in same if part["p"] < LEVEL]
+        counts = (shown.count(True), shown.count(False), len(same) - len(shown))
+        lines.append([same[0]["claim"], same[0]["statement"], *map(str, counts)])
+    return markdown_table([heading, *sorted(lines)])
+
+
+def by_setting(by_claim: Mapping[str, list[Effect]]) -> str:
+    """Tabulate the share of interpretations with each setting under which each claim holds."""
+    lines = [["point", "setting", "meaning", *(f"{claim} holds %" for claim in by_claim)]]
+    for point, known in POINTS.items():
+        for name, setting in known.items():
+            held = [
+                [effect.holds for effect in each if effect.interpretation.setting(point) == name]
+                for each in by_claim.values()
+            ]
+            if all(held):
+                lines.append(
+                    [point, f"`{name}`", setting.about, *(f"{100 * np.mean(each):.0f}" for each in held)]
+                )
+    return markdown_table(lines)
+
+
+def _most(by_claim: Mapping[str, list[Effect]], most: int = 10) -> str:
+    """Tabulate the interpretations under which most claims hold."""
+    claims: dict[str, list[str]] = {}
+    for claim, each in by_claim.items():
+        for effect in each:
+            claims.setdefault(effect.interpretation.name, []).extend([claim] if effect.holds else [])
+    order = sorted(claims, key=lambda name: (-len(claims[name]), name.count("="), name))
+    lines = [["interpretation", "claims that hold"]]
+    return markdown_table(lines + [[f"`{name}`", ", ".join(claims[name]) or "none"] for name in order[:most]])
 
 
 def _bins(rows: Sequence[Row]) -> str:
@@ -503,32 +417,9 @@ def _bins(rows: Sequence[Row]) -> str:
     lines = [["hops", "stage", "overlap ratio %", "15 points %", "30 bins %"]]
     for hops in POINTS["hops"]:
         some = [row for row in rows if parse_interpretation(row["interpretation"]).setting("hops") == hops]
-        for stage, stage_name in enumerate(("early", "late") if some else ()):
-            by_bins = [[row["spectrum overlap"][stage][kind] for row in some] for kind in (0, 1)]
-            ranges = [[row["overlap"][stage] for row in some], *by_bins]
-            ranges_pct = [f"{100 * min(each):.0f} to {100 * max(each):.0f}" for each in ranges]
-            lines.append([hops, stage_name, *ranges_pct])
+        for stage, name in enumerate(("early", "late") if some else ()):
+            overlaps = np.array([[row["overlap"][stage], *row["spectrum overlap"][stage]] for row in some])
+            lowest, highest = 100 * overlaps.min(axis=0), 100 * overlaps.max(axis=0)
+            ranges = [f"{low:.0f} to {high:.0f}" for low, high in zip(lowest, highest, strict=True)]
+            lines.append([hops, name, *ranges])
     return markdown_table(lines)
-
-
-def by_setting(rows: Sequence[Row]) -> str:
-    """Tabulate the share of interpretations with each setting under which each claim holds."""
-    by_claim = {claim: shares(effects(rows, claim)) for claim in claims_of(rows)}
-    lines = [["point", "setting", "meaning", *(f"{claim} holds %" for claim in by_claim)]]
-    for point, known in POINTS.items():
-        for name, setting in known.items():
-            held = [each.get((point, name)) for each in by_claim.values()]
-            if None not in held:
-                variants = [f"{100 * share:.0f}" for share in held if share is not None]
-                lines.append([point, f"`{name}`", setting.about, *variants])
-    return markdown_table(lines)
-
-
-def _best_table(by_claim: dict[str, list[Effect]], most: int = 10) -> str:
-    held: dict[str, list[str]] = {}
-    for claim, claim_effects in by_claim.items():
-        for effect in claim_effects:
-            held.setdefault(effect.interpretation.name, []).extend([claim] if effect.holds else [])
-    order = sorted(held, key=lambda name: (-len(held[name]), name.count("="), name))
-    lines = [["interpretation", "claims that hold"]]
-    return markdown_table(lines + [[f"`{name}`", ", ".join(held[name]) or "none"] for name in order[:most]])

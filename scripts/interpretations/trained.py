@@ -7,13 +7,11 @@ hides a tone, whose half width is 2.5 MHz."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
-from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.parallel import check_all_done
 from fpg_bench.game.names import JAMMING_TYPES
@@ -27,35 +25,27 @@ from fpg_bench.paper.reproduce import check_same_game, run_conditions
 from fpg_bench.paper.runs import Results, RunFile, read_results
 from fpg_bench.rendering.canvas import blank_figure
 from fpg_bench.training.maddpg.multi_seed import LEARNERS, check_learner
-from scripts.interpretations.interpretations import AS_PRINTED, POINTS, Interpretation, parse_interpretation
-from scripts.interpretations.screen import HELD, OPEN, OPPOSITE
+from scripts.interpretations.interpretations import AS_PRINTED, Interpretation, parse_interpretation
+from scripts.interpretations.screen import HOLDS, OPEN, REVERSED
 
 NAME = "trained-variants"
 PRESET = "paper"  # base of all interpretations
 FIGURES = parse_interpretation("interference=once,hops=always,hop-cost=0,memory=for-ever")
 LOW_NOISE = 0.04  # on actions in [-1, 1]: 2 MHz of the jammer's frequency
 # Conditions to be trained for a claim; D1 is tested on frozen pairs.
-NEEDED: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "D1": (BASE,),
-        "D2": (BASE,),
-        "D3 level": JAMMING_TYPES,
-        "D3 order": JAMMING_TYPES,
-        "D4 knowledge": (BASE, NO_KNOWLEDGE),
-        "D4 planner": (BASE, NO_PLANNER),
-    }
-)
+NEEDED: Mapping[str, tuple[str, ...]] = {
+    "D1": (BASE,),
+    "D2": (BASE,),
+    "D3 level": JAMMING_TYPES,
+    "D3 order": JAMMING_TYPES,
+    "D4 knowledge": (BASE, NO_KNOWLEDGE),
+    "D4 planner": (BASE, NO_PLANNER),
+}
 
 
 @dataclass(frozen=True)
 class Variant:
-    """An interpretation, and the claims that are tested under it.
-
-    Attributes:
-        interpretation: the interpretation.
-        claims: claims to be tested, of :data:`NEEDED`.
-        noise_sd: standard deviation of the exploration noise on actions in [-1, 1]; None: the default.
-    """
+    """An interpretation, the claims tested under it, and the exploration noise if it is not the default."""
 
     interpretation: Interpretation
     claims: tuple[str, ...]
@@ -68,50 +58,46 @@ class Variant:
         return f"{self.interpretation.name}{noise}"
 
     @property
+    def title(self) -> str:
+        """Difference from the preset ``figures``."""
+        differences = ["=".join(item) for item in self.interpretation.differences(FIGURES)]
+        differences = [AS_PRINTED] if len(differences) > 1 else differences
+        differences += [] if self.noise_sd is None else [f"noise={self.noise_sd}"]
+        return ", ".join(differences) or "figures"
+
+    @property
     def conditions(self) -> list[Condition]:
         """Conditions to be trained, prefixed with the name of the variant."""
         known = {condition.name: condition for condition in conditions_of("all", PRESET, full=False)}
-        needed = {name: None for claim in self.claims for name in NEEDED[claim]}
         changes = self.interpretation.changes | {"rounds_per_match": self.interpretation.rounds}
         algorithm = {} if self.noise_sd is None else {"noise_sd": self.noise_sd}
         return [
             replace(
                 known[name],
-                name=self._named(name),
+                name=f"{self.name}: {name}",
                 changes=changes | dict(known[name].changes),
                 algorithm=algorithm,
             )
-            for name in needed
+            for name in dict.fromkeys(name for claim in self.claims for name in NEEDED[claim])
         ]
 
     def results(self, results: Results) -> Results:
         """Return the runs of this variant, by the original names of their conditions."""
-        prefix = self._named("")
-        runs, about = (
-            {name.removeprefix(prefix): each for name, each in named.items() if name.startswith(prefix)}
-            for named in (results.runs, results.about)
+        names = {name.removeprefix(f"{self.name}: "): name for name in results.runs}
+        names = {short: name for short, name in names.items() if short != name}
+        return Results(
+            {short: results.runs[name] for short, name in names.items()},
+            {short: results.about[name] for short, name in names.items()},
         )
-        return Results(runs, about)  # type: ignore[arg-type]
-
-    def _named(self, condition: str) -> str:
-        return f"{self.name}: {condition}"
-
-
-def neighbours(interpretation: Interpretation) -> Iterator[Interpretation]:
-    """Yield the interpretations that resolve one point differently."""
-    for point, known in POINTS.items():
-        for setting in known:
-            if setting != interpretation.setting(point):
-                yield interpretation.replace(**{point.replace("-", "_"): setting})
 
 
 # The claims of a variant change between scripts; a test compares this with the rows of the screen. H = 100
 # changes D3's level as well, but if each step is a hop, H only takes 100 from the ally's reward.
 VARIANTS = (
     Variant(parse_interpretation(AS_PRINTED), tuple(NEEDED)),
-    Variant(FIGURES.replace(memory="match"), ("D1", "D2", "D4 planner")),
-    Variant(FIGURES.replace(hops="gated"), ("D2", "D4 knowledge")),
-    Variant(FIGURES.replace(interference="twice"), ("D2", "D3 order")),
+    Variant(FIGURES.replace({"memory": "match"}), ("D1", "D2", "D4 planner")),
+    Variant(FIGURES.replace({"hops": "gated"}), ("D2", "D4 knowledge")),
+    Variant(FIGURES.replace({"interference": "twice"}), ("D2", "D3 order")),
     Variant(FIGURES, ("D3 order",), LOW_NOISE),
     Variant(parse_interpretation(AS_PRINTED), ("D3 order",), LOW_NOISE),
 )
@@ -122,11 +108,10 @@ def all_conditions() -> list[Condition]:
     return [condition for variant in VARIANTS for condition in variant.conditions]
 
 
-Comparisons = Mapping[str, list[Comparison]]  # of one variant, by aspect
-_FROZEN = "D1 frozen"
-_COLUMNS = (_FROZEN, *(name for name in ASPECTS if name != "D1"))
+_Tests = dict[str, dict[str, list[Comparison]]]  # by title of the variant and claim
+_COLUMNS = ("D1 frozen", *(name for name in ASPECTS if name != "D1"))
 _FIRST = Variant(FIGURES, tuple(ASPECTS))  # trained as a scenario of its own
-_HEAD = """\
+_PAGE = """\
 # The paper's claims under the interpretations that decide: trained players
 
 Both sides learned by MADDPG under each interpretation, with {steps:,} game steps and {updates:,} updates per
@@ -145,16 +130,27 @@ hundred per step.)
 width of a tone. [The paper, reproduced](../reproduction.md#how-claims-are-tested) explains how claims are
 tested. There is no correction for the number of interpretations.
 
+## Which claims hold
+
+{verdicts}
+
+![Each claim's weakest part](figures/trained-variants.png)
+
+## Part by part
+
+{parts}
+
+## How it was made
+
+```bash
+fpg-bench reproduce all --scenario figures {options}
+python -m scripts.interpretations trained {options}
+```
 """
 
 
 def train_variants(
-    out: Path,
-    budget: str = "quick",
-    n_seeds: int | None = None,
-    first_seed: int = 0,
-    learner: str = "torch",
-    n_jobs: int = 2,
+    out: Path, budget: str, n_seeds: int | None, first_seed: int, learner: str = LEARNERS[0], n_jobs: int = 2
 ) -> list[Path]:
     """Train all variants, and write ``trained-variants.md`` with its figure.
 
@@ -173,37 +169,29 @@ def train_variants(
         The files written.
 
     Raises:
-        UserError: an unknown name, runs of another game, or failed runs (the others are kept).
+        UserError: runs of another game, or failed runs (the others are kept).
     """
-    if budget not in BUDGETS:
-        raise UserError(f"budget: unknown {budget!r}{nearest(budget, BUDGETS)}")
     check_learner(learner)
-    length = BUDGETS[budget]
+    length, file, figures = BUDGETS[budget], RunFile(out, NAME, budget), RunFile(out, "figures", budget)
     seeds = range(first_seed, first_seed + (n_seeds or length.seeds))
-    figures = RunFile(out, "figures", budget)
     standard = conditions_of("all", "figures", full=False)
     for condition in standard:
         check_same_game(figures, condition, "figures")
-    file = RunFile(out, NAME, budget)
     failed = run_conditions(file, all_conditions(), PRESET, length, seeds, learner=learner, n_jobs=n_jobs)
+    first, results = (
+        read_results(runs, {name: seeds for condition in conditions for name in condition.runs})
+        for runs, conditions in ((figures, standard), (file, all_conditions()))
+    )
     options = f"--budget {budget} --n-seeds {len(seeds)}"
     options += f" --first-seed {first_seed}" if first_seed else ""
     options += f" --learner {learner}" if learner != LEARNERS[0] else ""
-    commands = [
-        f"fpg-bench reproduce all --scenario figures {options}",
-        f"python -m scripts.interpretations trained {options}",
-    ]
-    first, results = (
-        read_results(each, {name: seeds for condition in conditions for name in condition.runs})
-        for each, conditions in ((figures, standard), (file, all_conditions()))
-    )
-    written = write_variants(first, results, seeds, length, out, commands)
+    written = write_variants(first, results, seeds, length, out, options)
     check_all_done(failed)
     return written
 
 
 def write_variants(
-    first: Results, results: Results, seeds: range, budget: Budget, out: Path, commands: Sequence[str]
+    first: Results, results: Results, seeds: range, budget: Budget, out: Path, options: str
 ) -> list[Path]:
     """Write ``trained-variants.md`` and its figure, and return the files; none without runs.
 
@@ -213,36 +201,22 @@ def write_variants(
         seeds: training seeds; conditions that lack one of them are left out.
         budget: budget of the runs.
         out: folder of page and figure.
-        commands: commands that repeat the runs.
+        options: of the commands that repeat the runs.
     """
-    by_variant = {
-        _FIRST: claim_tests(first, seeds),
-        **{variant: claim_tests(variant.results(results), seeds) for variant in VARIANTS},
+    runs = {_FIRST: first, **{variant: variant.results(results) for variant in VARIANTS}}
+    tests = {
+        variant.title: by_claim for variant, each in runs.items() if (by_claim := claim_tests(each, seeds))
     }
-    tests = {variant: by_claim for variant, by_claim in by_variant.items() if by_claim}
     if not tests:
         return []
-    written = save_figure(_draw(tests), out / "figures" / NAME)
-    sections = {
-        "Which claims hold": _verdicts(tests)
-        + "\n\n![Each claim's weakest part](figures/trained-variants.png)",
-        "Part by part": _parts(tests),
-        "How it was made": "```bash\n" + "\n".join(commands) + "\n```",
-    }
-    text = "\n\n".join(f"## {title}\n\n{body}" for title, body in sections.items())
-    write_whole(out / f"{NAME}.md", _head(results, seeds, budget) + text + "\n")
-    return [*written, out / f"{NAME}.md"]
-
-
-def _head(results: Results, seeds: range, budget: Budget) -> str:
     missing = [
-        f"`{_difference(variant)}: {condition.name.rpartition(': ')[2]}`"
+        f"`{variant.title}: {condition.name.rpartition(': ')[2]}`"
         for variant in VARIANTS
         for condition in variant.conditions
         if results.seeds(condition.name) != list(seeds)
     ]
     usual, span_mhz = hyperparameters(budget).algorithm["noise_sd"], as_scenario(PRESET).tuning_span_mhz
-    return _HEAD.format(
+    text = _PAGE.format(
         steps=budget.steps,
         updates=budget.updates(),
         paper=BUDGETS["paper"].steps,
@@ -252,7 +226,12 @@ def _head(results: Results, seeds: range, budget: Budget) -> str:
         noise_mhz=LOW_NOISE * span_mhz,
         usual=usual,
         usual_mhz=usual * span_mhz,
+        verdicts=_verdicts(tests),
+        parts=_parts(tests),
+        options=options,
     )
+    write_whole(out / f"{NAME}.md", text)
+    return [*save_figure(_draw(tests), out / "figures" / NAME), out / f"{NAME}.md"]
 
 
 def claim_tests(results: Results, seeds: range) -> dict[str, list[Comparison]]:
@@ -266,36 +245,37 @@ def claim_tests(results: Results, seeds: range) -> dict[str, list[Comparison]]:
     return tests
 
 
-def _verdicts(tests: Mapping[Variant, Comparisons]) -> str:
+def _verdicts(tests: _Tests) -> str:
     lines = [["interpretation", *_COLUMNS]]
-    for variant, by_aspect in tests.items():
-        verdicts = (verdict(by_aspect[name]) if name in by_aspect else "-" for name in _COLUMNS)
-        lines.append([f"`{_difference(variant)}`", *verdicts])
+    for title, by_claim in tests.items():
+        verdicts = (verdict(by_claim[name]) if name in by_claim else "-" for name in _COLUMNS)
+        lines.append([f"`{title}`", *verdicts])
     return markdown_table(lines)
 
 
-def _parts(tests: Mapping[Variant, Comparisons]) -> str:
+def _parts(tests: _Tests) -> str:
     lines = [
         ["interpretation", "claim", "claimed to be positive", "measured", "95 % interval", "p", "by itself"]
     ]
-    for variant, by_aspect in tests.items():
+    for title, by_claim in tests.items():
         for name in _COLUMNS:
-            for each in by_aspect.get(name, ()):
-                low, high = (f"{value:.3g}" for value in (each.test.low, each.test.high))
-                numbers = [f"{each.test.mean:.3g}", f"[{low}, {high}]", f"{each.test.p:.3f}"]
-                lines.append([f"`{_difference(variant)}`", name, each.statement, *numbers, each.verdict])
+            for each in by_claim.get(name, ()):
+                test = each.test
+                mean, low, high = (f"{value:.3g}" for value in (test.mean, test.low, test.high))
+                numbers = [mean, f"[{low}, {high}]", f"{test.p:.3f}"]
+                lines.append([f"`{title}`", name, each.statement, *numbers, each.verdict])
     return markdown_table(lines)
 
 
-def _draw(tests: Mapping[Variant, Comparisons]) -> Any:
-    """Draw a panel per claim: each variant's weakest part with its 95 % interval."""
+def _draw(tests: _Tests) -> Any:
+    """Draw a panel per claim: each variant's part with the lowest mean in half widths of its interval."""
     figure = blank_figure(2.4 * len(_COLUMNS) + 4, 1.4 + 0.36 * len(tests))
     panels = figure.subplots(1, len(_COLUMNS), sharey=True)
     for axes, name in zip(panels, _COLUMNS, strict=True):
-        for line, by_aspect in enumerate(tests.values()):
-            if parts := by_aspect.get(name):
-                weakest = min(parts, key=_size).test
-                colour = HELD if weakest.low > 0 else OPPOSITE if weakest.high < 0 else OPEN
+        for line, by_claim in enumerate(tests.values()):
+            if parts := [each.test for each in by_claim.get(name, ())]:
+                weakest = min(parts, key=lambda test: test.mean / max(test.high - test.mean, 1e-12))
+                colour = HOLDS if weakest.low > 0 else REVERSED if weakest.high < 0 else OPEN
                 half = weakest.mean - weakest.low
                 axes.errorbar(weakest.mean, line, xerr=half, fmt="o", ms=4, color=colour, capsize=2)
         axes.axvline(0, color="black", lw=0.8)
@@ -304,24 +284,8 @@ def _draw(tests: Mapping[Variant, Comparisons]) -> Any:
         axes.locator_params(axis="x", nbins=5)
         axes.margins(y=0.15)
         axes.spines["right"].set_visible(False)
-    figure.supxlabel(
-        "the part that is furthest from holding: reward a step (D2: a share), 95 % interval", size=9
-    )
-    panels[0].set_yticks(range(len(tests)), map(_difference, tests), fontsize=8)
+    label = "the part that is furthest from holding: reward per step (D2: a share), 95 % interval"
+    figure.supxlabel(label, size=9)
+    panels[0].set_yticks(range(len(tests)), tests, fontsize=8)
     panels[0].invert_yaxis()
     return figure
-
-
-def _size(comparison: Comparison) -> float:
-    """Return the mean in half widths of its interval."""
-    test = comparison.test
-    return test.mean / max(test.high - test.mean, 1e-12)
-
-
-def _difference(variant: Variant) -> str:
-    """Return the difference of a variant from the preset ``figures``."""
-    settled = variant.interpretation.items
-    other = [f"{point}={setting}" for point, setting in settled if FIGURES.setting(point) != setting]
-    differences = ["as-printed"] if len(other) > 1 else other
-    differences += [] if variant.noise_sd is None else [f"noise={variant.noise_sd}"]
-    return ", ".join(differences) or "figures"
