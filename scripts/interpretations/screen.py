@@ -356,7 +356,7 @@ def write_screen(rows: Sequence[Row], out: Path) -> list[Path]:
         "Effect of each point": by_setting(by_claim),
         "Interpretations under which most claims hold": _most(by_claim),
         "How far the spectra overlap (Fig. 4)": _bins(rows) + "\n\n" + _BINS_NOTE,
-        "How it was made": f"```bash\npython -m scripts.interpretations screen --games {games}\n```\n\n"
+        "How it was made": f"```bash\npython -m scripts.interpretations --games {games}\n```\n\n"
         f"{games} matches of each pair of scripts, on evaluation seeds, one round of each; of planned paths "
         f"{max(2, games // 3)} matches, with all rounds that the planner remembers.",
     }

@@ -1,15 +1,16 @@
 """The committed reports match the committed runs and the present code."""
 
+import dataclasses
 from pathlib import Path
 
 import pytest
 
-from fpg_bench.paper.claims import CLAIMS, compare, verdict
+from fpg_bench.paper.claims import CLAIMS, aspect_of, compare, verdict
 from fpg_bench.paper.conditions import ALL, FIXED_PATHS, conditions_of
 from fpg_bench.paper.experiment import BUDGETS
 from fpg_bench.paper.figures import FIGURES
 from fpg_bench.paper.report import write_report
-from fpg_bench.paper.runs import RunFile, read_results
+from fpg_bench.paper.runs import Results, RunFile, read_results
 from scripts.interpretations import screen
 from scripts.interpretations.interpretations import all_interpretations, parse_interpretation
 from scripts.interpretations.screen import (
@@ -21,12 +22,12 @@ from scripts.interpretations.screen import (
     read_screen,
     write_screen,
 )
-from scripts.interpretations.trained import NAME, VARIANTS, all_conditions, write_variants
 
 COMMITTED = Path(__file__).parents[2] / "docs/reproduction"
 RUNS = Path(__file__).parents[2] / "results/reproduction"
 FULL = BUDGETS["full"]
 BOTH = ("paper", "standard")
+VARIANTS = "trained-variants"
 
 
 @pytest.fixture(scope="module", params=BOTH)
@@ -102,37 +103,54 @@ def test_committed_report_of_figures_matches_its_runs_on_fresh_seeds(tmp_path):
         assert run.about["scenario"] == f"figures, {known.scenario('figures').hash}"
 
 
-def test_committed_page_of_variants_matches_their_runs_on_fresh_seeds(tmp_path):
-    budget, seeds = BUDGETS["hundredth"], range(100, 110)
-    stored = RunFile(RUNS, NAME, budget.name).read()
-    every = {name: condition for condition in all_conditions() for name in condition.runs}
-    assert set(stored) == {(name, seed) for name, _ in stored for seed in seeds}
-    for (name, _), run in stored.items():
-        assert run.about["scenario"] == f"paper, {every[name].scenario('paper').hash}"
-    first, variants = (_results(name, budget, seeds) for name in ("figures", NAME))
-    options = "--budget hundredth --n-seeds 10 --first-seed 100 --learner jax"
-    *_, page = write_variants(first, variants, seeds, budget, tmp_path, options)
-    assert page.read_text() == (COMMITTED / "trained-variants.md").read_text()
-    for form in ("png", "svg"):
-        assert (COMMITTED / f"figures/trained-variants.{form}").is_file()
+@pytest.fixture(scope="module")
+def variants():
+    """Runs of each trained variant by its name."""
+    results = _results(VARIANTS, BUDGETS["hundredth"], range(100, 110))
+    by_variant = {name.partition(": ")[0]: Results({}, {}) for name in results.runs}
+    for name, runs in results.runs.items():
+        variant, _, condition = name.partition(": ")
+        by_variant[variant].runs[condition] = runs
+        by_variant[variant].about[condition] = results.about[name]
+    return by_variant
 
 
 @pytest.fixture(scope="module")
-def again():
+def again(variants):
     """Runs that have no report: pairs on all paths, and variants."""
-    hundredth, fresh = BUDGETS["hundredth"], range(100, 110)
-    variants = _results(NAME, hundredth, fresh)
     return {
         **{f"{preset}, first look": _results(preset, FULL, range(10), RUNS / "frozen") for preset in BOTH},
-        "standard": _results("standard", hundredth, fresh),
+        "standard": _results("standard", BUDGETS["hundredth"], range(100, 110)),
         **{
             f"figures, more updates, from {first}": _results(
                 "figures", BUDGETS["tenth"], range(first, first + 10)
             )
             for first in (200, 400)
         },
-        **{variant.name: variant.results(variants) for variant in VARIANTS},
+        **variants,
     }
+
+
+def test_committed_page_of_trained_variants_matches_their_runs_on_fresh_seeds(variants):
+    stored = RunFile(RUNS, VARIANTS, "hundredth").read()
+    known = {condition.name: condition for condition in conditions_of(ALL, "paper", full=False)}
+    assert set(stored) == {(name, seed) for name, _ in stored for seed in range(100, 110)}
+    for (name, _), run in stored.items():
+        variant, _, condition = name.partition(": ")
+        game = parse_interpretation(variant.split(",noise=")[0]).scenario()
+        game = dataclasses.replace(game, **known[condition.split("@")[0]].changes)
+        assert run.about["scenario"] == f"paper, {game.hash}"
+    lines = set()
+    figures = _results("figures", BUDGETS["hundredth"], range(100, 110))
+    for runs in (figures, *variants.values()):
+        for each in compare(runs):
+            mean, low, high = (f"{value:.3g}" for value in (each.test.mean, each.test.low, each.test.high))
+            measured = f"{each.statement} | {mean} | [{low}, {high}] | {each.test.p:.3f}"
+            lines.add(f"{aspect_of(each)} | {measured} | {each.verdict} |")
+    page = (COMMITTED / f"{VARIANTS}.md").read_text().split("## Part by part")[1]
+    printed = [line.partition("` | ")[2] for line in page.splitlines() if line.startswith("| `")]
+    assert len(printed) == 81
+    assert [line for line in printed if line not in lines] == []
 
 
 def lines_with_tests(results, tmp_path):
@@ -178,7 +196,8 @@ def test_docs_quote_the_verdicts(again):
 
 @pytest.mark.slow
 def test_committed_page_of_the_screen_matches_its_rows(monkeypatch, tmp_path):
-    monkeypatch.setattr(screen, "save_figure", lambda *_: [])  # draws for twenty seconds
+    monkeypatch.setattr(screen, "draw_curve", lambda effects: None)  # for twenty seconds
+    monkeypatch.setattr(screen, "save_figure", lambda *_: [])
     rows = read_screen(RUNS)
     assert [row["interpretation"] for row in rows] == [
         interpretation.name for interpretation in all_interpretations()
