@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -188,23 +187,15 @@ def build(
     Example: fpg-bench leaderboard build
     """
     need("leaderboard", "jinja2")
-    from rich.progress import Progress
-
     from fpg_bench.leaderboard.board import make_board
     from fpg_bench.leaderboard.site.build import build_site, check_folder
     from fpg_bench.leaderboard.site.page_data import submitted_policies
     from fpg_bench.leaderboard.site.replays import make_replays
 
     check_folder(out)
-    with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
-        task = bar.add_task("ranks", total=None)
-        board = make_board(folder)
-
-        def show(name: str) -> None:
-            bar.update(task, description=name)
-
-        rounds = make_replays(board, folder, out, show, simulate=replays)
-        files = build_site(board, out, rounds, show, docs, submitted_policies(board, folder))
+    board = make_board(folder)
+    rounds = make_replays(board, folder, out, simulate=replays)
+    files = build_site(board, out, rounds, docs, submitted_policies(board, folder))
     entries = sum(len(track.entries) for track in board.tracks)
     shown = sum(map(len, rounds.values()))
     print_line(f"{entries} entries, {shown} rounds to watch, {len(files)} files: open {out / 'index.html'}")

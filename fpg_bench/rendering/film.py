@@ -69,25 +69,19 @@ def write_mp4(recordings: Sequence[Recording], path: Path, title: str = "", ever
         write_whole(path, film.read_bytes())
 
 
-def shown(step: int, last: int, every: int) -> bool:
-    """Return True for each ``every``-th step and for the last one."""
-    return step % every == 0 or step == last
-
-
 def _frames(recordings: Sequence[Recording], title: str, every: int) -> Iterator[np.ndarray]:
     """Yield the pictures in order, with a progress bar on a terminal."""
     steps = [
         (recording, step)
         for recording in recordings
         for step in range(len(recording.frames))
-        if shown(step, len(recording.frames) - 1, every)
+        if step % every == 0 or step == len(recording.frames) - 1
     ]
-    picture, drawn = None, None
     console = Console(stderr=True)
+    picture = Picture(recordings[0], title)
     for recording, step in track(
         steps, "drawing", console=console, transient=True, disable=not console.is_terminal
     ):
-        if drawn is not recording:
-            picture, drawn = Picture(recording, title), recording
-        assert picture is not None
+        if picture.recording is not recording:
+            picture = Picture(recording, title)
         yield picture.draw(step)

@@ -17,6 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Text
 from matplotlib.ticker import NullLocator
+from numpy.typing import ArrayLike
 
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
@@ -29,7 +30,7 @@ _AZIMUTH, _ELEVATION = math.radians(-62), math.radians(40)
 _DOTTED = (0, (1, 3))
 
 
-def project(points: Any) -> np.ndarray:
+def project(points: ArrayLike) -> np.ndarray:
     """Project points ``(..., 3)`` in m, z up, onto the picture's plane ``(..., 2)``, in parallel."""
     x, y, z = np.moveaxis(np.asarray(points, float), -1, 0)
     across = y * math.cos(_AZIMUTH) - x * math.sin(_AZIMUTH)
@@ -45,8 +46,8 @@ def bezier_curve(control_points: np.ndarray) -> np.ndarray:
     return points
 
 
-class ArenaPanel:
-    """Panel of the box. The box is drawn once; :meth:`update` sets the artists in ``moving``.
+class Panel:
+    """Part of a picture. What never changes is drawn once; the artists in ``moving`` are set for each step.
 
     Args:
         axes: where to draw.
@@ -55,8 +56,20 @@ class ArenaPanel:
 
     def __init__(self, axes: Axes, recording: Recording) -> None:
         self._axes, self._scenario = axes, recording.scenario
-        self._base = np.array(self._scenario.base_station_m)
         self.moving: list[Artist] = []
+
+    def _line(self, colour: str, **style: Any) -> Line2D:
+        (line,) = self._axes.plot([], [], color=colour, animated=True, **style)
+        self.moving.append(line)
+        return line
+
+
+class BoxPanel(Panel):
+    """Panel of the box with both tracks, seen from the side."""
+
+    def __init__(self, axes: Axes, recording: Recording) -> None:
+        super().__init__(axes, recording)
+        self._base = np.array(self._scenario.base_station_m)
         axes.set_axis_off()
         axes.set_aspect("equal")
         self._draw_box()
@@ -73,11 +86,6 @@ class ArenaPanel:
         self._markers = {side: self._marker(side) for side in SIDE_COLOURS}
         self._labels = {side: self._label(colour) for side, colour in SIDE_COLOURS.items()}
 
-    def _line(self, colour: str, **style: Any) -> Line2D:
-        (line,) = self._axes.plot([], [], color=colour, animated=True, **style)
-        self.moving.append(line)
-        return line
-
     def _marker(self, side: str) -> Line2D:
         shape = "o" if side == "ally" else "D"
         return self._line(SIDE_COLOURS[side], marker=shape, ms=9, mec="white", mew=1.4)
@@ -90,10 +98,10 @@ class ArenaPanel:
         self.moving.append(text)
         return text
 
-    def _path(self, *points: Any, **style: Any) -> None:
-        self._axes.plot(*project(points).T, **style)
+    def _path(self, *points: ArrayLike, **style: Any) -> None:
+        self._axes.plot(*project(np.array(points)).T, **style)
 
-    def _note(self, text: str, place: Any, offset: tuple[float, float], **style: Any) -> None:
+    def _note(self, text: str, place: ArrayLike, offset: tuple[float, float], **style: Any) -> None:
         style = {"color": GREY, "size": 8, "ha": "center", "va": "center", **style}
         self._axes.annotate(text, tuple(project(place)), offset, textcoords="offset points", **style)
 
@@ -160,8 +168,8 @@ class ArenaPanel:
         self._distance.set_position((across + self._room / 2, upwards))
         self._distance.set_text(f"{last['distance_m']:.0f} m")
 
-    def _set(self, line: Line2D, *points: Any) -> None:
-        line.set_data(*project(points).T)
+    def _set(self, line: Line2D, *points: ArrayLike) -> None:
+        line.set_data(*project(np.array(points)).T)
 
 
 _ROWS = 300
@@ -180,14 +188,14 @@ def footprints(frames: np.ndarray, scenario: Scenario, rows_mhz: np.ndarray) -> 
     return covered
 
 
-def held(step: np.ndarray, values: np.ndarray, shown: Any = True) -> tuple[np.ndarray, np.ndarray]:
+def held(step: np.ndarray, values: np.ndarray, shown: ArrayLike = True) -> tuple[np.ndarray, np.ndarray]:
     """Return a line of one level stroke per step where ``shown`` is true, over the second of the step."""
     values = np.where(shown, values, np.nan)
     gap = np.full(len(step), np.nan)
     return np.stack([step - 1, step, gap], axis=1).ravel(), np.stack([values, values, gap], axis=1).ravel()
 
 
-class TimePanel:
+class TimePanel(Panel):
     """Panel with a scrolling time axis, shaded while the ally spreads.
 
     Args:
@@ -198,9 +206,8 @@ class TimePanel:
     """
 
     def __init__(self, axes: Axes, recording: Recording, label: str, low: float, high: float) -> None:
-        self._axes, self._scenario = axes, recording.scenario
+        super().__init__(axes, recording)
         self._window = min(recording.horizon, WINDOW)
-        self.moving: list[Artist] = []
         axes.set_ylabel(label, color=GREY, size=8.5)
         axes.tick_params(colors=GREY, labelsize=8, length=3, bottom=False, labelbottom=False)
         axes.spines[["top", "right"]].set_visible(False)
@@ -225,11 +232,6 @@ class TimePanel:
         self._axes.axhline(value, color=colour, lw=0.9, ls="--")
         place = self._axes.get_yaxis_transform()
         self._axes.text(1.008, value, text, transform=place, color=colour, size=8, va="center")
-
-    def _line(self, colour: str, **style: Any) -> Line2D:
-        (line,) = self._axes.plot([], [], color=colour, animated=True, **style)
-        self.moving.append(line)
-        return line
 
     def _opacity(self, image: AxesImage, opacity: np.ndarray) -> None:
         pixels = image.get_array()
@@ -353,24 +355,24 @@ _TILES = (  # heading, left end, colour
 class Picture:
     """Draws a recording after any of its steps.
 
-    What never changes is drawn once; a step then costs the moving lines alone.
+    The static parts are drawn once, so a step costs the moving lines alone.
 
     Args:
-        recording: the round; it may go on growing.
-        title: a line at the top, who plays whom for instance.
+        recording: the round; steps may be added to it.
+        title: of the picture, such as the players' names.
     """
 
     def __init__(self, recording: Recording, title: str = "") -> None:
-        self._recording = recording
+        self.recording = recording
         self._figure = Figure((WIDTH / _DPI, HEIGHT / _DPI), dpi=_DPI, facecolor="white")
         self._canvas = FigureCanvasAgg(self._figure)
-        self._background: Any = None
+        self._background: object = None
         self._limits: tuple[float, float] | None = None
         self._figure.text(0.022, 0.965, _heading(recording, title), color=INK, size=11, va="center")
         self._values = [self._tile(*tile) for tile in _TILES]
         axes = self._figure.add_axes
-        self._panels = (
-            ArenaPanel(axes((0.015, 0.015, 0.445, 0.82)), recording),
+        self._panels: tuple[BoxPanel | TimePanel, ...] = (
+            BoxPanel(axes((0.015, 0.015, 0.445, 0.82)), recording),
             SpectrumPanel(axes((0.52, 0.43, 0.435, 0.36)), recording),
             SnrPanel(axes((0.52, 0.235, 0.435, 0.17)), recording),
             DistancePanel(axes((0.52, 0.07, 0.435, 0.14)), recording),
@@ -410,11 +412,11 @@ class Picture:
 
     def draw(self, step: int | None = None) -> np.ndarray:
         """Return the picture ``(640, 1120, 3)`` uint8 after ``step`` steps (None: the last recorded one)."""
-        frames = self._recording.frames
+        frames = self.recording.frames
         frames = frames if step is None else frames[: step + 1]
         for panel in self._panels:
             panel.update(frames)
-        for text, value in zip(self._values, _figures(frames, self._recording), strict=True):
+        for text, value in zip(self._values, _figures(frames, self.recording), strict=True):
             text.set_text(value)
         self._restore_background()
         renderer = self._canvas.get_renderer()

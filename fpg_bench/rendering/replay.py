@@ -123,10 +123,10 @@ def replay_page(data: dict[str, Any]) -> str:
     parts = {"title": html.escape(data["title"]), "data": script_json(data)}
     parts |= {"css": replay_part("css"), "js": replay_part("js"), "player": replay_markup("h1")}
     template = _resource("replay.html")
-    return re.sub("{{(title|data|css|js|player)}}", lambda found: parts[found[1]], template)
+    return re.sub("{{(title|data|css|js|player)}}", lambda mark: parts[mark[1]], template)
 
 
-def script_json(content: Any) -> str:
+def script_json(content: object) -> str:
     """Return compact JSON in which no string can end a script element."""
     text = json.dumps(content, separators=(",", ":"), allow_nan=False)
     for sign in "<>&":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import has, need
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.rendering.recording import Recording
+
+if TYPE_CHECKING:
+    from fpg_bench.rendering.picture import Picture
 
 FRAMES_PER_SECOND = 10  # of windows and films
 RENDER_MODES = {"rgb_array": ("matplotlib",), "human": ("matplotlib", "pygame")}  # and what each needs
@@ -34,7 +37,7 @@ class Screen:
     """
 
     _recording: Recording | None = None
-    _picture: Any = None
+    _picture: Picture | None = None
     _window: Window | None = None
 
     def __init__(self, batch: GameBatch, mode: str | None) -> None:
@@ -55,20 +58,18 @@ class Screen:
         if self._mode == "human":
             self._window = self._window or Window()
             if self._window.is_open:
-                self._window.show(self.draw())
+                self._window.show(self._draw(self._recording))
 
-    def draw(self) -> np.ndarray:
-        """Return a new picture of the round so far, ``(640, 1120, 3)`` uint8."""
+    def picture(self) -> np.ndarray | None:
+        """Return the current step, ``(640, 1120, 3)`` uint8, in mode ``rgb_array``; otherwise None."""
+        return self._draw(self._recording) if self._mode == "rgb_array" and self._recording else None
+
+    def _draw(self, recording: Recording) -> np.ndarray:
         if self._picture is None:
             from fpg_bench.rendering.picture import Picture
 
-            self._picture = Picture(self._recording)  # type: ignore[arg-type]
-        drawn: np.ndarray = self._picture.draw()
-        return drawn
-
-    def picture(self) -> np.ndarray | None:
-        """Return the current step, ``(height, width, 3)`` uint8, in mode ``rgb_array``; otherwise None."""
-        return self.draw() if self._mode == "rgb_array" and self._recording else None
+            self._picture = Picture(recording)
+        return self._picture.draw()
 
     def close(self) -> None:
         """Close the window, if there is one."""
@@ -78,41 +79,40 @@ class Screen:
 
 
 class Window:
-    """A window that opens with the first picture; the user or :meth:`close` closes it."""
+    """A window for pictures; the user or :meth:`close` closes it.
+
+    Raises:
+        UserError: there is no screen.
+    """
 
     def __init__(self) -> None:
         import pygame
 
+        from fpg_bench.rendering.picture import HEIGHT, WIDTH
+
         self._pygame = pygame
-        self._screen: Any = None
+        pygame.display.init()
+        pygame.display.set_caption("Frequency point game")
+        try:
+            self._surface = pygame.display.set_mode((WIDTH, HEIGHT))
+        except pygame.error as error:
+            raise UserError(f"render_mode 'human' needs a screen: {error}") from error
+        self._clock = pygame.time.Clock()
         self.is_open = True
 
     def show(self, picture: np.ndarray) -> None:
         """Show a picture ``(height, width, 3)`` uint8 and wait until the next one is due."""
         pygame = self._pygame
         height, width = picture.shape[:2]
-        if self._screen is None:
-            self._open(width, height)
-        surface = pygame.image.frombuffer(np.ascontiguousarray(picture), (width, height), "RGB")
-        self._screen.blit(surface, (0, 0))
+        shown = pygame.image.frombuffer(np.ascontiguousarray(picture), (width, height), "RGB")
+        self._surface.blit(shown, (0, 0))
         pygame.display.flip()
         self._clock.tick(FRAMES_PER_SECOND)
         if any(event.type == pygame.QUIT for event in pygame.event.get()):
             self.close()
 
-    def _open(self, width: int, height: int) -> None:
-        pygame = self._pygame
-        pygame.display.init()
-        pygame.display.set_caption("Frequency point game")
-        try:
-            self._screen = pygame.display.set_mode((width, height))
-        except pygame.error as error:
-            raise UserError(f"render_mode 'human' needs a screen: {error}") from error
-        self._clock = pygame.time.Clock()
-
     def close(self) -> None:
         """Close the window; pictures shown after that are an error of the caller."""
-        if self._screen is not None:
+        if self.is_open:
             self._pygame.display.quit()
-            self._screen = None
-        self.is_open = False
+            self.is_open = False

@@ -19,7 +19,6 @@ from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.board import Improvement, Profiles, Score
 from fpg_bench.leaderboard.site import views
 from fpg_bench.leaderboard.site.build import build_site
-from fpg_bench.leaderboard.site.front_page import ticks, zoomed_axis
 from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.leaderboard.site.serve import make_server
 from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN
@@ -192,10 +191,10 @@ def test_the_front_page_shows_the_first_three_and_a_round(site, pages, tmp_path)
 
 
 def test_an_axis_spans_its_scores():
-    axis = zoomed_axis([Score(58.6, 58.0, 59.2), Score(38.3, 31.6, 45.1)])
+    axis = views.zoomed_axis([Score(58.6, 58.0, 59.2), Score(38.3, 31.6, 45.1)])
     assert 30 < axis.low < 31.6
     assert 59.2 < axis.high < 61
-    assert zoomed_axis([]) == views.Axis(0.0, 100.0)
+    assert views.zoomed_axis([]) == views.Axis(0.0, 100.0)
 
 
 @pytest.mark.parametrize(
@@ -203,7 +202,7 @@ def test_an_axis_spans_its_scores():
     [((30.2, 60.6), [40, 50, 60]), ((-6, -5), [-6, -5]), ((0, 100), [0, 20, 40, 60, 80, 100])],
 )
 def test_ticks_are_round_numbers_on_the_axis(ends, marks):
-    assert ticks(views.Axis(*ends)) == marks
+    assert views.ticks(views.Axis(*ends)) == marks
 
 
 def test_pages_load_only_files_of_the_site(site, pages):

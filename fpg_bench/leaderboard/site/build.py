@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from importlib import resources
 from pathlib import Path
@@ -15,7 +15,6 @@ from fpg_bench.common.files import write_whole
 from fpg_bench.leaderboard.board import Board
 from fpg_bench.leaderboard.site import reading_pages, views
 from fpg_bench.leaderboard.site.entry_page import badge_file, badge_view, entry_view
-from fpg_bench.leaderboard.site.front_page import front_view
 from fpg_bench.leaderboard.site.page_data import Policies, data_files
 from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.rendering.replay import replay_code, replay_markup, replay_part
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
 
-MARK = ".fpg-site"  # file of a folder that was written here and may be cleared
+MARK = ".fpg-site"  # marks a folder that holds a site, which may be cleared
 Replays = Mapping[tuple[str, str], list[Replay]]
 _SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
 
@@ -33,7 +32,6 @@ def build_site(
     board: Board,
     out: str | Path,
     replays: Replays | None = None,
-    progress: Callable[[str], None] = lambda page: None,
     docs: str = "",
     policies: Policies | None = None,
 ) -> list[Path]:
@@ -43,7 +41,6 @@ def build_site(
         board: the board.
         out: the folder; files of an earlier build that are no longer needed are removed from it.
         replays: by track and entry, the rounds that its page shows.
-        progress: called with each file's name.
         docs: address of the documentation's site, from the folder (such as ``..``); empty: the pages of
             :mod:`fpg_bench.leaderboard.site.reading_pages` are part of this site, others are named only.
         policies: by track and entry, policies of submitted entries that a visitor can play against; see
@@ -64,7 +61,6 @@ def build_site(
     files |= _pages(board, replays, docs) | _static_files() | data_files(board, policies or {})
     files |= {replay.file: replay.script for rounds in replays.values() for replay in rounds}
     for name, content in files.items():
-        progress(name)
         _write(folder / name, content)
     kept = {folder / name for name in files}
     _remove_others(folder, kept)
@@ -111,8 +107,9 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
     from markupsafe import Markup
 
     tracks = [views.track_view(board, track) for track in board.tracks]
+    podiums = [views.podium(board, track) for track in board.tracks]
     pages: list[tuple[str, str, dict[str, Any]]] = [
-        ("index.html", "index.html", {"front": front_view(board, replays)}),
+        ("index.html", "index.html", {"film": _film(board, replays), "podiums": podiums}),
         ("play.html", "play.html", {}),
         ("ranking.html", "ranking.html", {"tracks": tracks}),
         ("compare.html", "compare.html", {}),
@@ -136,6 +133,12 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
         name: environment.get_template(template).render(page=name, root="../" * name.count("/"), **content)
         for name, template, content in pages
     }
+
+
+def _film(board: Board, replays: Replays) -> Replay | None:
+    """Return the round that moves on the front page: the last (hardest) of the first entry that has any."""
+    keys = ((track.key, entry.slug) for track in board.tracks for entry in track.entries)
+    return next((replays[key][-1] for key in keys if replays.get(key)), None)
 
 
 def _environment(board: Board, docs: str) -> Environment:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
 from fpg_bench.leaderboard.site.views import (
@@ -28,6 +28,7 @@ from fpg_bench.leaderboard.site.views import (
 )
 from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN
 
+_T = TypeVar("_T")
 _CHAR_PX = 6.6  # approximate width of a badge's letters
 _SPECIAL = re.compile(r"([&%$#_{}])")
 _HISTOGRAMS = {"ally": "Where the ally transmits", "jam": "Where the opponent jams"}
@@ -49,12 +50,14 @@ class FiguresView:
     """Figures of a verified entry, ready for its page.
 
     Attributes:
-        role: of the suite that its score is over.
-        scores: suites with the score over each; ``by_rival``: with the score against each rival.
-        curve, facts: of planners: score per round of a match, and what else is known of them.
+        role: label of the suite that its score is over.
+        axis: of all scores on the page.
+        scores, by_rival: suites with the score over each, and with the score against each rival.
+        measures: presentations and values.
+        facts: names and values of further figures of a planner.
+        fingerprint: names and values.
     """
 
-    figures: Figures
     role: str
     axis: Axis
     worst: WorstView
@@ -73,8 +76,11 @@ class EntryView:
     """An entry's page.
 
     Attributes:
+        ranked_by: label of the suite that ranks the track.
         shown: its figures; None where it is not verified.
-        commands: a description and a command line each.
+        reference: a link, if the entry has a safe one.
+        commands: descriptions and command lines.
+        badge: file of its badge.
         unseen: the suite of rivals that it cannot have trained on, if there is one.
     """
 
@@ -111,34 +117,29 @@ def entry_view(board: Board, track: BoardTrack, entry: BoardEntry) -> EntryView:
 def _figures_view(board: Board, track: BoardTrack, figures: Figures) -> FiguresView:
     role = track.ranked_by if track.ranked_by in figures.scores else PUBLIC
     planner = figures.planner
-    drawn = [figures.worst.score, *figures.scores.values()]
-    drawn += [score for scores in figures.by_rival.values() for score in scores.values()]
-    drawn += [Score(value) for value in figures.seeds.values()]
-    drawn += [] if planner is None else planner.curve
+    charted = [figures.worst.score, *figures.scores.values()]
+    charted += [score for scores in figures.by_rival.values() for score in scores.values()]
+    charted += [Score(value) for value in figures.seeds.values()]
+    charted += [] if planner is None else planner.curve
     names = [*MEASURES, *(name for name in figures.measures if name not in (*MEASURES, *HIDDEN))]
     values = {name: value for name, value in figures.measures.items() if value is not None}
     return FiguresView(
-        figures=figures,
         role=ROLES[role].label.lower(),
-        axis=Axis.of_scores(drawn),
+        axis=Axis.of_scores(charted),
         worst=worst_view(board, track, figures),
         seeds_gap=seeds_gap_text(figures),
         lost=lost_text(figures),
-        scores=[
-            (suite, figures.scores[suite.role])
-            for suite in ordered_suites(track, without=())
-            if suite.role in figures.scores
-        ],
-        by_rival=[
-            (suite, figures.by_rival[suite.role])
-            for suite in ordered_suites(track)
-            if suite.role in figures.by_rival
-        ],
+        scores=_by_suite(ordered_suites(track, without=()), figures.scores),
+        by_rival=_by_suite(ordered_suites(track), figures.by_rival),
         measures=[(measure_of(name), values[name]) for name in names if name in values],
         histograms=_histograms(figures),
         facts=_planner_facts(figures),
         fingerprint=_flat(figures.fingerprint),
     )
+
+
+def _by_suite(suites: Iterable[BoardSuite], figures: Mapping[str, _T]) -> list[tuple[BoardSuite, _T]]:
+    return [(suite, figures[suite.role]) for suite in suites if suite.role in figures]
 
 
 def _planner_facts(figures: Figures) -> list[tuple[str, str]]:
@@ -175,43 +176,40 @@ def _histograms(figures: Figures) -> list[HistogramView]:
 
 
 def _flat(content: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return a fingerprint as lines; the names of nested mappings are joined."""
-    lines = []
+    """Return the names and values of a fingerprint; the names of nested mappings are joined."""
+    rows = []
     for key, value in content.items():
         name = str(key).replace("_", " ")
         if isinstance(value, Mapping):
-            lines += [(f"{name} {inner}", text) for inner, text in _flat(value)]
+            rows += [(f"{name} {inner}", text) for inner, text in _flat(value)]
         else:
-            lines.append((name, NONE if value is None else str(value)))
-    return lines
+            rows.append((name, NONE if value is None else str(value)))
+    return rows
 
 
 def commands(track: BoardTrack, entry: BoardEntry) -> list[tuple[str, str]]:
     """Return the commands that play an entry again and, where the package trained it, train it again."""
     folder = track.key.partition("-")[0]
-    lines = [("Play it again and compare", f"fpg-bench leaderboard verify {folder}/{entry.slug}")]
+    rows = [("Play it again and compare", f"fpg-bench leaderboard verify {folder}/{entry.slug}")]
     if entry.kind == "zoo" and entry.plays is not None:
         group = entry.plays.partition("/")[0]
-        script = (
-            f"train_champions.py --only {group}"
-            if group.endswith("champion")
-            else f"train_zoo.py --only {entry.plays}"
-        )
-        lines.append(("Train it again", f"python scripts/{script}"))
-    return lines
+        is_champion = group.endswith("champion")
+        script = f"train_champions.py --only {group}" if is_champion else f"train_zoo.py --only {entry.plays}"
+        rows.append(("Train it again", f"python scripts/{script}"))
+    return rows
 
 
 def bibtex(board: Board, track: BoardTrack, entry: BoardEntry) -> str:
     """Return the entry as BibTeX."""
     season = "" if board.season is None else f", season {board.season}"
-    suites = {
+    fields = {
         "author": " and ".join(f"{{{_escaped(name)}}}" for name in entry.authors),
         "title": f"{{{_escaped(entry.name)}}}: entry of the fpg-bench leaderboard",
         "year": board.built[:4],
         "note": _escaped(f"Entry {track.key}/{entry.slug}, protocol {board.protocol}{season}"),
         "url": safe_link(entry.reference) or "",
     }
-    lines = [f"  {name} = {{{value}}}," for name, value in suites.items() if value]
+    lines = [f"  {name} = {{{value}}}," for name, value in fields.items() if value]
     return "\n".join([f"@misc{{fpg-bench-{track.key}-{entry.slug},", *lines, "}"])
 
 
@@ -239,10 +237,8 @@ def badge_file(track: BoardTrack, entry: BoardEntry) -> str:
 def badge_view(track: BoardTrack, entry: BoardEntry) -> BadgeView:
     """Return the view of an entry's badge."""
     figures = entry.figures
-    left, right = (
-        f"fpg-bench {track.key}",
-        f"score {NONE if figures is None else format_number(figures.score.value)}",
-    )
+    left = f"fpg-bench {track.key}"
+    right = f"score {NONE if figures is None else format_number(figures.score.value)}"
     if figures is not None and figures.rank is not None:
         right = f"rank {format_rank(figures.rank)} of {track.n_ranked}, {right}"
     split, rest = (round(len(text) * _CHAR_PX) + 14 for text in (left, right))

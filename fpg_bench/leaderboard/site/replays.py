@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+import logging
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,13 +29,10 @@ from fpg_bench.rendering.recording import Recording
 from fpg_bench.rendering.replay import FORMAT, replay_data, script_json
 from fpg_bench.version import __version__
 
-STRONG = (
-    "adaptive/pursuit",
-    "expert/pursuit",
-    "expert/learned",
-    "expert",
-)  # strong rivals of the public suites
-_FORM = 5  # version of labels and texts; another one makes all rounds anew
+_logger = logging.getLogger(__name__)
+
+STRONG = ("adaptive/pursuit", "expert/pursuit", "expert/learned", "expert")  # rivals of the public suites
+_FORM = 5  # version of labels and texts; after a change all rounds are played again
 _ROLES = (PUBLIC, UNSEEN, RESPONSES)  # suites under the game's own rules
 _CALL, _END = "fpgRound(", ");\n"
 
@@ -60,7 +58,6 @@ def make_replays(
     board: Board,
     folder: str | Path,
     out: str | Path,
-    progress: Callable[[str], None] = lambda name: None,
     simulate: bool = True,
 ) -> dict[tuple[str, str], list[Replay]]:
     """Return the rounds of all entries of a board that can be played, by track and entry.
@@ -73,13 +70,11 @@ def make_replays(
         board: the board.
         folder: the leaderboard's folder, which holds the submissions.
         out: the site's folder.
-        progress: called with each entry's name.
         simulate: play the rounds that are missing.
     """
     replays, suites = {}, TrackSuites()
     for track in board.tracks:
         for entry, figures in track.verified():
-            progress(f"{track.key}/{entry.slug}")
             home = Path(folder) / "submissions" / track.key.partition("-")[0] / entry.slug
             with contextlib.suppress(PolicyFailed, UserError):  # leaderboard verify names the problem
                 submission = load_submission(home, simulate, suites)
@@ -117,6 +112,7 @@ def _rounds(
         return
     if submission.track == PLANNER and submission.script is None:
         raise UserError("transcripts are not shown as rounds")
+    _logger.info(f"{key}/{submission.slug}: playing rounds to watch")
     with running_player(parts_of(submission)[0]) as player:
         for (label, (suite, rival)), file in zip(matchups.items(), files, strict=True):
             yield simulate_round(submission, player, suite, rival, label, file)
@@ -165,15 +161,15 @@ def simulate_round(
 
 def _play(player: PlayerSpec, suite: Suite, rival: Rival) -> tuple[list[Recording], dict[str, float | None]]:
     """Play a round, or all rounds of a planner's match; returns recordings, and the last round's measures."""
-    table = match_of(player, suite, rival, matches=1)
+    match = match_of(player, suite, rival, matches=1)
     seeds: np.ndarray | None = np.array(evaluation_seeds(1, suite.season))
     recordings = []
     for _ in range(suite.rounds_per_match if suite.side == PLANNER else 1):
-        begin(table, seeds=seeds)
-        recording, seeds = Recording(table.duel.batch), None
-        play_round(table, on_step=recording.add, begun=True)
+        begin(match, seeds=seeds)
+        recording, seeds = Recording(match.duel.batch), None
+        play_round(match, on_step=recording.add, begun=True)
         recordings.append(recording)
-    return recordings, table.duel.measures(0)
+    return recordings, match.duel.measures(0)
 
 
 def _summary(measures: Mapping[str, float | None]) -> str:

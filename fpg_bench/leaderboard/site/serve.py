@@ -6,7 +6,6 @@ import errno
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.leaderboard.site.build import MARK
@@ -17,7 +16,7 @@ HOST = "127.0.0.1"
 class _Handler(SimpleHTTPRequestHandler):
     """Serve files without logging each request."""
 
-    def log_message(self, format: str, *args: Any) -> None:
+    def log_message(self, format: str, *args: object) -> None:
         pass
 
     def end_headers(self) -> None:

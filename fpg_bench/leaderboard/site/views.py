@@ -12,6 +12,9 @@ from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SHIFTE
 
 NONE = "–"
 _TINTS = 9  # of cells in heat maps
+_FIRST = 3  # entries of a podium
+_TICK_STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+_MOST_TICKS = 5
 FEW_SEEDS = "fewer than three training seeds: the interval is unreliable"
 _LINK = re.compile(r"https://[A-Za-z0-9.-]+(:\d+)?(/[^\s\"'<>\\]*)?")
 
@@ -170,6 +173,23 @@ def interval_ends(scores: Iterable[Score]) -> list[float]:
     return [end for end in ends if end is not None]
 
 
+def zoomed_axis(scores: Iterable[Score]) -> Axis:
+    """Return an axis that spans just the scores; 0 to 100 without any."""
+    ends = interval_ends(scores)
+    if not ends:
+        return Axis(0.0, 100.0)
+    margin = max((max(ends) - min(ends)) * 0.05, 0.5)
+    return Axis(min(ends) - margin, max(ends) + margin)
+
+
+def ticks(axis: Axis) -> list[int]:
+    """Return at most five round numbers on an axis."""
+    step = next(
+        (step for step in _TICK_STEPS if (axis.high - axis.low) / step <= _MOST_TICKS), 10 * _TICK_STEPS[-1]
+    )
+    return list(range(math.ceil(axis.low / step) * step, math.floor(axis.high / step) * step + 1, step))
+
+
 @dataclass(frozen=True)
 class WorstView:
     """The worst case of an entry: its rival's name, and where they met, in words."""
@@ -194,14 +214,8 @@ def warnings(figures: Figures | None) -> list[str]:
     """Return the remarks that stand below an entry's name in tables."""
     if figures is None:
         return []
-    texts = []
-    if figures.is_late:
-        texts.append("late entry")
-    if text := seeds_gap_text(figures):
-        texts.append(text)
-    if text := lost_text(figures):
-        texts.append(text)
-    return texts
+    texts = ["late entry" if figures.is_late else "", seeds_gap_text(figures), lost_text(figures)]
+    return [text for text in texts if text]
 
 
 def seeds_gap_text(figures: Figures) -> str:
@@ -220,7 +234,13 @@ def lost_text(figures: Figures) -> str:
 
 @dataclass(frozen=True)
 class RowView:
-    """An entry's row in the table of its track."""
+    """An entry's row in the table of its track, or on the podium.
+
+    Attributes:
+        page: its address.
+        ranking, public, shifted: scores over the suite that ranks the track, and over two others.
+        warnings: remarks below its name.
+    """
 
     entry: BoardEntry
     page: str
@@ -259,7 +279,7 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
     """Return the view of a track in the ranking."""
     verified = list(track.verified())
     measured = {name for _, figures in verified for name in figures.measures}
-    rows = [_row_view(board, track, entry) for entry in track.entries]
+    rows = [row_view(board, track, entry) for entry in track.entries]
     heat_suites = ordered_suites(track, without=(SHIFTED, RESPONSES, PUBLIC_SEEDS))
     top = max(
         [100.0]
@@ -286,7 +306,8 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
     )
 
 
-def _row_view(board: Board, track: BoardTrack, entry: BoardEntry) -> RowView:
+def row_view(board: Board, track: BoardTrack, entry: BoardEntry) -> RowView:
+    """Return the view of an entry's row."""
     figures = entry.figures
     scores: Mapping[str, Score] = {} if figures is None else figures.scores
     return RowView(
@@ -311,6 +332,29 @@ def _heat_cells(figures: Figures, suites: Iterable[BoardSuite], top: float) -> l
             tint = 0 if value is None else max(0, min(_TINTS - 1, int(value / top * _TINTS)))
             cells.append(None if value is None else (value, tint))
     return cells
+
+
+@dataclass(frozen=True)
+class Podium:
+    """The first entries of a track; their scores and worst cases share one axis.
+
+    Attributes:
+        side: the side that is flown: a planner flies the opponent.
+    """
+
+    track: BoardTrack
+    side: str
+    axis: Axis
+    ticks: list[int]
+    rows: list[RowView]
+
+
+def podium(board: Board, track: BoardTrack) -> Podium:
+    """Return the first three entries of a track."""
+    first = list(track.verified())[:_FIRST]
+    axis = zoomed_axis(score for _, figures in first for score in (figures.score, figures.worst.score))
+    side = "ally" if track.side == "ally" else "opponent"
+    return Podium(track, side, axis, ticks(axis), [row_view(board, track, entry) for entry, _ in first])
 
 
 @dataclass(frozen=True)
