@@ -31,9 +31,8 @@ def recording():
 
 
 def embedded(page):
-    """The data in a page, as a browser finds them: up to the first end of the element."""
-    found = re.search(r'<script type="application/json" id="data">(.*?)</script', page, re.S)
-    return json.loads(found[1])
+    """The data in a page, as a browser reads them: up to the first end of the element."""
+    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script', page, re.S)[1])
 
 
 def test_the_page_holds_the_rounds_step_by_step(recording, tmp_path):
@@ -53,7 +52,7 @@ def test_the_page_holds_the_rounds_step_by_step(recording, tmp_path):
     assert np.count_nonzero(steps["check"]) == frames["checked"].sum()
 
 
-def test_no_text_becomes_markup_or_code(recording, tmp_path):
+def test_no_text_becomes_markup_or_code_and_no_network_is_needed(recording, tmp_path):
     write_replay([recording], tmp_path / "replay.html", HOSTILE, ally=HOSTILE)
     page = (tmp_path / "replay.html").read_text(encoding="utf-8")
     assert page.count("<script") == 2
@@ -61,18 +60,13 @@ def test_no_text_becomes_markup_or_code(recording, tmp_path):
     data = embedded(page)
     assert data["title"] == data["ally"] == HOSTILE
     assert "innerHTML" not in page
-
-
-def test_the_page_needs_no_network(recording, tmp_path):
-    write_replay([recording], tmp_path / "replay.html", "title")
-    page = (tmp_path / "replay.html").read_text()
     assert "default-src 'none'" in page
     assert not re.search(r"https?:|src=|@import|url\(", page)
 
 
-def test_watching_as_text_tells_every_step_and_the_measures():
-    lines = []
-    (measures,) = watch("expert-spread", "adaptive", scenario=SHORT, seed=3, echo=lines.append)
+def test_watching_prints_every_step_and_the_measures(capsys):
+    (measures,) = watch("expert-spread", "adaptive", scenario=SHORT, seed=3)
+    lines = capsys.readouterr().out.splitlines()
     steps = [line for line in lines if re.match(r" *\d+ ", line)]
     assert [int(line.split()[0]) for line in steps] == list(range(1, 25))
     assert len({len(line) for line in steps}) == 1
@@ -82,31 +76,26 @@ def test_watching_as_text_tells_every_step_and_the_measures():
     assert returns == pytest.approx(measures["ally_return"], abs=0.2)
 
 
-def test_watching_can_leave_lines_out():
-    lines = []
-    watch("idle", "tone", scenario=SHORT, every=10, rounds=2, echo=lines.append)
-    steps = [int(line.split()[0]) for line in lines if re.match(r" *\d+ ", line)]
-    assert steps == [10, 20, 24] * 2
-
-
-def test_the_same_seed_shows_the_same_game():
-    shown = [[], []]
-    for lines in shown:
-        watch("random", "random", scenario=SHORT, path="circle", seed=9, echo=lines.append)
-    assert shown[0] == shown[1]
+def test_watching_can_leave_lines_out_and_a_seed_shows_the_same_game(capsys):
+    printed = []
+    for _ in range(2):
+        watch("random", "random", scenario=SHORT, path="circle", seed=9, every=10, rounds=2)
+        printed.append(capsys.readouterr().out)
+    steps = re.findall(r"^ *(\d+) ", printed[0], re.MULTILINE)
+    assert steps == ["10", "20", "24"] * 2
+    assert printed[0] == printed[1]
 
 
 @pytest.mark.parametrize(
     ("suffix", "begins"), [(".html", b"<!DOCTYPE html>"), (".GIF", b"GIF89a"), (".mp4", b"\0\0\0")]
 )
-def test_watching_writes_files(tmp_path, suffix, begins):
+def test_watching_writes_files(tmp_path, capsys, suffix, begins):
     if suffix == ".mp4":
         pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg comes with the extra video")
     out = tmp_path / f"game{suffix}"
-    lines = []
-    watch("expert", "comb", scenario=SHORT, out=out, every=8, echo=lines.append)
+    watch("expert", "comb", scenario=SHORT, out=out, every=8)
     assert out.read_bytes().startswith(begins)
-    assert lines[-1] == f"wrote {out}"
+    assert capsys.readouterr().out.endswith(f"\nwrote {out}\n")
     assert list(tmp_path.iterdir()) == [out]
 
 
@@ -116,7 +105,7 @@ def test_watching_spares_a_file_that_is_there(tmp_path):
     with pytest.raises(UserError, match="there already"):
         watch(scenario=SHORT, out=out)
     assert out.read_text() == "mine"
-    watch(scenario=SHORT, out=out, overwrite=True, echo=lambda line: None)
+    watch(scenario=SHORT, out=out, overwrite=True)
     assert out.read_text() != "mine"
 
 
@@ -132,8 +121,9 @@ def test_watching_spares_a_file_that_is_there(tmp_path):
         ({"path": "circel"}, "did you mean 'circle'"),
     ],
 )
-def test_watching_refuses_what_it_does_not_know(options, message, tmp_path, monkeypatch):
+def test_watching_refuses_what_it_does_not_know(options, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(UserError, match=message):
-        watch(**{"scenario": SHORT, **options}, echo=pytest.fail)
+        watch(**{"scenario": SHORT, **options})
+    assert not capsys.readouterr().out
     assert not list(tmp_path.iterdir())
