@@ -37,14 +37,14 @@ def environment(server=None):
     return {**known, **named, "FPG_LLM_API_KEY": KEY}
 
 
-def plan(*words, folder, server=None):
-    found = fpg("plan", *words, folder=folder, environment=environment(server))
-    assert KEY not in found.stdout + found.stderr
-    return found
+def plan(*arguments, folder, server=None):
+    ran = fpg("plan", *arguments, folder=folder, environment=environment(server))
+    assert KEY not in ran.stdout + ran.stderr
+    return ran
 
 
-def error_line(found):
-    (line,) = [line for line in found.stderr.splitlines() if not line.startswith("fpg_bench: compiling")]
+def error_line(ran):
+    (line,) = [line for line in ran.stderr.splitlines() if not line.startswith("fpg_bench: compiling")]
     return line
 
 
@@ -53,25 +53,25 @@ def lines(file):
 
 
 def test_run_shows_keeps_and_draws_a_match_and_replay_repeats_it(folder):
-    words = ("run", "--planner", "circle", "--ally", "idle", "--scenario", "short.yml", "--seed", 4)
-    found = plan(*words, "--rounds", 3, folder=folder)
-    assert found.returncode == 0, found.stderr
+    arguments = ("run", "--planner", "circle", "--ally", "idle", "--scenario", "short.yml", "--seed", 4)
+    ran = plan(*arguments, "--rounds", 3, folder=folder)
+    assert ran.returncode == 0, ran.stderr
     rows = lines(folder / "runs" / "plan" / "circle-idle-4" / "match.jsonl")
     for row in rows[1:]:
         reward = f"{row['opponent_return'] / 32:+.2f}"
-        assert f"round {row['round']}: {reward} per step, ok" in found.stdout
+        assert f"round {row['round']}: {reward} per step, ok" in ran.stdout
         cells = [
             str(row["round"]),
             reward,
             f"{100 * row['near'] / 32:.1f}",
             f"{100 * row['jammed'] / 32:.1f}",
         ]
-        assert [*cells, "ok", "circle", "-"] in [line.split()[:7] for line in found.stdout.splitlines()]
+        assert [*cells, "ok", "circle", "-"] in [line.split()[:7] for line in ran.stdout.splitlines()]
     assert (folder / "runs/plan/circle-idle-4/paths.png").read_bytes().startswith(b"\x89PNG")
     again = plan("replay", "runs/plan/circle-idle-4/match.jsonl", folder=folder)
     assert again.returncode == 0, again.stderr
     assert again.stdout.splitlines()[-1] == "identical: 3 rounds of runs/plan/circle-idle-4/match.jsonl"
-    table = found.stdout[found.stdout.index("circle against idle") :].splitlines()[:-1]
+    table = ran.stdout[ran.stdout.index("circle against idle") :].splitlines()[:-1]
     assert [line.strip() for line in table] == [
         line.strip() for line in again.stdout[again.stdout.index("circle against idle") :].splitlines()[:-1]
     ]
@@ -79,68 +79,68 @@ def test_run_shows_keeps_and_draws_a_match_and_replay_repeats_it(folder):
 
 def test_a_language_models_match_goes_on_and_is_repeated_without_it(folder):
     with FaultServer([ok(path_text()), ok("no idea"), ok(path_text(200)), status(500)]) as server:
-        found = plan("run", *LLM, folder=folder, server=server)
-        assert found.returncode == 0, found.stderr
-        assert "2 of 3 valid" in found.stdout
+        ran = plan("run", *LLM, folder=folder, server=server)
+        assert ran.returncode == 0, ran.stderr
+        assert "2 of 3 valid" in ran.stdout
         assert server.requests[0].headers["authorization"] == f"Bearer {KEY}"
         again = plan("run", *LLM, folder=folder, server=server)
-        assert again.stdout == found.stdout
+        assert again.stdout == ran.stdout
         assert len(server.requests) == 6  # the failed one is tried three times
-        found = plan("run", *LLM, "--prompt", "paper", folder=folder, server=server)
-        assert found.returncode == 2
-        assert "llm.prompt.name is 'standard' in the file, 'paper' now" in error_line(found)
-    found = plan("replay", "out/match.jsonl", folder=folder)
-    assert found.returncode == 0, found.stderr
-    assert "fallback-http" in found.stdout
+        ran = plan("run", *LLM, "--prompt", "paper", folder=folder, server=server)
+        assert ran.returncode == 2
+        assert "llm.prompt.name is 'standard' in the file, 'paper' now" in error_line(ran)
+    ran = plan("replay", "out/match.jsonl", folder=folder)
+    assert ran.returncode == 0, ran.stderr
+    assert "fallback-http" in ran.stdout
     file = folder / "out" / "match.jsonl"
     assert all(KEY.encode() not in path.read_bytes() for path in folder.rglob("*") if path.is_file())
     text = file.read_text()
     assert text.count('\\"x\\": 200') == 32  # the reply and the raw body
     file.write_text(text.replace('\\"x\\": 200', '\\"x\\": 201'))
-    found = plan("replay", "out/match.jsonl", folder=folder)
-    assert found.returncode == 2
-    assert "round 1, attempt 1 is changed" in error_line(found)
+    ran = plan("replay", "out/match.jsonl", folder=folder)
+    assert ran.returncode == 2
+    assert "round 1, attempt 1 is changed" in error_line(ran)
     file.write_text("".join(text.splitlines(keepends=True)[:-1]))
-    found = plan("replay", "out/match.jsonl", folder=folder)
-    assert found.returncode == 2
-    assert "round 2 is missing" in error_line(found)
+    ran = plan("replay", "out/match.jsonl", folder=folder)
+    assert ran.returncode == 2
+    assert "round 2 is missing" in error_line(ran)
 
 
 def test_a_wrong_key_ends_it_and_the_right_one_goes_on(folder):
     with FaultServer([status(401)]) as server:
-        found = plan("run", *LLM, folder=folder, server=server)
-        assert found.returncode == 2
-        assert "HTTP 401, the key is refused (FPG_LLM_API_KEY)" in error_line(found)
-        assert "fpg-bench plan probe" in error_line(found)
+        ran = plan("run", *LLM, folder=folder, server=server)
+        assert ran.returncode == 2
+        assert "HTTP 401, the key is refused (FPG_LLM_API_KEY)" in error_line(ran)
+        assert "fpg-bench plan probe" in error_line(ran)
         server.behaviours = [ok(path_text())]
-        found = plan("run", *LLM, "--calls", 2, folder=folder, server=server)
-        assert found.returncode == 0, found.stderr
-        assert "2 of 3 valid" in found.stdout
-        found = plan("run", *LLM, "--calls", 9, folder=folder, server=server)
-        assert "2 of 3 valid" in found.stdout
-        assert "plans without an answer: 1 (budget 1); they stay as they were flown" in error_line(found)
+        ran = plan("run", *LLM, "--calls", 2, folder=folder, server=server)
+        assert ran.returncode == 0, ran.stderr
+        assert "2 of 3 valid" in ran.stdout
+        ran = plan("run", *LLM, "--calls", 9, folder=folder, server=server)
+        assert "2 of 3 valid" in ran.stdout
+        assert "plans without an answer: 1 (budget 1); they stay as they were flown" in error_line(ran)
 
 
 def test_options_of_the_language_model_reach_it(folder):
     with FaultServer([ok(path_text())]) as server:
-        words = ("--control", "no-history", "--server", "vllm", "--calls", "2", "--out", "other.jsonl")
-        found = plan("run", *LLM[:-2], *words, folder=folder, server=server)
-        assert found.returncode == 0, found.stderr
+        arguments = ("--control", "no-history", "--server", "vllm", "--calls", "2", "--out", "other.jsonl")
+        ran = plan("run", *LLM[:-2], *arguments, folder=folder, server=server)
+        assert ran.returncode == 0, ran.stderr
         assert len(server.requests) == 2
         assert "seed" in server.requests[0].body
-    assert "llm-no-history against expert" in found.stdout
-    assert "fallback-budget" in found.stdout
+    assert "llm-no-history against expert" in ran.stdout
+    assert "fallback-budget" in ran.stdout
     assert lines(folder / "other.jsonl")[0]["llm"]["server"] == "vllm"
     assert (folder / "other.png").exists()
     with FaultServer([late(30, path_text())]) as server:
-        words = ("--deadline", "0.2", "--seconds", "0.2", "--out", "late")
-        found = plan("run", *LLM[:-2], *words, folder=folder, server=server)
-    assert found.returncode == 0, found.stderr
-    assert "fallback-timeout" in found.stdout
+        arguments = ("--deadline", "0.2", "--seconds", "0.2", "--out", "late")
+        ran = plan("run", *LLM[:-2], *arguments, folder=folder, server=server)
+    assert ran.returncode == 0, ran.stderr
+    assert "fallback-timeout" in ran.stdout
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("arguments", "message"),
     [
         (("run", "--planner", "circel"), "did you mean 'circle'"),
         (("run", "--planner", "circle", "--prompt", "paper"), "prompt: is for the planner 'llm'"),
@@ -153,28 +153,28 @@ def test_options_of_the_language_model_reach_it(folder):
     ],
     ids=lambda value: "-".join(value)[:40] if isinstance(value, tuple) else "",
 )
-def test_bad_words_get_one_line_and_a_status(words, message, folder):
-    found = plan(*words, folder=folder)
-    assert found.returncode == 2
-    assert error_line(found).startswith("fpg-bench: ")
-    assert message in error_line(found)
+def test_bad_words_get_one_line_and_a_status(arguments, message, folder):
+    ran = plan(*arguments, folder=folder)
+    assert ran.returncode == 2
+    assert error_line(ran).startswith("fpg-bench: ")
+    assert message in error_line(ran)
     assert [path.name for path in folder.iterdir()] == ["short.yml"]
 
 
 def test_probe_tells_what_a_server_honours(folder):
     with FaultServer([reject_field("response_format", "hello")]) as server:
-        found = plan("probe", "--deadline", "5", folder=folder, server=server)
-    assert found.returncode == 0, found.stderr
-    seen = {line.split()[0]: line.split()[1] for line in found.stdout.splitlines()[1:]}
+        ran = plan("probe", "--deadline", "5", folder=folder, server=server)
+    assert ran.returncode == 0, ran.stderr
+    seen = {line.split()[0]: line.split()[1] for line in ran.stdout.splitlines()[1:]}
     assert seen["answer"] == "yes"
     assert seen["json_schema"] == "no"
 
 
 def test_probe_says_that_nothing_answers(folder):
     with FaultServer([status(401)]) as server:
-        found = plan("probe", "--deadline", "5", folder=folder, server=server)
-    assert found.returncode == 2
-    assert error_line(found).startswith(f"fpg-bench: nothing answers at {server.url}: ")
+        ran = plan("probe", "--deadline", "5", folder=folder, server=server)
+    assert ran.returncode == 2
+    assert error_line(ran).startswith(f"fpg-bench: nothing answers at {server.url}: ")
 
 
 def test_ctrl_c_keeps_what_was_finished_and_the_next_run_goes_on(folder):
@@ -196,27 +196,27 @@ def test_ctrl_c_keeps_what_was_finished_and_the_next_run_goes_on(folder):
         assert error.splitlines()[-1] == "fpg-bench: stopped; what was finished is kept"
         assert [row["kind"] for row in lines(folder / "out" / "match.jsonl")] == ["run", "attempt", "round"]
         server.behaviours = [ok(path_text(x)) for x in range(10)]
-        found = plan("run", *LLM, folder=folder, server=server)
-        assert found.returncode == 0, found.stderr
+        ran = plan("run", *LLM, folder=folder, server=server)
+        assert ran.returncode == 0, ran.stderr
         assert len(server.requests) == 4
     kinds = [row["kind"] for row in lines(folder / "out" / "match.jsonl")]
     assert kinds == ["run"] + ["attempt", "round"] * 3
 
 
 def test_a_terminal_sees_what_is_being_planned(folder):
-    mine, theirs = pty.openpty()
-    words = ("run", "--planner", "circle", "--scenario", "short.yml", "--rounds", "8")
+    screen, terminal = pty.openpty()
+    arguments = ("run", "--planner", "circle", "--scenario", "short.yml", "--rounds", "8")
     process = subprocess.Popen(
-        [*COMMAND, *words], cwd=folder, stdout=theirs, stderr=subprocess.DEVNULL, env=environment()
+        [*COMMAND, *arguments], cwd=folder, stdout=terminal, stderr=subprocess.DEVNULL, env=environment()
     )
-    os.close(theirs)
+    os.close(terminal)
     shown = b""
     try:
-        while part := os.read(mine, 65536):
+        while part := os.read(screen, 65536):
             shown += part
     except OSError:  # the other end is closed
         pass
-    os.close(mine)
+    os.close(screen)
     assert process.wait() == 0
     assert b"planning round" in shown
     assert b"circle against expert" in shown

@@ -32,6 +32,6 @@ def play(planner, ally="expert", games=20, rounds=10, seed=2**40, scenario=PLANN
     return np.array(rewards), duel
 
 
-def request(history, position=(100.0, 200.0, 300.0), **more):
+def request(history, position=(100.0, 200.0, 300.0), **fields):
     """A request with some history."""
-    return Request(np.asarray(history, float), np.array(position), LIMITS, np.random.default_rng(0), **more)
+    return Request(np.asarray(history, float), np.array(position), LIMITS, np.random.default_rng(0), **fields)

@@ -102,12 +102,7 @@ class Prompt(_Texts, _Rounds):
             request: positions are written in whole metres, rewards with two decimals.
             control: ``shuffled-rewards`` permutes the rewards among all past positions, ``no-history`` shows
                 no past round; ``none``: no control.
-
-        Raises:
-            UserError: no such control.
         """
-        if control not in CONTROLS:
-            raise UserError(f"unknown control {control!r}{nearest(control, CONTROLS)}")
         history = self._history(controlled(request, control), request.limits)
         values = {**_situation(request), "history": history, "example": self.example.strip()}
         return [

@@ -108,7 +108,7 @@ Behaviour = Callable[[_Handler, dict[str, Any]], None]
 def completion(text: str | None, **changes: Any) -> dict[str, Any]:
     """The body of a chat completion; ``changes`` replace its fields, None drops one."""
     message = {"role": "assistant", "content": text}
-    whole = {
+    body = {
         "id": "chatcmpl-1",
         "object": "chat.completion",
         "created": 0,
@@ -116,7 +116,7 @@ def completion(text: str | None, **changes: Any) -> dict[str, Any]:
         "choices": [{"index": 0, "message": message, "finish_reason": "stop"}],
         "usage": {"prompt_tokens": 11, "completion_tokens": 7, "total_tokens": 18},
     }
-    return {name: value for name, value in {**whole, **changes}.items() if value is not None}
+    return {name: value for name, value in {**body, **changes}.items() if value is not None}
 
 
 def json_body(body: Any, code: int = 200, headers: dict[str, str] | None = None) -> Behaviour:
@@ -176,8 +176,8 @@ def html(code: int = 200) -> Behaviour:
 
 def cut_json(text: str = "a long answer") -> Behaviour:
     """A body that ends in the middle, though its length agrees."""
-    whole = json.dumps(completion(text))
-    return lambda handler, request: handler.send(200, whole[: len(whole) // 2])
+    body = json.dumps(completion(text))
+    return lambda handler, request: handler.send(200, body[: len(body) // 2])
 
 
 def late(seconds: float, text: str) -> Behaviour:

@@ -223,8 +223,8 @@ def test_bad_texts_are_read_in_a_moment(name):
 
 
 def test_a_longer_answer_is_not_read_but_long_thoughts_are_left_out():
-    found = read_answer(f"{PATH}{' and so on' * (READ_CHARS // 10)}", FOUR)
-    assert found.problem.endswith(f"at most {READ_CHARS} are read")
+    answer = read_answer(f"{PATH}{' and so on' * (READ_CHARS // 10)}", FOUR)
+    assert answer.problem.endswith(f"at most {READ_CHARS} are read")
     thoughts = "<think>" + "[1, 2, 3] " * READ_CHARS + "</think>"
     assert read_answer(f"{thoughts}{PATH}", FOUR).waypoints.tolist() == PATH
 
@@ -248,7 +248,7 @@ def test_no_text_is_a_crash_and_no_waypoint_is_invented(text):
     if answer.waypoints is None:
         return
     assert answer.waypoints.shape == (2, 3)
-    held = {float(found) for found in NUMBER.findall(narrow(text))}
+    held = {float(number) for number in NUMBER.findall(narrow(text))}
     for value, side in zip(answer.waypoints.T, LIMITS.box_m, strict=True):
         unclipped = [v for v in value if not (answer.repaired and v in (0.0, side))]
         assert set(unclipped) <= held

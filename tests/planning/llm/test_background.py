@@ -62,7 +62,7 @@ def begin(slow):
     assert slow.begun.acquire(timeout=30)
 
 
-def told(plan):
+def origin(plan):
     return plan.source, plan.status
 
 
@@ -72,14 +72,14 @@ def test_the_plan_that_is_ready_is_flown_and_until_then_the_present_path():
     (first,) = beside.plan_batch([request(0)])
     begin(slow)
     (second,) = beside.plan_batch([request(1)])
-    assert told(first) == told(second) == ("circle", "held")
+    assert origin(first) == origin(second) == ("circle", "held")
     assert np.array_equal(first.waypoints, second.waypoints)
     finish(beside, slow, 2)
     (third,) = beside.plan_batch([request(2)])
-    assert told(third) == ("slow", "ok")
+    assert origin(third) == ("slow", "ok")
     assert np.array_equal(third.waypoints, path(1))
     (fourth,) = beside.plan_batch([request(3)])
-    assert told(fourth) == ("held", "held")
+    assert origin(fourth) == ("held", "held")
     assert np.array_equal(fourth.waypoints, path(1))
     slow.go.release()
 
@@ -118,7 +118,7 @@ def test_what_was_planned_for_a_match_that_has_ended_is_not_flown(change):
     finish(beside, slow, 2)
     asked = request(1, **change)
     (plan,) = beside.plan_batch([asked])
-    assert told(plan) == ("slow", "ok")
+    assert origin(plan) == ("slow", "ok")
     assert np.array_equal(plan.waypoints, path(0))
     assert slow.batches == [[(0, 1, 0, 0)], [(0, asked.seed, asked.match, 0)]]
     slow.go.release()
@@ -157,10 +157,10 @@ def test_copies_begin_anew_and_go_on_by_themselves(tmp_path):
         first.plan_batch([request(0)])
         settle(first)
         for beside in (copy.deepcopy(first), pickle.loads(pickle.dumps(first))):
-            assert told(beside.plan_batch([request(1)])[0]) == ("circle", "held")
+            assert origin(beside.plan_batch([request(1)])[0]) == ("circle", "held")
             settle(beside)
-            assert told(beside.plan_batch([request(2)])[0]) == ("llm", "ok")
-        assert told(first.plan_batch([request(1)])[0]) == ("llm", "ok")
+            assert origin(beside.plan_batch([request(2)])[0]) == ("llm", "ok")
+        assert origin(first.plan_batch([request(1)])[0]) == ("llm", "ok")
 
 
 # Transcript
@@ -220,7 +220,7 @@ def test_a_replay_flies_the_same_without_a_server_or_a_thread(tmp_path):
 def test_a_plan_that_was_never_flown_may_be_held(tmp_path):
     file, go, texts = tmp_path / "transcript.jsonl", threading.Event(), iter([path_text(9)])
 
-    def said(body):
+    def reply(body):
         go.wait(30)
         return next(texts, BAD)
 
@@ -231,7 +231,7 @@ def test_a_plan_that_was_never_flown_may_be_held(tmp_path):
                 go.set()
             return super().plan_batch(requests)
 
-    with FaultServer([answer(said)]) as server:
+    with FaultServer([answer(reply)]) as server:
         played = play(Third(BackgroundPlanner(planner(server, transcript=file))), rounds=3)
     assert [plan.source for plan in played[0]] == ["circle", "circle", "held"]
     assert np.array_equal(played[0][2].waypoints, path(9))
@@ -310,7 +310,7 @@ def test_a_killed_run_flies_what_it_flew_and_goes_on(tmp_path, monkeypatch):
     )
     bodies = []
 
-    def said(body):
+    def reply(body):
         bodies.append(body)
         if len(bodies) == 3:
             reached.set()
@@ -320,7 +320,7 @@ def test_a_killed_run_flies_what_it_flew_and_goes_on(tmp_path, monkeypatch):
     slowly = "play(type('P', (), {'name': 'llm', 'tier': 'history', 'plan_batch': lambda self, r: "
     slowly += f"(time.sleep(0.02), beside.plan_batch(r))[1]}})(), rounds={rounds})"
     command = [sys.executable, "-c", RUN + slowly, str(file)]
-    with FaultServer([answer(said)]) as server:
+    with FaultServer([answer(reply)]) as server:
         environment(monkeypatch, server)
         with subprocess.Popen(command) as run:
             assert reached.wait(60)
@@ -339,13 +339,13 @@ def test_a_killed_run_flies_what_it_flew_and_goes_on(tmp_path, monkeypatch):
 def test_a_program_ends_while_a_call_is_under_way(monkeypatch, ending):
     asked, go = threading.Event(), threading.Event()
 
-    def said(body):
+    def reply(body):
         asked.set()
         go.wait(60)
         return path_text()
 
     then = {"end": "input()", "interrupt": "time.sleep(60)"}[ending]
-    with FaultServer([answer(said)]) as server:
+    with FaultServer([answer(reply)]) as server:
         environment(monkeypatch, server)
         command = [sys.executable, "-c", RUN + "play(beside, rounds=1); " + then]
         hear = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731

@@ -103,9 +103,9 @@ def test_plans_that_got_no_answer_are_told_once_where_a_run_goes_on(caplog):
     budget, lost = Budget(), [called("http"), called("budget"), called("budget"), called("timeout")]
     for _ in range(2):
         budget.resume([CALLED, called("invalid"), *lost], "transcript x.jsonl")
-    (said,) = caplog.messages
-    assert said.startswith("transcript x.jsonl: plans without an answer: 4 (budget 2, http 1, timeout 1)")
-    assert "another file or folder asks anew" in said
+    (message,) = caplog.messages
+    assert message.startswith("transcript x.jsonl: plans without an answer: 4 (budget 2, http 1, timeout 1)")
+    assert "another file or folder asks anew" in message
 
 
 def test_copies_spend_from_one_budget():

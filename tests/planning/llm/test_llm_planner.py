@@ -182,11 +182,11 @@ def test_it_keeps_to_the_contract_of_planners():
 
 
 def test_plans_do_not_depend_on_how_many_games_are_asked_for_at_once(tmp_path):
-    def said(body):  # a path, or none, that depends on what is asked
+    def reply(body):  # a path, or none, that depends on what is asked
         shift = sum(map(ord, json.dumps(body["messages"]))) % 50
         return BAD if shift % 3 == 0 else path_text(shift)
 
-    with FaultServer([answer(said)]) as server:
+    with FaultServer([answer(reply)]) as server:
         first = play(planner(server, transcript=tmp_path / "1.jsonl"), games=5)
         second = play(planner(server, transcript=tmp_path / "n.jsonl", concurrency=2), games=5)
     again = play(planner(transcript=tmp_path / "n.jsonl", mode="replay"), games=5)
@@ -236,10 +236,10 @@ def test_after_five_failures_in_a_row_the_server_is_left_alone(tmp_path, concurr
     with FaultServer([*[GOOD] * 3, *failing[:failures], GOOD]) as server:
         played = play(planner(server, transcript=file, concurrency=concurrency), games=3)
         assert len(server.requests) == 3 + failures
-    found = statuses(played[0])
-    assert found[:3] == ["ok"] * 3
-    assert set(found[3 : 3 + failures]) == {"fallback-http", "fallback-invalid"}
-    assert found[3 + failures :] == ["fallback-budget"] * (9 - failures)
+    results = statuses(played[0])
+    assert results[:3] == ["ok"] * 3
+    assert set(results[3 : 3 + failures]) == {"fallback-http", "fallback-invalid"}
+    assert results[3 + failures :] == ["fallback-budget"] * (9 - failures)
     assert_same(played, play(planner(transcript=file, mode="replay"), games=3))
 
 
@@ -254,8 +254,8 @@ def test_a_run_that_goes_on_says_what_stays_without_an_answer(tmp_path, caplog, 
         plans, _ = play(planner(server, transcript=file, **cap))
         assert len(server.requests) == 1
     assert statuses(plans) == ["ok"] + ["fallback-budget"] * (ROUNDS - 1)
-    (said,) = caplog.messages
-    assert f"{file}: plans without an answer: {ROUNDS - 1} (budget {ROUNDS - 1})" in said
+    (message,) = caplog.messages
+    assert f"{file}: plans without an answer: {ROUNDS - 1} (budget {ROUNDS - 1})" in message
 
 
 # A server that cannot be used: the run ends, says why and keeps nothing

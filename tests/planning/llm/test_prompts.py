@@ -39,9 +39,9 @@ def text(name, asked, control="none"):
     return "\n".join(message["content"] for message in load_prompt(name).messages(asked, control))
 
 
-def tokens(words):
+def tokens(content):
     """More tokens than any tokeniser makes of it: digits and marks one by one."""
-    return len(re.findall(r"\d|[^\W\d]{1,5}|[^\w\s]|\n", words))
+    return len(re.findall(r"\d|[^\W\d]{1,5}|[^\w\s]|\n", content))
 
 
 def test_every_profile_in_the_folder_is_named():
@@ -61,7 +61,7 @@ def test_the_paper_s_three_strings_stand_in_their_form():
 
 
 @pytest.mark.parametrize(
-    "said",
+    "fact",
     [
         "x from 0 to 1500, y from 0 to 1500, z from 0 to 600",
         "exactly 16 waypoints",
@@ -74,17 +74,17 @@ def test_the_paper_s_three_strings_stand_in_their_form():
         "Round 2, mean reward 5.00\n10,0,0,2,5.00\n29,0,0,2,5.00\n",
     ],
 )
-def test_the_standard_profile_says_what_the_rules_allow_to_know(said):
-    assert said in text("standard", request(history=history_of([1, 5, 2])))
+def test_the_standard_profile_says_what_the_rules_allow_to_know(fact):
+    assert fact in text("standard", request(history=history_of([1, 5, 2])))
 
 
 def test_numbers_follow_the_limits():
     limits = Limits((1000.5, 800.0, 300.0), 7.0, 100, 8)
-    words = text("standard", request(limits=limits))
-    assert "x from 0 to 1000, y from 0 to 800, z from 0 to 300" in words
-    assert "exactly 8 waypoints" in words
-    assert "at most 87 m" in words
-    assert '{"x": x8, "y": y8, "z": z8}]}' in words
+    content = text("standard", request(limits=limits))
+    assert "x from 0 to 1000, y from 0 to 800, z from 0 to 300" in content
+    assert "exactly 8 waypoints" in content
+    assert "at most 87 m" in content
+    assert '{"x": x8, "y": y8, "z": z8}]}' in content
 
 
 @pytest.mark.parametrize("name", PROMPTS)
@@ -115,9 +115,9 @@ def test_a_prompt_stays_short(name):
     ],
 )
 def test_the_first_the_best_and_the_latest_rounds_are_shown(means, shown):
-    words = text("standard", request(history=history_of(means)))
-    assert [int(number) for number in re.findall(r"Round (\d+), mean", words)] == shown
-    rows = re.findall(r"^\d+,0,0,(\d+),", words, re.MULTILINE)
+    content = text("standard", request(history=history_of(means)))
+    assert [int(number) for number in re.findall(r"Round (\d+), mean", content)] == shown
+    rows = re.findall(r"^\d+,0,0,(\d+),", content, re.MULTILINE)
     assert [int(z) for z in rows] == [k for k in shown for _ in range(16)]
 
 
@@ -128,8 +128,8 @@ def test_each_line_says_when_in_the_round_the_opponent_was_there():
     for _ in range(300):
         duel.step(rest, rest)
         track.append(duel.batch.games["opponent_position"][0].copy())
-    words = text("standard", request(history=duel.batch.segments))
-    rows = re.findall(r"^(\d+),(\d+),(\d+),(\d+),", words, re.MULTILINE)
+    content = text("standard", request(history=duel.batch.segments))
+    rows = re.findall(r"^(\d+),(\d+),(\d+),(\d+),", content, re.MULTILINE)
     assert len(rows) == 16
     for second, *place in rows:
         assert [float(value) for value in place] == pytest.approx(track[int(second) - 1], abs=0.51)
@@ -146,9 +146,9 @@ def test_the_last_bits_of_a_position_change_nothing(name):
 
 @pytest.mark.parametrize("name", PROMPTS)
 def test_small_losses_are_no_negative_zero(name):
-    words = text(name, request(history=history_of([-0.004, -1e-9, -0.0])))
-    assert "0.00" in words
-    assert "-0" not in words
+    content = text(name, request(history=history_of([-0.004, -1e-9, -0.0])))
+    assert "0.00" in content
+    assert "-0" not in content
 
 
 @pytest.mark.parametrize("name", PROMPTS)
@@ -164,8 +164,8 @@ def test_the_same_request_gets_the_same_words_and_is_left_as_it_is(name, control
 def test_shuffled_rewards_keep_the_positions_and_the_rewards_but_not_their_pairs():
     def rows(control, seed=0):
         asked = dataclasses.replace(request(3), rng=np.random.default_rng(seed))
-        found = re.findall(r"(\[\d+, \d+, \d+\]): (-?[\d.]+)", text("paper", asked, control))
-        return [place for place, _ in found], [reward for _, reward in found]
+        rows = re.findall(r"(\[\d+, \d+, \d+\]): (-?[\d.]+)", text("paper", asked, control))
+        return [place for place, _ in rows], [reward for _, reward in rows]
 
     (places, rewards), (shuffled_places, shuffled) = rows("none"), rows("shuffled-rewards")
     assert len(places) == 48
@@ -197,8 +197,8 @@ def test_a_re_ask_repeats_the_reply_and_names_the_rule():
 
 @pytest.mark.parametrize("reply", ["", " \n", "x" * 10**6, "half a pair \ud800"])
 def test_any_reply_can_be_sent_again(reply):
-    said = reask([], reply, "no points found")[0]["content"]
-    assert 0 < len(said.encode()) <= 4000
+    content = reask([], reply, "no points found")[0]["content"]
+    assert 0 < len(content.encode()) <= 4000
 
 
 # A user's own profile
@@ -238,11 +238,11 @@ def test_a_profile_of_one_s_own(own):
 
 
 def test_the_hash_follows_what_is_asked_alone(own):
-    mine = load_prompt(own(OWN)).hash
-    assert mine == load_prompt(own(OWN.replace("about: mine", "about: still mine"))).hash
+    own_hash = load_prompt(own(OWN)).hash
+    assert own_hash == load_prompt(own(OWN.replace("about: mine", "about: still mine"))).hash
     for old, new in (("Go from", "Start at"), ("best: 0", "best: 1"), ("-- ", "== ")):
-        assert mine != load_prompt(own(OWN.replace(old, new))).hash
-    assert len({load_prompt(name).hash for name in PROMPTS} | {mine}) == len(PROMPTS) + 1
+        assert own_hash != load_prompt(own(OWN.replace(old, new))).hash
+    assert len({load_prompt(name).hash for name in PROMPTS} | {own_hash}) == len(PROMPTS) + 1
 
 
 @pytest.mark.parametrize(

@@ -124,7 +124,7 @@ def test_a_killed_run_goes_on_and_calls_nothing_twice(tmp_path, monkeypatch):
     file, reached, go = tmp_path / "transcript.jsonl", threading.Event(), threading.Event()
     numbers, killed = itertools.count(), []
 
-    def said(body):
+    def reply(body):
         number = next(numbers)
         if number == 3 * games - 1:  # all others that are under way are answered and kept, this one is not
             killed.append(body)
@@ -134,7 +134,7 @@ def test_a_killed_run_goes_on_and_calls_nothing_twice(tmp_path, monkeypatch):
             go.wait(60)
         return path_text(len(json.dumps(body)) % 40)
 
-    with FaultServer([answer(said)]) as server:
+    with FaultServer([answer(reply)]) as server:
         monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
         monkeypatch.setenv("FPG_LLM_MODEL", "tiny")
         command = [sys.executable, "-c", RUN, str(file), str(games)]

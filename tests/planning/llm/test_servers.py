@@ -47,8 +47,8 @@ def test_spark_is_as_its_maker_documents_it():
 def test_a_profile_of_ones_own_is_read_from_a_file(tmp_path):
     path = tmp_path / "mine.yml"
     path.write_text("about: Mine.\nseed: true\ntemperature: 0\nrefusal_codes: [7, never]\nmodel: m\n")
-    mine = load_server(str(path))
-    assert (mine.name, mine.seed, mine.temperature, mine.model) == ("mine", True, 0.0, "m")
+    server = load_server(str(path))
+    assert (server.name, server.seed, server.temperature, server.model) == ("mine", True, 0.0, "m")
 
 
 @pytest.mark.parametrize(
@@ -188,8 +188,8 @@ def test_a_copy_keeps_the_key():
 
 def shown(error, variables):
     """The whole traceback; also with what stands in the variables of the package's own functions."""
-    whole = traceback.TracebackException.from_exception(error, capture_locals=variables)
-    frames = [frame for frame in whole.stack if "/fpg_bench/" in frame.filename]
+    error_trace = traceback.TracebackException.from_exception(error, capture_locals=variables)
+    frames = [frame for frame in error_trace.stack if "/fpg_bench/" in frame.filename]
     return "".join(traceback.format_exception(error)) + "".join(
         f"{frame.line}{frame.locals}" for frame in frames
     )

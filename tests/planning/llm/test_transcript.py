@@ -136,8 +136,8 @@ def test_a_request_to_another_model_does_not_fit(recorded, change):
 
 
 def test_fields_that_a_server_may_refuse_do_not_count(recorded):
-    found = Transcript(recorded, "record").find(ATTEMPT.where, {**BODY, "seed": 6, "response_format": {}})
-    assert found == ATTEMPT
+    attempt = Transcript(recorded, "record").find(ATTEMPT.where, {**BODY, "seed": 6, "response_format": {}})
+    assert attempt == ATTEMPT
 
 
 @pytest.mark.parametrize("name", ["text", "model", "tokens_in", "tokens_out"])
@@ -195,8 +195,8 @@ def test_lines_of_another_kind_stay(recorded):
 
 
 def test_a_line_that_was_cut_off_is_asked_for_again(recorded):
-    whole = recorded.read_bytes()
-    recorded.write_bytes(whole + whole.replace(b'"round":3', b'"round":4')[:-20])
+    content = recorded.read_bytes()
+    recorded.write_bytes(content + content.replace(b'"round":3', b'"round":4')[:-20])
     transcript = Transcript(recorded, "record")
     assert transcript.find((1, 2, 4, 0), BODY) is None
     transcript.add(changed(round=5), {})
