@@ -61,7 +61,7 @@ def test_a_valid_answer_is_flown():
     with FaultServer([ok(path_text(7))]) as server:
         (plan,) = planner(server).plan_batch([request()])
     assert np.array_equal(plan.waypoints, path(7))
-    assert (plan.source, plan.status, plan.tokens) == ("llm", "ok", 18)
+    assert (plan.source, plan.status, plan.tokens, plan.useless) == ("llm", "ok", 18, "")
     assert plan.seconds > 0
 
 
