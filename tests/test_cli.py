@@ -172,7 +172,7 @@ def test_train_evaluate_table(tmp_path):
         (("play", "--seed", "-1"), "seed"),
         (("play", "--out", "round.xyz"), ".xyz"),
         (("play", "--out", "/proc/there/round.html"), "cannot be written"),
-        (("export", "normalize.pkl", "--out", "seed_0"), "no such file"),
+        (("export", "normalize.npz", "--out", "seed_0"), "no such file"),
         (("leaderboard", "verify", "--sample", "500%"), "at most 100 %, got 500 %"),
         (("leaderboard", "crossplay", "--check", "500%"), "at most 100 %, got 500 %"),
         (("table", "nowhere"), "cannot be read"),

@@ -1,32 +1,38 @@
-"""Checkpoints of a training run; only the newest complete one is kept."""
+"""Checkpoints of a training run, as data; only the newest complete one is kept.
+
+The model's zip is SB3's own, so that SB3 can load it. Here only its tensors are read, no pickle is opened.
+"""
 
 from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file, recursive_setattr
 from stable_baselines3.common.utils import set_random_seed
-from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_json
-from fpg_bench.training.algorithms import Algorithm
-from fpg_bench.training.hyperparameters import Hyperparameters
-from fpg_bench.training.models import wrapped
 
-MODEL, NORMALIZE, REPLAY, PROGRESS = "model.zip", "normalize.pkl", "replay_buffer.pkl", "progress.json"
+MODEL, NORMALIZE, REPLAY, PROGRESS = "model.zip", "normalize.npz", "replay_buffer.npz", "progress.json"
+_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
 
 
 def save_model(model: BaseAlgorithm, folder: Path) -> None:
-    """Save the model and the statistics of its ``VecNormalize`` in SB3's own formats."""
+    """Save the model in SB3's own format, and the statistics of its ``VecNormalize`` as arrays."""
     folder.mkdir(parents=True, exist_ok=True)
     model.save(folder / MODEL)
     if (normalize := model.get_vec_normalize_env()) is not None:
-        normalize.save(str(folder / NORMALIZE))
+        statistics = {"ret": normalize.ret_rms} | ({"obs": normalize.obs_rms} if normalize.norm_obs else {})
+        _write(
+            folder / NORMALIZE,
+            {f"{name}_{key}": value for name, rms in statistics.items() for key, value in vars(rms).items()},
+        )
 
 
 def save_checkpoint(model: BaseAlgorithm, folder: Path, *, seconds: float) -> None:
@@ -42,9 +48,10 @@ def save_checkpoint(model: BaseAlgorithm, folder: Path, *, seconds: float) -> No
         temporary = folder / f".{checkpoint.name}"
         shutil.rmtree(temporary, ignore_errors=True)
         save_model(model, temporary)
-        if getattr(model, "replay_buffer", None) is not None:
-            model.save_replay_buffer(temporary / REPLAY)  # type: ignore[attr-defined]
-        write_json(temporary / PROGRESS, {"seconds": seconds})
+        if (buffer := getattr(model, "replay_buffer", None)) is not None:
+            _write(temporary / REPLAY, {**_arrays(buffer), "pos": buffer.pos, "full": buffer.full})
+        counters = {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)}
+        write_json(temporary / PROGRESS, {"seconds": seconds, **counters})
         os.replace(temporary, checkpoint)
     for other in folder.iterdir():
         if other != checkpoint:
@@ -57,50 +64,43 @@ def newest_checkpoint(folder: Path) -> Path | None:
     return max(checkpoints, default=None)
 
 
-def load_checkpoint(
-    checkpoint: Path, algorithm: Algorithm, games: VecEnv, parameters: Hyperparameters, seed: int
-) -> tuple[BaseAlgorithm, float]:
-    """Load the model of a checkpoint onto a batch of games.
-
-    SB3's files hold pickles, so only checkpoints of one's own runs are ever loaded.
+def load_checkpoint(checkpoint: Path, model: BaseAlgorithm, seed: int) -> float:
+    """Load a checkpoint into a new model of the same run.
 
     Args:
-        checkpoint: from one's own run folder.
-        algorithm: the algorithm that wrote it.
-        games: the games in which training goes on.
-        parameters: hyper-parameters of the run.
+        checkpoint: its folder.
+        model: made of the run's hyper-parameters.
         seed: random seed from here on.
 
     Returns:
-        The model, and the training time so far in seconds.
+        The training time so far in seconds.
 
     Raises:
-        UserError: a file that is truncated, or of another version.
+        UserError: a file that is truncated, or of another run or version.
     """
     try:
-        seconds = read_json(checkpoint / PROGRESS, "checkpoint").get("seconds")
+        progress = read_json(checkpoint / PROGRESS, "checkpoint")
+        seconds = progress.get("seconds")
         if not isinstance(seconds, int | float):
             raise UserError(f"{PROGRESS} lacks seconds, a number")
-        env = wrapped(games, parameters)
-        if isinstance(env, VecNormalize):
-            env = VecNormalize.load(str(checkpoint / NORMALIZE), env.venv)
+        _load_model(model, checkpoint)
+        for name in _COUNTERS:
+            if hasattr(model, name):
+                setattr(model, name, type(getattr(model, name))(progress[name]))
+        if (buffer := getattr(model, "replay_buffer", None)) is not None:
+            _fill(buffer, _read(checkpoint / REPLAY))
         set_random_seed(seed)
-        model: BaseAlgorithm = algorithm.kind.load(checkpoint / MODEL, env=env, device="cpu")
-        if (checkpoint / REPLAY).exists():
-            model.load_replay_buffer(checkpoint / REPLAY)  # type: ignore[attr-defined]
         model.action_space.seed(seed)
-    except Exception as error:  # torch, zipfile and pickle raise many kinds
+    except Exception as error:  # torch, zipfile and NumPy raise many kinds
         raise UserError(
             f"checkpoint {checkpoint}: cannot be read ({_one_line(error)}); "
             "begin the run again with --restart"
         ) from error
-    return model, seconds
+    return float(seconds)
 
 
 def load_weights(model: BaseAlgorithm, run: Path) -> None:
     """Load the weights, optimizer and normalization of a finished run into a new model.
-
-    SB3's files hold pickles, so only one's own runs are ever loaded.
 
     Args:
         model: of the same algorithm, networks and normalization; it counts its steps from zero.
@@ -110,19 +110,53 @@ def load_weights(model: BaseAlgorithm, run: Path) -> None:
         UserError: no finished run of this algorithm and networks, or a file that is truncated.
     """
     try:
-        _, parameters, variables = load_from_zip_file(run / MODEL, device="cpu", load_data=False)
-        model.set_parameters(cast(Any, parameters), device="cpu")
-        for name, value in (variables or {}).items():  # SAC's entropy coefficient
-            recursive_setattr(model, f"{name}.data", value.data)
-        if (normalize := model.get_vec_normalize_env()) is not None:
-            saved = VecNormalize.load(str(run / NORMALIZE), normalize.venv)
-            normalize.ret_rms = saved.ret_rms
-            if normalize.norm_obs:
-                normalize.obs_rms = saved.obs_rms
-    except Exception as error:  # torch, zipfile and pickle raise many kinds
+        _load_model(model, run)
+    except Exception as error:  # torch, zipfile and NumPy raise many kinds
         raise UserError(
             f"start {run}: no finished run of {type(model).__name__} with these networks ({_one_line(error)})"
         ) from error
+
+
+def _load_model(model: BaseAlgorithm, folder: Path) -> None:
+    """Load tensors and statistics; the pickles of the zip stay closed."""
+    _, parameters, variables = load_from_zip_file(folder / MODEL, device="cpu", load_data=False)
+    model.set_parameters(cast(Any, parameters), device="cpu")
+    for name, value in (variables or {}).items():  # SAC's entropy coefficient
+        recursive_setattr(model, f"{name}.data", value.data)
+    if (normalize := model.get_vec_normalize_env()) is not None:
+        arrays = _read(folder / NORMALIZE)
+        for name, rms in {"ret": normalize.ret_rms, "obs": normalize.obs_rms}.items():
+            if name == "ret" or normalize.norm_obs:
+                for key, value in vars(rms).items():
+                    array = _of_shape(arrays[f"{name}_{key}"], np.shape(value))
+                    setattr(rms, key, array if array.shape or key != "count" else float(array))
+
+
+def _arrays(buffer: object) -> dict[str, np.ndarray]:
+    """Return the arrays of a replay buffer, by attribute."""
+    return {name: value for name, value in vars(buffer).items() if isinstance(value, np.ndarray)}
+
+
+def _fill(buffer: Any, saved: Mapping[str, np.ndarray]) -> None:
+    """Fill an empty replay buffer with the saved arrays."""
+    for name, array in _arrays(buffer).items():
+        array[...] = _of_shape(saved[name], array.shape)
+    buffer.pos, buffer.full = int(saved["pos"]), bool(saved["full"])
+
+
+def _of_shape(array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    if array.shape != shape:
+        raise UserError(f"an array has the shape {array.shape}, expected {shape}")
+    return array
+
+
+def _write(file: Path, arrays: Mapping[str, Any]) -> None:
+    np.savez(file, **arrays)
+
+
+def _read(file: Path) -> dict[str, np.ndarray]:
+    with np.load(file, allow_pickle=False) as arrays:
+        return dict(arrays)
 
 
 def _one_line(error: Exception) -> str:

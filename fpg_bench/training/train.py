@@ -274,9 +274,8 @@ class _Run:
         seed = self.about["training_seed"]
         checkpoint = newest_checkpoint(self.folder.checkpoints)
         if checkpoint is not None:
-            del self.model  # and its replay buffer
-            self.model, self._seconds_before = load_checkpoint(
-                checkpoint, self.algorithm, self.games, self.parameters, (seed + self._part * 2**20) % 2**32
+            self._seconds_before = load_checkpoint(
+                checkpoint, self.model, (seed + self._part * 2**20) % 2**32
             )
             self._starts_fresh = False
         self._seed_games()

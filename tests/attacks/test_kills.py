@@ -99,5 +99,5 @@ def test_one_process_may_work_on_a_board_twice(board):
 def test_a_checkpoint_that_says_nothing_is_one_line(tmp_path, text):
     (tmp_path / "progress.json").write_text(text)
     with pytest.raises(UserError, match="cannot be read") as error:
-        load_checkpoint(Path(tmp_path), None, None, None, 0)
+        load_checkpoint(Path(tmp_path), None, 0)
     assert "\n" not in str(error.value)

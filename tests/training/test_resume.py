@@ -1,12 +1,15 @@
 """A run that was stopped goes on where it was, ends as it would have, and never loses a good checkpoint."""
 
+import base64
 import fcntl
 import json
+import pickle
 import signal
 import subprocess
 import sys
 import threading
 import time
+import zipfile
 
 import numpy as np
 import pytest
@@ -113,7 +116,7 @@ def test_runs_of_neighbouring_seeds_play_other_matches(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_a_truncated_checkpoint_is_one_clear_line(tmp_path, monkeypatch):
     stopped("sac", tmp_path / "run", monkeypatch)
-    for name in ("model.zip", "normalize.pkl", "replay_buffer.pkl", "progress.json"):
+    for name in ("model.zip", "normalize.npz", "replay_buffer.npz", "progress.json"):
         path = newest_checkpoint(tmp_path / "run" / "checkpoints") / name
         whole = path.read_bytes()
         path.write_bytes(whole[: len(whole) // 2])
@@ -122,6 +125,42 @@ def test_a_truncated_checkpoint_is_one_clear_line(tmp_path, monkeypatch):
         assert "\n" not in str(caught.value)
         path.write_bytes(whole)
     train_tiny("sac", tmp_path / "run", resume=True)
+
+
+class Intruder:
+    """Its pickle makes a file where it is opened."""
+
+    def __init__(self, file):
+        self.file = file
+
+    def __reduce__(self):
+        return open, (str(self.file), "w")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["resume", "start"])
+def test_no_pickle_of_a_run_is_opened(tmp_path, monkeypatch, how):
+    if how == "resume":
+        stopped("sac", tmp_path / "run", monkeypatch)
+        folder = newest_checkpoint(tmp_path / "run" / "checkpoints")
+    else:
+        train_tiny("sac", tmp_path / "run")
+        folder = tmp_path / "run"
+    evil = pickle.dumps(Intruder(tmp_path / "opened"))
+    with zipfile.ZipFile(folder / "model.zip") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    data = json.loads(members["data"])
+    data["lr_schedule"] = {":type:": "x", ":serialized:": base64.b64encode(evil).decode()}
+    with zipfile.ZipFile(folder / "model.zip", "w") as archive:
+        for name, content in (members | {"data": json.dumps(data).encode()}).items():
+            archive.writestr(name, content)
+    for name in ("normalize.pkl", "replay_buffer.pkl"):
+        (folder / name).write_bytes(evil)
+    if how == "resume":
+        train_tiny("sac", tmp_path / "run", resume=True)
+    else:
+        train_tiny("sac", tmp_path / "next", start=tmp_path / "run")
+    assert not (tmp_path / "opened").exists()
 
 
 @pytest.mark.slow

@@ -91,7 +91,7 @@ def test_a_run_describes_how_it_was_made(run, hyperparams):
     assert about["scenario_fields"] == {}
     assert 2400 / about["steps_per_s"] == pytest.approx(about["seconds"], abs=0.06)  # written in tenths
     assert (run / "model.zip").exists()
-    assert (run / "normalize.pkl").exists()
+    assert (run / "normalize.npz").exists()
     assert not (run / "checkpoints").exists()
     agent = load_agent(run / "agent", "ally").about
     assert (agent["algorithm"], agent["training_seed"], agent["training_steps"]) == ("ppo", 3, 2400)
