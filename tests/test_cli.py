@@ -125,7 +125,7 @@ def test_play_prints_a_round_and_writes_a_page(tmp_path):
 def test_train_evaluate_table(tmp_path):
     (tmp_path / "tiny.yml").write_text(TINY)
     words = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "run", "--hyperparams", "tiny.yml")
-    words = (*words, "--opponent", "tone,comb", "--n-evals", "1", "--resume")
+    words = (*words, "--opponent", "tone,comb", "--n-evals", "1")
     found = fpg(*words, folder=tmp_path)
     assert found.returncode == 0, found.stderr
     assert "agent: run/agent\n" in found.stdout
@@ -166,6 +166,14 @@ def test_train_evaluate_table(tmp_path):
             ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x", "--opponent", "tonne"),
             "did you mean 'tone'",
         ),
+        (
+            ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x", "--resume"),
+            "resume: x holds no run; leave --resume out",
+        ),
+        (("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x", "--seeds", "0-999999999"), "at most 1,000"),
+        (("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x", "--seeds", "4-0"), "say 0-4"),
+        (("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x", "--suite", "nope"), "unknown suite 'nope'"),
+        (("reproduce", "fig7", "--out", "/dev/null"), "out: /dev/null is a file; name a folder"),
         (("play", "--scenario", "papr"), "did you mean 'paper'"),
         (("play", "--scenario", "nowhere.yml"), "cannot be read"),
         (("play", "--path", "persuit"), "did you mean 'pursuit'"),
@@ -187,6 +195,7 @@ def test_bad_words_get_one_line_and_a_status(words, message, tmp_path):
     (line,) = [line for line in found.stderr.splitlines() if not line.startswith("fpg_bench: compiling")]
     assert line.startswith("fpg-bench: ")
     assert message in line
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -164,6 +164,8 @@ def train(
         raise UserError("backend, address: are for a list of runs; name its --seeds")
     if seed is not None and seeds is not None:
         raise UserError("seed, seeds: say one of them")
+    if resume and seeds is None and not (out / "run.json").exists():
+        raise UserError(f"resume: {out} holds no run; leave --resume out to begin one there")
     if seeds is not None:
         listed_seeds = parse_seeds(seeds)
         train_seeds(

@@ -198,7 +198,7 @@ def suite_file(name: str) -> Path:
     path = suites_folder() / f"{name}.yml"
     if not path.is_file():
         known = sorted(p.stem for p in suites_folder().glob("*.yml"))
-        raise UserError(f"unknown suite {name!r}{nearest(name, known)}; there are {', '.join(known)}")
+        raise UserError(f"unknown suite {name!r}{nearest(name, known)}")
     return path
 
 

@@ -56,6 +56,8 @@ def reproduce(
         UserError: an unknown name, or failed runs (the others are kept).
     """
     budget, out = _budget(budget), Path(out)
+    if out.exists() and not out.is_dir():
+        raise UserError(f"out: {out} is a file; name a folder")
     check_learner(learner)
     count = whole(budget.seeds if seeds is None else seeds, "seeds")
     file = RunFile(out, scenario, budget.name)

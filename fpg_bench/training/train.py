@@ -169,6 +169,9 @@ def train_seeds(
     check_all_done(run_jobs(jobs, n_jobs, backend, address))
 
 
+MOST_SEEDS = 1000  # of one list
+
+
 def parse_seeds(text: str) -> list[int]:
     """Return the seeds of ``0-4`` or ``0,2,5``; raises UserError for any other text."""
     seeds: list[int] = []
@@ -176,8 +179,13 @@ def parse_seeds(text: str) -> list[int]:
         match = re.fullmatch(r"(\d+)(?:-(\d+))?", part)
         if not match:
             raise UserError(f"seeds: expected 0-4 or 0,2,5, got {text!r}")
-        seeds += range(int(match[1]), int(match[2] or match[1]) + 1)
-    if not seeds or len(set(seeds)) < len(seeds):
+        first, last = int(match[1]), int(match[2] or match[1])
+        if last < first:
+            raise UserError(f"seeds: {part} runs backwards; say {last}-{first}")
+        if last - first >= MOST_SEEDS:
+            raise UserError(f"seeds: {last - first + 1:,} in {part}, at most {MOST_SEEDS:,} are allowed")
+        seeds += range(first, last + 1)
+    if len(set(seeds)) < len(seeds):
         raise UserError(f"seeds: each has to be named once, got {text!r}")
     return seeds
 
