@@ -14,10 +14,10 @@ import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_whole
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.submission import seed_folders
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.players.scripted import SCRIPTED
 
 AUTHORS = ["fpg-bench maintainers"]
 Place = tuple[str, str | None]  # track, path

@@ -14,11 +14,11 @@ import sys
 from statistics import fmean
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import PLANNER, Suite, load_suite
 from fpg_bench.players.agent import suites_folder
-from fpg_bench.players.scripted import SCRIPTED
 
 DIGITS = 2
 BORROWING = ("-shifted-v1", "-responses-v1")  # suites with the scale of their track's public suite

@@ -21,7 +21,7 @@ from zoo_page import keep_curve, write_page
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.ids import DUEL, sides_of
+from fpg_bench.common.ids import DUEL, SCRIPTED, sides_of
 from fpg_bench.common.parallel import Job, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
@@ -30,7 +30,6 @@ from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup, load_zoo
 from fpg_bench.players.agent import load_agent
-from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.training.config import GameOptions, RunConfig
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train

@@ -14,14 +14,14 @@ import pytest
 import typer
 
 from fpg_bench import __version__
-from fpg_bench.cli import app, evaluation, training
+from fpg_bench.cli import app, completion, evaluation, training
 from fpg_bench.cli.options import whole_number
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.rows import RowFile
 from fpg_bench.game.compiling import cache_folder
 from fpg_bench.game.names import CHOSEN, OBSERVED, PATHS
 from fpg_bench.planning import PLANNERS
 from fpg_bench.players.agent import suites_folder
-from fpg_bench.players.scripted import SCRIPTED
 from tests.programs import fpg, python
 
 TINY = """\
@@ -66,6 +66,25 @@ def test_a_shell_can_complete_verbs():
     code = "import sys; sys.argv = ['fpg-bench']; from fpg_bench.cli import main; main()"
     told = subprocess.check_output([sys.executable, "-c", code], env=os.environ | asked, text=True)
     assert {"play", "players", "plan"} == set(told.split())
+
+
+def test_a_shell_can_complete_what_can_be_named():
+    assert completion.complete_player("ally-scripted/s") == ["ally-scripted/sac"]
+    assert completion.complete_player("ally-scripted/sac/") == [
+        f"ally-scripted/sac/seed_{k}" for k in range(5)
+    ]
+    assert completion.complete_player("expert") == ["expert", "expert-spread"]
+    assert completion.complete_player("runs/") == []  # the shell's own names of files
+    assert completion.complete_id("FPG/Opp") == ["FPG/OpponentVsPolicy-v0", "FPG/OpponentVsScripted-v0"]
+    assert completion.complete_suite("planner-v") == ["planner-v1"]
+    assert completion.complete_algorithm("pp") == ["ppo", "ppo-fast", "ppo-stack8"]
+    named = {
+        option.name
+        for _, verb in verbs(typer.main.get_command(app))
+        for option in verb.params
+        if option._custom_shell_complete is not None
+    }
+    assert {"players", "ally", "opponent", "suite", "env_id", "algorithm"} <= named
 
 
 @pytest.mark.process

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.envs.gymnasium_env import FPGEnv
 from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.evaluation.checkers import check_env, check_planner, check_player, check_scenario
@@ -16,7 +17,6 @@ from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import PATHS
 from fpg_bench.game.scenario import preset
 from fpg_bench.planning import PATTERNS, Plan
-from fpg_bench.players.scripted import SCRIPTED
 
 SCRIPTS = [(side, name) for side, names in SCRIPTED.items() for name in (*names, "oracle")]
 

@@ -32,6 +32,7 @@ from fpg_bench.evaluation.checkers import check_player
 
 assert pathlib.Path(fpg_bench.__file__).is_relative_to(sys.prefix), fpg_bench.__file__
 assert baselines_folder().is_relative_to(sys.prefix) and (baselines_folder() / "hyperparams/ppo.yml").exists()
+assert (baselines_folder().parent / "constraints.txt").exists()
 assert fpg_bench.preset("standard").knowledge_base.entries
 env = gymnasium.make("FPG/AllyVsScripted-v0")
 env.reset(seed=1)
@@ -150,6 +151,7 @@ PLAYS = (
     f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner cma-es --every 300",
     "play --out round.html",
     "plan replay match.jsonl",
+    "leaderboard init own",
 )
 REFUSES = ("llm fetch --wheel agent.whl",)
 

@@ -58,11 +58,28 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+def _print_constraints(wanted: bool) -> None:
+    if wanted:
+        from fpg_bench.players.agent import baselines_folder
+
+        typer.echo(baselines_folder().parent / "constraints.txt")
+        raise typer.Exit
+
+
 @app.callback()
 def _options(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
     version: Annotated[
         bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
+    ] = False,
+    constraints: Annotated[
+        bool,
+        typer.Option(
+            "--constraints",
+            help="Print the file of tested versions, for pip install -c.",
+            callback=_print_constraints,
+            is_eager=True,
+        ),
     ] = False,
 ) -> None:
     global _DEBUG

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from fpg_bench.cli.completion import complete_player
 from fpg_bench.cli.options import (
     OUTPUT,
     AddressOption,
@@ -20,6 +21,7 @@ from fpg_bench.cli.options import (
     PlannerOption,
     PlayerOption,
     ScenarioOption,
+    SuiteOption,
     WideOption,
     listed,
 )
@@ -65,9 +67,13 @@ def play(
 
 def evaluate(
     players: Annotated[
-        list[str], typer.Argument(help="Scripts, shipped agents, agent folders, or all-scripted.")
+        list[str],
+        typer.Argument(
+            help="Scripts, agents, all-scripted, or groups of training seeds: runs/ppo, ally-scripted/sac.",
+            autocompletion=complete_player,
+        ),
     ],
-    suite: Annotated[str, typer.Option(help="A suite's name or YAML file.")] = "ally-v1",
+    suite: SuiteOption = "ally-v1",
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("results"),
     matches: Annotated[
         int | None, typer.Option(help="Number of matches per rival. Default: the suite's.")
@@ -100,7 +106,9 @@ def evaluate(
 
 
 def table(
-    folder: Annotated[Path, typer.Argument(help="Folder of the results.")], wide: WideOption = False
+    folder: Annotated[Path, typer.Argument(help="Folder of the results.")],
+    wide: WideOption = False,
+    out: Annotated[Path | None, typer.Option(help="Write the figure alone, as .png, .svg or .pdf.")] = None,
 ) -> None:
     """Print the table of a results folder, and write it as Markdown, CSV and PNG.
 
@@ -108,8 +116,15 @@ def table(
     """
     from fpg_bench.evaluation import table as tables
     from fpg_bench.evaluation.evaluate import read_results
+    from fpg_bench.rendering.canvas import check_figure
 
+    if out is not None:
+        check_figure(out)
     summaries, suite = read_results(folder)
+    if out is not None:
+        tables.picture(summaries, suite, out)
+        typer.echo(f"written: {out}")
+        return
     tables.write_table(summaries, suite, folder)
     width = None if wide else terminal_width()
     head, *lines = tables.lines_of_table(summaries, suite, width)

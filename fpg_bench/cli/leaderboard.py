@@ -89,6 +89,25 @@ def run(
 
 
 @leaderboard.command()
+def init(
+    folder: Annotated[Path, typer.Argument(help="Folder of the leaderboard: new, or empty.")],
+) -> None:
+    """Start a leaderboard of your own, without entries.
+
+    Put submissions into FOLDER/submissions, play them by fpg-bench submit run, and build the site with the
+    browser game by fpg-bench leaderboard build --folder FOLDER.
+
+    Example: fpg-bench leaderboard init leaderboard
+    """
+    from fpg_bench.leaderboard.folders import start_board
+
+    start_board(folder)
+    print_line(
+        f"started: {folder}; an entry is a folder in {folder}/submissions/<track>, see docs/submitting.md"
+    )
+
+
+@leaderboard.command()
 def verify(
     names: Annotated[list[str] | None, typer.Argument(help="Entries, track/name. Default: all.")] = None,
     folder: FolderOption = Path("leaderboard"),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from fpg_bench.cli.completion import complete_suite
 from fpg_bench.cli.options import name_all
 from fpg_bench.common.extras import need
 from fpg_bench.common.output import print_line
@@ -84,10 +85,10 @@ def players() -> None:
 
     Example: fpg-bench players
     """
+    from fpg_bench.common.ids import SCRIPTED
     from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.game.names import PATHS
     from fpg_bench.players.player import SIDES
-    from fpg_bench.players.scripted import SCRIPTED
 
     members = [member for member in load_zoo().members() if member.shipped]
     for side in SIDES:
@@ -103,7 +104,10 @@ def players() -> None:
 
 def suites(
     name: Annotated[
-        str | None, typer.Argument(help="A suite or a season to describe. Default: list all suites.")
+        str | None,
+        typer.Argument(
+            help="A suite or a season to describe. Default: list all suites.", autocompletion=complete_suite
+        ),
     ] = None,
     folder: Annotated[
         Path, typer.Option(help="Folder of the leaderboard, for a season's late entries.")

@@ -10,6 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
+from fpg_bench.cli.completion import complete_player, complete_suite
+
 # Panels of long lists of options, in the order in which they are shown.
 GAME = "Game"
 TRAINING = "Training"
@@ -40,11 +42,12 @@ def steps_option(help: str) -> Any:
 
 
 _PLAYER = "a script, a shipped agent, an agent's folder or package.module:object (see fpg-bench players)"
-PlayerOption = Annotated[str, typer.Option(help=f"The player: {_PLAYER}.")]
+PlayerOption = Annotated[str, typer.Option(help=f"The player: {_PLAYER}.", autocompletion=complete_player)]
 PlayersOption = Annotated[
     str | None,
     typer.Option(
         help=f"The other side's player: {_PLAYER}, or suite:NAME. Several are separated by commas.",
+        autocompletion=complete_player,
         rich_help_panel=GAME,
     ),
 ]
@@ -73,6 +76,7 @@ HyperparamsOption = Annotated[
     typer.Option(help="A YAML file of hyper-parameters to use instead.", rich_help_panel=TRAINING),
 ]
 
+SuiteOption = Annotated[str, typer.Option(help="A suite's name or YAML file.", autocompletion=complete_suite)]
 WideOption = Annotated[bool, typer.Option("--wide", help="Print all columns, for a wide terminal.")]
 JobsOption = Annotated[
     int,

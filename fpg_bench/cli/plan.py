@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fpg_bench.cli.completion import complete_player
 from fpg_bench.cli.options import (
     GAME,
     LLM,
@@ -20,6 +21,7 @@ from fpg_bench.cli.options import (
     ScenarioOption,
     SecondsOption,
     ServerOption,
+    SuiteOption,
     TemperatureOption,
     TokensOption,
     WideOption,
@@ -41,9 +43,17 @@ def run(
     planner: Annotated[
         str, typer.Option(help="The planner: a name (see fpg-bench players), llm, or package.module:object.")
     ] = ("interceptor"),
-    ally: Annotated[str, typer.Option(help="The ally's player.", rich_help_panel=GAME)] = "expert",
+    ally: Annotated[
+        str,
+        typer.Option(help="The ally's player.", autocompletion=complete_player, rich_help_panel=GAME),
+    ] = "expert",
     opponent: Annotated[
-        str, typer.Option(help="The player that jams for the opponent.", rich_help_panel=GAME)
+        str,
+        typer.Option(
+            help="The player that jams for the opponent.",
+            autocompletion=complete_player,
+            rich_help_panel=GAME,
+        ),
     ] = "adaptive",
     scenario: ScenarioOption = None,
     seed: Annotated[int, typer.Option(help="Seed of the match.", rich_help_panel=GAME)] = 0,
@@ -172,7 +182,7 @@ def compare(
             "Default: all that ask no language model."
         ),
     ] = None,
-    suite: Annotated[str, typer.Option(help="A suite's name or YAML file.")] = "planner-v1",
+    suite: SuiteOption = "planner-v1",
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("comparison"),
     matches: Annotated[
         int | None, typer.Option(help="Number of matches per ally. Default: the suite's.")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from fpg_bench.cli.completion import complete_algorithm, complete_id, complete_player, complete_suite
 from fpg_bench.cli.options import (
     EVALUATION,
     GAME,
@@ -50,10 +51,16 @@ def train(
     algorithm: Annotated[
         str,
         typer.Argument(
-            help="ppo, ppo-fast, ppo-stack8, recurrent-ppo, sac, td3, maddpg, or package.module:Class."
+            help="ppo, ppo-fast, ppo-stack8, recurrent-ppo, sac, td3, maddpg, or package.module:Class.",
+            autocompletion=complete_algorithm,
         ),
     ],
-    env_id: Annotated[str, typer.Argument(metavar="ID", help="The environment id (see fpg-bench envs).")],
+    env_id: Annotated[
+        str,
+        typer.Argument(
+            metavar="ID", help="The environment id (see fpg-bench envs).", autocompletion=complete_id
+        ),
+    ],
     out: Annotated[Path, typer.Option(help="Folder of the run.", rich_help_panel=OUTPUT)],
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an unfinished run.", rich_help_panel=OUTPUT)
@@ -91,6 +98,7 @@ def train(
         str | None,
         typer.Option(
             help="Suite that the policy is evaluated on during training. Default: the id's.",
+            autocompletion=complete_suite,
             rich_help_panel=EVALUATION,
         ),
     ] = None,
@@ -266,7 +274,11 @@ def selfplay(
 
 def best_response(
     agent: Annotated[
-        str, typer.Argument(help="A shipped agent, an agent's folder, a script, or package.module:object.")
+        str,
+        typer.Argument(
+            help="A shipped agent, an agent's folder, a script, or package.module:object.",
+            autocompletion=complete_player,
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Folder of the best responses and best_responses.json.")],
     side: Annotated[

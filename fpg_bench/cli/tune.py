@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from fpg_bench.cli.completion import complete_algorithm, complete_id
 from fpg_bench.cli.options import (
     AddressOption,
     BackendOption,
@@ -30,8 +31,11 @@ StudyNameOption = Annotated[str | None, typer.Option(help="name of the study")]
 
 @app.command()
 def run(
-    algorithm: Annotated[str, typer.Argument(help="as for train")],
-    env_id: Annotated[str, typer.Argument(metavar="ID", help="FPG/AllyVsScripted-v0 and the like")],
+    algorithm: Annotated[str, typer.Argument(help="as for train", autocompletion=complete_algorithm)],
+    env_id: Annotated[
+        str,
+        typer.Argument(metavar="ID", help="FPG/AllyVsScripted-v0 and the like", autocompletion=complete_id),
+    ],
     out: Annotated[Path, typer.Option(help="the study's folder")],
     n_trials: Annotated[int, typer.Option(min=1, help="finished trials, of all workers together")] = 20,
     n_jobs: JobsOption = 1,

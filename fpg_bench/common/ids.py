@@ -1,4 +1,4 @@
-"""Environment ids and their defaults. Importing this module is cheap."""
+"""Environment ids and their defaults, and the names of scripts. Importing this module is cheap."""
 
 from __future__ import annotations
 
@@ -79,6 +79,9 @@ ENVS = MappingProxyType(
 
 
 DUEL = "FPG/duel_v0"
+ALLIES = ("idle", "random", "reactive", "expert", "expert-spread", "always-hop")
+OPPONENTS = ("tone", "narrowband", "broadband", "comb", "random", "sweep", "adaptive", "watchful")
+SCRIPTED = {"ally": ALLIES, "opponent": OPPONENTS}
 
 
 def policy_env(side: str) -> EnvConfig:

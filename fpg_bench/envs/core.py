@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
-from fpg_bench.common.ids import EnvConfig, find_env
+from fpg_bench.common.ids import SCRIPTED, EnvConfig, find_env
 from fpg_bench.envs.two_player import DuelOptions, PlannerSpec, TwoPlayerBatch, make_duel
 from fpg_bench.game.batch import ActionError, Seeds, check_seeds, described
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
@@ -23,7 +23,6 @@ from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.population import with_members
 from fpg_bench.players.registry import as_player, player_name, policy_hash
-from fpg_bench.players.scripted import SCRIPTED
 
 REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.suite import Rival, Suite
@@ -22,7 +23,6 @@ from fpg_bench.planning import PLANNERS, as_planner
 from fpg_bench.players.agent import agents_named
 from fpg_bench.players.player import Abilities, Player, PlayerSpec
 from fpg_bench.players.registry import as_player, player_name, policy_hash
-from fpg_bench.players.scripted import SCRIPTED
 
 ALL_SCRIPTED = "all-scripted"
 _NAMELESS = "object "  # a fingerprint that holds as long as the program runs

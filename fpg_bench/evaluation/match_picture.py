@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -11,10 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.match import Round
 from fpg_bench.planning.llm.transcript import Attempt
-from fpg_bench.rendering.canvas import ALLY, OPPONENT
+from fpg_bench.rendering.canvas import ALLY, OPPONENT, write_figure
 from fpg_bench.rendering.picture import GREY, GROUND, INK, PALE, bezier_curve
 from fpg_bench.rendering.replay import write_replay
 
@@ -46,9 +44,7 @@ def draw_match(rounds: Sequence[Round], path: Path, title: str) -> None:
         _draw_heights(axes[2 * row + 1, column], played, labelled=column == 0)
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
     figure.suptitle(title, fontsize=11)
-    image = io.BytesIO()
-    figure.savefig(image, format="png")
-    write_whole(path, image.getvalue())
+    write_figure(figure, path)
 
 
 def _draw_above(axes: Axes, played: Round) -> None:

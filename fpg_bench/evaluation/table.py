@@ -17,7 +17,7 @@ from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, mean_interval
 from fpg_bench.evaluation.suite import PLANNER, Suite
 from fpg_bench.evaluation.summary import Summary
-from fpg_bench.rendering.canvas import blank_figure
+from fpg_bench.rendering.canvas import blank_figure, write_figure
 
 _TRAINED, _SCRIPT = "#0072b2", "#7f7f7f"
 # Okabe and Ito's colours, told apart by the colour-blind too; each round of them has its marker.
@@ -125,9 +125,7 @@ def picture(summaries: Sequence[Summary], suite: Suite, path: Path) -> None:
     axes.set_xlabel(f"{'score' if planned else suite.scale.description}; with 95 % interval, | per rival")
     axes.set_title(f"{suite.name}, {suite.matches} matches per rival", fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
-    image = io.BytesIO()
-    figure.savefig(image, format="png")
-    write_whole(path, image.getvalue())
+    write_figure(figure, path)
 
 
 def _style(s: Summary, index: int) -> dict[str, Any]:

@@ -11,13 +11,12 @@ from pydantic import Field as Constraint
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_json, read_yaml
-from fpg_bench.common.ids import sides_of
+from fpg_bench.common.ids import SCRIPTED, sides_of
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import Suite, load_suite
 from fpg_bench.players.agent import baselines_folder, load_agent
-from fpg_bench.players.scripted import SCRIPTED
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.entry import Entry

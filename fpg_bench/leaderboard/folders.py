@@ -14,10 +14,26 @@ from pathlib import Path
 import platformdirs
 
 from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.files import write_whole
 from fpg_bench.common.rows import RowFile
 
 TRACKS = ("ally", "opponent", "planner")  # folders of submissions; opponents have two tables
 _MOST_NAMES = 200
+
+
+def start_board(board: Path) -> None:
+    """Create the folders of a leaderboard without entries.
+
+    Raises:
+        UserError: something is in the folder already.
+    """
+    if not board.is_dir() and board.exists():
+        raise UserError(f"leaderboard {board}: is a file; name a folder")
+    if board.is_dir() and any(board.iterdir()):
+        raise UserError(f"leaderboard {board}: holds files already; name an empty or a new folder")
+    for track in TRACKS:
+        for kind in ("submissions", "results"):
+            write_whole(board / kind / track / ".gitkeep", "")  # git keeps no empty folders
 
 
 def submission_folders(board: Path, names: Sequence[str] = ()) -> list[Path]:
@@ -32,7 +48,9 @@ def submission_folders(board: Path, names: Sequence[str] = ()) -> list[Path]:
     """
     root = board / "submissions"
     if not root.is_dir():
-        raise UserError(f"leaderboard {board}: has no folder submissions")
+        raise UserError(
+            f"leaderboard {board}: has no folder submissions; fpg-bench leaderboard init {board} starts one"
+        )
     folders = {
         f"{track}/{folder.name}": folder
         for track in TRACKS

@@ -22,6 +22,7 @@ from fpg_bench.common.checks import is_whole
 from fpg_bench.common.errors import UserError, meant, nearest
 from fpg_bench.common.extras import need
 from fpg_bench.common.files import read_json, read_yaml
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.schema import Expected, Items, Strict, problems_of
 from fpg_bench.evaluation.statistics import FEW_SEEDS
 from fpg_bench.leaderboard.folders import (
@@ -40,7 +41,6 @@ from fpg_bench.leaderboard.transcripts import check_transcripts
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.players.agent import baselines_folder, check_about
 from fpg_bench.players.sandbox.client import MOST_BYTES, Policy, check_policies
-from fpg_bench.players.scripted import SCRIPTED
 
 need("evaluate", "onnx", "scipy", "matplotlib", "joblib")
 

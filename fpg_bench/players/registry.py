@@ -6,10 +6,11 @@ import os
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.imports import import_object
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.player import Player, PlayerSpec
-from fpg_bench.players.scripted import ORACLES, SCRIPTED, OracleAlly, OracleOpponent, Scripted
+from fpg_bench.players.scripted import ORACLES, OracleAlly, OracleOpponent, Scripted
 
 
 def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:

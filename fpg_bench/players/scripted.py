@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from fpg_bench.common.ids import ALLIES, OPPONENTS, SCRIPTED
 from fpg_bench.game import rng
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.full_state import ALLY, OPPONENT
@@ -26,8 +27,6 @@ from fpg_bench.game.state import ACTION_SIZE, TYPES
 from fpg_bench.players.player import Memory
 from fpg_bench.players.seeded import Batched, SeededPolicy
 
-ALLIES = ("idle", "random", "reactive", "expert", "expert-spread", "always-hop")
-OPPONENTS = ("tone", "narrowband", "broadband", "comb", "random", "sweep", "adaptive", "watchful")
 IDLE, RANDOM_ALLY, REACTIVE, EXPERT, EXPERT_SPREAD, ALWAYS_HOP = range(len(ALLIES))
 TONE, NARROWBAND, BROADBAND, COMB, RANDOM_OPPONENT, SWEEP, ADAPTIVE, WATCHFUL = range(len(OPPONENTS))
 
@@ -146,9 +145,6 @@ def _away_m(seen: np.ndarray, scales: np.ndarray, axis: int) -> float:
 def _fill_random(action: np.ndarray, keys: np.ndarray, i: int, step: int) -> None:
     for j in range(ACTION_SIZE):
         action[j] = _draw(keys, i, step, j)
-
-
-SCRIPTED = {"ally": ALLIES, "opponent": OPPONENTS}
 
 
 class Scripted(SeededPolicy):

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import io
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+FIGURES = (".png", ".svg", ".pdf")
 ALLY, OPPONENT = "#0072b2", "#d55e00"  # Okabe and Ito's colour-blind safe palette
 SIDE_COLOURS = {"ally": ALLY, "opponent": OPPONENT}
 
@@ -19,3 +25,17 @@ def blank_figure(width: float, height: float, dpi: int = 100) -> Figure:
     figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def check_figure(path: Path) -> None:
+    """Raise UserError if a figure cannot have the suffix of a path."""
+    if path.suffix.lower() not in FIGURES:
+        raise UserError(f"out: {path}: a figure is written as {', '.join(FIGURES)}")
+
+
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write a matplotlib figure as PNG, SVG or PDF, by the path's suffix."""
+    check_figure(path)
+    image = io.BytesIO()
+    figure.savefig(image, format=path.suffix.lower().removeprefix("."))
+    write_whole(path, image.getvalue())

@@ -22,7 +22,7 @@ from pydantic import Field as Constraint
 from fpg_bench.common.checks import mapping, whole
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_json, read_yaml, write_json, write_whole
-from fpg_bench.common.ids import find_env, policy_env, sides_of
+from fpg_bench.common.ids import SCRIPTED, find_env, policy_env, sides_of
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.entry import code_fingerprint, player_entry
@@ -36,7 +36,6 @@ from fpg_bench.players.agent import load_agent
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.population import with_members
 from fpg_bench.players.registry import as_player, policy_hash
-from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.training.config import GameOptions, RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder, command_line

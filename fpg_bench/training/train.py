@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import json
 import platform
 import re
@@ -21,7 +20,7 @@ from torch.distributions import Distribution
 
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_json, write_whole
+from fpg_bench.common.files import read_json
 from fpg_bench.common.ids import DUEL
 from fpg_bench.common.parallel import check_all_done, folder_job, run_jobs
 from fpg_bench.common.rows import Row
@@ -30,7 +29,7 @@ from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.planning import LLM_CONTROLS
-from fpg_bench.rendering.canvas import SIDE_COLOURS, blank_figure
+from fpg_bench.rendering.canvas import SIDE_COLOURS, blank_figure, write_figure
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import (
     Clock,
@@ -385,6 +384,4 @@ def _draw_curve(rows: Sequence[Row], title: str, path: Path) -> None:
     axes.set(xlabel="steps", ylabel="score (few rounds, tuning seeds)", title=title)
     axes.legend(frameon=False)
     axes.spines[["top", "right"]].set_visible(False)
-    image = io.BytesIO()
-    figure.savefig(image, format="png")
-    write_whole(path, image.getvalue())
+    write_figure(figure, path)

@@ -2,9 +2,9 @@
 
 import pytest
 
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.leaderboard.submission import load_submission, plain, problems, read_about, taken
 from fpg_bench.planning import PLANNERS
-from fpg_bench.players.scripted import SCRIPTED
 from tests.attacks import SCALE, SEED
 from tests.attacks.names import BLANK, UNSEEN, lookalikes
 from tests.leaderboard.making import FIELDS, write_submission

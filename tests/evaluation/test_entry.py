@@ -5,10 +5,11 @@ from pathlib import Path
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.evaluation.entry import entries_of
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.players.agent import load_agent
-from fpg_bench.players.scripted import SCRIPTED, Scripted
+from fpg_bench.players.scripted import Scripted
 from tests.training.making import make_agent, make_zoo
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.evaluation.play import match_of, rounds
 from fpg_bench.evaluation.suite import Scale, load_suite, suite_of
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import suites_folder
-from fpg_bench.players.scripted import SCRIPTED
 
 PUBLIC = sorted(path.stem for path in suites_folder().glob("*-v1.yml"))
 CONTENT = """\

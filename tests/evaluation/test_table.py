@@ -7,9 +7,10 @@ import itertools
 import pytest
 
 from fpg_bench.cli.evaluation import print_table
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.suite import Scale, load_suite
 from fpg_bench.evaluation.summary import summarise
-from fpg_bench.evaluation.table import as_csv, caption, lines_of_table, markdown, write_table
+from fpg_bench.evaluation.table import as_csv, caption, lines_of_table, markdown, picture, write_table
 from tests.evaluation.test_summary import records_of
 
 NAMES = ("ppo", "recurrent-ppo", "expert-spread")
@@ -94,3 +95,11 @@ def test_the_caption_says_what_a_score_is(suite):
     assert "Suite ally-v1" in caption(suite)
     own = dataclasses.replace(suite, scale=Scale())
     assert "score: the return per step" in caption(own)
+
+
+@pytest.mark.parametrize(("suffix", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
+def test_a_figure_is_written_by_its_suffix(summaries, suite, suffix, begins, tmp_path):
+    picture(summaries, suite, tmp_path / f"table.{suffix}")
+    assert (tmp_path / f"table.{suffix}").read_bytes().startswith(begins)
+    with pytest.raises(UserError, match=r"a figure is written as \.png, \.svg, \.pdf"):
+        picture(summaries, suite, tmp_path / "table.gif")

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.leaderboard.site import page_data
 from fpg_bench.players.agent import baselines_folder, load_agent
-from fpg_bench.players.scripted import ALLIES, OPPONENTS
 from tests.leaderboard.browsing import chromium
 
 pytestmark = pytest.mark.browser

@@ -6,14 +6,16 @@ from pathlib import Path
 
 import pytest
 
+from fpg_bench.cli.leaderboard import build
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.board import make_board
-from fpg_bench.leaderboard.folders import submission_folders
+from fpg_bench.leaderboard.folders import start_board, submission_folders
 from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN, TrackSuites
 from fpg_bench.leaderboard.verification import make_case
 from fpg_bench.players.sandbox.client import check_policies
-from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.version import __version__
 from tests.programs import fpg, python
 
@@ -120,10 +122,21 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
     ("words", "message"),
     [
         (("verify", "--sample", "much"), "expected a percentage as 5%, got 'much'"),
-        (("verify", "--folder", "nowhere"), "leaderboard nowhere: has no folder submissions"),
+        (
+            ("verify", "--folder", "nowhere"),
+            "leaderboard nowhere: has no folder submissions; fpg-bench leaderboard init nowhere starts one",
+        ),
     ],
 )
 def test_bad_words_are_one_line(words, message):
     found = fpg("leaderboard", *words)
     assert found.returncode == 2
     assert found.stderr.strip() == f"fpg-bench: {message}"
+
+
+def test_a_leaderboard_starts_empty_and_is_built_with_the_game(tmp_path):
+    start_board(tmp_path / "own")
+    build(tmp_path / "site", tmp_path / "own", replays=False)
+    assert (tmp_path / "site" / "play.html").is_file()
+    with pytest.raises(UserError, match="holds files already"):
+        start_board(tmp_path / "own")

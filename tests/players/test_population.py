@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.envs.core import SingleAgentGame
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.game.scenario import STANDARD
@@ -16,7 +17,6 @@ from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.population import with_members
 from fpg_bench.players.registry import as_player
-from fpg_bench.players.scripted import SCRIPTED
 
 from .test_agent import model_bytes
 

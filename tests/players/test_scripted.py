@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.player import Player
-from fpg_bench.players.scripted import SCRIPTED, Scripted, player_seeds
+from fpg_bench.players.scripted import Scripted, player_seeds
 
 from .playing import ally_sees, opponent_sees
 

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import pytest
 
+from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.players.scripted import ALLIES, OPPONENTS
 
 from .playing import mean
 

@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
@@ -15,7 +16,6 @@ from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.suite import Rival, Scale, load_suite
 from fpg_bench.game.scenario import PAPER, STANDARD, as_scenario
 from fpg_bench.players.agent import load_agent
-from fpg_bench.players.scripted import SCRIPTED
 from fpg_bench.training import league
 from fpg_bench.training.callbacks import GameMeasuresCallback
 from fpg_bench.training.league import (

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.parallel import run_jobs
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
-from fpg_bench.players.scripted import SCRIPTED
 from tests.training.making import (
     SUITE,
     add_missing_records,

@@ -17,6 +17,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
+from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.evaluation.statistics import student_t
 from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
@@ -35,7 +36,6 @@ from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
-from fpg_bench.players.scripted import ALLIES, OPPONENTS
 from fpg_bench.rendering.replay import scenario_data, script_json
 
 Row = dict[str, Any]  # an object of JSON

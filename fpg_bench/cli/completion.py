@@ -1,0 +1,46 @@
+"""Shell completion of players, environment ids, suites and algorithms, without loading what plays them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from fpg_bench.common.ids import ENVS, SCRIPTED
+
+
+def complete_player(incomplete: str) -> list[str]:
+    """Return the scripts and shipped agents that begin so, groups of training seeds before their members.
+
+    Folders are completed by the shell itself, where no name begins so.
+    """
+    from fpg_bench.players.agent import baselines_folder
+
+    agents = baselines_folder() / "agents"
+    groups = [path.relative_to(agents).as_posix() for path in agents.glob("*/*")]
+    seeds = [f"{group}/{seed.name}" for group in groups for seed in (agents / group).glob("seed_*")]
+    names = [*SCRIPTED["ally"], *SCRIPTED["opponent"], "oracle", "all-scripted"]
+    begun = _beginning(incomplete, [*names, *groups, *seeds])
+    return [name for name in begun if name.count("/") < 2] or begun
+
+
+def complete_id(incomplete: str) -> list[str]:
+    """Return the environment ids that begin so."""
+    return _beginning(incomplete, ENVS)
+
+
+def complete_suite(incomplete: str) -> list[str]:
+    """Return the suites that begin so."""
+    from fpg_bench.players.agent import suites_folder
+
+    return _beginning(incomplete, (path.stem for path in suites_folder().glob("*.yml")))
+
+
+def complete_algorithm(incomplete: str) -> list[str]:
+    """Return the algorithms with shipped hyper-parameters that begin so."""
+    from fpg_bench.players.agent import baselines_folder
+
+    names = (path.stem for path in (baselines_folder() / "hyperparams").glob("*.yml"))
+    return _beginning(incomplete, (name for name in names if not name.endswith("-learned")))
+
+
+def _beginning(incomplete: str, names: Iterable[str]) -> list[str]:
+    return sorted({name for name in names if name.startswith(incomplete)})
