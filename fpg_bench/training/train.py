@@ -101,14 +101,14 @@ def train(
         raise UserError("resume goes on with a run, restart begins it again: say one of them")
     run = _Run(config, RunFolder(Path(out)))
     run.setup()
+    evaluators = {
+        side: PolicyEvaluator(suite, scenario=run.games.core.scenario, side=side)
+        for side, suite in zip(run.sides, run.suites, strict=True)
+        if evaluations
+    }
     with run.folder.locked():
         state = run.folder.state(run.about, allow_unfinished=restart or resume)
         if state is None or not state.get("finished"):
-            evaluators = {
-                side: PolicyEvaluator(suite, scenario=run.games.core.scenario, side=side)
-                for side, suite in zip(run.sides, run.suites, strict=True)
-                if evaluations
-            }
             if state is not None and resume:
                 run.resume(state)
             else:
