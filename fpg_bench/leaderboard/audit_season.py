@@ -13,7 +13,7 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_json
 from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.seeds import PROTOCOL
-from fpg_bench.leaderboard.close_season import ROUNDS, play_pair, shuffled, train_candidate
+from fpg_bench.leaderboard.close_season import ROUNDS, mean_returns, shuffled, train_candidate
 from fpg_bench.leaderboard.season import (
     OTHER,
     Recipe,
@@ -129,7 +129,7 @@ def _compare(
     returns = np.array(
         [
             [
-                play_pair(
+                mean_returns(
                     player,
                     other,
                     str(agent),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -36,10 +36,9 @@ from fpg_bench.leaderboard.crossplay import (
     players_of,
     read_pairs,
 )
-from fpg_bench.leaderboard.folders import TRACKS as FOLDERS
-from fpg_bench.leaderboard.folders import brief, result_file, submission_folders
+from fpg_bench.leaderboard.folders import TRACK_FOLDERS, brief, result_file, submission_folders
 from fpg_bench.leaderboard.ranking import improvements, nash, profiles
-from fpg_bench.leaderboard.result import Result, round_finite, rounded
+from fpg_bench.leaderboard.result import Result, round_finite, rounded, summaries_of
 from fpg_bench.leaderboard.submission import Submission, Training
 from fpg_bench.leaderboard.tracks import (
     PUBLIC,
@@ -50,6 +49,7 @@ from fpg_bench.leaderboard.tracks import (
     Track,
     TrackSuites,
     ranked_by,
+    track_of,
 )
 from fpg_bench.leaderboard.verification import Case, case_of, entered
 from fpg_bench.players.player import SIDES
@@ -344,15 +344,6 @@ class Board:
 
 
 @dataclass(frozen=True)
-class _Shown:
-    """A readable submission that has a result: its case, or the reason why the result does not count."""
-
-    submission: Submission
-    case: Case | None
-    reason: str | None
-
-
-@dataclass(frozen=True)
 class _Verified:
     """A verified submission with its result and its summaries by role."""
 
@@ -365,9 +356,10 @@ class _Verified:
         return self.submission.slug
 
 
-def make_board(
-    folder: str | Path = "leaderboard",
-) -> Board:
+_Rejected = tuple[Submission, str]  # a readable submission, and the reason why its result does not count
+
+
+def make_board(folder: str | Path = "leaderboard") -> Board:
     """Compute the board from the results of a leaderboard's folder.
 
     Figures come from results, texts from submissions. A submission without a result is left out; one whose
@@ -381,10 +373,16 @@ def make_board(
     """
     folder, suites = Path(folder), TrackSuites()
     season = suites.season
-    shown = _read_submissions(folder, suites)
-    pairs = read_pairs(folder, players_of([item.case for item in shown if item.case is not None]))
-    results = list(pairs.results.values())
-    tracks = tuple(_make_track(shown, track, suites, results) for track in TRACKS.values())
+    cases, rejected = _read_submissions(folder, suites)
+    pairs = read_pairs(folder, players_of(cases))
+    verified = [
+        _Verified(case.submission, case.result, summaries_of(case.result.records, case.suites))
+        for case in cases
+        if case.result is not None
+    ]
+    tracks = tuple(
+        _make_track(verified, rejected, track, suites, pairs.results.values()) for track in TRACKS.values()
+    )
     return Board(
         version=__version__,
         protocol=PROTOCOL,
@@ -395,11 +393,14 @@ def make_board(
     )
 
 
-def _read_submissions(board: Path, suites: TrackSuites) -> list[_Shown]:
-    shown: list[_Shown] = []
+def _read_submissions(board: Path, suites: TrackSuites) -> tuple[list[Case], list[_Rejected]]:
+    """Return the verified submissions of a board, and those whose results do not count."""
+    cases: list[Case] = []
+    rejected: list[_Rejected] = []
     for path in sorted((board / "submissions").glob("[!.]*/")):
-        if path.name not in FOLDERS:
-            _logger.info(f"submissions/{path.name}: left out: is no track{nearest(path.name, FOLDERS)}")
+        if path.name not in TRACK_FOLDERS:
+            hint = nearest(path.name, TRACK_FOLDERS)
+            _logger.info(f"submissions/{path.name}: left out: is no track{hint}")
     for folder in submission_folders(board):
         name = f"{folder.parent.name}/{folder.name}"
         if not result_file(board, folder.parent.name, folder.name).exists():
@@ -409,37 +410,35 @@ def _read_submissions(board: Path, suites: TrackSuites) -> list[_Shown]:
         if read.error is not None:
             _logger.info(f"{name}: left out: {read.error}")  # nothing of it can be trusted, not even its name
             continue
-        item = _with_case(board, read.result, suites)
-        shown.append(item)
-        if item.reason is not None:
-            _logger.info(f"{name}: not verified: {item.reason}")
-    return shown
+        submission: Submission = read.result
+        read = outcome_of(partial(case_of, board, submission, suites=suites))
+        reason = read.error if read.error is not None else _failure(read.result)
+        if reason is None:
+            cases.append(read.result)
+        else:
+            rejected.append((submission, reason))
+            _logger.info(f"{name}: not verified: {reason}")
+    return cases, rejected
 
 
-def _with_case(board: Path, submission: Submission, suites: TrackSuites) -> _Shown:
-    read = outcome_of(partial(case_of, board, submission, suites=suites))
-    if read.error is not None:
-        return _Shown(submission, None, read.error)
-    case: Case = read.result
+def _failure(case: Case) -> str | None:
+    """Return why a case could not be played, as its result says; None if it could."""
     if case.result is None or case.result.reason is None:
-        return _Shown(submission, case, None)
+        return None
     reason = case.result.reason[:_LONGEST_REASON]
-    return _Shown(submission, None, "".join(c if c.isprintable() else " " for c in reason))
+    return "".join(letter if letter.isprintable() else " " for letter in reason)
 
 
 def _make_track(
-    shown: Iterable[_Shown], track: Track, loader: TrackSuites, pairs: Sequence[Pair]
+    all_verified: Iterable[_Verified],
+    rejected: Iterable[_Rejected],
+    track: Track,
+    loader: TrackSuites,
+    pairs: Collection[Pair],
 ) -> BoardTrack:
     suites = loader.of(track)
     role = ranked_by(suites)
-    items = [
-        item for item in shown if (item.submission.track, item.submission.path) == (track.side, track.path)
-    ]
-    verified = [
-        _Verified(item.submission, item.case.result, item.case.result.summaries(item.case.suites))
-        for item in items
-        if item.case is not None and item.case.result is not None
-    ]
+    verified = [item for item in all_verified if _track_of(item.submission) is track]
     ranked = sorted(
         (item for item in verified if role in item.summaries),
         key=lambda item: (-item.summaries[role].score.value, item.slug),
@@ -462,7 +461,11 @@ def _make_track(
         )
         for item in verified
     ]
-    entries += [_make_entry(item.submission, reason=item.reason) for item in items if item.reason is not None]
+    entries += [
+        _make_entry(submission, reason=reason)
+        for submission, reason in rejected
+        if _track_of(submission) is track
+    ]
     return BoardTrack(
         key=track.key,
         title=track.title,
@@ -477,6 +480,10 @@ def _make_track(
         improvement=_make_improvement(ranking),
         profiles=_make_profiles(ranking),
     )
+
+
+def _track_of(submission: Submission) -> Track:
+    return track_of(submission.track, submission.path)
 
 
 def _place(entry: BoardEntry) -> tuple[bool, bool, float, str]:

@@ -16,7 +16,7 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row
 from fpg_bench.common.strict_json import read_object
-from fpg_bench.leaderboard.folders import TRACKS, crossplay_file
+from fpg_bench.leaderboard.folders import TRACK_FOLDERS, crossplay_file
 
 _NO_FILE = "no plain file"
 
@@ -76,7 +76,7 @@ def _checkout(board: Path) -> Path:
         raise UserError(f"since: {board} lies in a submodule, whose history is its own; name no such board")
     given = Path(os.path.abspath(board))
     inside = [path for path in (given, *given.parents) if path.resolve().is_relative_to(top)]
-    above = [board / name / track for name in ("submissions", "results") for track in ("", *TRACKS)]
+    above = [board / name / track for name in ("submissions", "results") for track in ("", *TRACK_FOLDERS)]
     for path in (*(path for path in inside if path.resolve() != top), *above):
         if path.is_symlink():
             raise UserError(f"since: {path} is a link; put the folder itself there")
@@ -126,7 +126,7 @@ def _blob(file: Path, commit: str) -> str | None:
 def _entry(path: Path, home: Path) -> str | None:
     """Return the entry that a file of a checkout belongs to, ``track/name``; None if there is none."""
     parts = path.relative_to(home).parts if path.is_relative_to(home) else ()
-    if len(parts) < 3 or parts[0] not in ("submissions", "results") or parts[1] not in TRACKS:
+    if len(parts) < 3 or parts[0] not in ("submissions", "results") or parts[1] not in TRACK_FOLDERS:
         return None
     name = parts[2].removesuffix(".jsonl") if parts[0] == "results" else parts[2]
     return None if name.startswith(".") else f"{parts[1]}/{name}"

@@ -432,7 +432,7 @@ def _make_candidate(
     played = {row["player"] for row in file.read()}
     for entry, path, player in players:
         if player not in played:
-            returns = play_pair(player, OTHER[recipe.side], str(folder / "agent"), path, seed, rounds)
+            returns = mean_returns(player, OTHER[recipe.side], str(folder / "agent"), path, seed, rounds)
             file.append([{"entry": entry, "player": player, "n": rounds, **returns}])
 
 
@@ -440,7 +440,7 @@ def _is_complete(folder: Path, n_players: int) -> bool:
     return RunFolder(folder).is_finished() and len(RowFile(folder / PROFILE).read()) == n_players
 
 
-def play_pair(
+def mean_returns(
     player: str | Player, side: str, other: str, path: str, season: str, rounds: int = ROUNDS
 ) -> dict[str, float]:
     """Play a player against one of the other side.

@@ -17,7 +17,7 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.rows import RowFile
 
-TRACKS = ("ally", "opponent", "planner")  # folders of submissions; opponents have two tables
+TRACK_FOLDERS = ("ally", "opponent", "planner")  # folders of submissions; opponents have two tables
 _MOST_NAMES = 200
 
 
@@ -53,7 +53,7 @@ def submission_folders(board: Path, names: Sequence[str] = ()) -> list[Path]:
         )
     folders = {
         f"{track}/{folder.name}": folder
-        for track in TRACKS
+        for track in TRACK_FOLDERS
         for folder in sorted((root / track).glob("*"))
         if not folder.name.startswith(".")
     }

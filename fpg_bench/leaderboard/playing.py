@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -151,7 +151,7 @@ def fill(part: Part, matchups: Sequence[Matchup], folder: Path) -> None:
 
     A policy that cannot be played on leaves a row that says why.
     """
-    file, there = RowFile(folder / RECORDS), records_in(folder)
+    file, there = RowFile(folder / RECORDS), read_part(folder).records
     missing = [matchup for matchup in matchups if key_of(*matchup) not in there]
     try:
         for record in part_records(part, missing):
@@ -162,23 +162,37 @@ def fill(part: Part, matchups: Sequence[Matchup], folder: Path) -> None:
         file.append([{OPEN: lacking}])
 
 
-def records_in(folder: Path) -> dict[Key, Record]:
-    """Return the records in a part's folder, by their matchups."""
-    rows = [row for row in RowFile(folder / RECORDS).read() if not {FAILED, OPEN} & row.keys()]
-    records = (read_record(row, f"records {folder / RECORDS}") for row in rows)
-    return {(record.suite, record.suite_hash, record.rival): record for record in records}
+@dataclass
+class PlayedPart:
+    """Contents of a part's folder.
+
+    Attributes:
+        records: by their matchups.
+        failure: why the part could not be played on; None if it could.
+        unprotected: what its policy could not be kept from.
+    """
+
+    records: dict[Key, Record] = field(default_factory=dict)
+    failure: str | None = None
+    unprotected: list[str] = field(default_factory=list)
+
+    def is_done(self, matchups: Iterable[Matchup]) -> bool:
+        """Return whether nothing of these matchups is left to play."""
+        return self.failure is not None or all(key_of(*matchup) in self.records for matchup in matchups)
 
 
-def failure_in(folder: Path) -> str | None:
-    """Return why the part of a folder could not be played on; None if it could."""
-    rows = RowFile(folder / RECORDS).read()
-    return next((str(row[FAILED]) for row in rows if FAILED in row), None)
-
-
-def open_in(folder: Path) -> list[str]:
-    """Return what the policy of a part's folder could not be kept from."""
-    rows = RowFile(folder / RECORDS).read()
-    return next((list(row[OPEN]) for row in rows if OPEN in row), [])
+def read_part(folder: Path) -> PlayedPart:
+    """Return what was played of a part into a folder; nothing if there is no such folder."""
+    played = PlayedPart()
+    for row in RowFile(folder / RECORDS).read():
+        if FAILED in row:
+            played.failure = played.failure or str(row[FAILED])
+        elif OPEN in row:
+            played.unprotected = list(row[OPEN])
+        else:
+            record = read_record(row, f"records {folder / RECORDS}")
+            played.records[record.suite, record.suite_hash, record.rival] = record
+    return played
 
 
 def smoke_test(policy: Policy, suite: Suite | None = None) -> list[str]:

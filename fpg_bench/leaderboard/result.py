@@ -139,12 +139,9 @@ class Result:
         """True if it was played to its end; only then it is ranked."""
         return self.reason is None
 
-    def summaries(self, suites: Suites) -> dict[str, Summary]:
-        """Return the summary over each suite, by role."""
-        return _summaries(self.records, suites)
 
-
-def _summaries(records: Sequence[Record], suites: Suites) -> dict[str, Summary]:
+def summaries_of(records: Sequence[Record], suites: Suites) -> dict[str, Summary]:
+    """Return the summary of a submission's records over each of its suites, by role."""
     return {role: summary_of(records, suite) for role, suite in suites.items()}
 
 
@@ -180,7 +177,7 @@ def planner_facts(submission: Submission, suite: Suite) -> PlannerFacts:
 
 def totals(records: Sequence[Record], suites: Suites) -> Totals:
     """Return the summary of a submission's records on its suites."""
-    summaries = _summaries(records, suites)
+    summaries = summaries_of(records, suites)
     public = summaries[PUBLIC]
     return Totals(
         training_seeds=public.training_seeds,

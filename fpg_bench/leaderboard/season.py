@@ -15,8 +15,10 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.schema import Items, Strict, parse
 from fpg_bench.evaluation.seeds import SeasonKey, seed_from
-from fpg_bench.leaderboard.folders import TRACKS, brief
+from fpg_bench.evaluation.suite import PLANNER
+from fpg_bench.leaderboard.folders import TRACK_FOLDERS, brief
 from fpg_bench.leaderboard.submission import examine
+from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.players.agent import baselines_folder, suites_folder
 from fpg_bench.players.player import SIDES
 
@@ -25,13 +27,7 @@ OTHER = {"ally": "opponent", "opponent": "ally"}
 _HEADER = """# The rivals of both sides, how each was trained, and the entries that made the seed.
 # Made by: fpg-bench leaderboard close-season. Members lie beside it, as <side>/<member>/policy.onnx.
 """
-# By public suite: the side of the rivals, their path (None: as each was trained), and the matches.
-_TRACKS: dict[str, tuple[str, str | None, int]] = {
-    "ally-v1": ("opponent", None, 100),
-    "opponent-v1": ("ally", "pursuit", 100),
-    "opponent-learned-v1": ("ally", "learned", 100),
-    "planner-v1": ("ally", None, 30),
-}
+_MATCHES, _PLANNER_MATCHES = 100, 30  # of each rival; those of planners have many rounds
 _COPIED = ("side", "scenario", "rounds_per_match", "opponent", "last_rounds", "scale")
 
 
@@ -75,7 +71,9 @@ def read_entries(board: str | Path = "leaderboard", contract: bool = True) -> li
         UserError: no board there, or an invalid submission.
     """
     root = Path(board) / "submissions"
-    folders = sorted(folder for track in TRACKS for folder in (root / track).glob("*") if folder.is_dir())
+    folders = sorted(
+        folder for track in TRACK_FOLDERS for folder in (root / track).glob("*") if folder.is_dir()
+    )
     if not folders:
         raise UserError(f"season: {root} holds no submissions; name the leaderboard's folder")
     return [_read_entry(folder, contract) for folder in folders]
@@ -208,21 +206,19 @@ def write_suites(season: Season, number: int) -> None:
         number: its number.
     """
     key = SeasonKey(number, season.seed)
-    for public, (side, path, matches) in _TRACKS.items():
-        template = read_yaml(suites_folder() / f"{public}.yml", "suite")
+    for track in TRACKS.values():
+        side, is_planner = OTHER.get(track.side, "ally"), track.side == PLANNER
+        template = read_yaml(suites_folder() / f"{track.public}.yml", "suite")
         content: dict[str, Any] = {name: template[name] for name in _COPIED if name in template}
-        content |= {"matches": matches, "season": season.seed}
+        content |= {"matches": _PLANNER_MATCHES if is_planner else _MATCHES, "season": season.seed}
         content["rivals"] = [
-            {
-                "name": member.name,
-                side: f"{season.name}/{side}/{member.name}",
-                **({"path": path or member.path} if public != "planner-v1" else {}),
-            }
+            {"name": member.name, side: f"{season.name}/{side}/{member.name}"}
+            | ({} if is_planner else {"path": track.path or member.path})
             for member in season.members[side]
         ]
         header = f"# The members of {season.name}, trained after entries were closed."
         header += " Made by: fpg-bench leaderboard close-season.\n"
-        _write_yaml(season.folder.parent / f"{key.suite_name(public)}.yml", header, content)
+        _write_yaml(season.folder.parent / f"{key.suite_name(track.public)}.yml", header, content)
 
 
 def _write_yaml(path: Path, header: str, content: dict[str, Any]) -> None:

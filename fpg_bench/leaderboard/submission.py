@@ -26,7 +26,7 @@ from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.schema import Expected, Items, Strict, problems_of
 from fpg_bench.evaluation.statistics import FEW_SEEDS
 from fpg_bench.leaderboard.folders import (
-    TRACKS,
+    TRACK_FOLDERS,
     brief,
     file_problem,
     folder_problem,
@@ -34,8 +34,7 @@ from fpg_bench.leaderboard.folders import (
     shown,
     strays,
 )
-from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
-from fpg_bench.leaderboard.tracks import TRACKS as TABLES
+from fpg_bench.leaderboard.tracks import PUBLIC, TRACKS, TrackSuites
 from fpg_bench.leaderboard.transcripts import FOLDER as TRANSCRIPTS
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
@@ -44,7 +43,7 @@ from fpg_bench.players.sandbox.client import MOST_BYTES, Policy, check_policies
 
 need("evaluate", "onnx", "scipy", "matplotlib", "joblib")
 
-__all__ = ["TRACKS", "Policy", "Submission", "Training"]
+__all__ = ["Policy", "Submission", "Training"]
 
 ABOUT = "submission.yaml"
 PATHS = ("pursuit", "learned")
@@ -146,10 +145,6 @@ def _text(value: object, most: int, lines: bool = False, least: int = 1) -> str:
     return value
 
 
-def _optional_text(value: object) -> str | None:
-    return None if value is None else _text(value, 100)
-
-
 def _named(value: object, most: int) -> str:
     """Return text with a letter or a digit in it."""
     text = _text(value, most)
@@ -172,19 +167,13 @@ def _choice(value: object, choices: tuple[str, ...]) -> str:
     return value
 
 
-def _path(value: object) -> str | None:
-    return None if value is None else _choice(value, PATHS)
-
-
 def _authors(value: object) -> tuple[str, ...]:
     if not isinstance(value, list) or not 1 <= len(value) <= 20:
         raise UserError(f"expected a list of 1 to 20 names, got {shown(value)}")
     return tuple(_named(name, 80) for name in value)
 
 
-def _link(value: object) -> str | None:
-    if value is None:
-        return None
+def _link(value: object) -> str:
     text = _text(value, 300)
     try:
         parts = urlsplit(text)
@@ -204,7 +193,7 @@ def _distinct(seeds: tuple[int, ...]) -> tuple[int, ...]:
 
 _Word = Annotated[str, PlainValidator(partial(_text, most=60))]
 _Lines = Annotated[str, PlainValidator(partial(_text, most=2000, lines=True))]
-_Shipped = Annotated[str | None, PlainValidator(_optional_text)]
+_Shipped = Annotated[str, PlainValidator(partial(_text, most=100))] | None
 _Seeds = Annotated[
     Items[Annotated[int, Ge(0), Le(10**6)]],
     Len(1, 20),
@@ -240,10 +229,10 @@ class SubmissionFile(Strict):
     name: Annotated[str, PlainValidator(_entry_name)] = ""
     authors: Annotated[tuple[str, ...], PlainValidator(_authors)] = ()
     algorithm: _Word = ""
-    reference: Annotated[str | None, PlainValidator(_link)] = None
+    reference: Annotated[str, PlainValidator(_link)] | None = None
     licence: _Word = ""
-    track: Annotated[str, PlainValidator(partial(_choice, choices=TRACKS))] = ""
-    path: Annotated[str | None, PlainValidator(_path)] = None
+    track: Annotated[str, PlainValidator(partial(_choice, choices=TRACK_FOLDERS))] = ""
+    path: Annotated[str, PlainValidator(partial(_choice, choices=PATHS))] | None = None
     training: Training | None = None
     saw: _Lines = ""
     unable: _Lines = ""
@@ -413,7 +402,7 @@ def examine(
         if problem := folder_problem(where):
             lines.append(f"{TRANSCRIPTS}: {problem}")
         else:
-            suite = (suites or TrackSuites()).of(TABLES["planner"], transcripts=True)[PUBLIC]
+            suite = (suites or TrackSuites()).of(TRACKS["planner"], transcripts=True)[PUBLIC]
             lines += check_transcripts(folder, suite)
             files = [where / name for name in list_names(where)]
     if lines:
@@ -438,7 +427,7 @@ def _wrong_place(folder: Path, about: SubmissionFile) -> Iterator[str]:
     says = f"track: says {track}, but the folder lies in"
     if not track or track == around:
         return
-    if around in TRACKS:
+    if around in TRACK_FOLDERS:
         yield f"{says} {around}; move it to submissions/{track}, or write track: {around}"
     elif folder.parent.parent.name == "submissions":
         yield f"{says} {shown(around)}, which is no track; move it to submissions/{track}"

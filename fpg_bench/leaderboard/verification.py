@@ -22,7 +22,7 @@ from fpg_bench.evaluation.suite import Suite
 from fpg_bench.game.metrics import GREATEST
 from fpg_bench.leaderboard.changed_entries import changed_entries
 from fpg_bench.leaderboard.folders import (
-    TRACKS,
+    TRACK_FOLDERS,
     at_work,
     brief,
     remove,
@@ -35,13 +35,11 @@ from fpg_bench.leaderboard.playing import (
     Key,
     Matchup,
     Part,
-    failure_in,
     fill,
     key_of,
     matchups_of,
-    open_in,
     parts_of,
-    records_in,
+    read_part,
     suites_of,
 )
 from fpg_bench.leaderboard.result import (
@@ -95,7 +93,8 @@ class Case:
     @property
     def is_complete(self) -> bool:
         """True if everything that it could play is wanted."""
-        return sum(len(matchups) for _, matchups in self.wanted) == len(_matchup_keys(self))
+        n_all = len(parts_of(self.submission)) * len(matchups_of(self.suites.values()))
+        return sum(len(matchups) for _, matchups in self.wanted) == n_all
 
 
 def make_case(
@@ -218,10 +217,11 @@ def sampled(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
     """
     cases, rng = list(cases), random.Random(seed)
     records = [
-        (number, part, key)
+        (number, part.name, key_of(*matchup))
         for number, case in enumerate(cases)
         if case.result is not None and case.result.verified
-        for part, key in _matchup_keys(case)
+        for part, matchups in case.wanted
+        for matchup in matchups
     ]
     drawn = set(rng.sample(records, math.ceil(share * len(records))))
     for number in sorted({record[0] for record in records} - {record[0] for record in drawn}):
@@ -230,12 +230,6 @@ def sampled(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
         _thinned(case, {(part, key) for number, part, key in drawn if number == k})
         for k, case in enumerate(cases)
     ]
-
-
-def _matchup_keys(case: Case) -> list[tuple[str, Key]]:
-    """Return everything that could be played of a case, by the names of part and matchup."""
-    matchups = matchups_of(case.suites.values())
-    return [(part.name, key_of(*matchup)) for part in parts_of(case.submission) for matchup in matchups]
 
 
 def _thinned(case: Case, drawn: set[tuple[str, Key]]) -> Case:
@@ -366,13 +360,11 @@ class Verdict:
 
 def _judge(case: Case) -> tuple[bool, str]:
     """Return the verdict on a case that was played; writes the result if there is none."""
-    folders = [(case.work / part.name, matchups) for part, matchups in case.wanted]
-    failures = (failure_in(folder) for folder, _ in folders)
-    failure = next((line for line in failures if line is not None), None)
+    played = [(read_part(case.work / part.name), matchups) for part, matchups in case.wanted]
+    failure = next((part.failure for part, _ in played if part.failure is not None), None)
     records: list[Record] = []
-    for folder, matchups in folders if failure is None else ():
-        there = records_in(folder)
-        records += [there[key_of(*matchup)] for matchup in matchups]
+    for part, matchups in played if failure is None else ():
+        records += [part.records[key_of(*matchup)] for matchup in matchups]
     if case.is_complete and records and all(record.lost == len(record.returns) for record in records):
         failure = "all of its rounds are lost by rule: its answers are no valid actions"
     if case.result is None:
@@ -433,7 +425,8 @@ def _describe(result: Result) -> str:
 
 def _missing_isolation(case: Case) -> str:
     """Return what the processes of a case's policies could not be kept from, in words; else nothing."""
-    names = dict.fromkeys(name for part, _ in case.wanted for name in open_in(case.work / part.name))
+    parts = (read_part(case.work / part.name) for part, _ in case.wanted)
+    names = dict.fromkeys(name for part in parts for name in part.unprotected)
     return f"; this machine cannot keep a policy from {', '.join(names)}" if names else ""
 
 
@@ -541,7 +534,7 @@ class _Verification:
 
     def check_strays(self) -> None:
         """Give a verdict on results whose submission is not there."""
-        for track in TRACKS:
+        for track in TRACK_FOLDERS:
             for path in sorted((self._board / "results" / track).glob("*.jsonl")):
                 if not (self._board / "submissions" / track / path.stem).is_dir():
                     self._give(f"{track}/{path.stem}", False, f"result {path}: no such submission")
@@ -584,8 +577,7 @@ def _job_name(case: Case, part: Part) -> str:
 
 
 def _is_done(folder: Path, matchups: Sequence[Matchup]) -> bool:
-    there = records_in(folder)
-    return failure_in(folder) is not None or all(key_of(*matchup) in there for matchup in matchups)
+    return read_part(folder).is_done(matchups)
 
 
 def run_one(
@@ -603,9 +595,9 @@ def run_one(
     """
     given, folder = folder, Path(folder).resolve()
     track = folder.parent.name
-    if folder.parent.parent.name != "submissions" or track not in TRACKS:
-        hint = meant(track, TRACKS) if folder.parent.parent.name == "submissions" else ""
-        expected = f"<leaderboard>/submissions/<{'|'.join(TRACKS)}>/<name>"
+    if folder.parent.parent.name != "submissions" or track not in TRACK_FOLDERS:
+        hint = meant(track, TRACK_FOLDERS) if folder.parent.parent.name == "submissions" else ""
+        expected = f"<leaderboard>/submissions/<{'|'.join(TRACK_FOLDERS)}>/<name>"
         raise UserError(f"{given}: expected a folder {expected}{hint}")
     board = Path(brief(folder.parents[2]))
     name = f"{track}/{folder.name}"

@@ -17,7 +17,7 @@ from fpg_bench import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.audit_season import audit_season, check_entries, describe_season, late_entries
-from fpg_bench.leaderboard.close_season import PROFILE, close_season, make_closing, play_pair
+from fpg_bench.leaderboard.close_season import PROFILE, close_season, make_closing, mean_returns
 from fpg_bench.leaderboard.season import FILE, load_season, read_entries, season_seed
 from fpg_bench.players.agent import load_agent
 from tests.leaderboard.making import (
@@ -239,7 +239,7 @@ def test_a_member_that_answers_nan_is_named(season, tmp_path):
     about["policy_sha256"] = hashlib.sha256(policy).hexdigest()
     (tmp_path / "agent/agent.json").write_text(json.dumps(about))
     with pytest.raises(UserError, match=r"expert against .*agent: opponent action of game 0: index 0 is nan"):
-        play_pair("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed", 2)
+        mean_returns("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed", 2)
 
 
 @pytest.mark.slow

@@ -13,7 +13,15 @@ from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
-from fpg_bench.leaderboard.result import LARGEST, Fingerprint, Result, read_result, totals, write_result
+from fpg_bench.leaderboard.result import (
+    LARGEST,
+    Fingerprint,
+    Result,
+    read_result,
+    summaries_of,
+    totals,
+    write_result,
+)
 
 
 @pytest.fixture
@@ -82,7 +90,7 @@ def test_a_failure_is_written_with_its_reason(good, suites, path):
 
 def test_a_result_says_what_an_evaluation_says_to_the_digit(good, suites, tmp_path):
     (found,) = evaluate(["expert"], "ally-v1", tmp_path)
-    summary = good.summaries(suites)["public"]
+    summary = summaries_of(good.records, suites)["public"]
     for name in ("score", "reward", "by_rival", "measures"):
         assert getattr(summary, name) == getattr(found, name)
     for one, other in zip(summary.records, found.records, strict=True):

@@ -21,6 +21,7 @@ from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.folders import work_folder
 from fpg_bench.leaderboard.playing import Part, matchups_of, part_records, parts_of, suites_of
+from fpg_bench.leaderboard.result import summaries_of
 from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
 from fpg_bench.leaderboard.verification import disagreements, identical, make_case, run_one, sampled, verify
@@ -76,7 +77,7 @@ def test_a_verdict_says_what_an_evaluation_says_to_the_digit(board, in_process, 
     agents = [str(folder / f"seed_{seed}") for seed in (0, 2)]
     (found,) = evaluate(agents, "ally-v1", tmp_path / "results", name="linear")
     case = make_case(board, folder)
-    assert case.result.summaries(case.suites)[PUBLIC].records == found.records
+    assert summaries_of(case.result.records, case.suites)[PUBLIC].records == found.records
     score = case.result.totals.scores[PUBLIC]
     assert (score.value, score.low) == pytest.approx((found.score.value, found.score.low), rel=1e-5)
 
