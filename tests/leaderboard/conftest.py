@@ -30,3 +30,9 @@ def in_process(monkeypatch):
     kind = type("PolicyClient", (entering.InProcess,), {})
     monkeypatch.setattr(client, "PolicyClient", kind)
     return kind
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """Folder for the board that a module's tests begin with, which is played once."""
+    return tmp_path_factory.mktemp("kept") / "board"

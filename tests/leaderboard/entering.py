@@ -12,7 +12,7 @@ import yaml
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.seeds import PROTOCOL, seed_from
 from fpg_bench.leaderboard.result import Result, totals, write_result
-from fpg_bench.leaderboard.verification import Case
+from fpg_bench.leaderboard.verification import Case, verify
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.players.sandbox.client import PolicyFailed
 from tests.leaderboard.making import write_seed
@@ -32,7 +32,7 @@ def _meets(path: str) -> list[dict[str, str]]:
     return [{"ally": "idle", "path": path}, {"ally": "expert", "path": path}]
 
 
-FIELDS = {
+SUITES = {
     "ally-v1": SUITE,
     "opponent-v1": _OPPONENTS | {"rivals": _meets("pursuit")},
     "opponent-learned-v1": _OPPONENTS | {"rivals": _meets("learned")},
@@ -45,7 +45,7 @@ def make_suites(folder: Path) -> Path:
     folder.mkdir(parents=True)
     for name in ("agents", "hyperparams"):
         (folder / name).symlink_to(baselines_folder() / name)
-    for name, content in FIELDS.items():
+    for name, content in SUITES.items():
         write_suite(folder, name, content)
     return folder
 
@@ -63,12 +63,12 @@ def close_season(baselines: Path, number: int = 1, **suites: dict[str, Any]) -> 
     """
     folder = baselines / "suites" / f"season-{number}"
     folder.mkdir()
-    told = {"number": number, "protocol": PROTOCOL, "seed": seed_from(PROTOCOL, number, ()), "entries": {}}
-    (folder / "season.yml").write_text(yaml.safe_dump(told))
-    for public, content in FIELDS.items():
+    content = {"number": number, "protocol": PROTOCOL, "seed": seed_from(PROTOCOL, number, ()), "entries": {}}
+    (folder / "season.yml").write_text(yaml.safe_dump(content))
+    for public, content in SUITES.items():
         track = public.removesuffix("-v1")
         write_suite(baselines, f"{track}-season-{number}", content | suites.get(track.replace("-", "_"), {}))
-    return told["seed"]
+    return content["seed"]
 
 
 def enter(board: Path, track: str, slug: str, **other: Any) -> Path:
@@ -94,6 +94,11 @@ def enter(board: Path, track: str, slug: str, **other: Any) -> Path:
     for seed in seeds:
         write_seed(folder / f"seed_{seed}", seed, algorithm="none", id=env_id, training_steps=10)
     return folder
+
+
+def verdicts_of(board: Path, *names: str, **options: Any) -> dict[str, tuple[bool, str]]:
+    """Verify a board and return its verdicts by name: whether good, and the line."""
+    return {v.name: (v.good, v.line) for v in verify(board, names, **options)}
 
 
 def write_verified(case: Case, lines: Iterable[Record]) -> None:

@@ -49,7 +49,7 @@ def node(kind, inputs, outputs, **attributes):
 
 
 def model(nodes, constants=(), inputs=None, outputs=None, opsets=(("", 18),), **more) -> bytes:
-    """An ONNX file of these operators, from ``observation`` to ``action`` if nothing else is said."""
+    """An ONNX file of these operators, from ``observation`` to ``action`` by default."""
     graph = helper.make_graph(
         nodes, "policy", inputs or [value("observation")], outputs or [value("action", 9)], list(constants)
     )

@@ -43,8 +43,8 @@ def toy(body: dict[str, Any]) -> str:
 def record(folder: Path, suite: Path, say: Callable[[dict[str, Any]], str] = toy, **options: Any) -> Any:
     """Record the planner ``llm`` under ``folder/out``; gives what the comparison says of it."""
     with FaultServer([answer(say)]) as server, environment(server.url):
-        found = compare(["llm"], str(suite), folder / "out", llm=options)
-    return next(summary for summary in found if summary.entry == "llm")
+        summaries = compare(["llm"], str(suite), folder / "out", llm=options)
+    return next(summary for summary in summaries if summary.entry == "llm")
 
 
 def environment(url: str, model: str = "toy") -> Any:

@@ -13,7 +13,9 @@ from fpg_bench.cli.leaderboard import build
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.leaderboard.board import CROSSPLAY, make_board
 from fpg_bench.leaderboard.crossplay import play_missing
+from fpg_bench.leaderboard.folders import result_file
 from fpg_bench.leaderboard.ranking import nash
+from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.page_data import policy_data, submitted_policies
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
 from fpg_bench.leaderboard.verification import make_case, verify
@@ -22,16 +24,6 @@ from tests.leaderboard.making import model, node, weights
 from tests.logged import logged
 
 pytestmark = pytest.mark.slow
-
-
-def quiet(record):
-    pass
-
-
-@pytest.fixture(scope="module")
-def kept(tmp_path_factory):
-    """A folder for the board that all tests of this file begin with: it is played once."""
-    return tmp_path_factory.mktemp("kept") / "board"
 
 
 @pytest.fixture
@@ -63,21 +55,9 @@ def figures_of(track):
     return {entry.slug: figures for entry, figures in track.verified()}
 
 
-def test_the_board_is_strict_json(entered):
-    def no_constant(name):
-        raise AssertionError(name)  # NaN or Infinity
-
-    play_missing(entered)
-    board = make_board(entered)
-    content = json.loads(board.to_json(), parse_constant=no_constant)
-    assert [track["key"] for track in content["tracks"]] == [track.key for track in board.tracks]
-    (wise,) = (entry for entry in content["tracks"][0]["entries"] if entry["slug"] == "wise")
-    assert wise["figures"]["score"]["value"] == figures_of(board.tracks[0])["wise"].score.value
-    assert content["crossplay"]["allies"] == ["few", "linear", "still", "wise"]
-
-
 def test_entries_are_ranked_and_marked(entered):
-    ally = table(entered, "ally")
+    board = make_board(entered)
+    ally = track_of(board, "ally")
     figures = figures_of(ally)
     scores = [of.score.value for of in figures.values()]
     assert scores == sorted(scores, reverse=True)
@@ -94,39 +74,22 @@ def test_entries_are_ranked_and_marked(entered):
     assert entries["linear"].kind == "submitted"
     assert all(1 <= of.rank[0] <= of.rank[1] <= 4 for of in figures.values())
     assert wise.seeds_gap is None
-
-
-def test_scores_are_returns_on_the_track_s_scale(entered):
-    ally = table(entered, "ally")
-    for figures in figures_of(ally).values():
-        assert figures.score.value == pytest.approx(ally.scale.score(figures.measures["return"]), rel=1e-4)
-        worst = figures.worst
+    for of in figures.values():
+        assert of.score.value == pytest.approx(ally.scale.score(of.measures["return"]), rel=1e-4)
+        worst = of.worst
         assert worst.score.value == pytest.approx(ally.scale.score(worst.return_per_step.value), rel=1e-4)
-
-
-def test_every_seed_has_its_own_score(entered):
-    figures = figures_of(table(entered, "ally"))
     seeds = figures["linear"].seeds
     assert list(seeds) == [0, 2, 10]
     assert sum(seeds.values()) / 3 == pytest.approx(figures["linear"].score.value, rel=1e-4)
     assert seeds[0] == pytest.approx(figures["few"].score.value)
-    assert figures["wise"].seeds == {}
-
-
-def test_improvement_and_profiles_have_all_ranked_entries(entered):
-    ally = table(entered, "ally")
-    names = ally.improvement.names
-    assert names == tuple(entry.slug for entry in ally.entries)
-    value = ally.improvement.value
+    assert wise.seeds == {}
+    value, share = ally.improvement.value, ally.profiles.share
+    assert ally.improvement.names == tuple(share) == tuple(entry.slug for entry in ally.entries)
     assert value[0][0] is None
     assert value[0][1] + value[1][0] == pytest.approx(1)
-    assert set(ally.profiles.share) == set(names)
-    assert all(len(share) == len(ally.profiles.thresholds) for share in ally.profiles.share.values())
-
-
-def test_opponents_have_a_table_per_path(entered):
-    assert [entry.slug for entry in table(entered, "opponent-pursuit").entries] == ["near"]
-    assert [entry.slug for entry in table(entered, "opponent-learned").entries] == ["far"]
+    assert {len(shares) for shares in share.values()} == {len(ally.profiles.thresholds)}
+    for key, slug in (("opponent-pursuit", "near"), ("opponent-learned", "far")):
+        assert [entry.slug for entry in track_of(board, key).entries] == [slug]
 
 
 def test_what_does_not_count_is_shown_last_with_its_reason(entered, in_process):
@@ -185,24 +148,38 @@ def test_a_result_of_an_older_protocol_is_named_and_never_mixed(entered):
     assert "wise" not in board.crossplay.allies
 
 
-def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered):
+def refuse_constant(name):
+    raise AssertionError(name)  # NaN or Infinity
+
+
+def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, tmp_path):
     assert make_board(entered).crossplay is None
     play_missing(entered)
-    crossplay = make_board(entered).crossplay
+    board = make_board(entered)
+    crossplay = board.crossplay
     assert crossplay.allies == ("few", "linear", "still", "wise")
     assert crossplay.opponents == ("far", "near")
     for matrix in (crossplay.jamming_success_rate, *crossplay.returns.values()):
         assert [len(row) for row in matrix] == [2] * 4
     assert crossplay.missing == {"ally": (), "opponent": ()}
+    assert CROSSPLAY in {figures.worst.where for figures in figures_of(board.tracks[0]).values()}
+    content = json.loads(board.to_json(), parse_constant=refuse_constant)
+    assert [track["key"] for track in content["tracks"]] == [track.key for track in board.tracks]
+    assert content["crossplay"]["allies"] == ["few", "linear", "still", "wise"]
+    assert_mixtures_fit(crossplay)
     enter(entered, "ally", "new", script="reactive", name="Brand New")
     verify(entered, ["ally/new"])
+    board = make_board(entered)
     missing = {"ally": ("new",), "opponent": ()}
-    assert make_board(entered).crossplay == dataclasses.replace(crossplay, missing=missing)
+    assert board.crossplay == dataclasses.replace(crossplay, missing=missing)
+    build_site(board, tmp_path / "site")
+    page = (tmp_path / "site/crossplay.html").read_text()
+    assert "Not in it yet: Brand New." in page
+    assert "fpg-bench leaderboard crossplay" in page
 
 
-def test_the_mixtures_are_those_of_the_ally_s_returns(entered):
-    play_missing(entered)
-    crossplay = make_board(entered).crossplay
+def assert_mixtures_fit(crossplay):
+    """The mixtures are an equilibrium of the ally's returns."""
     returns, value = np.array(crossplay.returns["ally"]), crossplay.nash.value
     ally, opponent = (np.array(list(of.values())) for of in (crossplay.nash.ally, crossplay.nash.opponent))
     assert (ally.sum(), opponent.sum()) == pytest.approx((1, 1), abs=1e-4)
@@ -240,24 +217,6 @@ def test_the_same_player_is_shown_once(board):
     assert sum(crossplay.nash.opponent.values()) == pytest.approx(1, abs=1e-4)
     for matrix in (crossplay.jamming_success_rate, *crossplay.returns.values(), *crossplay.half.values()):
         assert [len(row) for row in matrix] == [4]
-
-
-def test_an_ally_s_worst_may_be_an_opponent_of_the_board(entered):
-    before = {slug: figures.worst for slug, figures in figures_of(table(entered, "ally")).items()}
-    assert {worst.where for worst in before.values()} == {PUBLIC}
-    play_missing(entered)
-    board = make_board(entered)
-    after = {slug: figures.worst for slug, figures in figures_of(board.tracks[0]).items()}
-    crossplay = board.crossplay
-    for slug, worst in after.items():
-        row = crossplay.returns["ally"][crossplay.allies.index(slug)]
-        if min(row) < before[slug].return_per_step.value:
-            rival = crossplay.opponents[row.index(min(row))]
-            assert (worst.where, worst.rival) == (CROSSPLAY, rival)
-            assert worst.return_per_step.value == pytest.approx(min(row))
-        else:
-            assert worst == before[slug]
-    assert CROSSPLAY in {worst.where for worst in after.values()}
 
 
 @pytest.fixture
@@ -305,7 +264,7 @@ def test_results_from_before_a_season_do_not_count_in_it(entered, small_suites):
 
 
 def improve_public(board, slug, points):
-    """Make a result whose rounds on the seeds that everybody knew score so many points more."""
+    """Write a result whose rounds on public seeds score so many points more than they did."""
     case = make_case(board, board / "submissions/ally" / slug)
     public = case.suites[PUBLIC_SEEDS]
     more = np.array(points) / 100 * (public.scale.top - public.scale.zero) * public.scenario.steps_per_round
@@ -324,15 +283,15 @@ def flagged(board):
 
 
 def test_seeds_that_were_learned_by_heart_are_flagged(season):
-    """Who earns much more on the seeds that everybody knew than others do, and more than by chance."""
+    """An entry that earns much more on public seeds than others do, and more than by chance."""
     assert flagged(season) == set()
-    improve_public(season, "wise", 40)
-    assert flagged(season) == {"wise"}
-
-
-def test_a_gap_that_may_be_chance_is_not_flagged(season):
+    result = result_file(season, "ally", "wise")
+    played = result.read_bytes()
     improve_public(season, "wise", [160, -80, 160, -80])
     assert flagged(season) == set()
+    result.write_bytes(played)
+    improve_public(season, "wise", 40)
+    assert flagged(season) == {"wise"}
 
 
 def test_an_empty_board_is_a_board(board):
@@ -341,21 +300,7 @@ def test_an_empty_board_is_a_board(board):
     assert (empty.crossplay, empty.season) == (None, None)
 
 
-def test_cross_play_names_who_is_not_in_it_on_its_page(entered, tmp_path):
-    from fpg_bench.leaderboard.site.build import build_site
-
-    play_missing(entered)
-    enter(entered, "ally", "new", script="reactive", name="Brand New")
-    verify(entered, ["ally/new"])
-    build_site(make_board(entered), tmp_path / "site")
-    page = (tmp_path / "site/crossplay.html").read_text()
-    assert "Not in it yet: Brand New." in page
-    assert "fpg-bench leaderboard crossplay" in page
-
-
 def test_the_command_on_an_entry_s_page_plays_it_again(entered, tmp_path, monkeypatch):
-    from fpg_bench.leaderboard.site.build import build_site
-
     build_site(make_board(entered), tmp_path / "site")
     page = (tmp_path / "site/entries/ally/still.html").read_text()
     program, *words = re.search(r"<code>(fpg-bench leaderboard verify .*?)</code>", page)[1].split()
@@ -375,9 +320,9 @@ def test_the_verb_says_who_is_left_out_and_keeps_rounds_that_it_does_not_simulat
     site = tmp_path / "site"
     capsys.readouterr()
     build(site, board)
-    first, told = capsys.readouterr().out.splitlines()
+    first, line = capsys.readouterr().out.splitlines()
     assert first.startswith("ally/still: left out: has no result")
-    assert told.startswith("1 entries, 1 rounds to watch")
+    assert line.startswith("1 entries, 1 rounds to watch")
     rounds = sorted(site.glob("replays/ally/wise/*.js"))
     assert len(rounds) == 1
     verify(board)

@@ -16,7 +16,7 @@ BOMB = "\n".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}' if i else 'x'] * 9)}]" 
 
 
 def only(folder):
-    """The one line that is said of a submission."""
+    """Return the only problem of a submission."""
     (line,) = problems(folder)
     assert "\n" not in line
     assert len(line) < 250
@@ -34,10 +34,11 @@ def public_suite(submission):
 def test_a_sound_submission_is_read(tmp_path):
     folder = write_submission(tmp_path / "mine", description="two\nlines")
     assert problems(folder) == []
-    found = load_submission(folder)
-    assert (found.slug, public_suite(found), found.training.seeds) == ("mine", "ally-v1", (0, 1))
-    assert [(p.seed, p.model == policy(p.seed)) for p in found.policies] == [(0, True), (1, True)]
-    before = found.fingerprint
+    submission = load_submission(folder)
+    assert (submission.slug, submission.training.seeds) == ("mine", (0, 1))
+    assert public_suite(submission) == "ally-v1"
+    assert [(p.seed, p.model == policy(p.seed)) for p in submission.policies] == [(0, True), (1, True)]
+    before = submission.fingerprint
     (folder / "submission.yaml").write_text("# a remark\n" + (folder / "submission.yaml").read_text())
     assert load_submission(folder).fingerprint == before
     write_seed(folder / "seed_1", 1, policy(9))
@@ -50,16 +51,13 @@ def test_what_the_package_ships_is_named_alone(tmp_path):
     seeds = {"steps": 3_000_000, "hours": 0, "seeds": [0, 1, 2, 3, 4]}
     zoo = write_submission(tmp_path / "zoo", (), training=seeds, zoo="ally-scripted/ppo")
     assert [p.about["algorithm"] for p in load_submission(zoo).policies] == ["ppo"] * 5
-    planner = write_submission(
-        tmp_path / "hold", (), name="hold", track="planner", training=None, script="hold"
-    )
-    assert public_suite(load_submission(planner)) == "planner-v1"
-
-
-@pytest.mark.parametrize(("path", "suite"), [("pursuit", "opponent-v1"), ("learned", "opponent-learned-v1")])
-def test_the_opponents_path_decides_the_field(tmp_path, path, suite):
-    suites = {"track": "opponent", "path": path, "training": None, "script": "tone", "name": "tone"}
-    assert public_suite(load_submission(write_submission(tmp_path / "tone", (), **suites))) == suite
+    for track, path, name, suite in (
+        ("planner", None, "hold", "planner-v1"),
+        ("opponent", "pursuit", "tone", "opponent-v1"),
+        ("opponent", "learned", "comb", "opponent-learned-v1"),
+    ):
+        entry = {"name": name, "track": track, "path": path, "training": None, "script": name}
+        assert public_suite(load_submission(write_submission(tmp_path / name, (), **entry))) == suite
 
 
 @pytest.mark.parametrize(
@@ -145,14 +143,9 @@ def test_everything_that_is_wrong_is_said_at_once(tmp_path):
 def test_hostile_yaml_is_one_line(tmp_path, text, line):
     folder = write_submission(tmp_path / "mine")
     (folder / "submission.yaml").write_text(text)
-    found = problems(folder)
-    assert len(found) == 1
-    assert found[0].startswith("submission.yaml: ")
-    assert line in found[0]
-
-
-def test_what_is_no_text_is_one_line(tmp_path):
-    folder = write_submission(tmp_path / "mine")
+    (problem,) = problems(folder)
+    assert problem.startswith("submission.yaml: ")
+    assert line in problem
     (folder / "submission.yaml").write_bytes(b"\xff\xfe\x00")
     assert "cannot be read" in only(folder)
 
@@ -210,17 +203,33 @@ def test_the_zoo_is_no_way_out(tmp_path, name):
     assert f"zoo: the package ships no agents {name!r}" in only(folder)
 
 
-def test_scripts_that_are_not_there(tmp_path):
-    folder = write_submission(tmp_path / "mine", (), training=None, script="os:system")
-    assert "script: unknown 'os:system'" in only(folder)
-    both = write_submission(tmp_path / "b", (), training=None, script="expert", zoo="ally-scripted/ppo")
-    assert any("only one of them" in line for line in problems(both))
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        ({"script": "os:system"}, "script: unknown 'os:system'"),
+        ({"script": "expert", "zoo": "ally-scripted/ppo"}, "zoo, script: only one of them"),
+        ({"track": "planner", "script": "llm"}, "script: unknown 'llm'"),
+        ({"track": "planner", "script": "module:Planner"}, "script: unknown 'module:Planner'"),
+        (
+            {"track": "planner", "script": "hold", "zoo": "ally-scripted/ppo"},
+            "zoo: its agents are no planners",
+        ),
+        ({"track": "planner"}, "lacks 'runs': how often the model was recorded"),
+        ({"track": "planner", "runs": None}, "lacks 'runs': how often the model was recorded"),
+        ({"track": "planner", "runs": 0}, "runs: expected a whole number from 1"),
+        ({"track": "planner", "runs": "three"}, "runs: expected a whole number from 1"),
+        ({"track": "planner", "runs": True}, "runs: expected a whole number from 1"),
+    ],
+)
+def test_scripts_and_recordings_that_are_not_there_are_named(tmp_path, change, line):
+    folder = write_submission(tmp_path / "mine", (), training=None, **change)
+    assert any(line in problem for problem in problems(folder))
 
 
 @pytest.mark.parametrize(
     ("change", "line"),
     [
-        ({"policy_sha256": "0"}, "policy_sha256: is not that of policy.onnx"),
+        ({"policy_sha256": "0"}, "policy_sha256: is not that of policy.onnx beside it, which was cut off"),
         ({"id": "FPG/OpponentVsScripted-v0"}, "plays the opponent"),
         ({"id": "FPG/AllyVsScripted-v9"}, "which this version does not have"),
         ({"id": ["x"]}, "which this version does not have"),
@@ -234,28 +243,15 @@ def test_scripts_that_are_not_there(tmp_path):
 def test_agents_that_do_not_fit_are_named(tmp_path, change, line):
     folder = write_submission(tmp_path / "mine")
     write_seed(folder / "seed_1", 1, **change)
-    found = only(folder)
-    assert found.startswith("seed_1/agent.json: ")
-    assert line in found
-
-
-def test_an_agents_keys_stand_there_once(tmp_path):
-    folder = write_submission(tmp_path / "mine")
-    about = folder / "seed_1" / "agent.json"
-    about.write_text(about.read_text().replace('{"format"', '{"format": 1, "format"'))
-    assert "the key 'format' stands there twice" in only(folder)
+    problem = only(folder)
+    assert problem.startswith("seed_1/agent.json: ")
+    assert line in problem
 
 
 def test_one_policy_is_not_two_seeds(tmp_path):
     folder = write_submission(tmp_path / "mine")
     write_seed(folder / "seed_1", 1, policy(0))
     assert "seed_1: holds the same policy as seed_0" in only(folder)
-
-
-def test_a_policy_that_was_cut_off_is_one_line(tmp_path):
-    folder = write_submission(tmp_path / "mine")
-    (folder / "seed_1" / "policy.onnx").write_bytes(policy(1)[:200])
-    assert only(folder).startswith("seed_1/agent.json: policy_sha256: is not that of policy.onnx beside it")
 
 
 def test_steps_may_end_a_little_after_the_budget_and_lie_between_those_of_the_seeds(tmp_path):
@@ -296,11 +292,6 @@ def test_a_folder_in_another_track_is_told_where_to_go(tmp_path, track, line):
     assert problems(lost)[0] == f"submission.yaml: track: says ally, but the folder lies in {line}"
 
 
-def test_script_tags_in_names_are_text(tmp_path):
-    name = "<script>alert(1)</script>"
-    assert load_submission(write_submission(tmp_path / "mine", name=name)).name == name
-
-
 def test_notes_tell_of_few_seeds_and_of_other_boards(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     place = tmp_path / "leaderboard/submissions/ally"
@@ -319,15 +310,15 @@ def test_notes_tell_of_few_seeds_and_of_other_boards(tmp_path, monkeypatch):
 @pytest.mark.process
 def test_the_verb_says_line_by_line(tmp_path):
     folder = write_submission(tmp_path / "mine", name="")
-    found = fpg("submit", "check", folder)
-    assert found.returncode == 1
-    assert found.stdout == f"{folder}: submission.yaml: name: expected 1 to 60 characters, got 0\n"
+    run = fpg("submit", "check", folder)
+    assert run.returncode == 1
+    assert run.stdout == f"{folder}: submission.yaml: name: expected 1 to 60 characters, got 0\n"
     sound = write_submission(tmp_path / "sound")
-    found = fpg("submit", "check", sound)
-    said = [
+    run = fpg("submit", "check", sound)
+    lines = [
         "note: the board marks fewer than 3 training seeds, this has 2",
         f"note: {NOWHERE}",
         "nothing is wrong",
     ]
-    assert (found.returncode, found.stdout) == (0, "".join(f"{sound}: {line}\n" for line in said))
+    assert (run.returncode, run.stdout) == (0, "".join(f"{sound}: {line}\n" for line in lines))
     assert fpg("submit", "check", tmp_path / "none").returncode == 1

@@ -280,7 +280,7 @@ def test_the_verbs_answer_in_lines(closed, board, tmp_path):
         (("suites", "season-99"), "unknown suite 'season-99'"),
     ]
     for words, message in refused:
-        found = fpg(*words)
-        assert found.returncode == 2
-        assert message in found.stderr
-        assert found.stderr.count("\n") == 1
+        run = fpg(*words)
+        assert run.returncode == 2
+        assert message in run.stderr
+        assert run.stderr.count("\n") == 1

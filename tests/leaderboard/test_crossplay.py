@@ -7,7 +7,6 @@ import pytest
 
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import LOST_SCORE, play
-from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.leaderboard import crossplay
@@ -20,7 +19,6 @@ from fpg_bench.leaderboard.crossplay import (
     pair_key,
     play_missing,
     play_pair,
-    players_of_board,
 )
 from fpg_bench.leaderboard.folders import crossplay_file
 from fpg_bench.leaderboard.playing import Part
@@ -58,7 +56,7 @@ def record_of(player, suite, rival):
 @pytest.mark.parametrize("spec", ["reactive", 3])
 def test_a_pair_plays_as_an_evaluation_does(spec):
     """Both sides' returns per step, and how much was jammed."""
-    found = play_pair(entry("ally-v1", "a", spec), entry("opponent-v1", "o", "adaptive"), rounds=ROUNDS)
+    pair = play_pair(entry("ally-v1", "a", spec), entry("opponent-v1", "o", "adaptive"), rounds=ROUNDS)
     player = spec if isinstance(spec, str) else OnnxPlayer(policy(spec), {})
     tally = record_of(player, "ally-v1", "adaptive/pursuit").tally
     expected = {
@@ -66,25 +64,25 @@ def test_a_pair_plays_as_an_evaluation_does(spec):
         "opponent_rewards": pytest.approx((tally["opponent_return"] / tally["steps"],), rel=1e-5),
         "jamming_success_rate": pytest.approx(tally["jammed"] / tally["steps"], rel=1e-5),
     }
-    assert {name: getattr(found, name) for name in expected} == expected
-    assert (found.rounds, found.lost) == (ROUNDS, (0, 0))
+    assert {name: getattr(pair, name) for name in expected} == expected
+    assert (pair.rounds, pair.lost) == (ROUNDS, (0, 0))
 
 
 def test_every_training_seed_has_its_own_return():
-    pair = entry("ally-v1", "a", 0, 1), entry("opponent-v1", "o", "adaptive", "tone", "comb")
-    found = play_pair(*pair, rounds=12)
-    assert [len(found.rewards(side)) for side in ("ally", "opponent")] == [2, 3]
-    assert len(set(found.ally_rewards)) == 2
-    assert len(set(found.opponent_rewards)) == 3
+    entries = entry("ally-v1", "a", 0, 1), entry("opponent-v1", "o", "adaptive", "tone", "comb")
+    pair = play_pair(*entries, rounds=12)
+    assert [len(pair.rewards(side)) for side in ("ally", "opponent")] == [2, 3]
+    assert len(set(pair.ally_rewards)) == 2
+    assert len(set(pair.opponent_rewards)) == 3
 
 
 def test_the_opponents_table_says_how_it_flies():
     ally = entry("ally-v1", "a", "expert")
-    found = [
+    rates = [
         play_pair(ally, entry(suite, "o", 1), rounds=ROUNDS).jamming_success_rate
         for suite in ("opponent-v1", "opponent-learned-v1")
     ]
-    assert found[0] != found[1]
+    assert rates[0] != rates[1]
 
 
 def test_a_team_plays_each_game_as_its_member_alone_would():
@@ -93,18 +91,18 @@ def test_a_team_plays_each_game_as_its_member_alone_would():
     team = Team(members, runners)
     seeds, seen = np.arange(5, dtype=np.uint64), np.random.default_rng(0).normal(size=(3, 5, 15)).astype("f")
     team.reset(np.ones(5, bool), seeds)
-    memory, found = None, []
+    memory, played = None, []
     for step in seen:
         actions, memory = team.predict(step, memory, np.zeros(5, bool))
-        found.append(actions)
+        played.append(actions)
     for k, alone in enumerate([as_player("random", "ally", as_scenario(None)), members[1]]):
-        mine = runners == k
+        games = runners == k
         if hasattr(alone, "reset"):
-            alone.reset(np.ones(mine.sum(), bool), seeds[mine])
+            alone.reset(np.ones(games.sum(), bool), seeds[games])
         memory = None
-        for step, actions in zip(seen, found, strict=True):
-            expected, memory = alone.predict(step[mine], memory, np.zeros(mine.sum(), bool))
-            assert (actions[mine] == expected).all()
+        for step, actions in zip(seen, played, strict=True):
+            expected, memory = alone.predict(step[games], memory, np.zeros(games.sum(), bool))
+            assert (actions[games] == expected).all()
 
 
 def test_lost_rounds_go_to_the_other_side(in_process):
@@ -120,12 +118,6 @@ def test_lost_rounds_go_to_the_other_side(in_process):
     lost = play_pair(ally, entry("opponent-v1", "o", 0, shipped=False), rounds=2)
     assert lost.lost == (0, 1)
     assert lost.jamming_success_rate <= 0.5
-
-
-@pytest.fixture(scope="module")
-def kept(tmp_path_factory):
-    """Folder for the board that the tests begin with, which is played once."""
-    return tmp_path_factory.mktemp("kept") / "board"
 
 
 @pytest.fixture
@@ -188,8 +180,8 @@ def test_who_lacks_pairs_is_taken_out(played, left):
         for opponent, there in zip(opponents, row, strict=True)
         if there == "1"
     }
-    found = fully_played(Pairs(allies, opponents, known, rounds=ROUNDS))
-    assert tuple("".join(player.slug for player in side) for side in found) == left
+    complete = fully_played(Pairs(allies, opponents, known, rounds=ROUNDS))
+    assert tuple("".join(player.slug for player in side) for side in complete) == left
 
 
 def test_a_policy_that_fails_leaves_a_gap_and_a_line(entered, in_process):
@@ -212,15 +204,15 @@ def test_figures_that_were_edited_are_found(entered):
     assert check_pairs(entered, 1.0, seed=0) == []
     first = rows(entered)[0]
     change(entered, 0, jamming_success_rate=first["jamming_success_rate"] + 0.01)
-    (found,) = check_pairs(entered, 1.0, seed=0)
-    assert found.startswith("expert - adaptive: jammed 0.")
+    (line,) = check_pairs(entered, 1.0, seed=0)
+    assert line.startswith("expert - adaptive: jammed 0.")
     assert len([seed for seed in range(6) if check_pairs(entered, 0.01, seed)]) in range(1, 6)
     change(entered, 0, **first)
     last = rows(entered)[-1]
     for side in ("ally", "opponent"):
         change(entered, -1, **last | {f"{side}_rewards": [x + 1 for x in last[f"{side}_rewards"]]})
-        (found,) = check_pairs(entered, 1.0, seed=0)
-        assert found.startswith(f"idle - linear: {side}'s return per step ")
+        (line,) = check_pairs(entered, 1.0, seed=0)
+        assert line.startswith(f"idle - linear: {side}'s return per step ")
 
 
 def test_a_check_plays_pairs_of_every_ally_drawn_anew_each_time(entered, monkeypatch, messages):
@@ -258,12 +250,6 @@ def test_a_new_season_wants_new_pairs(entered, small_suites):
     verify(entered, update=True)
     assert play_all(entered) == "crossplay: 4 of 4 pairs to play"
     assert not {row["key"] for row in before} & {row["key"] for row in rows(entered)}
-
-
-def test_who_is_not_verified_does_not_play(entered):
-    path = entered / "results/ally/expert.jsonl"
-    path.write_text(path.read_text().replace(f'"protocol":"{PROTOCOL}"', '"protocol":"0"'))
-    assert [a.slug for a in players_of_board(entered)[0]] == ["idle"]
 
 
 @pytest.mark.parametrize(

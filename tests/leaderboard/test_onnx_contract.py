@@ -124,16 +124,16 @@ HOSTILE = {
 
 
 @pytest.fixture(scope="module")
-def found():
+def problems():
     return dict(zip(HOSTILE, check_policies([data for data, _ in HOSTILE.values()]), strict=True))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", HOSTILE)
-def test_hostile_policies_are_named_in_one_line(name, found):
-    assert len(found[name]) == (3 if name == "own function" else 1)
-    assert any(re.search(HOSTILE[name][1], line) for line in found[name])
-    assert all("\n" not in line and len(line) <= 400 for line in found[name])
+def test_hostile_policies_are_named_in_one_line(name, problems):
+    assert len(problems[name]) == (3 if name == "own function" else 1)
+    assert any(re.search(HOSTILE[name][1], line) for line in problems[name])
+    assert all("\n" not in line and len(line) <= 400 for line in problems[name])
 
 
 def test_sound_policies_pass():

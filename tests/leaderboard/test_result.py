@@ -9,7 +9,6 @@ import os
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
@@ -18,7 +17,6 @@ from fpg_bench.leaderboard.result import (
     Fingerprint,
     Result,
     read_result,
-    summaries_of,
     totals,
     write_result,
 )
@@ -79,22 +77,10 @@ def test_what_is_written_is_read(good, suites, path):
     assert good.verified
     assert good.totals.scores.keys() == suites.keys()
     assert read_result(path, {"public": suites["public"]}) == good  # its caller compares the fingerprints
-
-
-def test_a_failure_is_written_with_its_reason(good, suites, path):
     failed = Result("wise", "ally", good.fingerprint, reason="died")
     write_result(path, failed)
     assert read_result(path, suites) == failed
     assert not failed.verified
-
-
-def test_a_result_says_what_an_evaluation_says_to_the_digit(good, suites, tmp_path):
-    (found,) = evaluate(["expert"], "ally-v1", tmp_path)
-    summary = summaries_of(good.records, suites)["public"]
-    for name in ("score", "reward", "by_rival", "measures"):
-        assert getattr(summary, name) == getattr(found, name)
-    for one, other in zip(summary.records, found.records, strict=True):
-        assert dataclasses.replace(one, entry=other.entry) == other
 
 
 NO_LINE = "wise.jsonl: line 2: "
@@ -106,30 +92,9 @@ NO_SUM = "edited by hand: its summary does not follow from its records"
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        *(
-            (lambda records, values=values: records[0].update(values), NO_LINE)
-            for values in (
-                {"training_seed": "0"},
-                {"training_seed": [0]},
-                {"rival": {}},
-                {"suite_hash": 3},
-                {"returns": []},
-                {"returns": [10**20]},
-                {"returns": [True]},
-                {"returns": ["1"]},
-                {"tally": []},
-                {"ally_points": [1]},
-                {"jam_points": [1.5] * 15},
-                {"lost": -1},
-                {"lost": 5},
-                {"rounds_sha256": "two\nlines"},
-                {"more": 1},
-            )
-        ),
+        (lambda records: records[0].update(training_seed="0"), NO_LINE),
+        (lambda records: records[0].update(more=1), NO_LINE),
         (lambda records: records[0].pop("entry"), NO_LINE),
-        (lambda records: records[0]["tally"].pop("snr_db"), NO_LINE),
-        (lambda records: records[0]["tally"].update(ally_return=None), NO_LINE),
-        (lambda records: records[0]["tally"].update(steps=0), NO_LINE),
         (lambda records: records.pop(), NOT_ALL),
         (lambda records: records.append(records[0]), NOT_ALL),
         (lambda records: records[1].update(rival=records[0]["rival"]), NOT_ALL),
@@ -189,13 +154,6 @@ def test_an_edited_number_of_the_summary_is_refused(good, forge, refused, key):
 def test_a_head_that_was_edited_or_is_older_is_refused(forge, refused, head, message):
     forge(**head)
     assert message in refused()
-
-
-def test_the_hash_of_the_rounds_is_part_of_what_a_line_says(good, path, refused):
-    write_result(path, good)
-    digits = good.records[0].rounds_sha256
-    path.write_text(path.read_text().replace(digits, digits[::-1], 1))
-    assert "its records are not those it was written with" in refused()
 
 
 def test_a_last_digit_that_another_machine_rounds_otherwise_is_no_edit(good, suites, path, forge):

@@ -8,7 +8,7 @@ from fpg_bench.leaderboard import submission
 from fpg_bench.leaderboard.submission import problems, read_about
 from fpg_bench.players.sandbox import client, onnx_checks
 from fpg_bench.players.sandbox.client import Limits
-from tests.pages import Reader, blocks, broken_links, small, small_baselines
+from tests.pages import Reader, blocks, small, small_baselines
 from tests.programs import ROOT
 
 FILE = ROOT / "docs" / "submitting.md"
@@ -36,13 +36,13 @@ def entered(tmp_path_factory):
 
 @pytest.mark.process
 def test_the_page_s_snippets_make_a_sound_submission(entered):
-    folder, said = entered
+    folder, output = entered
     assert problems(folder / ENTRY) == []
-    assert said.count("from the model's own predict") == 1
-    assert "largest difference to predict: " in said
-    assert f"\n{ENTRY}: nothing is wrong\n" in said
-    assert "crossplay: 0 of 0 pairs to play\n" in said
-    assert "ally/my-agent: left out: has no result" in said
+    assert output.count("from the model's own predict") == 1
+    assert "largest difference to predict: " in output
+    assert f"\n{ENTRY}: nothing is wrong\n" in output
+    assert "crossplay: 0 of 0 pairs to play\n" in output
+    assert "ally/my-agent: left out: has no result" in output
 
 
 def test_every_key_is_told_of():
@@ -59,7 +59,3 @@ def test_the_page_s_limits_are_the_code_s():
     assert f"| {limits.memory_bytes >> 30} GB |" in PAGE
     each = f"{limits.call_s:g} s an answer and {limits.row_s:g} s a game in it"
     assert f"| {each}, {limits.total_s / 60:g} minutes in all" in PAGE
-
-
-def test_links_lead_somewhere():
-    assert broken_links(FILE) == []

@@ -45,9 +45,11 @@ def test_before_a_season_everybody_plays_the_public_suite(small_suites):
 
 
 def test_a_closed_season_adds_its_suite_and_plays_all_on_its_seeds(small_suites):
+    write_suite(small_suites, "ally-v1", SUITE | {"matches": 40})
     seed = close_season(small_suites, ally={"rivals": [{"opponent": "tone"}]})
     assert current_season() == SeasonKey(1, seed)
     suites = suites_of("ally")
+    assert [suite.matches for suite in suites.values()] == [40, PUBLIC_SEEDS_MATCHES, 4]
     assert names(suites) == {"public": "ally-v1", "public-seeds": "ally-v1", "unseen": "ally-season-1"}
     assert [suite.season for suite in suites.values()] == [seed, SEASON, seed]
     assert len({suite.hash for suite in suites.values()}) == 3
@@ -126,13 +128,6 @@ def test_a_language_model_plays_the_first_public_matches_in_every_season():
     assert before == after == {"public": dataclasses.replace(public, matches=TRANSCRIPT_MATCHES)}
     seeds = evaluation_seeds(TRANSCRIPT_MATCHES, before["public"].season)
     assert seeds == evaluation_seeds(public.matches, public.season)[:TRANSCRIPT_MATCHES]
-
-
-def test_public_seeds_are_a_few_matches(small_suites):
-    write_suite(small_suites, "ally-v1", SUITE | {"matches": 40})
-    close_season(small_suites)
-    found = {role: suite.matches for role, suite in suites_of("ally").items()}
-    assert found == {"public": 40, "public-seeds": PUBLIC_SEEDS_MATCHES, "unseen": 4}
 
 
 @pytest.mark.parametrize("key", TRACKS)

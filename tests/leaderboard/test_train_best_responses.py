@@ -51,8 +51,8 @@ def run(jobs):
 def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board, small_suites, capsys):
     words = ("--recipe", "ppo:400", "--recipe", "ppo:800", "--n-seeds", "1")
     assert script(*words) == 0
-    said = capsys.readouterr().out
-    assert [record for record in said.splitlines() if "begins" in record] == [
+    output = capsys.readouterr().out
+    assert [record for record in output.splitlines() if "begins" in record] == [
         "ally/linear: begins",
         "opponent/flying: begins",
     ]

@@ -1,7 +1,6 @@
 """Verification: submissions are played, results written, and results that do not hold are found."""
 
 import dataclasses
-import hashlib
 import json
 import shutil
 import signal
@@ -26,19 +25,13 @@ from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
 from fpg_bench.leaderboard.verification import disagreements, identical, make_case, run_one, sampled, verify
 from fpg_bench.players.agent import OnnxPlayer
-from tests.leaderboard.entering import SUITE, close_season, enter, write_suite
+from tests.leaderboard.entering import SUITE, close_season, enter, verdicts_of, write_suite, write_verified
 from tests.logged import logged
 
 pytestmark = pytest.mark.slow
 
 BOARD = Path(__file__).parents[2] / "leaderboard"
 RIVALS = ("adaptive/pursuit", "sweep/circle")
-
-
-def told(board, *names, **how):
-    """The verdicts of a board, by name: whether good, and the line."""
-    verdicts = verify(board, names, **how)
-    return {verdict.name: (verdict.good, verdict.line) for verdict in verdicts}
 
 
 def result(board, name):
@@ -57,11 +50,14 @@ def edit(path, old, new):
 def test_a_result_is_written_and_holds(board, in_process):
     enter(board, "ally", "wise", script="expert")
     enter(board, "ally", "linear", seeds=(0, 2))
-    first = told(board)
+    first = verdicts_of(board)
     assert [good for good, _ in first.values()] == [True, True]
     assert first["ally/wise"][1].startswith("verified: public ")
     before = result(board, "ally/linear").read_bytes()
-    assert told(board)["ally/linear"] == (True, "holds: 4 of 4 records played again are the same to the bit")
+    assert verdicts_of(board)["ally/linear"] == (
+        True,
+        "holds: 4 of 4 records played again are the same to the bit",
+    )
     assert result(board, "ally/linear").read_bytes() == before
     head, *lines = map(json.loads, before.splitlines())
     assert (head["status"], head["summary"]["training_seeds"], head["summary"]["lost"]) == ("verified", 2, 0)
@@ -73,13 +69,13 @@ def test_a_result_is_written_and_holds(board, in_process):
 def test_a_verdict_says_what_an_evaluation_says_to_the_digit(board, in_process, tmp_path):
     """The same policies, once in processes of their own and once as agents' folders."""
     folder = enter(board, "ally", "linear", seeds=(0, 2))
-    told(board)
+    verdicts_of(board)
     agents = [str(folder / f"seed_{seed}") for seed in (0, 2)]
-    (found,) = evaluate(agents, "ally-v1", tmp_path / "results", name="linear")
+    (evaluated,) = evaluate(agents, "ally-v1", tmp_path / "results", name="linear")
     case = make_case(board, folder)
-    assert summaries_of(case.result.records, case.suites)[PUBLIC].records == found.records
+    assert summaries_of(case.result.records, case.suites)[PUBLIC].records == evaluated.records
     score = case.result.totals.scores[PUBLIC]
-    assert (score.value, score.low) == pytest.approx((found.score.value, found.score.low), rel=1e-5)
+    assert (score.value, score.low) == pytest.approx((evaluated.score.value, evaluated.score.low), rel=1e-5)
 
 
 def test_a_shipped_agent_plays_in_its_process_as_it_does_without(board):
@@ -95,27 +91,27 @@ def test_all_suites_of_the_track_are_played(board, small_suites):
     write_suite(small_suites, "ally-shifted-v1", SUITE | {"matches": 2})
     write_suite(small_suites, "ally-responses-v1", SUITE | {"matches": 3})
     folder = enter(board, "ally", "wise", script="expert")
-    told(board)
+    verdicts_of(board)
     head, *lines = map(json.loads, result(board, "ally/wise").read_text().splitlines())
     assert list(head["summary"]["scores"]) == ["public", "shifted", "responses"]
     assert [len(line["returns"]) for line in lines] == [4, 4, 2, 2, 3, 3]
     close_season(small_suites, ally={"matches": 5})
-    assert told(board)["ally/wise"] == (
+    assert verdicts_of(board)["ally/wise"] == (
         False,
         f"result {result(board, 'ally/wise')}: of other suites; make it again: "
         f"fpg-bench submit run --update {folder}",
     )
-    assert told(board, update=True)["ally/wise"][1].startswith("verified: unseen ")
+    assert verdicts_of(board, update=True)["ally/wise"][1].startswith("verified: unseen ")
     head, *lines = map(json.loads, result(board, "ally/wise").read_text().splitlines())
     assert list(head["summary"]["scores"]) == ["public", "public-seeds", "unseen", "shifted", "responses"]
     assert len({line["rounds_sha256"] for line in lines}) == len(lines) == 10
-    assert told(board)["ally/wise"][0]
+    assert verdicts_of(board)["ally/wise"][0]
 
 
 def test_lost_rounds_count_as_the_lowest_return(board, in_process):
     in_process.loses = (1, 3)
     folder = enter(board, "ally", "linear", seeds=(0,))
-    assert told(board)["ally/linear"][1].endswith(", 4 of 8 rounds lost by rule")
+    assert verdicts_of(board)["ally/linear"][1].endswith(", 4 of 8 rounds lost by rule")
     case = make_case(board, folder)
     scale = case.suites[PUBLIC].scale
     worst = (scale.zero + LOST_SCORE / 100 * (scale.top - scale.zero)) * 300
@@ -129,30 +125,30 @@ def test_who_loses_all_rounds_is_not_verified(board, in_process):
     in_process.loses = (0, 1, 2, 3)
     enter(board, "ally", "linear", seeds=(0, 1))
     why = "all of its rounds are lost by rule: its answers are no valid actions"
-    assert told(board)["ally/linear"] == (False, f"not verified: {why}")
-    assert told(board)["ally/linear"] == (True, f"not verified, as before: {why}")
+    assert verdicts_of(board)["ally/linear"] == (False, f"not verified: {why}")
+    assert verdicts_of(board)["ally/linear"] == (True, f"not verified, as before: {why}")
 
 
 def test_a_policy_that_fails_is_not_verified_and_stops_nobody(board, in_process):
     enter(board, "ally", "linear", seeds=(0, 1))
     enter(board, "ally", "wise", script="expert")
     in_process.fails = True
-    found, why = told(board), "seed_0: took longer than it may"
-    assert found["ally/linear"] == (False, f"not verified: {why}")
-    assert found["ally/wise"][0]
+    verdicts, why = verdicts_of(board), "seed_0: took longer than it may"
+    assert verdicts["ally/linear"] == (False, f"not verified: {why}")
+    assert verdicts["ally/wise"][0]
     head = json.loads(result(board, "ally/linear").read_text())
     assert (head["status"], head["reason"]) == ("not verified", why)
-    assert told(board)["ally/linear"] == (True, f"not verified, as before: {why}")
-    assert told(board, sample=0.1)["ally/linear"] == (True, "not verified; not part of a sample")
+    assert verdicts_of(board)["ally/linear"] == (True, f"not verified, as before: {why}")
+    assert verdicts_of(board, sample=0.1)["ally/linear"] == (True, "not verified; not part of a sample")
     in_process.fails = False
-    good, line = told(board)["ally/linear"]
+    good, line = verdicts_of(board)["ally/linear"]
     assert not good
     assert line.startswith("the result is not verified, but it plays")
-    told(board, update=True)
+    verdicts_of(board, update=True)
     result(board, "ally/linear").unlink()
-    assert told(board)["ally/linear"][0]
+    assert verdicts_of(board)["ally/linear"][0]
     in_process.fails, before = True, result(board, "ally/linear").read_bytes()
-    assert told(board)["ally/linear"] == (False, f"the result is verified, but now: {why}")
+    assert verdicts_of(board)["ally/linear"] == (False, f"the result is verified, but now: {why}")
     assert result(board, "ally/linear").read_bytes() == before
 
 
@@ -174,63 +170,57 @@ def test_a_policy_that_fails_is_not_verified_and_stops_nobody(board, in_process)
 def test_a_result_that_was_edited_is_told_in_a_line(board, old, new, line):
     enter(board, "ally", "wise", script="expert")
     enter(board, "ally", "still", script="idle")
-    told(board)
+    verdicts_of(board)
     edit(result(board, "ally/wise"), old, new)
-    found = told(board)
-    assert not found["ally/wise"][0]
-    assert line in found["ally/wise"][1]
-    assert "\n" not in found["ally/wise"][1]
-    assert found["ally/still"][0]
-    assert told(board, update=True)["ally/wise"][1].startswith("verified: public ")
-    assert told(board)["ally/wise"][0]
+    verdicts = verdicts_of(board)
+    assert not verdicts["ally/wise"][0]
+    assert line in verdicts["ally/wise"][1]
+    assert "\n" not in verdicts["ally/wise"][1]
+    assert verdicts["ally/still"][0]
+    assert verdicts_of(board, update=True)["ally/wise"][1].startswith("verified: public ")
+    assert verdicts_of(board)["ally/wise"][0]
 
 
 def test_a_forged_result_is_found_by_playing_again(board):
-    """Lines, hash and summary fit each other; only the rounds were never played."""
+    """Records, hash and summary fit each other; only the rounds were never played."""
     enter(board, "ally", "still", script="idle")
     enter(board, "ally", "wise", script="expert")
-    told(board)
-    head, *_ = result(board, "ally/still").read_text().splitlines(keepends=True)
-    forged = json.loads(result(board, "ally/wise").read_text().splitlines()[0])
-    forged |= {key: json.loads(head)[key] for key in ("slug", "fingerprint")}
-    lines = "".join(result(board, "ally/wise").read_text().splitlines(keepends=True)[1:])
-    lines = lines.replace('"entry":"wise"', '"entry":"still"')
-    forged["records_sha256"] = hashlib.sha256(lines.encode()).hexdigest()
-    text = json.dumps(forged, separators=(",", ":")) + "\n" + lines
-    result(board, "ally/still").write_text(text)
-    good, line = told(board, sample=0.5)["ally/still"]
+    verdicts_of(board)
+    still, wise = (make_case(board, board / "submissions/ally" / slug) for slug in ("still", "wise"))
+    write_verified(still, [dataclasses.replace(record, entry="still") for record in wise.result.records])
+    good, line = verdicts_of(board, sample=0.5)["ally/still"]
     assert not good
     assert line.startswith("the result does not hold: 100.0 % of ")
 
 
 def test_a_submission_that_has_changed_wants_a_new_result(board, in_process, monkeypatch):
     folder = enter(board, "ally", "linear", seeds=(0,))
-    told(board)
+    verdicts_of(board)
     edit(folder / "submission.yaml", "much", "nothing")
-    said = "submission.yaml or a policy changed since this result was made; make it again: "
-    said += "fpg-bench submit run --update {}"
-    assert told(board)["ally/linear"] == (False, said.format(folder))
+    message = "submission.yaml or a policy changed since this result was made; make it again: "
+    message += "fpg-bench submit run --update {}"
+    assert verdicts_of(board)["ally/linear"] == (False, message.format(folder))
     monkeypatch.chdir(board)
     for given in ("submissions/ally/linear", folder):
         verdict = run_one(given)
-        assert verdict.line == said.format("submissions/ally/linear")
-    assert told(board, update=True)["ally/linear"][0]
+        assert verdict.line == message.format("submissions/ally/linear")
+    assert verdicts_of(board, update=True)["ally/linear"][0]
     shutil.rmtree(folder)
     enter(board, "ally", "linear", seeds=(1,))
-    assert told(board)["ally/linear"][1].startswith("submission.yaml or a policy changed since")
+    assert verdicts_of(board)["ally/linear"][1].startswith("submission.yaml or a policy changed since")
 
 
 def test_a_bad_submission_and_a_stray_result_stop_nobody(board):
     for slug in ("torn", "wise", "gone"):
         enter(board, "ally", slug, script="expert")
-    told(board)
+    verdicts_of(board)
     result(board, "ally/torn").unlink()
     (board / "submissions/ally/torn/submission.yaml").write_text("{")
     (board / "submissions/ally/gone").rename(board / "submissions/ally/wiser")
-    found = told(board)
-    assert {name for name, (good, _) in found.items() if not good} == {"ally/torn", "ally/gone"}
-    assert "not valid YAML" in found["ally/torn"][1]
-    assert found["ally/gone"][1].endswith("no such submission")
+    verdicts = verdicts_of(board)
+    assert {name for name, (good, _) in verdicts.items() if not good} == {"ally/torn", "ally/gone"}
+    assert "not valid YAML" in verdicts["ally/torn"][1]
+    assert verdicts["ally/gone"][1].endswith("no such submission")
     assert not result(board, "ally/torn").exists()
 
 
@@ -241,7 +231,7 @@ def test_a_sample_holds_a_line_of_each_and_can_be_drawn_again(board, in_process)
     for slug in ("idle", "expert", "random"):
         enter(board, "ally", f"the-{slug}", script=slug)
     enter(board, "ally", "linear", seeds=(0, 1, 2, 3))
-    told(board)
+    verdicts_of(board)
     cases = [make_case(board, folder) for folder in sorted((board / "submissions/ally").iterdir())]
 
     def drawn(share, seed):
@@ -263,19 +253,19 @@ def test_a_sample_holds_a_line_of_each_and_can_be_drawn_again(board, in_process)
 
 def test_names_and_shares_are_checked(board, tmp_path):
     enter(board, "ally", "wise", script="expert")
-    assert list(told(board, "ally/wise")) == ["ally/wise"]
+    assert list(verdicts_of(board, "ally/wise")) == ["ally/wise"]
     for name, message in (
         ("ally/wide", r"no submission 'ally/wide'.*did you mean 'ally/wise'"),
         ("opponent/wise", r"no submission 'opponent/wise'.*did you mean 'ally/wise'"),
         ("ally/tone", r"no submission 'ally/tone'.*; known: ally/wise$"),
     ):
         with pytest.raises(UserError, match=message):
-            told(board, name)
+            verdicts_of(board, name)
     with pytest.raises(UserError, match="has no folder submissions"):
-        told(tmp_path)
+        verdicts_of(tmp_path)
     for share in (0, -0.1, 1.5):
         with pytest.raises(UserError, match="sample: expected a share above 0 and at most 100 %"):
-            told(board, sample=share)
+            verdicts_of(board, sample=share)
 
 
 def test_one_folder_is_run_where_it_lies(board, tmp_path):
@@ -295,11 +285,11 @@ def test_one_folder_is_run_where_it_lies(board, tmp_path):
 def test_several_at_once_give_the_same_results(board):
     for slug in ("idle", "expert", "reactive"):
         enter(board, "ally", f"the-{slug}", script=slug)
-    told(board)
+    verdicts_of(board)
     alone = {path.name: path.read_bytes() for path in (board / "results/ally").iterdir()}
     for path in (board / "results/ally").iterdir():
         path.unlink()
-    assert all(good for good, _ in told(board, n_jobs=2).values())
+    assert all(good for good, _ in verdicts_of(board, n_jobs=2).values())
     assert {path.name: path.read_bytes() for path in (board / "results/ally").iterdir()} == alone
 
 
@@ -329,7 +319,7 @@ def test_what_is_killed_goes_on_and_gives_the_same(tmp_path):
     assert len(files) == 2
     for path in files:
         path.unlink()
-    assert all(good for good, _ in told(board).values())
+    assert all(good for good, _ in verdicts_of(board).values())
     assert {path: path.read_bytes() for path in files} == files
 
 
@@ -347,7 +337,7 @@ def suites():
 
 
 @pytest.fixture(scope="module")
-def lines(suites):
+def records(suites):
     return list(part_records(Part("wise", None, "expert-spread"), matchups_of(suites.values())[:2]))
 
 
@@ -358,51 +348,51 @@ def span(suites):
     return (scale.top - scale.zero) * suites["public"].scenario.steps_per_round
 
 
-def changed(lines, **values):
-    return [dataclasses.replace(lines[0], **values), *lines[1:]]
+def changed(records, **values):
+    return [dataclasses.replace(records[0], **values), *records[1:]]
 
 
 def moved(line, **sums):
     return line.tally | {name: line.tally[name] + by for name, by in sums.items()}
 
 
-def test_the_same_lines_and_those_of_another_machine_agree(lines, suites):
-    assert (disagreements(lines, lines, suites), identical(lines, lines)) == ([], 2)
-    kept = changed(lines, rounds_sha256="other", returns=tuple(x + 0.01 for x in lines[0].returns))
-    assert (disagreements(lines, kept, suites), identical(lines, kept)) == ([], 1)
-    assert disagreements(lines[1:], changed(lines, lost=50), suites) == []  # only some are compared
+def test_the_same_lines_and_those_of_another_machine_agree(records, suites):
+    assert (disagreements(records, records, suites), identical(records, records)) == ([], 2)
+    kept = changed(records, rounds_sha256="other", returns=tuple(x + 0.01 for x in records[0].returns))
+    assert (disagreements(records, kept, suites), identical(records, kept)) == ([], 1)
+    assert disagreements(records[1:], changed(records, lost=50), suites) == []  # only some are compared
 
 
 @pytest.mark.parametrize(("count", "agrees"), [(2, True), (3, False)])
-def test_one_round_of_a_hundred_may_be_another(lines, suites, span, count, agrees):
-    """Over all lines that are compared, as long as the mean against the rival holds."""
-    returns = list(lines[0].returns)
+def test_one_round_of_a_hundred_may_be_another(records, suites, span, count, agrees):
+    """Over all records that are compared, as long as the mean against the rival holds."""
+    returns = list(records[0].returns)
     for k in range(count):
         returns[k] += 0.01 * span * (-1) ** k
-    found = disagreements(lines, changed(lines, returns=tuple(returns)), suites)
-    assert found == ([] if agrees else ["1.5 % of 200 rounds return something else"])
+    differing = disagreements(records, changed(records, returns=tuple(returns)), suites)
+    assert differing == ([] if agrees else ["1.5 % of 200 rounds return something else"])
 
 
-def test_other_means_sums_points_and_lost_rounds_are_told(lines, suites, span):
-    then, points = lines[0], [0] * len(lines[0].ally_points)
+def test_other_means_sums_points_and_lost_rounds_are_told(records, suites, span):
+    then, points = records[0], [0] * len(records[0].ally_points)
     where, steps, jammed = f"ally-v1, {then.rival}", then.tally["steps"], then.tally["jammed"]
-    (found,) = disagreements(
-        lines, changed(lines, returns=(then.returns[0] + 2 * span, *then.returns[1:])), suites
+    (line,) = disagreements(
+        records, changed(records, returns=(then.returns[0] + 2 * span, *then.returns[1:])), suites
     )
-    assert found.startswith(f"{where}: mean return ")
-    kept = changed(lines, tally=moved(then, jammed=0.01 * steps), ally_points=(1, *points[1:]), lost=9)
-    assert disagreements(lines, kept, suites) == [
+    assert line.startswith(f"{where}: mean return ")
+    kept = changed(records, tally=moved(then, jammed=0.01 * steps), ally_points=(1, *points[1:]), lost=9)
+    assert disagreements(records, kept, suites) == [
         f"{where}: 0 rounds lost, the result says 9",
         f"{where}: jammed {jammed:g}, the result says {jammed + 0.01 * steps:g}",
         f"{where}: other ally_points",
     ]
 
 
-def test_other_sums_of_the_same_rounds_were_edited(lines, suites):
+def test_other_sums_of_the_same_rounds_were_edited(records, suites):
     for name in TALLIES:
-        kept = changed(lines, tally=moved(lines[0], **{name: 10.0}))
-        (found,) = disagreements(lines, kept, suites)
-        assert found.startswith(f"ally-v1, {lines[0].rival}: {name} ")
+        kept = changed(records, tally=moved(records[0], **{name: 10.0}))
+        (line,) = disagreements(records, kept, suites)
+        assert line.startswith(f"ally-v1, {records[0].rival}: {name} ")
 
 
 @pytest.mark.parametrize(
@@ -412,20 +402,20 @@ def test_other_sums_of_the_same_rounds_were_edited(lines, suites):
         *(("capacity_mbit_s", -0.01), ("hops", 0.01), ("near", 0.01)),
     ],
 )
-def test_sums_are_compared_by_what_they_are_worth(lines, suites, name, share):
-    tally = lines[0].tally
-    whole = abs(tally[name]) if name in ("snr_db", "capacity_mbit_s") else tally["steps"]
+def test_sums_are_compared_by_what_they_are_worth(records, suites, name, share):
+    tally = records[0].tally
+    unit = abs(tally[name]) if name in ("snr_db", "capacity_mbit_s") else tally["steps"]
     for by, agrees in ((share / 4, True), (share, False)):
-        kept = changed(lines, tally=moved(lines[0], **{name: by * whole}), rounds_sha256="other")
-        assert (disagreements(lines, kept, suites) == []) is agrees
+        kept = changed(records, tally=moved(records[0], **{name: by * unit}), rounds_sha256="other")
+        assert (disagreements(records, kept, suites) == []) is agrees
 
 
-def test_lines_of_two_suites_are_kept_apart(lines, suites):
+def test_lines_of_two_suites_are_kept_apart(records, suites):
     """The same rival's name in another suite is another meeting."""
     other = dataclasses.replace(suites["public"], season="5eed", matches=2)
     both = suites | {"unseen": other}
     played = list(part_records(Part("wise", None, "expert-spread"), matchups_of([other])[:2]))
-    assert disagreements(played, [*lines, *played], both) == []
+    assert disagreements(played, [*records, *played], both) == []
     edited = changed(played, lost=2)
-    assert len(disagreements(played, [*lines, *edited], both)) == 1
-    assert disagreements(lines, [*lines, *edited], both) == []
+    assert len(disagreements(played, [*records, *edited], both)) == 1
+    assert disagreements(records, [*records, *edited], both) == []
