@@ -63,12 +63,12 @@ def close_season(baselines: Path, number: int = 1, **suites: dict[str, Any]) -> 
     """
     folder = baselines / "suites" / f"season-{number}"
     folder.mkdir()
-    content = {"number": number, "protocol": PROTOCOL, "seed": seed_from(PROTOCOL, number, ()), "entries": {}}
-    (folder / "season.yml").write_text(yaml.safe_dump(content))
+    season = {"number": number, "protocol": PROTOCOL, "seed": seed_from(PROTOCOL, number, ()), "entries": {}}
+    (folder / "season.yml").write_text(yaml.safe_dump(season))
     for public, content in SUITES.items():
         track = public.removesuffix("-v1")
         write_suite(baselines, f"{track}-season-{number}", content | suites.get(track.replace("-", "_"), {}))
-    return content["seed"]
+    return season["seed"]
 
 
 def enter(board: Path, track: str, slug: str, **other: Any) -> Path:
