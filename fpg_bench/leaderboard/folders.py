@@ -31,7 +31,7 @@ def start_board(board: Path) -> None:
         raise UserError(f"leaderboard {board}: is a file; name a folder")
     if board.is_dir() and any(board.iterdir()):
         raise UserError(f"leaderboard {board}: holds files already; name an empty or a new folder")
-    for track in TRACKS:
+    for track in TRACK_FOLDERS:
         for kind in ("submissions", "results"):
             write_whole(board / kind / track / ".gitkeep", "")  # git keeps no empty folders
 
