@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from string import Template
 
@@ -16,8 +17,11 @@ from fpg_bench.evaluation.compare import ABOUT, PROMPT, nonce_of, transcript_fil
 from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_key
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.leaderboard.folders import list_names
+from fpg_bench.planning.llm.llm_planner import request_problem
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt
+from fpg_bench.planning.llm.servers import TOKEN_FIELDS
 from fpg_bench.planning.llm.transcript import FIRST, LAST, Attempt, Where, chain_start, follows, packed_rows
+from fpg_bench.planning.planner import Limits
 
 FOLDER = "transcripts"
 LARGEST_FOLDER = 10_000_000  # bytes, as it lies in the repository; a terse model's is 1 MB
@@ -158,11 +162,13 @@ def _check_plain(file: Path) -> None:
 def _check_transcript(file: Path, about: Row, suite: Suite) -> None:
     """Check that a transcript holds exactly the attempts at the plans of its matches."""
     attempts: dict[Where, Attempt] = {}
-    rows = packed_rows(file)
+    rows, limits = packed_rows(file), Limits.of(suite.scenario)
     for number, row in enumerate(rows, 1):
         where = f"transcript {file}: line {number}"
         attempt = _attempt(row, where)
         _check_made(attempt, row, about, where)
+        if problem := request_problem(attempt, about, limits):
+            raise UserError(f"{where} {problem}")
         if attempts.setdefault(attempt.where, attempt) is not attempt:
             raise UserError(f"{where} is another attempt at what was asked before{_at(attempt.where)}")
     plans = [
@@ -181,6 +187,32 @@ def _check_transcript(file: Path, about: Row, suite: Suite) -> None:
     link = chain_start(about, file.name.removesuffix(PACKED))
     for number, row in enumerate(rows, 1):
         link = follows(link, row, f"transcript {file}: line {number}")
+    _check_order(list(attempts.values()), f"transcript {file}")
+
+
+def _check_order(attempts: Sequence[Attempt], name: str) -> None:
+    """Check that attempts follow each other as a run makes them, with one limit of tokens.
+
+    A run asks round by round for all matches, so that only matches of one round may stand in any order.
+    """
+    firsts, latest, length = set(), 0, None
+    for number, attempt in enumerate(attempts, 1):
+        where = f"{name}: line {number}"
+        if attempt.round < latest:
+            raise UserError(f"{where} is of round {attempt.round}, but stands after round {latest}")
+        if attempt.attempt == LAST and attempt.where[:3] not in firsts:
+            raise UserError(f"{where} is a second attempt before the first one{_at(attempt.where)}")
+        firsts.add(attempt.where[:3])
+        latest = attempt.round
+        if attempt.request is None:
+            continue
+        length = length or _length(attempt.request)
+        if _length(attempt.request) != length:
+            raise UserError(f"{where} was asked with another limit of tokens than the lines before it")
+
+
+def _length(request: Row) -> str:
+    return json.dumps([request.get(field) for field in TOKEN_FIELDS])
 
 
 def _at(where: Where) -> str:
@@ -223,3 +255,6 @@ def _check_made(attempt: Attempt, row: Row, about: Row, where: str) -> None:
     is_shown = isinstance(raw, dict) or (isinstance(raw, str) and len(raw) == _RAW_CUT)
     if attempt.text is not None and not is_shown:
         raise UserError(f"{where} does not show the raw reply")
+    choices = raw.get("choices") if isinstance(raw, dict) else None
+    if isinstance(choices, list) and len(choices) > 1:
+        raise UserError(f"{where} was answered {len(choices)} times at once; one answer is asked for")

@@ -10,7 +10,13 @@ from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from tests.attacks import SCALE, SEED
 from tests.attacks.transcripts import spoil_transcripts
-from tests.leaderboard.recording import PLANNER_SUITE, enter, record
+from tests.leaderboard.recording import PLANNER_SUITE, enter, record, toy
+
+
+def _seeded(body):
+    """The toy model, with a path for each seed."""
+    text = toy(body)
+    return text if "seed" not in body else text.replace('"z": 300', f'"z": {body["seed"] % 300}')
 
 
 class Recorded:
@@ -25,7 +31,9 @@ class Recorded:
     def __init__(self, folder):
         file = folder / "mine.yml"
         file.write_text(PLANNER_SUITE)
-        record(folder, file)
+        profile = folder / "seeded.yml"
+        profile.write_text("about: It answers each seed in another way.\nseed: true\n")
+        record(folder, file, _seeded, server=str(profile))
         self.entry, self.suite = enter(folder / "out", folder / "entry", pack=False), load_suite(str(file))
         self.honest = self.flown(self.entry)
 

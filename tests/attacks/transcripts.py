@@ -21,6 +21,7 @@ _VALUES: tuple[Any, ...] = (
     None, True, -1, 0, 2**31, 10**39, 1.5, 1e308, "", "x", "\0", "\x1b[2J", "../../etc/passwd", "x" * 70_000,
     [], [[]], [[0, 0, 0]] * 16, [[1e9, -1e9, 0.5]] * 16, {}, {"a": []}, {"model": "toy", "messages": []},
 )  # fmt: skip
+_ANSWER = ("text", "error", "detail", "waypoints", "rung", "status", "raw", "tokens_in", "tokens_out", "model")
 _PROMPTS = (
     b"", b"[]", b"user: [", b"{" * 3000, b"a: &a [*a]\n", b"\xff", b"user: ${history.__class__}\n", b"\0",
     b"about: x\nuser: $history$history$history\nrow: $x\nrounds: {first: 1, best: 1, latest: 1}\n",
@@ -83,6 +84,40 @@ def _lines(folder: Path, rng: random.Random) -> None:
                 first["round"] + rng.choice([1, 100]),
                 first["seed"] + rng.randrange(2),
             )
+
+    _rewrite(folder, rng, change)
+
+
+def _swapped(folder: Path, rng: random.Random) -> None:
+    """Attempts of the run in each other's places: under another seed, with another's answer, in another order."""
+    names = rng.choice([("seed",), ("attempt",), ("seed", "attempt"), ("request", *_ANSWER), ()])
+
+    def change(rows: Rows) -> None:
+        first = rng.randrange(len(rows))
+        round = rows[first]["round"]
+        second = rng.choice([k for k, row in enumerate(rows) if row["round"] == round or not names])
+        rows[first], rows[second] = rows[second], rows[first]
+        for name in names if rng.random() < 0.5 else ():
+            rows[first][name], rows[second][name] = rows[second][name], rows[first][name]
+
+    _rewrite(folder, rng, change)
+
+
+def _extra(folder: Path, rng: random.Random) -> None:
+    """Requests for more than the planner asks for: tools, several answers, another seed or schema."""
+    fields: dict[str, Any] = {
+        "tools": [{"type": "function", "function": {"name": "fly"}}], "extra_body": {"think": True}, "n": 8,
+        "best_of": 8, "seed": rng.randrange(2**31), "temperature": rng.uniform(0, 2), "max_tokens": 10**6,
+        "max_completion_tokens": 10**6, "response_format": {"type": "json_object"}, "stop": ["x"],
+        "logit_bias": {"1": 1}, "stream": True, "model": "toy-large", "messages2": [],
+    }  # fmt: skip
+    names = rng.sample(list(fields), rng.randrange(1, 4))
+    share = rng.choice([0.3, 1.0])
+
+    def change(rows: Rows) -> None:
+        asked = [row["request"] for row in rows if row["request"]]
+        for request in [asked[0], *(each for each in asked[1:] if rng.random() < share)]:
+            request.update({name: fields[name] for name in names})
 
     _rewrite(folder, rng, change)
 
@@ -187,7 +222,7 @@ def _strange(folder: Path, rng: random.Random) -> None:
     rng.choice(ways)()
 
 
-_WAYS = [_json, *[_value] * 3, _lines, *[_asked] * 2, *[_answered] * 2, _packed, _about, _prompt, _strange]
+_WAYS = [_json, *[_value] * 3, _lines, *[_swapped] * 2, *[_extra] * 2, *[_asked] * 2, *[_answered] * 2, _packed, _about, _prompt, _strange]
 
 
 def _rewrite(folder: Path, rng: random.Random, change: Callable[[Rows], None]) -> None:

@@ -146,6 +146,18 @@ def answered_again(rows):
     return [*rows, next(row for row in rows if row["waypoints"]) | {"attempt": 1}]
 
 
+def asked(**changes):
+    return lambda rows: [row | {"request": row["request"] | changes} for row in rows]
+
+
+def seconds_first(rows):
+    return sorted(rows, key=lambda row: (row["round"], -row["attempt"]))
+
+
+def answered_twice(rows):
+    return [row | {"raw": row["raw"] | {"choices": row["raw"]["choices"] * 2}} for row in rows]
+
+
 NOT_ASKED = "holds an attempt that nothing asks for"
 
 
@@ -162,6 +174,16 @@ NOT_ASKED = "holds an attempt that nothing asks for"
         (lambda rows: [], f"lacks {PLANS} of {PLANS} plans"),
         (each(request=None), "line 1 does not show what was asked"),
         (each(request={"model": "toy"}), "line 1 does not show the model and messages of its request"),
+        (asked(tools=[]), "line 1 holds 'tools', which the planner does not send"),
+        (asked(extra_body={}), "line 1 holds 'extra_body'"),
+        (asked(n=2), "line 1 holds 'n'"),
+        (asked(seed=1), "line 1 was asked with another seed than the run's"),
+        (asked(temperature=0.1), "line 1 was asked with another temperature"),
+        (asked(response_format={"type": "text"}), "line 1 was asked with another response_format"),
+        (lambda rows: [*asked(max_tokens=9)(rows[:1]), *rows[1:]], "line 2 was asked with another limit"),
+        (lambda rows: sorted(rows, key=lambda row: -row["round"]), "is of round 1, but stands after round 2"),
+        (seconds_first, "is a second attempt before the first one: seed "),
+        (answered_twice, "line 1 was answered 2 times at once"),
         (each(raw=None), "line 1 does not show the raw reply"),
         (
             lambda rows: [row | {"text": f"{row['text'] or ''} "} for row in rows],

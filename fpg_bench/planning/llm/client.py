@@ -134,7 +134,7 @@ class Client:
         if server.seed:
             body["seed"] = seed
         if schema is not None and server.response_format != "none":
-            body["response_format"] = _response_format(server.response_format, schema)
+            body["response_format"] = response_format(server.response_format, schema)
         return body
 
     async def complete(self, body: dict[str, Any]) -> Reply:
@@ -313,7 +313,8 @@ def _unreached(endpoint: Endpoint, error: Exception) -> Reply:
     return Reply(error="http", detail=detail, hopeless=kind == "ConnectError")
 
 
-def _response_format(form: str, schema: dict[str, Any]) -> dict[str, Any]:
+def response_format(form: str, schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the field ``response_format`` of a request in a server profile's form."""
     if form == "json_schema":
         return {"type": form, "json_schema": {"name": "plan", "strict": True, "schema": schema}}
     return {"type": "json_object", **({"schema": schema} if form == "json_object_with_schema" else {})}

@@ -5,11 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +19,9 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.llm.answers import answer_schema, points_in, read_answer, uselessness
 from fpg_bench.planning.llm.budget import CALLS, SECONDS, TOKENS, Budget
-from fpg_bench.planning.llm.client import Client, Reply
+from fpg_bench.planning.llm.client import Client, Reply, response_format
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt, reask
-from fpg_bench.planning.llm.servers import Endpoint, endpoint_from_environment
+from fpg_bench.planning.llm.servers import RESPONSE_FORMATS, TOKEN_FIELDS, Endpoint, endpoint_from_environment
 from fpg_bench.planning.llm.transcript import (
     FIRST,
     LAST,
@@ -261,6 +262,28 @@ def server_seed(where: Where, sampling_seed: int = 0) -> int:
     numbers = (*where, sampling_seed) if sampling_seed else where
     digest = hashlib.sha256(" ".join(map(str, numbers)).encode()).digest()
     return int.from_bytes(digest[:4], "big") >> 1
+
+
+def request_problem(attempt: Attempt, header: Mapping[str, Any], limits: Limits) -> str | None:
+    """Return what in a recorded request this planner would not have sent, None if it could have sent all.
+
+    Args:
+        attempt: the attempt; one without a request has no problem.
+        header: the run's description, with ``sampling_seed`` and ``temperature`` where they were kept.
+        limits: of the plan that was asked for.
+    """
+    request = attempt.request or {}
+    expected: dict[str, list[Any]] = {
+        "seed": [server_seed(attempt.where, header.get("sampling_seed", 0))],
+        "temperature": [header.get("temperature", request.get("temperature"))],
+        "response_format": [response_format(form, answer_schema(limits)) for form in RESPONSE_FORMATS],
+    }
+    for name, value in request.items():
+        if name not in ("model", "messages", *TOKEN_FIELDS, *expected):
+            return f"holds {name!r:.40}, which the planner does not send"
+        if name in expected and _text(value) not in map(_text, expected[name]):
+            return f"was asked with another {name} than the run's"
+    return None
 
 
 def _text(raw: object) -> str:

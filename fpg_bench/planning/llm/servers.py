@@ -7,7 +7,7 @@ import ipaddress
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 from urllib.parse import urlsplit
 
 from pydantic import Field, field_validator, model_validator
@@ -24,6 +24,9 @@ EMBEDDED = "embedded"  # the profile of a model on this machine
 BASE_URL, MODEL, KEY, SERVER = "FPG_LLM_BASE_URL", "FPG_LLM_MODEL", "FPG_LLM_API_KEY", "FPG_LLM_SERVER"
 _INSTALL = 'pip install "fpg-bench[local-llm]" and fpg-bench llm fetch'
 
+ResponseFormat = Literal["json_object", "json_object_with_schema", "json_schema"]
+TokenField = Literal["max_tokens", "max_completion_tokens"]
+RESPONSE_FORMATS, TOKEN_FIELDS = get_args(ResponseFormat), get_args(TokenField)
 Word = Annotated[str, Field(min_length=1), Expected("a word")]
 Temperature = Annotated[float, Field(ge=0, le=2), Expected("a number from 0 to 2")]
 
@@ -50,13 +53,13 @@ class Server(Strict):
     base_url: str | None = None
     model: Word | None = None
     seed: bool = False
-    response_format: Literal["none", "json_object", "json_object_with_schema", "json_schema"] = "none"
+    response_format: Literal["none", ResponseFormat] = "none"
     temperature: Temperature = 0.7
     temperature_range: Annotated[
         tuple[Temperature, Temperature], Field(strict=False), Expected("[lowest, highest]")
     ] = (0.0, 2.0)
     max_tokens: PositiveInt = 4096
-    max_tokens_field: Literal["max_tokens", "max_completion_tokens"] = "max_tokens"
+    max_tokens_field: TokenField = "max_tokens"
     refusal_codes: Annotated[Items[int | str], Expected("a list of codes")] = (
         "content_filter",
         "content_policy_violation",
