@@ -21,7 +21,18 @@ _VALUES: tuple[Any, ...] = (
     None, True, -1, 0, 2**31, 10**39, 1.5, 1e308, "", "x", "\0", "\x1b[2J", "../../etc/passwd", "x" * 70_000,
     [], [[]], [[0, 0, 0]] * 16, [[1e9, -1e9, 0.5]] * 16, {}, {"a": []}, {"model": "toy", "messages": []},
 )  # fmt: skip
-_ANSWER = ("text", "error", "detail", "waypoints", "rung", "status", "raw", "tokens_in", "tokens_out", "model")
+_ANSWER = (
+    "text",
+    "error",
+    "detail",
+    "waypoints",
+    "rung",
+    "status",
+    "raw",
+    "tokens_in",
+    "tokens_out",
+    "model",
+)
 _PROMPTS = (
     b"", b"[]", b"user: [", b"{" * 3000, b"a: &a [*a]\n", b"\xff", b"user: ${history.__class__}\n", b"\0",
     b"about: x\nuser: $history$history$history\nrow: $x\nrounds: {first: 1, best: 1, latest: 1}\n",
@@ -89,15 +100,15 @@ def _lines(folder: Path, rng: random.Random) -> None:
 
 
 def _swapped(folder: Path, rng: random.Random) -> None:
-    """Attempts of the run in each other's places: under another seed, with another's answer, in another order."""
+    """Attempts in each other's places: under another seed, with another's answer, in another order."""
     names = rng.choice([("seed",), ("attempt",), ("seed", "attempt"), ("request", *_ANSWER), ()])
 
     def change(rows: Rows) -> None:
-        first = rng.randrange(len(rows))
-        round = rows[first]["round"]
-        second = rng.choice([k for k, row in enumerate(rows) if row["round"] == round or not names])
+        first, second = rng.sample(range(len(rows)), 2)
+        if names and rng.random() < 0.8:  # of one round, where the first requests are alike
+            first, second = rng.sample([k for k, row in enumerate(rows) if row["round"] == 0], 2)
         rows[first], rows[second] = rows[second], rows[first]
-        for name in names if rng.random() < 0.5 else ():
+        for name in names:
             rows[first][name], rows[second][name] = rows[second][name], rows[first][name]
 
     _rewrite(folder, rng, change)
@@ -222,7 +233,19 @@ def _strange(folder: Path, rng: random.Random) -> None:
     rng.choice(ways)()
 
 
-_WAYS = [_json, *[_value] * 3, _lines, *[_swapped] * 2, *[_extra] * 2, *[_asked] * 2, *[_answered] * 2, _packed, _about, _prompt, _strange]
+_WAYS = [
+    _json,
+    *[_value] * 3,
+    _lines,
+    *[_swapped] * 2,
+    *[_extra] * 2,
+    *[_asked] * 2,
+    *[_answered] * 2,
+    _packed,
+    _about,
+    _prompt,
+    _strange,
+]
 
 
 def _rewrite(folder: Path, rng: random.Random, change: Callable[[Rows], None]) -> None:
