@@ -32,14 +32,11 @@ class Killed:
     def __init__(self, verb: str, scratch: Path) -> None:
         self.kills = 0
         self._words = VERBS[verb].split()
-        for whole in (
-            scratch / f"{verb}-first",
-            scratch / f"{verb}-whole",
-        ):  # the first compiles, the second is timed
+        for folder in (scratch / f"{verb}-first", scratch / f"{verb}-timed"):  # the first compiles
             start = time.perf_counter()
-            self._run(whole, None)
+            self._run(folder, None)
             self._seconds = time.perf_counter() - start
-        self._whole = told(whole)
+        self._uninterrupted = contents(folder)
 
     def same(self, folder: Path, seed: int) -> bool:
         """Whether a run that is killed up to three times comes to what the uninterrupted one did.
@@ -51,7 +48,7 @@ class Killed:
         rng = random.Random(seed)
         for _ in range(rng.randrange(1, _MOST_KILLS + 1)):
             self.kills += not self._run(folder, rng.uniform(0, self._seconds))
-        return self._run(folder, None) and told(folder) == self._whole
+        return self._run(folder, None) and contents(folder) == self._uninterrupted
 
     def _run(self, folder: Path, moment_s: float | None) -> bool:
         """Run the verb, for so many seconds at most; whether it ended well by itself."""
@@ -65,11 +62,10 @@ class Killed:
         return process.exitcode == 0
 
 
-def told(folder: Path) -> dict[str, Any]:
-    """The names of a folder's files, and what its JSON files say but for the seconds that planning took."""
-    return {
-        str(path.relative_to(folder)): _content(path) for path in sorted(folder.rglob("*")) if path.is_file()
-    }
+def contents(folder: Path) -> dict[str, Any]:
+    """Return the JSON files of a folder without the seconds that planning took; of other files the name."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file())
+    return {str(path.relative_to(folder)): _content(path) for path in files}
 
 
 def _content(path: Path) -> Any:

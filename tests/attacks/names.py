@@ -5,8 +5,8 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator
 
-N_EVALS = {"a": "аα", "c": "сϲ", "e": "её", "i": "іl1|", "o": "оο0ö", "p": "рρ", "r": "г", "s": "ѕ"}
-N_EVALS |= {"t": "τтꓔꭲ", "x": "хχⲭ", "y": "уγ", "n": "ոꓠ", "g": "ɡց", "m": "мᴍ", "u": "υս"}
+LETTERS = {"a": "аα", "c": "сϲ", "e": "её", "i": "іl1|", "o": "оο0ö", "p": "рρ", "r": "г", "s": "ѕ"}
+LETTERS |= {"t": "τтꓔꭲ", "x": "хχⲭ", "y": "уγ", "n": "ոꓠ", "g": "ɡց", "m": "мᴍ", "u": "υս"}
 UNSEEN = ("\u200b", "\u2060", "\u00ad", "\u3164", "\uffa0", "\u115f", "\u2800", "\ufe0f", "\u034f", "\u200d")
 BLANK = (" ", "\u00a0", "\u2003", "\u3000", *UNSEEN, "\u0301", "---", "...", "\u2800\u2800", "\U000e0041")
 
@@ -24,4 +24,4 @@ def lookalikes(name: str, count: int, seed: int = 0) -> Iterator[str]:
 def _changed(letter: str, rng: random.Random) -> str:
     wide = chr(ord(letter) + 0xFEE0) if "!" <= letter <= "~" else letter
     ways = [letter.upper(), letter + "\u0301", wide, f"{letter} ", f"{letter}.", letter + rng.choice(UNSEEN)]
-    return rng.choice([*ways, *N_EVALS.get(letter.lower(), "")])
+    return rng.choice([*ways, *LETTERS.get(letter.lower(), "")])

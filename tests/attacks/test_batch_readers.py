@@ -23,31 +23,30 @@ SHIPPED = (
 GAMES, STEPS = 8, 12
 
 
-@pytest.fixture
-def suite(small_suites):
-    return TrackSuites().public(TRACKS["ally"])
-
-
 def games(player, some):
     """The answers and memories of some of the same games, ``(steps, games, ...)``, played on their own."""
-    seen = np.random.default_rng(0).uniform(-1, 1, (STEPS, GAMES, 15)).astype(np.float32)
-    seen[:, ::3, 4] = 1.0
-    state, found = None, []
+    observations = np.random.default_rng(0).uniform(-1, 1, (STEPS, GAMES, 15)).astype(np.float32)
+    observations[:, ::3, 4] = 1.0
+    state, answers = None, []
     player.reset(np.ones(len(some), bool), np.arange(GAMES, dtype=np.uint64)[some])
-    for step in seen:
-        actions, state = player.predict(step[some], state)
-        found.append((actions, np.zeros(0) if state is None or state[0] is None else state[0]))
-    return [np.array(of) for of in zip(*found, strict=True)]
+    for observation in observations:
+        actions, state = player.predict(observation[some], state)
+        answers.append((actions, np.zeros(0) if state is None or state[0] is None else state[0]))
+    return [np.array(each) for each in zip(*answers, strict=True)]
 
 
 def test_their_files_are_sound():
-    found = check_policies(list(READERS.values()))
-    assert [name for name, lines in zip(READERS, found, strict=True) if lines] == []
+    assert not any(check_policies(list(READERS.values())))
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_who_reads_other_games_is_asked_one_game_at_a_time(name):
-    assert not OnnxPlayer(READERS[name], {}).row_wise
+def test_who_reads_other_games_is_asked_one_game_at_a_time_and_answers_the_same_in_any_company(name):
+    player = OnnxPlayer(READERS[name], {})
+    assert not player.row_wise
+    together = games(player, np.arange(GAMES))
+    for some in ([5], [6, 0, 3]):
+        for alone, company in zip(games(player, np.array(some)), together, strict=True):
+            assert (alone == (company[:, some] if company.ndim > 2 else company)).all()
 
 
 @pytest.mark.parametrize("data", [*by_place(), rows_as_columns(), *batches_of_one()])
@@ -55,23 +54,14 @@ def test_what_fits_some_sizes_of_a_batch_alone_is_asked_one_game_at_a_time(data)
     assert not row_wise(plain_model(data))
 
 
-@pytest.mark.parametrize("name", READERS)
-def test_and_answers_to_the_bit_the_same_alone_and_in_any_company(name):
-    player = OnnxPlayer(READERS[name], {})
-    together = games(player, np.arange(GAMES))
-    for some in ([5], [6, 0, 3]):
-        for alone, whole in zip(games(player, np.array(some)), together, strict=True):
-            assert (alone == (whole[:, some] if whole.ndim > 2 else whole)).all()
-
-
 @pytest.mark.slow
-def test_so_it_is_when_it_is_played(suite):
-    """Behind the door as without it, and each round as it is in fewer rounds."""
-    part = Part("reader", 0, as_policy(READERS["hidden"]))
+def test_a_sandboxed_policy_answers_as_one_in_this_process(small_suites):
+    suite, policy = TrackSuites().public(TRACKS["ally"]), as_policy(READERS["hidden"])
+    part = Part("reader", 0, policy)
     (record,) = part_records(part, [(suite, suite.rivals[0])])
     player = OnnxPlayer(READERS["hidden"], {})
     assert record == play(part.entry(player, suite), suite, suite.rivals[0])
-    assert smoke_test(as_policy(READERS["hidden"]), suite) == []
+    assert smoke_test(policy, suite) == []
 
 
 @pytest.mark.parametrize("data", [*honest().values(), model_bytes(state=3, noise=2)])
@@ -86,5 +76,5 @@ def test_so_are_the_kinds_that_the_package_ships(name):
     assert player.row_wise
     together = games(player, np.arange(GAMES))
     player.row_wise = False
-    for alone, whole in zip(games(player, np.arange(GAMES)), together, strict=True):
-        assert np.allclose(alone, whole, atol=1e-6)
+    for alone, company in zip(games(player, np.arange(GAMES)), together, strict=True):
+        assert np.allclose(alone, company, atol=1e-6)

@@ -14,7 +14,7 @@ from tests.leaderboard.making import model, node, value, weights
 from tests.training.making import policy
 
 SEEN = np.random.default_rng(0).uniform(-1, 1, (4, 15)).astype(np.float32)
-UNKNOWN = b"\x7a\x0a" + b"\0\0ORTM\0\0\0\0"  # a suite that ONNX does not have; ORTM comes at byte 4
+UNKNOWN = b"\x7a\x0a" + b"\0\0ORTM\0\0\0\0"  # a field that ONNX does not have; ORTM comes at byte 4
 
 
 def in_own_format(data, folder):
@@ -26,7 +26,7 @@ def in_own_format(data, folder):
     return file.read_bytes()
 
 
-def told(proto):
+def annotated(proto):
     proto.producer_name, proto.doc_string = "ORTM" * 9, "ORTM"
     proto.graph.value_info.append(value("raw", 9000))
     proto.metadata_props.add(key="ort_config", value="{}")
@@ -41,7 +41,7 @@ def test_a_file_of_onnxruntimes_own_format_is_never_played(tmp_path):
     assert check_policy(data) != []
 
 
-@pytest.mark.parametrize("data", [UNKNOWN + policy(0), told(ModelProto.FromString(policy(0)))])
+@pytest.mark.parametrize("data", [UNKNOWN + policy(0), annotated(ModelProto.FromString(policy(0)))])
 def test_what_nobody_checks_does_not_reach_who_plays(data):
     assert _read(data) == _read(policy(0))
     assert b"ORTM" not in _read(data)[0]
@@ -58,34 +58,28 @@ def test_a_session_takes_no_other_format_whatever_the_bytes_say(monkeypatch, tmp
         OnnxPlayer(policy(0), {})
 
 
-def twice_imported():
-    return model([node("Tanh", ["observation"], ["action"])], opsets=[("", 18), ("ai.onnx", 11)])
-
-
-def twice_named():
-    first = [node("MatMul", ["observation", "w"], ["action"])]
-    return model(first, [weights(), weights(scale=2.0)])
-
-
-def twice_told():
+def repeated_attribute():
     product = node("Gemm", ["observation", "w"], ["action"], alpha=1.0)
     product.attribute.append(helper.make_attribute("alpha", 5.0))
-    return model([product], [weights()])
+    return product
 
 
-def twice_held():
+def two_values():
     tensor = weights()
     tensor.float_data.extend([1.0] * 135)
-    return model([node("MatMul", ["observation", "w"], ["action"])], [tensor])
+    return tensor
+
+
+PRODUCT = node("MatMul", ["observation", "w"], ["action"])
 
 
 @pytest.mark.parametrize(
     ("data", "why"),
     [
-        (twice_imported(), "imports 2 sets of ONNX's own"),
-        (twice_named(), "two tensors 'w'"),
-        (twice_told(), "'alpha' stands there twice"),
-        (twice_held(), "in two ways"),
+        (model([PRODUCT], [weights()], opsets=[("", 18), ("ai.onnx", 11)]), "imports 2 sets of ONNX's own"),
+        (model([PRODUCT], [weights(), weights(scale=2.0)]), "two tensors 'w'"),
+        (model([repeated_attribute()], [weights()]), "'alpha' stands there twice"),
+        (model([PRODUCT], [two_values()]), "in two ways"),
     ],
 )
 def test_what_two_readers_may_read_two_ways_is_refused(data, why):
