@@ -17,8 +17,8 @@ def _end(read: list, *constants, gate: list | None = None) -> bytes:
     """``x`` is its own answer, ``m`` what was read of others, which is added, perhaps through a gate."""
     gated = "m" if gate is None else "g"
     ends = [node("Add", ["x", gated], ["y"]), node("Tanh", ["y"], ["action"])]
-    more = [] if gate is None else [*gate, node("Mul", ["m", "open"], ["g"])]
-    return model([*FIRST, *read, *more, *ends], [W, *constants], opsets=[("", 17)])
+    gates = [] if gate is None else [*gate, node("Mul", ["m", "open"], ["g"])]
+    return model([*FIRST, *read, *gates, *ends], [W, *constants], opsets=[("", 17)])
 
 
 def _scalar(name: str, number: float):
@@ -43,12 +43,8 @@ def _exactly_one() -> list:
 
 def _late() -> list:
     """A number of the observation is small, as it is late in a round or near the other."""
-    return _gate(
-        [
-            node("Slice", ["observation", "from", "to", "axis"], ["part"]),
-            node("Less", ["part", "low"], ["is"]),
-        ]
-    )
+    part = node("Slice", ["observation", "from", "to", "axis"], ["part"])
+    return _gate([part, node("Less", ["part", "low"], ["is"])])
 
 
 MEAN = [node("ReduceMean", ["x"], ["m"], axes=[0], keepdims=1)]
@@ -173,8 +169,8 @@ def batches_of_one() -> list[bytes]:
     ends = [node("Reshape", ["s", "shape"], ["y"])]
     lists = {"": [], "none": [whole([], "none")]}
     return [
-        _product_of([node("Squeeze", ["x", name], ["s"]), *ends], *held, whole([-1, 9], "shape"))
-        for name, held in lists.items()
+        _product_of([node("Squeeze", ["x", name], ["s"]), *ends], *constants, whole([-1, 9], "shape"))
+        for name, constants in lists.items()
     ]
 
 
@@ -197,23 +193,19 @@ def batch_readers() -> dict[str, bytes]:
         "how many": (COUNT, []),
         "next row": (SHIFTED, SHIFTS),
     }
-    found = {name: _end(nodes, *constants) for name, (nodes, constants) in reads.items()}
+    files = {"through memory": _through_memory(), "hidden": _hidden_in_memory()}
     for name, (nodes, constants) in reads.items():
-        found[f"{name}, where a value is one"] = _end(nodes, *constants, ONE, gate=_exactly_one())
-        found[f"{name}, where a value is low"] = _end(nodes, *constants, *PLACE, gate=_late())
-    found |= {"through memory": _through_memory(), "hidden": _hidden_in_memory()}
-    return found | _reordered() | _misjudged()
+        files[name] = _end(nodes, *constants)
+        files[f"{name}, where a value is one"] = _end(nodes, *constants, ONE, gate=_exactly_one())
+        files[f"{name}, where a value is low"] = _end(nodes, *constants, *PLACE, gate=_late())
+    return files | _reordered() | _misjudged()
 
 
 def honest() -> dict[str, bytes]:
     """Policies of many kinds that answer each game for itself."""
-    return {"linear": policy(0), "threshold": _threshold(), "own mean": _own_mean()}
-
-
-def _threshold() -> bytes:
-    return model([*FIRST, node("Sign", ["x"], ["action"])], [W])
-
-
-def _own_mean() -> bytes:
-    nodes = [*FIRST, node("ReduceMean", ["x"], ["m"], axes=[1], keepdims=1), node("Sub", ["x", "m"], ["y"])]
-    return model([*nodes, node("Tanh", ["y"], ["action"])], [W], opsets=[("", 17)])
+    own_mean = [node("ReduceMean", ["x"], ["m"], axes=[1], keepdims=1), node("Sub", ["x", "m"], ["y"])]
+    return {
+        "linear": policy(0),
+        "threshold": _product_of([node("Sign", ["x"], ["y"])]),
+        "own mean": _product_of(own_mean, opset=17),
+    }

@@ -19,10 +19,7 @@ def _made(nodes: list, *constants, opset: int = 18) -> bytes:
 
 def _but_rows(fewer: int) -> bytes:
     """A tensor that has so many rows less than the batch, and nothing at all in a small one."""
-    nodes = [
-        node("Slice", ["x", "from", "to", "axis"], ["rest"]),
-        node("Tile", ["rest", "times"], ["much"]),
-    ]
+    nodes = [node("Slice", ["x", "from", "to", "axis"], ["rest"]), node("Tile", ["rest", "times"], ["much"])]
     sizes = [whole([fewer], "from"), whole([10**6], "to"), whole([0], "axis"), whole([1, 400_000], "times")]
     return _made(nodes, *sizes)
 
@@ -71,10 +68,7 @@ def _convolved() -> bytes:
 
 def _variadic(kind: str) -> bytes:
     """One large tensor, and hundreds of single numbers that are added to it."""
-    nodes = [
-        node("Tile", ["x", "times"], ["large"]),
-        node(kind, ["large", *["nothing"] * 500], ["much"]),
-    ]
+    nodes = [node("Tile", ["x", "times"], ["large"]), node(kind, ["large", *["nothing"] * 500], ["much"])]
     return _made(nodes, whole([1, 5000], "times"))
 
 
@@ -111,9 +105,7 @@ def _cast(kind: int) -> bytes:
 def _ranged(start: int, limit: int, step: int) -> bytes:
     """A range whose length overflows, or follows from nothing."""
     nodes = [node("Range", ["start", "limit", "step"], ["range"]), node("Cast", ["range"], ["much"], to=1)]
-    return _made(
-        nodes, *(whole(value, name) for value, name in ((start, "start"), (limit, "limit"), (step, "step")))
-    )
+    return _made(nodes, whole(start, "start"), whole(limit, "limit"), whole(step, "step"))
 
 
 def _overflowing() -> bytes:
@@ -126,21 +118,23 @@ def unsized() -> dict[str, bytes]:
     """Return policies whose sizes other arithmetic than that of ONNX's inference would give."""
     kinds = {"bool": TensorProto.BOOL, "float16": TensorProto.FLOAT16, "int32": TensorProto.INT32}
     kinds |= {"float": TensorProto.FLOAT, "double": TensorProto.DOUBLE}
-    found = {f"cast to {name}": _cast(kind) for name, kind in kinds.items()}
-    found["range from the lowest integer"] = _ranged(-(2**63), 2**62, 2**62)
-    found["range over all integers"] = _ranged(-(2**63), 2**63 - 1, 2**40)
-    return found | {"overflow": _overflowing()}
+    return {
+        **{f"cast to {name}": _cast(kind) for name, kind in kinds.items()},
+        "range from the lowest integer": _ranged(-(2**63), 2**62, 2**62),
+        "range over all integers": _ranged(-(2**63), 2**63 - 1, 2**40),
+        "overflow": _overflowing(),
+    }
 
 
 def costly() -> dict[str, bytes]:
     """All of them by name; each costs more than two million multiply-adds a row in some batch."""
-    found = {f"all but {fewer} rows": _but_rows(fewer) for fewer in (1, 2, 6, 19, 49, 99)}
-    found |= {
+    return {
+        **{f"all but {fewer} rows": _but_rows(fewer) for fewer in (1, 2, 6, 19, 49, 99)},
         "rows times rows": _rows_times_rows(),
         "rows squared": _squared_rows(),
         "convolved": _convolved(),
+        **{kind: _pooled(kind) for kind in ("AveragePool", "MaxPool")},
+        **{kind: _variadic(kind) for kind in ("Sum", "Max", "Min", "Mean")},
+        **{f"{kind}s": _many(kind) for kind in ("Tanh", "Identity", "Softmax", "Neg")},
+        **{kind: _recurrent(kind, gates) for kind, gates in (("LSTM", 4), ("GRU", 3), ("RNN", 1))},
     }
-    found |= {kind: _pooled(kind) for kind in ("AveragePool", "MaxPool")}
-    found |= {kind: _variadic(kind) for kind in ("Sum", "Max", "Min", "Mean")}
-    found |= {f"{kind}s": _many(kind) for kind in ("Tanh", "Identity", "Softmax", "Neg")}
-    return found | {"LSTM": _recurrent("LSTM", 4), "GRU": _recurrent("GRU", 3), "RNN": _recurrent("RNN", 1)}

@@ -36,18 +36,15 @@ def _text(kind: str, rng: random.Random, content: dict[str, Any]) -> bytes:
     if value is not None:
         content[key] = "\0here"
         return json.dumps(content).replace('"\\u0000here"', value).encode("utf-8", "surrogatepass")
-    whole = json.dumps(content).encode()
+    data = json.dumps(content).encode()
     if kind == "cut":
-        return whole[: rng.randrange(len(whole))]
+        return data[: rng.randrange(len(data))]
     if kind == "twice":
-        return whole[:-1] + b", " + json.dumps(key).encode() + b": 2}"
+        return data[:-1] + b", " + json.dumps(key).encode() + b": 2}"
     if kind == "bytes":
-        place = rng.randrange(1, len(whole))
-        return (
-            whole[:place]
-            + rng.choice([b"\xff", b"\xc0\x80", b"\xed\xa0\x80", b"\0", b"\x1b[2J"])
-            + whole[place:]
-        )
+        place = rng.randrange(1, len(data))
+        spoilt = rng.choice([b"\xff", b"\xc0\x80", b"\xed\xa0\x80", b"\0", b"\x1b[2J"])
+        return data[:place] + spoilt + data[place:]
     return _words(rng).encode()
 
 
@@ -72,9 +69,8 @@ def _surrogate(rng: random.Random) -> str:
 
 
 def _words(rng: random.Random) -> str:
-    return rng.choice(
-        ["", "null", "[]", "1", '"text"', "{'a': 1}", "{a: 1}", "\ufeff{}", "{}{}", "undefined", " "]
-    )
+    texts = ["", "null", "[]", "1", '"text"', "{'a': 1}", "{a: 1}", "\ufeff{}", "{}{}", "undefined", " "]
+    return rng.choice(texts)
 
 
 _VALUES = {

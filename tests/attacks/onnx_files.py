@@ -23,12 +23,11 @@ _FORBIDDEN = sorted(set(ALL_OPERATORS) - OPERATORS)
 def hostile_files(count: int, seed: int = 0) -> Iterator[tuple[str, bytes, bool]]:
     """So many files, each with its kind, and whether it must not get in; broken ones may still be sound."""
     rng = random.Random(seed)
-    sure = [*_SURE, _reader]
     for number in range(count):
         must = number % 2 == 0
         way: Callable[[random.Random], bytes] = rng.choice(_SURE if must else _BROKEN)
         if number % 40 == 0:
-            way = sure[-1]
+            way = _reader
         yield way.__name__.removeprefix("_"), way(rng), must
 
 
@@ -78,9 +77,8 @@ def _elsewhere(rng: random.Random) -> bytes:
     ]
     tensor.external_data.add(key="location", value=rng.choice(paths))
     if rng.random() < 0.5:
-        tensor.external_data.add(
-            key=rng.choice(["offset", "length"]), value=rng.choice(["0", "-1", "9" * 30])
-        )
+        key = rng.choice(["offset", "length"])
+        tensor.external_data.add(key=key, value=rng.choice(["0", "-1", "9" * 30]))
     return proto.SerializeToString()
 
 
@@ -167,10 +165,9 @@ def _cut(rng: random.Random) -> bytes:
 
 def _inserted(rng: random.Random) -> bytes:
     data, place = policy(rng.randrange(1000)), rng.randrange(600)
-    more = rng.choice(
-        [rng.randbytes(rng.randrange(1, 2000)), b"\xff" * 5000, b"\x0b" * 50_000, b"\x7a\x7f" + b"x" * 127]
-    )
-    return data[:place] + more + data[place:]
+    noise = rng.randbytes(rng.randrange(1, 2000))
+    inserted = rng.choice([noise, b"\xff" * 5000, b"\x0b" * 50_000, b"\x7a\x7f" + b"x" * 127])
+    return data[:place] + inserted + data[place:]
 
 
 def _disguised(rng: random.Random) -> bytes:
@@ -191,12 +188,9 @@ def _wired(rng: random.Random) -> bytes:
 
 
 def _attributes(rng: random.Random) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for name in rng.sample(
-        ["axis", "axes", "keepdims", "kernel_shape", "hidden_size", "to", "alpha", "perm"], 2
-    ):
-        found[name] = rng.choice([0, 1, -1, 2**40, [0], [1, 0], [2**30], 0.5, "x"])
-    return found
+    names = ["axis", "axes", "keepdims", "kernel_shape", "hidden_size", "to", "alpha", "perm"]
+    values = [0, 1, -1, 2**40, [0], [1, 0], [2**30], 0.5, "x"]
+    return {name: rng.choice(values) for name in rng.sample(names, 2)}
 
 
 def _rubbish(rng: random.Random) -> bytes:

@@ -6,7 +6,6 @@ import socket
 import struct
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -30,25 +29,26 @@ def open_doors(monkeypatch):
     name = f"fpg-bench-test-{os.getpid()}"
     named.bind(f"\0{name}")
     named.listen()
-    found = {"OPEN_PORT": str(server.getsockname()[1]), "OPEN_NAME": name, "PARENT": str(os.getpid())}
-    kept = process._environment
-    monkeypatch.setattr(process, "_environment", lambda: kept() | found)
+    doors = {"OPEN_PORT": str(server.getsockname()[1]), "OPEN_NAME": name, "PARENT": str(os.getpid())}
+    environment = process._environment
+    monkeypatch.setattr(process, "_environment", lambda: environment() | doors)
     with server, named:
-        yield found
+        yield doors
 
 
 def test_nothing_gets_out(open_doors):
     prison = Sandbox("tests.attacks.prisoner", Limits())
     with prison.within(60):
         (size,) = struct.unpack("<I", prison.receive(4))
-        found, passing = json.loads(prison.receive(size))
+        results, passing = json.loads(prison.receive(size))
     prison.close()
-    assert found.keys() == escapes(0).keys()
-    assert [name for name, became in found.items() if became == "out"] == []
+    assert results.keys() == escapes(0).keys()
+    assert [name for name, result in results.items() if result == "out"] == []
     assert passing == []
     assert process.missing_here() == []
 
 
+OPEN_WITHOUT_CALLS = {"fork", "listen", "send", "new users", "another name", "leave the root", "connect"}
 ALONE = """
 import json, os, sys
 from fpg_bench.players.sandbox import isolation
@@ -66,15 +66,11 @@ print(json.dumps([int(standing), attempted(int(os.environ["PARENT"]))]))
 @pytest.mark.parametrize(
     ("kept", "layer", "open_still"),
     [
-        (
-            "_landlocked",
-            Layer.LANDLOCK,
-            {"fork", "listen", "send", "new users", "another name", "leave the root", "connect"},
-        ),
+        ("_landlocked", Layer.LANDLOCK, OPEN_WITHOUT_CALLS),
         ("_calls_refused", Layer.CALLS, set()),
     ],
 )
-def test_each_wall_stands_where_the_others_cannot_be_had(open_doors, kept, layer, open_still):
+def test_each_layer_stands_where_the_others_cannot_be_had(open_doors, kept, layer, open_still):
     done = subprocess.run(
         [sys.executable, "-c", ALONE.format(kept=kept)],
         env=os.environ | open_doors | {"PYTHONPATH": os.pathsep.join(sys.path)},
@@ -82,10 +78,10 @@ def test_each_wall_stands_where_the_others_cannot_be_had(open_doors, kept, layer
         text=True,
         check=True,
     )
-    standing, found = json.loads(done.stdout)
+    standing, results = json.loads(done.stdout)
     if not standing & layer:
         pytest.skip("this kernel does not have it")
-    assert {name for name, became in found.items() if became == "out"} <= open_still
+    assert {name for name, result in results.items() if result == "out"} <= open_still
 
 
 def test_what_could_not_be_had_is_named():
@@ -94,7 +90,7 @@ def test_what_could_not_be_had_is_named():
     assert missing(Layer.CALLS) == missing(Layer.NAMESPACES | Layer.EMPTY_ROOT) == []
 
 
-def test_and_said_in_the_verdict(board, in_process, monkeypatch):
+def test_what_could_not_be_had_is_in_the_verdict(board, in_process, monkeypatch):
     monkeypatch.setattr("fpg_bench.leaderboard.playing.missing_here", lambda: ["files", "the network"])
     enter(board, "ally", "linear", seeds=(0,))
     enter(board, "ally", "wise", script="expert")
@@ -115,14 +111,10 @@ print(dict(os.environ), Path("/proc/self/environ").read_bytes())
 
 @pytest.mark.process
 def test_keys_are_forgotten_before_anything_is_played():
-    secrets = {
-        "FPG_LLM_API_KEY": "sk-first-secret",
-        "MY_TOKEN": "second-secret",
-        "DB_PASSWORD": "third-secret",
-    }
+    secrets = {"FPG_LLM_API_KEY": "first-secret", "MY_TOKEN": "second-secret", "DB_PASSWORD": "third-secret"}
     env = {"PATH": os.environ["PATH"], "PYTHONPATH": os.pathsep.join(sys.path), "SHOWN": "this", **secrets}
-    told = subprocess.check_output([sys.executable, "-c", FORGETS], env=env, text=True)
-    names, left = told.splitlines()
+    output = subprocess.check_output([sys.executable, "-c", FORGETS], env=env, text=True)
+    names, left = output.splitlines()
     assert set(names.split()) == secrets.keys()
     assert "secret" not in left
     assert left.count("SHOWN") == 2
@@ -133,4 +125,3 @@ def test_the_verbs_that_play_forget_them(monkeypatch, tmp_path):
         monkeypatch.setenv("FPG_LLM_API_KEY", "sk-0123456789")
         CliRunner().invoke(app, words)
         assert "FPG_LLM_API_KEY" not in os.environ
-    assert Path(tmp_path).exists()

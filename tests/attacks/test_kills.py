@@ -50,10 +50,10 @@ def python(code, *words, **how):
 
 @pytest.mark.process
 @pytest.mark.parametrize(("name", "status"), [("SIGTERM", 143), ("SIGINT", 130)])
-def test_who_is_stopped_says_what_is_kept(name, status):
+def test_a_stopped_command_says_what_is_kept(name, status):
     stopped = python(WAITS.format(name=name), stderr=subprocess.PIPE)
-    _, said = stopped.communicate(timeout=60)
-    assert said == "fpg-bench: stopped; what was finished is kept\n"
+    _, message = stopped.communicate(timeout=60)
+    assert message == "fpg-bench: stopped; what was finished is kept\n"
     assert stopped.returncode == status
 
 
@@ -80,7 +80,7 @@ def test_what_another_process_is_writing_stays(tmp_path):
 
 
 @pytest.mark.process
-def test_two_at_work_on_one_board_are_told(board, in_process, tmp_path):
+def test_two_at_work_on_one_board_are_refused(board, in_process, tmp_path):
     enter(board, "ally", "wise", script="expert")
     other = python(HOLDS, board, tmp_path / "cache", stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert other.stdout.readline() == "held\n"

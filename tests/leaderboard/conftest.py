@@ -36,3 +36,20 @@ def in_process(monkeypatch):
 def kept(tmp_path_factory):
     """Folder for the board that a module's tests begin with, which is played once."""
     return tmp_path_factory.mktemp("kept") / "board"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    from tests.leaderboard.browsing import chromium
+
+    with chromium() as chromium_browser:
+        yield chromium_browser
+
+
+@pytest.fixture
+def visit(browser, site):
+    """Open pages of the module's site; see ``browsing.visits``."""
+    from tests.leaderboard.browsing import visits
+
+    with visits(browser, site) as go:
+        yield go

@@ -133,13 +133,13 @@ PAIRS += [*zip(islice(cycle(ALLIES[::-1]), len(OPPONENTS)), OPPONENTS, strict=Tr
 
 @pytest.mark.parametrize(("ally", "opponent"), PAIRS)
 def test_the_scripts_are_the_same(page, ally, opponent):
-    table, total = make_match(make_duel(1, scenario=Scenario()), ally, opponent), np.zeros(2)
-    game = table.duel.batch.games[0]
+    match, total = make_match(make_duel(1, scenario=Scenario()), ally, opponent), np.zeros(2)
+    game = match.duel.batch.games[0]
 
     def add():
         total[:] += game["ally_reward"], game["opponent_reward"]
 
-    play_round(table, seeds=np.array([12]), on_step=add)
+    play_round(match, seeds=np.array([12]), on_step=add)
     options = {"rules": page_data.rules_data(Scenario()), "seed": 12, "ally": ally, "opponent": opponent}
     np.testing.assert_allclose(page.evaluate(SCRIPTED, options), total, atol=1e-4)
 

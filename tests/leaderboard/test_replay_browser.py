@@ -5,15 +5,20 @@ import re
 
 import pytest
 
-from tests.leaderboard import test_site_browser as pages
-from tests.leaderboard.test_site_browser import PHONE, WATCHED, browser, rounds, site, visit  # noqa: F401
+from tests.leaderboard.browsing import PHONE, WATCHED, build_small_site, expect, rounds
 
 pytestmark = pytest.mark.browser
-expect = pages.expect
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("site")
+    build_small_site(folder, 4)
+    return folder
 
 
 @pytest.fixture
-def watched(visit):  # noqa: F811
+def watched(visit):
     page = visit(WATCHED)
     expect(page.locator("#replay-step")).to_have_attribute("max", "300")
     return page
@@ -25,7 +30,7 @@ def starts(happens):
 
 
 def test_events_are_those_of_the_data(watched):
-    (first, _) = rounds()
+    first, _ = rounds()
     data = json.loads(first.script.removeprefix("fpgRound(").removesuffix(");\n"))["replay"]
     scenario, steps = data["scenario"], data["rounds"][0]["steps"]
     events = watched.evaluate("replay => fpgEvents(replay.rounds[0], replay.scenario)", data)
@@ -100,7 +105,7 @@ def test_the_address_keeps_the_round_and_the_step(watched):
     expect(watched.locator("button.round").nth(1)).to_have_attribute("aria-pressed", "true")
 
 
-def test_the_batch_turns_by_keys_and_lets_the_wheel_scroll_the_page(watched):
+def test_the_arena_turns_by_keys_and_lets_the_wheel_scroll_the_page(watched):
     picture = "document.getElementById('replay-arena').toDataURL()"
     watched.locator("#replay-arena").focus()
     before = watched.evaluate(picture)
@@ -115,7 +120,7 @@ def test_the_batch_turns_by_keys_and_lets_the_wheel_scroll_the_page(watched):
     watched.wait_for_function("at => scrollY > at", arg=at)
 
 
-def test_batch_spectrum_and_controls_stand_on_a_phone_at_once(visit):  # noqa: F811
+def test_arena_spectrum_and_controls_stand_on_a_phone_at_once(visit):
     page = visit(WATCHED, viewport=PHONE)
     expect(page.locator("#replay-step")).to_have_attribute("max", "300")
     page.evaluate("document.querySelector('.plots').scrollIntoView()")
@@ -125,7 +130,7 @@ def test_batch_spectrum_and_controls_stand_on_a_phone_at_once(visit):  # noqa: F
         assert box["y"] + box["height"] <= PHONE["height"], name
 
 
-def test_one_finger_on_the_batch_scrolls_the_page_and_two_turn_it(visit):  # noqa: F811
+def test_one_finger_on_the_arena_scrolls_the_page_and_two_turn_it(visit):
     page = visit(WATCHED, viewport=PHONE, has_touch=True, is_mobile=True)
     expect(page.locator("#replay-step")).to_have_attribute("max", "300")
     page.evaluate("document.querySelector('.plots').scrollIntoView()")

@@ -3,26 +3,20 @@
 import re
 import threading
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import expect
 from scipy import stats
 
-from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.site.build import build_site
-from fpg_bench.leaderboard.site.replays import Replay, simulate_round
 from fpg_bench.leaderboard.site.serve import make_server
-from fpg_bench.leaderboard.submission import Submission
-from tests.leaderboard.browsing import chromium
+from tests.leaderboard.browsing import PHONE, WATCHED, build_small_site, expect, rounds
 from tests.leaderboard.example_board import HOSTILE, example_board
 
 pytestmark = pytest.mark.browser
 
 ENTRIES = 27
-WATCHED = "entries/ally/player-3.html"
 PAGES = (
     "index.html",
     "ranking.html",
@@ -37,30 +31,6 @@ PAGES = (
     "glossary.html",
 )
 MATRICES = ("crossplay.html", "statistics.html")  # axe looks at each pair of entries: fewer will do
-PATIENCE_MS = 60_000  # a browser on a busy machine is slow
-expect.set_options(timeout=PATIENCE_MS)
-PHONE = {"width": 390, "height": 844}
-SEVERE = ("error", "warning")
-DESKTOP = {"width": 1280, "height": 900}
-
-
-def rounds() -> list[Replay]:
-    """Two rounds of a script, under a name that tries to become markup."""
-    submission = Submission.model_construct(
-        folder=Path("player-3"), track="ally", name=HOSTILE[0], script="expert-spread"
-    )
-    suite = load_suite("ally-v1")
-    return [
-        simulate_round(
-            submission,
-            "expert-spread",
-            suite,
-            rival,
-            f"against {rival.name}",
-            f"replays/ally/player-3/{k}.js",
-        )
-        for k, rival in enumerate(suite.rivals[:2])
-    ]
 
 
 @pytest.fixture(scope="module")
@@ -73,47 +43,8 @@ def site(tmp_path_factory):
 @pytest.fixture(scope="module")
 def small_site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("small")
-    build_site(example_board(6, hostile=True), folder, {})
+    build_small_site(folder, 6)
     return folder
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as chromium_browser:
-        yield chromium_browser
-
-
-@pytest.fixture
-def visit(browser, site):
-    """Open pages; afterwards no console message, alert or request of another host may have occurred."""
-    contexts, complaints = [], []
-
-    def go(name="ranking.html", origin=None, viewport=DESKTOP, **options):
-        context = browser.new_context(viewport=viewport, **options)
-        contexts.append(context)
-        context.set_default_timeout(PATIENCE_MS)
-        home = origin or site.as_uri()
-
-        def route(route, request):
-            ours = request.url.startswith((home, "data:", "blob:"))
-            if not ours:
-                complaints.append(f"asks for {request.url}")
-            route.continue_() if ours else route.abort()
-
-        context.route("**/*", route)
-        page = context.new_page()
-        page.on(
-            "console", lambda message: complaints.append(message.text) if message.type in SEVERE else None
-        )
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("dialog", lambda dialog: (complaints.append(f"alert {dialog.message}"), dialog.dismiss()))
-        page.goto(f"{home}/{name}")
-        return page
-
-    yield go
-    for context in contexts:
-        context.close()
-    assert not complaints
 
 
 def column(page, index):
@@ -141,8 +72,13 @@ def test_a_column_is_sorted_both_ways_by_its_button(visit):
     first.locator("button").click()
     assert (first.get_attribute("aria-sort"), header.get_attribute("aria-sort")) == ("ascending", "none")
     assert [float(value) for value in column(page, 0)[:3]] == [1, 1, 3]
-    page.locator("#ally .all").click()
+    assert len(column(page, 0)) == 25
+    page.get_by_role("button", name=f"Show all {ENTRIES}").click()
+    assert len(column(page, 0)) == ENTRIES
     assert column(page, 2)[-1] == ""  # what has no score is last, whichever way
+    row = page.locator("#ally tr[data-unverified]")
+    assert "not verified: seed_0: outran the limit" in row.inner_text()
+    assert row.locator("td").first.inner_text() == "–"
 
 
 def test_the_address_keeps_how_a_table_is_shown(visit):
@@ -162,13 +98,6 @@ def test_the_address_keeps_how_a_table_is_shown(visit):
     expect(page.locator("#ally thead th.extra").first).to_be_visible()
 
 
-def test_a_long_table_can_be_expanded(visit):
-    page = visit()
-    assert len(column(page, 0)) == 25
-    page.get_by_role("button", name=f"Show all {ENTRIES}").click()
-    assert len(column(page, 0)) == ENTRIES
-
-
 def test_filters_hide_rows_and_say_how_many_are_left(visit):
     page = visit()
     count = page.locator("#ally .count")
@@ -183,14 +112,6 @@ def test_filters_hide_rows_and_say_how_many_are_left(visit):
     page.locator("#ally .unverified").uncheck()
     assert count.inner_text().startswith(f"{ENTRIES - 1} of {ENTRIES} entries")
     assert page.locator("#opponent-pursuit .board tbody tr:not([hidden])").count() == 2  # as it was
-
-
-def test_what_is_not_verified_says_why(visit):
-    page = visit()
-    page.locator("#ally .all").click()
-    row = page.locator("#ally tr[data-unverified]")
-    assert "not verified: seed_0: outran the limit" in row.inner_text()
-    assert row.locator("td").first.inner_text() == "–"
 
 
 def test_two_entries_are_compared_and_the_address_keeps_which(visit, site):
@@ -216,33 +137,34 @@ def test_two_entries_are_compared_and_the_address_keeps_which(visit, site):
 
 
 # The page's difference of two lists of scores.
-APART = """([one, two]) => fpgDifferences.between(one, two, fpgData.student)"""
+DIFFERENCE = """([one, two]) => fpgDifferences.between(one, two, fpgData.student)"""
 
 
 def test_differences_and_their_intervals_are_those_of_scipy(visit):
     page, rng = visit("compare.html"), np.random.default_rng(1)
     one, two = rng.normal(50, 9, 40), rng.normal(48, 9, 40)
-    value, half, how = page.evaluate(APART, [units("matches", one), units("matches", two)])
+
+    def difference(*lists):
+        return page.evaluate(DIFFERENCE, [{"over": over, "scores": list(scores)} for over, scores in lists])
+
+    value, half, how = difference(("matches", one), ("matches", two))
     interval = stats.ttest_rel(one, two).confidence_interval()
     assert (value - half, value + half) == pytest.approx((interval.low, interval.high), abs=1e-3)
     assert how == "match by match"
-    value, half, how = page.evaluate(
-        APART, [units("training seeds", one[:5]), units("training seeds", two[:3])]
-    )
+    value, half, _ = difference(("training seeds", one[:5]), ("training seeds", two[:3]))
     interval = stats.ttest_ind(one[:5], two[:3], equal_var=False).confidence_interval()
     assert (value - half, value + half) == pytest.approx((interval.low, interval.high), rel=0.02)
-    value, half, _ = page.evaluate(APART, [units("training seeds", one[:5]), units("matches", two)])
+    _, half, _ = difference(("training seeds", one[:5]), ("matches", two))
     interval = stats.ttest_1samp(one[:5], two.mean()).confidence_interval()
     assert half == pytest.approx((interval.high - interval.low) / 2, rel=1e-3)
-    assert page.evaluate(APART, [units("matches", one[:1]), units("matches", two[:1])])[1] is None
+    assert difference(("matches", one[:1]), ("matches", two[:1]))[1] is None
 
 
-def units(over, scores):
-    return {"over": over, "scores": scores.tolist()}
-
-
-def test_no_row_of_a_comparison_stands_twice_or_shows_a_key(visit):
-    page = visit("compare.html#track=ally&a=player-3&b=player-6")
+def test_an_entry_leads_to_its_comparison_whose_rows_differ_and_have_names(visit):
+    page = visit(WATCHED)
+    page.get_by_role("link", name="Compare with another").click()
+    expect(page.locator("#a")).to_have_value("player-3")
+    expect(page.locator("#b")).not_to_have_value("player-3")
     for section in page.locator("#comparison section").all():
         rows = section.locator("tbody th").all_inner_texts()
         assert len(set(rows)) == len(rows)
@@ -251,17 +173,13 @@ def test_no_row_of_a_comparison_stands_twice_or_shows_a_key(visit):
     assert re.search(r"[+−]\d+\.\d\s+\([+−]\d+\.\d to [+−]\d+\.\d\)", difference)
 
 
-def test_an_entry_leads_to_its_comparison(visit):
-    page = visit(WATCHED)
-    page.get_by_role("link", name="Compare with another").click()
-    expect(page.locator("#a")).to_have_value("player-3")
-    expect(page.locator("#b")).not_to_have_value("player-3")
-
-
 def test_a_round_is_played_paused_and_scrubbed(visit):
     page = visit(WATCHED)
     step, button = page.locator("#replay-step"), page.locator("#replay-play")
-    expect(page.locator("#replay-step")).to_have_attribute("max", "300")
+    expect(step).to_have_attribute("max", "300")
+    page.locator("#main").focus()
+    page.keyboard.press("End")  # scrolls the page, as no player has the focus
+    assert step.input_value() == "0"
     assert page.locator("#round-summary").inner_text().startswith("Jammed ")
     button.click()
     expect(step).not_to_have_value(re.compile("^[0-2]$"))
@@ -296,14 +214,6 @@ def test_a_round_is_drawn_and_another_can_be_chosen(visit):
     expect(page.locator("#replay-title")).not_to_have_text(title)
     assert HOSTILE[0] in page.locator("#replay-title").inner_text()
     assert page.locator("button.round").nth(1).get_attribute("aria-pressed") == "true"
-
-
-def test_arrow_keys_scroll_the_page_where_no_player_has_the_focus(visit):
-    page = visit(WATCHED)
-    expect(page.locator("#replay-step")).to_have_attribute("max", "300")
-    page.locator("#main").focus()
-    page.keyboard.press("End")
-    assert page.locator("#replay-step").input_value() == "0"
 
 
 def test_the_theme_follows_the_system_until_it_is_switched_and_is_remembered(visit):
@@ -355,26 +265,27 @@ def drawn(page):
     return numbers, page.locator("#heatmap caption").inner_text()
 
 
-@pytest.mark.parametrize(
-    ("matrix", "caption", "of_ally"),
-    [("ally", "ally's return", -1), ("opponent", "opponent's return", 1), ("jammed", "jammed", 1)],
-)
-def test_each_matrix_of_cross_play_is_shown_with_the_strongest_first(visit, matrix, caption, of_ally):
+def test_each_matrix_of_cross_play_is_shown_with_the_strongest_first(visit):
     page = visit("crossplay.html")
     page.wait_for_selector("#heatmap td")
     page.locator("#who").select_option(label=page.locator("#who option").nth(3).inner_text())
-    kept = page.locator("#who").evaluate("box => box.selectedOptions[0].text")
-    page.locator("#matrix").select_option(matrix)
-    values, heading = drawn(page)
-    assert heading == f"{caption} of each pair"
-    allies = [of_ally * sum(row) / len(row) for row in values]
-    opponents = [-of_ally * sum(column) / len(column) for column in zip(*values, strict=True)]
-    rounding = 1.0 if matrix == "jammed" else 0.1  # as cells are written
-    for means in (allies, opponents):
-        assert all(one <= other + rounding for one, other in pairwise(means))
-    assert page.locator("#who").evaluate("box => box.selectedOptions[0].text") == kept
+    player = page.locator("#who").evaluate("box => box.selectedOptions[0].text")
+    for matrix, caption, sign in (
+        ("ally", "ally's return", -1),
+        ("opponent", "opponent's return", 1),
+        ("jammed", "jammed", 1),
+    ):
+        page.locator("#matrix").select_option(matrix)
+        values, heading = drawn(page)
+        assert heading == f"{caption} of each pair"
+        allies = [sign * sum(row) / len(row) for row in values]
+        opponents = [-sign * sum(column) / len(column) for column in zip(*values, strict=True)]
+        rounding = 1.0 if matrix == "jammed" else 0.1  # as cells are written
+        for means in (allies, opponents):
+            assert all(one <= other + rounding for one, other in pairwise(means))
+        assert page.locator("#who").evaluate("box => box.selectedOptions[0].text") == player
     page.reload()
-    assert page.locator("#matrix").input_value() == matrix
+    assert page.locator("#matrix").input_value() == "jammed"
 
 
 def test_statistics_are_drawn_per_track(visit):
@@ -469,19 +380,17 @@ while (picture() === before && performance.now() < end) await new Promise(done =
 return picture() !== before; }"""
 
 
-def test_the_round_moves_until_it_is_stopped(visit):
-    page = visit("index.html")
+@pytest.mark.parametrize("motion", ["no-preference", "reduce"])
+def test_the_round_moves_until_it_is_stopped_or_where_motion_is_wanted(visit, motion):
+    page = visit("index.html", reduced_motion=motion)
     expect(page.locator("#film .caption")).to_contain_text("s: ")
-    page.locator("#film .pause").click()
-    assert not page.evaluate(MOVED)
-    page.locator("#film .pause").click()
-    assert page.evaluate(MOVED)
-
-
-def test_where_motion_is_not_wanted_it_is_a_still(visit):
-    page = visit("index.html", reduced_motion="reduce")
-    expect(page.locator("#film .caption")).to_contain_text("s: ")
-    assert not page.evaluate(MOVED)
+    if motion == "reduce":
+        assert not page.evaluate(MOVED)
+    else:
+        page.locator("#film .pause").click()
+        assert not page.evaluate(MOVED)
+        page.locator("#film .pause").click()
+        assert page.evaluate(MOVED)
 
 
 # The example's board has no table of opponents that fly themselves, and so no scale for a visitor who is one.

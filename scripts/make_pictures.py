@@ -1,0 +1,66 @@
+"""Make the pictures of the documentation: the animation of a round, and screenshots of the leaderboard.
+
+python scripts/make_pictures.py docs
+python scripts/make_pictures.py docs --site leaderboard/site
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from pathlib import Path
+
+from fpg_bench import make_duel
+from fpg_bench.players.policy_runner import PolicyRunner
+from fpg_bench.players.registry import as_player
+from fpg_bench.rendering.film import write_gif
+from fpg_bench.rendering.recording import Recording
+
+STEPS, SEED = 170, 12
+EVERY = 3  # steps per frame
+SCREENS = {"leaderboard.png": (1440, 900), "leaderboard-phone.png": (390, 844)}
+
+
+def make_film(path: Path) -> None:
+    """Film the first steps of a round of expert-spread against adaptive."""
+    duel = make_duel(1)
+    ally, opponent = (
+        PolicyRunner(side, [as_player(name, side, duel.scenario)], duel.batch)
+        for side, name in (("ally", "expert-spread"), ("opponent", "adaptive"))
+    )
+    mask = duel.reset(seeds=SEED)
+    ally.begin(mask)
+    opponent.begin(mask)
+    recording = Recording(duel.batch, 0)
+    for _ in range(STEPS):
+        duel.batch.step(ally.act(), opponent.act())
+        recording.add()
+    write_gif([recording], path, every=EVERY)
+
+
+def take_screenshots(site: Path, folder: Path) -> None:
+    """Take screenshots of a built site's front page at each size, without animations."""
+    from playwright.sync_api import sync_playwright
+
+    chromium = shutil.which("chromium-headless-shell") or shutil.which("chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        for name, (width, height) in SCREENS.items():
+            page = browser.new_page(
+                viewport={"width": width, "height": height}, reduced_motion="reduce", color_scheme="light"
+            )
+            page.goto((site / "index.html").absolute().as_uri())
+            page.wait_for_timeout(500)
+            page.screenshot(path=folder / name)
+        browser.close()
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description="Make the pictures of the documentation.")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--site", type=Path, help="take screenshots of this site instead of the animation")
+    options = parser.parse_args()
+    if options.site is None:
+        make_film(options.folder / "game.gif")
+    else:
+        take_screenshots(options.site, options.folder)
