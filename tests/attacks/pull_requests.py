@@ -15,61 +15,17 @@ from tests.attacks.json_texts import hostile_text
 
 # What is written into the place of a text of submission.yaml, as YAML; the reader is YAML's own.
 _TEXTS = (
-    '"\\ud800"',
-    '"\\0"',
-    '"\\x1b[2J\\x1b]0;owned\\a"',
-    '"a\\u202eb"',
-    '"\\u200b"',
-    '"\\u3164"',
-    '" "',
-    "''",
-    "!!python/object/apply:os.system ['true']",
-    "!!binary |\n    /////w==",
-    "!!timestamp 9999-99-99",
-    "2026-11-22",
-    "&a [*a]",
-    "*nowhere",
-    "[" * 3000,
-    "{" * 3000,
-    "1" * 5000,
-    "1" + ":59" * 20_000,
-    "0x" + "f" * 5000,
-    ".inf",
-    "null",
-    "true",
-    "[]",
-    "{}",
-    "1e999",
-    "-1",
-    "'" + "x" * 70_000 + "'",
-    "? [a]\n  : b",
-    "<script>",
-    "'{{7*7}}'",
-    "!!set {a, b}",
-    "!!omap [a: 1]",
-    "!!float x",
-    "1_0_0__0",
-    "@",
-    "`",
-    "%",
-    "\t",
-    "- - - -",
-    "'\\'",
-    '"\\q"',
-)
+    '"\\ud800"', '"\\0"', '"\\x1b[2J\\x1b]0;owned\\a"', '"a\\u202eb"', '"\\u200b"', '"\\u3164"', '" "',
+    "''", "!!python/object/apply:os.system ['true']", "!!binary |\n    /////w==", "!!timestamp 9999-99-99",
+    "2026-11-22", "&a [*a]", "*nowhere", "[" * 3000, "{" * 3000, "1" * 5000, "1" + ":59" * 20_000,
+    "0x" + "f" * 5000, ".inf", "null", "true", "[]", "{}", "1e999", "-1", "'" + "x" * 70_000 + "'",
+    "? [a]\n  : b", "<script>", "'{{7*7}}'", "!!set {a, b}", "!!omap [a: 1]", "!!float x", "1_0_0__0", "@",
+    "`", "%", "\t", "- - - -", "'\\'", '"\\q"',
+)  # fmt: skip
 _NAMES = (
-    "..",
-    "con",
-    "a" * 255,
-    "-rf",
-    "seed_00",
-    "seed_1e3",
-    "seed_-1",
-    "SEED_0",
-    "policy.onnx",
-    ".git",
+    "con", "a" * 255, "-rf", "seed_00", "seed_1e3", "seed_-1", "SEED_0", "policy.onnx", ".git",
     "a\nb",
-)
+)  # fmt: skip
 
 
 def spoil(folder: Path, result: Path | None, seed: int) -> str:
@@ -103,23 +59,13 @@ def _text(folder: Path, result: Path | None, rng: random.Random) -> None:
 def _key(folder: Path, result: Path | None, rng: random.Random) -> None:
     """A line more, or a file that is cut or broken."""
     file = folder / "submission.yaml"
-    whole = file.read_bytes()
-    more = [
-        b"name: twice\n",
-        b"\xff\xfe",
-        b"? " + b"[" * 500,
-        b"<<: {name: x}\n",
-        b"x: &a [b]\ny: [*a, *a]\n",
-        b"\0",
-    ]
-    more += [
-        b"a: &a [x,x,x,x]\n"
-        + b"".join(b"%c: &%c [*%c,*%c,*%c,*%c]\n" % (k + 1, k + 1, k, k, k, k) for k in b"abcdefg")
-    ]
-    place = rng.choice([0, len(whole), rng.randrange(len(whole))])
-    file.write_bytes(
-        whole[:place] if rng.random() < 0.2 and place else whole[:place] + rng.choice(more) + whole[place:]
-    )
+    text = file.read_bytes()
+    aliases = b"".join(b"%c: &%c [*%c,*%c,*%c,*%c]\n" % (k + 1, k + 1, k, k, k, k) for k in b"abcdefg")
+    lines = [b"name: twice\n", b"\xff\xfe", b"? " + b"[" * 500, b"<<: {name: x}\n", b"\0"]
+    lines += [b"x: &a [b]\ny: [*a, *a]\n", b"a: &a [x,x,x,x]\n" + aliases]
+    place = rng.choice([0, len(text), rng.randrange(len(text))])
+    is_cut = rng.random() < 0.2 and place
+    file.write_bytes(text[:place] if is_cut else text[:place] + rng.choice(lines) + text[place:])
 
 
 def _about(folder: Path, result: Path | None, rng: random.Random) -> None:
@@ -139,12 +85,7 @@ def _model(folder: Path, result: Path | None, rng: random.Random) -> None:
 def _stray(folder: Path, result: Path | None, rng: random.Random) -> None:
     """A name that does not belong there."""
     where = rng.choice([folder, folder, next(folder.glob("seed_*"))])
-    raw = [
-        b"\xff\xfe",
-        b"\x1b[31m",
-        "\u202egpj".encode(),
-        *(name.encode() for name in _NAMES if name != ".."),
-    ]
+    raw = [b"\xff\xfe", b"\x1b[31m", "\u202egpj".encode(), *(name.encode() for name in _NAMES)]
     path = os.path.join(os.fsencode(where), rng.choice(raw))
     if not os.path.lexists(path):
         rng.choice([os.mkdir, lambda new: os.close(os.open(new, os.O_CREAT)), os.mkfifo])(path)
