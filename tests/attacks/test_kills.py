@@ -1,5 +1,6 @@
 """What is stopped or killed says what it kept, leaves nothing behind, and goes on or ends in one line."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -68,6 +69,19 @@ def test_what_is_killed_while_it_writes_leaves_nothing_for_long(tmp_path):
     write_whole(file, "next")
     assert os.listdir(file.parent) == ["agent.json"]
     assert file.read_text() == "next"
+
+
+def test_a_full_disk_names_the_file_and_keeps_the_one_before(tmp_path, monkeypatch):
+    file = tmp_path / "file"
+    write_whole(file, "whole")
+
+    def full(*names):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(OSError, match=f"No space left on device: '{file}'"):
+        write_whole(file, "next")
+    assert (os.listdir(tmp_path), file.read_text()) == (["file"], "whole")
 
 
 def test_what_another_process_is_writing_stays(tmp_path):
