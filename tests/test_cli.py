@@ -16,7 +16,7 @@ import typer
 from fpg_bench import __version__
 from fpg_bench.cli import app, completion, evaluation, training
 from fpg_bench.cli.options import whole_number
-from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.ids import ENVS, SCRIPTED
 from fpg_bench.common.rows import RowFile
 from fpg_bench.game.compiling import cache_folder
 from fpg_bench.game.names import CHOSEN, OBSERVED, PATHS
@@ -39,10 +39,10 @@ def test_help_names_every_verb_and_loads_nothing_heavy():
         "heavy = {'numba', 'torch', 'stable_baselines3', 'matplotlib', 'onnxruntime'} & set(sys.modules)\n"
         "sys.exit(str(heavy) if heavy else 0)"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert found.returncode == 0, found.stderr
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
     for verb in ("envs", "play", "train", "evaluate", "table", "players", "suites"):
-        assert verb in found.stdout
+        assert verb in result.stdout
 
 
 def verbs(command, words=("fpg-bench",)):
@@ -50,7 +50,7 @@ def verbs(command, words=("fpg-bench",)):
     if not hasattr(command, "commands"):
         return [(" ".join(words), command)]
     below = command.commands.items()
-    return [found for name, each in below for found in verbs(each, (*words, name))]
+    return [verb for name, each in below for verb in verbs(each, (*words, name))]
 
 
 @pytest.mark.parametrize(("words", "verb"), verbs(typer.main.get_command(app)), ids=str)
@@ -64,8 +64,8 @@ def test_help_of_every_verb_has_an_example_that_can_be_typed(words, verb):
 def test_a_shell_can_complete_verbs():
     asked = {"_FPG_BENCH_COMPLETE": "complete_bash", "COMP_WORDS": "fpg-bench pl", "COMP_CWORD": "1"}
     code = "import sys; sys.argv = ['fpg-bench']; from fpg_bench.cli import main; main()"
-    told = subprocess.check_output([sys.executable, "-c", code], env=os.environ | asked, text=True)
-    assert {"play", "players", "plan"} == set(told.split())
+    names = subprocess.check_output([sys.executable, "-c", code], env=os.environ | asked, text=True)
+    assert {"play", "players", "plan"} == set(names.split())
 
 
 def test_a_shell_can_complete_what_can_be_named():
@@ -88,55 +88,35 @@ def test_a_shell_can_complete_what_can_be_named():
 
 
 @pytest.mark.process
-def test_envs_lists_every_id_and_what_is_seen_and_chosen():
-    found = fpg("envs")
-    assert found.returncode == 0
-    words = " ".join(found.stdout.split())
-    for named in (OBSERVED, CHOSEN):
-        for names in named.values():
-            assert ", ".join(f"{k} {name}" for k, name in enumerate(names)) in words
-    for env_id in (
-        "AllyVsScripted",
-        "AllyVsPlanner",
-        "OpponentVsScripted",
-        "AllyVsPolicy",
-        "OpponentVsPolicy",
-    ):
-        assert f"FPG/{env_id}-v0" in found.stdout
-
-
-@pytest.mark.process
-def test_players_lists_all_that_can_be_named():
-    found = fpg("players")
-    assert found.returncode == 0, found.stderr
-    words = found.stdout.replace(",", " ").replace(":", " ").split()
-    assert {*SCRIPTED["ally"], *SCRIPTED["opponent"], *PLANNERS, *PATHS} <= set(words)
-    assert "tier history" in found.stdout
-    assert max(map(len, found.stdout.splitlines())) <= 90
-
-
-@pytest.mark.process
-def test_suites_lists_each_with_its_rivals():
-    found = fpg("suites")
-    assert found.returncode == 0, found.stderr
+def test_lists_name_all_that_can_be_named():
+    lists = {verb: fpg(verb) for verb in ("envs", "players", "suites")}
+    assert [result.stderr for result in lists.values() if result.returncode] == []
+    text = " ".join(lists["envs"].stdout.split())
+    for named in (*OBSERVED.values(), *CHOSEN.values()):
+        assert ", ".join(f"{index} {name}" for index, name in enumerate(named)) in text
+    assert [env_id for env_id in ENVS if env_id not in text] == []
+    text = lists["players"].stdout.replace(",", " ").replace(":", " ")
+    assert {*SCRIPTED["ally"], *SCRIPTED["opponent"], *PLANNERS, *PATHS} <= set(text.split())
+    assert "tier history" in text
+    assert max(map(len, text.splitlines())) <= 90
     for path in suites_folder().glob("*.yml"):
-        assert f"{path.stem}: measures the " in found.stdout
-    assert "adaptive/interceptor" in found.stdout
+        assert f"{path.stem}: measures the " in lists["suites"].stdout
+    assert "adaptive/interceptor" in lists["suites"].stdout
 
 
 @pytest.mark.process
-def test_the_package_is_a_program(tmp_path):
-    found = python("-m", "fpg_bench", "--version")
-    assert found.stdout.strip() == __version__
+@pytest.mark.parametrize("module", ["fpg_bench", "fpg_bench.cli"])
+def test_version(module):
+    assert python("-m", module, "--version").stdout.strip() == __version__
 
 
 @pytest.mark.process
 def test_play_prints_a_round_and_writes_a_page(tmp_path):
-    found = fpg("play", "--ally", "expert-spread", "--opponent", "sweep", "--path", "circle", "--seed", 4)
-    assert found.returncode == 0, found.stderr
-    assert "overlap" in found.stdout.lower()
-    found = fpg("play", "--out", tmp_path / "round.html")
-    assert found.returncode == 0, found.stderr
+    result = fpg("play", "--ally", "expert-spread", "--opponent", "sweep", "--path", "circle", "--seed", 4)
+    assert result.returncode == 0, result.stderr
+    assert "overlap" in result.stdout.lower()
+    result = fpg("play", "--out", tmp_path / "round.html")
+    assert result.returncode == 0, result.stderr
     assert "<html" in (tmp_path / "round.html").read_text()
 
 
@@ -145,24 +125,24 @@ def test_train_evaluate_table(tmp_path):
     (tmp_path / "tiny.yml").write_text(TINY)
     words = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "run", "--hyperparams", "tiny.yml")
     words = (*words, "--opponent", "tone,comb", "--n-evals", "1")
-    found = fpg(*words, folder=tmp_path)
-    assert found.returncode == 0, found.stderr
-    assert "agent: run/agent\n" in found.stdout
-    assert "learning curve: run/curve.png\n" in found.stdout
+    result = fpg(*words, folder=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "agent: run/agent\n" in result.stdout
+    assert "learning curve: run/curve.png\n" in result.stdout
     last = RowFile(tmp_path / "run" / "evaluations.jsonl").read()[-1]
-    said = f"ally's score at the end of training (few rounds, tuning seeds): {last['score']:.1f}\n"
-    assert said in found.stdout
+    score = f"ally's score at the end of training (few rounds, tuning seeds): {last['score']:.1f}\n"
+    assert score in result.stdout
     again = fpg(*words, folder=tmp_path)
     assert "finished before; nothing was trained" in again.stdout
-    assert said in again.stdout
+    assert score in again.stdout
     words = ("evaluate", "idle", "run/agent", "--suite", "ally-v1", "--matches", 2, "--out", "results")
-    found = fpg(*words, folder=tmp_path)
-    assert found.returncode == 0, found.stderr
-    assert "idle" in found.stdout
-    assert "ppo" in found.stdout
+    result = fpg(*words, folder=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "idle" in result.stdout
+    assert "ppo" in result.stdout
     again = fpg(*words, folder=tmp_path)
-    assert again.stdout == found.stdout  # the same rows, nothing played again
-    assert fpg("table", "results", folder=tmp_path).stdout == found.stdout
+    assert again.stdout == result.stdout  # the same rows, nothing played again
+    assert fpg("table", "results", folder=tmp_path).stdout == result.stdout
     lines = (tmp_path / "results" / "records.jsonl").read_text().splitlines()
     assert len(lines) == 2 * 10
 
@@ -209,9 +189,9 @@ def test_train_evaluate_table(tmp_path):
     ids=lambda value: "-".join(value)[:40] if isinstance(value, tuple) else "",
 )
 def test_bad_words_get_one_line_and_a_status(words, message, tmp_path):
-    found = fpg(*words, folder=tmp_path)
-    assert found.returncode == 2
-    (line,) = [line for line in found.stderr.splitlines() if not line.startswith("fpg_bench: compiling")]
+    result = fpg(*words, folder=tmp_path)
+    assert result.returncode == 2
+    (line,) = [line for line in result.stderr.splitlines() if not line.startswith("fpg_bench: compiling")]
     assert line.startswith("fpg-bench: ")
     assert message in line
     assert not list(tmp_path.iterdir())
@@ -221,8 +201,8 @@ def test_bad_words_get_one_line_and_a_status(words, message, tmp_path):
     ("text", "number"), [("1", 1), ("1e6", 10**6), ("1_000", 1000), ("2.5E+3", 2500), ("1e15", 10**15)]
 )
 def test_a_whole_number_may_be_written_with_an_exponent(text, number):
-    assert (found := whole_number(text)) == number
-    assert type(found) is int
+    assert (parsed := whole_number(text)) == number
+    assert type(parsed) is int
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "1.5", "1e-6", "nan", "inf", "1e999999999", "1e16", "many", ""])
@@ -240,22 +220,17 @@ def test_what_was_imported_is_not_looked_through_for_waste_as_a_command_ends():
         "from fpg_bench.cli import main\n"
         "main()\n"
     )
-    said = subprocess.check_output([sys.executable, "-c", code], text=True)
-    assert said.split()[-1] == "True"
-
-
-@pytest.mark.process
-def test_version():
-    assert fpg("--version").stdout.strip() == __version__
+    output = subprocess.check_output([sys.executable, "-c", code], text=True)
+    assert output.split()[-1] == "True"
 
 
 @pytest.mark.process
 def test_a_suite_of_ones_own_needs_a_file_and_no_more(tmp_path):
     content = "side: opponent\nscenario: standard\nmatches: 3\nrivals: [{ally: idle, path: circle}]\n"
     (tmp_path / "mine.yml").write_text(content)
-    found = fpg("evaluate", "adaptive", "--suite", "mine.yml", folder=tmp_path)
-    assert found.returncode == 0, found.stderr
-    assert "score: the return per step" in " ".join(found.stdout.split())
+    result = fpg("evaluate", "adaptive", "--suite", "mine.yml", folder=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "score: the return per step" in " ".join(result.stdout.split())
     assert (tmp_path / "results" / "records.jsonl").exists()
 
 
@@ -263,10 +238,10 @@ def test_a_suite_of_ones_own_needs_a_file_and_no_more(tmp_path):
 def test_a_player_that_fails_is_named(tmp_path):
     source = "class Bad:\n    def predict(self, *a, **k):\n        raise RuntimeError('no idea')\n"
     (tmp_path / "bad.py").write_text(source)
-    found = fpg("evaluate", "bad:Bad", "--out", "results", folder=tmp_path)
-    assert found.returncode == 2
+    result = fpg("evaluate", "bad:Bad", "--out", "results", folder=tmp_path)
+    assert result.returncode == 2
     where = f"in {tmp_path / 'bad.py'}, line 3"
-    assert found.stderr.strip().endswith(f"ally Bad: its predict failed: RuntimeError: no idea, {where}")
+    assert result.stderr.strip().endswith(f"ally Bad: its predict failed: RuntimeError: no idea, {where}")
 
 
 @pytest.mark.process
@@ -279,16 +254,16 @@ def test_damaged_compiled_code_says_what_to_delete(tmp_path):
         path.write_bytes(path.read_bytes()[:100])
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     command = [sys.executable, "-m", "fpg_bench.cli", *words]
-    found = subprocess.run(command, env=environment, capture_output=True, text=True)
-    assert found.returncode == 1
-    assert f"delete {tmp_path}" in found.stderr.splitlines()[-1]
+    result = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert result.returncode == 1
+    assert f"delete {tmp_path}" in result.stderr.splitlines()[-1]
 
 
 @pytest.mark.process
 def test_debug_shows_the_traceback(tmp_path):
-    found = fpg("--debug", "table", "nowhere", folder=tmp_path)
-    assert found.returncode != 0
-    assert "Traceback" in found.stderr
+    result = fpg("--debug", "table", "nowhere", folder=tmp_path)
+    assert result.returncode != 0
+    assert "Traceback" in result.stderr
 
 
 @pytest.mark.process
@@ -296,16 +271,16 @@ def test_a_file_that_cannot_grow_is_one_line_and_keeps_what_it_holds(tmp_path):
     words = ("evaluate", "idle", "--matches", "400", "--out", "results")
     command = [sys.executable, "-m", "fpg_bench.cli", *words]
     limit = (15_000, 15_000)  # bytes a file may have: as a disk that is full in the middle of a line
-    found = subprocess.run(
+    result = subprocess.run(
         command,
         cwd=tmp_path,
         capture_output=True,
         text=True,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit),
     )
-    assert found.returncode == 1
-    assert found.stderr.count("\n") == 1
-    assert "File too large; what was finished is kept" in found.stderr
+    assert result.returncode == 1
+    assert result.stderr.count("\n") == 1
+    assert "File too large; what was finished is kept" in result.stderr
     kept = RowFile(tmp_path / "results" / "records.jsonl").read()
     assert 1 <= len(kept) < 10
     assert subprocess.run(command, cwd=tmp_path, capture_output=True).returncode == 0
@@ -341,8 +316,8 @@ def test_ctrl_c_in_a_librarys_call_back_is_heard_all_the_same():
         "sys.argv = ['fpg-bench', 'loads']\n"
         "main()"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-    assert (found.returncode, found.stderr) == (130, "fpg-bench: stopped; what was finished is kept\n")
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (result.returncode, result.stderr) == (130, "fpg-bench: stopped; what was finished is kept\n")
 
 
 def test_where_no_bar_can_be_drawn_a_line_says_what_is_under_way(monkeypatch, capsys):

@@ -29,11 +29,11 @@ def name(page):
 
 
 def python_runs(text):
-    """How many blocks of Python a page has; all of them are run."""
-    found = [code for language, code in blocks(text) if language == "python"]
-    for code in found:
+    """Run all blocks of Python of a page, and return their number."""
+    codes = [code for language, code in blocks(text) if language == "python"]
+    for code in codes:
         exec(compile(code, "block", "exec"), {})
-    return len(found)
+    return len(codes)
 
 
 @pytest.mark.process
@@ -56,23 +56,23 @@ def test_links_lead_somewhere(page):
 
 
 def test_every_page_has_its_place_in_the_site():
-    told = "\n".join(page.read_text() for page in (DOCS / "index.md", DOCS / "reference/environments.md"))
+    contents = "\n".join(page.read_text() for page in (DOCS / "index.md", DOCS / "reference/environments.md"))
     pages = [*RUN, *WRITTEN, *DOCS.glob("reproduction/*.md")]
     names = [name(page).removesuffix(".md") for page in pages if page.name != "index.md"]
-    assert [place for place in names if not re.search(rf"(?m)^{place}$", told)] == []
+    assert [place for place in names if not re.search(rf"(?m)^{place}$", contents)] == []
 
 
 @pytest.mark.slow
 def test_every_id_has_a_page_of_what_it_sees_and_does(tmp_path):
     reference_pages.write_pages(tmp_path, pictures=False)
     rules = (DOCS / "rules.md").read_text()
-    for view in ENVS.values():
-        text = (tmp_path / f"{view.id.removeprefix('FPG/')}.md").read_text()
-        assert f"`{view.other}`" in text
+    for config in ENVS.values():
+        text = (tmp_path / f"{config.id.removeprefix('FPG/')}.md").read_text()
+        assert f"`{config.other}`" in text
         for mark in re.findall(r':start-after: "(.*)"', text):
             table = rules.split(mark)[1].split("<!-- end -->")[0]
             assert table.strip().startswith("| index |")
-        assert python_runs(text) == (view.planner not in LLM_CONTROLS)
+        assert python_runs(text) == (config.planner not in LLM_CONTROLS)
     assert python_runs((tmp_path / f"{DUEL.removeprefix('FPG/')}.md").read_text()) == 1
 
 

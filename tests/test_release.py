@@ -46,7 +46,7 @@ def test_headings_of_the_changelog_are_the_usual_ones():
 
 
 def test_ids_stay():
-    assert {view.id: (view.side, view.other, view.path, view.planner) for view in ENVS.values()} == IDS
+    assert {env.id: (env.side, env.other, env.path, env.planner) for env in ENVS.values()} == IDS
     assert DUEL == "FPG/duel_v0"
 
 
@@ -57,5 +57,5 @@ def test_presets_play_the_game_that_they_played():
 def test_a_closed_season_s_file_stays():
     """It names its agents by their hashes, so they stay, too."""
     folder = suites_folder()
-    found = {path.parent.name: path.read_bytes() for path in folder.glob("season-*/season.yml")}
-    assert {name: hashlib.sha256(content).hexdigest() for name, content in found.items()} == SEASONS
+    files = {path.parent.name: path.read_bytes() for path in folder.glob("season-*/season.yml")}
+    assert {name: hashlib.sha256(content).hexdigest() for name, content in files.items()} == SEASONS

@@ -28,9 +28,9 @@ def test_each_workflow_is_known():
 
 @pytest.mark.parametrize("name", RIGHTS)
 def test_a_workflow_writes_what_it_must_and_nothing_else(name):
-    told = [WORKFLOWS[name]["permissions"]]
-    told += [job["permissions"] for job in WORKFLOWS[name]["jobs"].values() if "permissions" in job]
-    assert {right for rights in told for right, kind in rights.items() if kind == "write"} == RIGHTS[name]
+    rights = [WORKFLOWS[name]["permissions"]]
+    rights += [job["permissions"] for job in WORKFLOWS[name]["jobs"].values() if "permissions" in job]
+    assert {right for each in rights for right, kind in each.items() if kind == "write"} == RIGHTS[name]
 
 
 @pytest.mark.parametrize("name", RIGHTS)

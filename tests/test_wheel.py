@@ -41,16 +41,16 @@ check_env(env.unwrapped)  # shows every mode that is named, and without the extr
 pettingzoo.make("parallel", "FPG/duel_v0").reset(seed=1)
 check_player(fpg_bench.load_agent("ally-scripted/ppo/seed_0"), "ally")
 """
-# Runs each line as a command or, where it has a bracket, as Python; prints the status and what was said.
+# Runs each line as a command or, where it has a bracket, as Python; prints the status and the output.
 RUN = """
 import contextlib, io, json, os, shlex, sys
 import gymnasium
 import fpg_bench.cli
 os.environ |= {"FPG_LLM_BASE_URL": "http://127.0.0.1:9/v1", "FPG_LLM_MODEL": "none"}
-found = []
+results = []
 for line in json.loads(sys.argv[1]):
-    said, status = io.StringIO(), 0
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+    output, status = io.StringIO(), 0
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
         try:
             if "(" in line:
                 eval(line)
@@ -62,8 +62,8 @@ for line in json.loads(sys.argv[1]):
         except fpg_bench.UserError as error:
             print(error)
             status = 2
-    found.append((line, status, said.getvalue()))
-print("\\n" + json.dumps(found))
+    results.append((line, status, output.getvalue()))
+print("\\n" + json.dumps(results))
 """
 
 
@@ -177,8 +177,8 @@ def test_the_wheel_is_small_and_holds_the_agents(wheel):
     assert len(list((wheel / "fpg_bench" / "baselines").rglob("policy.onnx"))) > 50
 
 
-def records_in(python, folder, lines):
-    """The status and the words of each line, run in an environment."""
+def run_lines(python, folder, lines):
+    """Run lines in an environment, and return each with its status and output."""
     done = run(python, "-c", RUN, json.dumps(lines), cwd=folder)
     assert done.returncode == 0, done.stdout + done.stderr
     return json.loads(done.stdout.splitlines()[-1])
@@ -187,15 +187,15 @@ def records_in(python, folder, lines):
 def check(python, folder, extra, base):
     """An extra's lines work, and those of extras that stand on ``base`` name what is missing; one program."""
     does, missing = [*extra.does, *extra.tries], missing_on(base)
-    found = records_in(python, folder, [*does, *(line for line, _ in missing)])
-    for line, status, said in found[: len(does)]:
-        assert status == 0 or (line in extra.tries and status == 2), (line, said)
-        assert "not installed" not in said
-        assert "a bug" not in said
-    for (line, name), (_, status, said) in zip(missing, found[len(does) :], strict=True):
-        assert status == 2, (line, said)
-        assert len(said.splitlines()) == 1, (line, said)
-        assert said.endswith(f'is not installed: pip install "fpg-bench[{name}]"\n'), (line, said)
+    results = run_lines(python, folder, [*does, *(line for line, _ in missing)])
+    for line, status, output in results[: len(does)]:
+        assert status == 0 or (line in extra.tries and status == 2), (line, output)
+        assert "not installed" not in output
+        assert "a bug" not in output
+    for (line, name), (_, status, output) in zip(missing, results[len(does) :], strict=True):
+        assert status == 2, (line, output)
+        assert len(output.splitlines()) == 1, (line, output)
+        assert output.endswith(f'is not installed: pip install "fpg-bench[{name}]"\n'), (line, output)
 
 
 def missing_on(base):
@@ -239,8 +239,8 @@ def test_agents_play_the_same_without_onnx(monkeypatch, agent):
     starts = np.zeros(16, bool)
     states = [None, None]
     for observations in seen:
-        found = [
+        predictions = [
             player.predict(observations, state, starts) for player, state in zip(players, states, strict=True)
         ]
-        assert found[0][0].tobytes() == found[1][0].tobytes()
-        states = [state for _, state in found]
+        assert predictions[0][0].tobytes() == predictions[1][0].tobytes()
+        states = [state for _, state in predictions]

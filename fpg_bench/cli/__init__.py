@@ -129,7 +129,7 @@ def _heard_again(swallowed: Any) -> None:
 
 
 def _terminated(number: int, frame: object) -> None:
-    """Stop as Ctrl-C does: what can save itself does so, and what is kept is said."""
+    """Stop as Ctrl-C does, so that runs save their state."""
     global _ENDED
     _ENDED = 128 + number
     raise KeyboardInterrupt

@@ -134,20 +134,20 @@ def table(
 
 @contextlib.contextmanager
 def shown_progress() -> Iterator[Callable[[str], None]]:
-    """Something to tell what is under way: it draws it on a terminal, and else prints it now and then."""
+    """Yield a function that shows what is under way: a bar on a terminal, else a line every half minute."""
     from rich.progress import Progress
 
     from fpg_bench.common.parallel import LINE_EVERY_S
 
-    told = time.monotonic()
+    last_line = time.monotonic()
     with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("", total=None)
 
         def show(line: str) -> None:
-            nonlocal told
+            nonlocal last_line
             bar.update(task, description=line)
-            if bar.disable and time.monotonic() - told >= LINE_EVERY_S:
-                told = time.monotonic()
+            if bar.disable and time.monotonic() - last_line >= LINE_EVERY_S:
+                last_line = time.monotonic()
                 print(printable(line), file=sys.stderr, flush=True)
 
         yield show
@@ -161,7 +161,7 @@ def terminal_width() -> int:
 
 
 def print_table(names: list[str], lines: list[list[str]], below: str) -> None:
-    """Print a table, whole however narrow the terminal is, and its caption."""
+    """Print a table in full width, also on a narrower terminal, and its caption."""
     from rich import box
     from rich.console import Console
     from rich.table import Table

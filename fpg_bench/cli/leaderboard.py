@@ -53,17 +53,17 @@ def check(folder: Annotated[Path, typer.Argument(help="Folder of the submission.
     from fpg_bench.leaderboard.submission import load_submission, notes, problems
     from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
 
-    found = problems(folder)
-    if not found:
+    faults = problems(folder)
+    if not faults:
         submission = load_submission(folder)
         suite = suites_of(submission, TrackSuites())[PUBLIC]
         for policy in submission.policies:
-            found += [f"seed_{policy.seed}: {line}" for line in smoke_test(policy, suite)]
+            faults += [f"seed_{policy.seed}: {line}" for line in smoke_test(policy, suite)]
         for line in notes(submission):
             print_line(f"{folder}: note: {line}")
-    for line in found:
+    for line in faults:
         print_line(f"{folder}: {line}")
-    if found:
+    if faults:
         raise typer.Exit(1)
     print_line(f"{folder}: nothing is wrong")
 

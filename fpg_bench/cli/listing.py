@@ -75,9 +75,9 @@ def _scores(shipped: Zoo, group: ZooGroup) -> dict[tuple[str, int | None], float
 
 
 def _line(member: ZooAgent, score: float | None) -> str:
-    whole = "whole" if member.is_whole() else "CHANGED: not the file that agent.json describes"
-    told = "-" if score is None else f"{score:.1f}"
-    return f"{member.name:36} {member.about()['training_steps']:12,} {told:>7}  {whole}"
+    state = "whole" if member.is_whole() else "CHANGED: not the file that agent.json describes"
+    mean = "-" if score is None else f"{score:.1f}"
+    return f"{member.name:36} {member.about()['training_steps']:12,} {mean:>7}  {state}"
 
 
 def players() -> None:
@@ -165,8 +165,8 @@ def _planners() -> dict[str, list[str]]:
     from fpg_bench.planning import LLM_CONTROLS, PLANNERS, TIERS, as_planner
     from fpg_bench.planning.llm.llm_planner import LLMPlanner
 
-    found: dict[str, list[str]] = {tier: [] for tier in TIERS}
+    by_tier: dict[str, list[str]] = {tier: [] for tier in TIERS}
     for name in PLANNERS:
         tier = LLMPlanner.tier if name in LLM_CONTROLS else as_planner(name, STANDARD).tier
-        found[tier].append(name)
-    return found
+        by_tier[tier].append(name)
+    return by_tier

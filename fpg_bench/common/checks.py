@@ -9,44 +9,45 @@ from typing import Any
 from fpg_bench.common.errors import UserError, nearest
 
 
-def is_whole(value: Any, least: int = 1) -> bool:
+def is_whole(value: object, least: int = 1) -> bool:
     """Return True for an integer of at least ``least``; a bool is not one."""
     return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= least
 
 
-def whole(value: Any, where: str, least: int = 1) -> int:
+def whole(value: object, where: str, least: int = 1) -> int:
     """Return the value if it is an integer of at least ``least``; raise UserError otherwise."""
-    if not is_whole(value, least):
+    if not isinstance(value, Integral) or not is_whole(value, least):
         bound = "a whole number above 0" if least == 1 else f"a whole number, {least} or more"
         raise UserError(f"{where}: expected {bound}, got {value!r}")
     return int(value)
 
 
-def flag(value: Any, where: str) -> bool:
+def flag(value: object, where: str) -> bool:
     """Return the value if it is a bool; raise UserError otherwise."""
     if not isinstance(value, bool):
         raise UserError(f"{where}: expected true or false, got {value!r}")
     return value
 
 
-def mapping(value: Any, where: str) -> Mapping[Any, Any]:
+def mapping(value: object, where: str) -> Mapping[Any, Any]:
     """Return the value if it is a mapping; raise UserError otherwise."""
     if not isinstance(value, Mapping):
         raise UserError(f"{where}: expected a mapping, got {value!r}")
     return value
 
 
-def check_keys(content: Any, known: Collection[str], where: str, needed: Collection[str] = ()) -> None:
+def check_keys(content: object, known: Collection[str], where: str, needed: Collection[str] = ()) -> None:
     """Raise UserError for an unknown key, naming the nearest known one, or for a missing key.
 
     Args:
-        content: what was read; anything but a mapping is refused, too.
-        known: the keys that may stand there.
-        where: begins the message.
-        needed: those of them that must.
+        content: what was read; anything but a mapping is refused.
+        known: allowed keys.
+        where: beginning of the message.
+        needed: required keys.
     """
-    for key in mapping(content, where):
+    keys = mapping(content, where).keys()
+    for key in keys:
         if key not in known:
             raise UserError(f"{where}: unknown key {key!r}{nearest(str(key), known)}")
-    if missing := [key for key in needed if key not in content]:
+    if missing := [key for key in needed if key not in keys]:
         raise UserError(f"{where}: lacks {', '.join(missing)}")

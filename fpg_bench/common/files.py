@@ -73,8 +73,8 @@ def read_yaml(path: Path, what: str) -> dict[str, Any]:
     except UserError:
         raise
     except Exception as error:  # PyYAML lets errors of many kinds out, tagged values above all
-        said = " ".join(str(error).split()) or type(error).__name__
-        raise UserError(f"{what} {path}: not valid YAML: {said}") from error
+        problem = " ".join(str(error).split()) or type(error).__name__
+        raise UserError(f"{what} {path}: not valid YAML: {problem}") from error
     return _mapping(content, path, what)
 
 
@@ -163,7 +163,7 @@ def _alive(pid: int) -> bool:
     return True
 
 
-def write_json(path: Path, content: Any) -> None:
+def write_json(path: Path, content: object) -> None:
     """Write ``content`` as indented JSON, atomically."""
     write_whole(path, json.dumps(content, indent=2) + "\n")
 
@@ -176,7 +176,7 @@ def _read(path: Path, what: str) -> str:
         raise UserError(f"{what} {path}: cannot be read: {reason}") from error
 
 
-def _mapping(content: Any, path: Path, what: str) -> dict[str, Any]:
+def _mapping(content: object, path: Path, what: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise UserError(f"{what} {path}: expected a mapping, got {type(content).__name__}")
     return content

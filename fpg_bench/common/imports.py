@@ -6,14 +6,14 @@ import importlib
 import inspect
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError
 
 
-def import_object(name: str, what: str, methods: Sequence[str], scenario: Any) -> Any:
+def import_object(name: str, what: str, methods: Sequence[str], scenario: object) -> Any:
     """Return the object that ``package.module:object`` names; the current folder is searched, too.
 
     A class or function is called first, with the scenario if it takes an argument.
@@ -49,20 +49,20 @@ def imported(name: str, what: str) -> Any:
         raise UserError(f"{what} {name!r}: importing it failed: {reason(error)}") from error
 
 
-def ready(found: Any, what: str, methods: Sequence[str], scenario: Any) -> Any:
+def ready(thing: object, what: str, methods: Sequence[str], scenario: object) -> Any:
     """Return an object with one of the methods: the given one, or what it makes if it is a class or function.
 
     Raises:
         UserError: making it fails, or it has none of the methods; ``what`` begins the message.
     """
-    if callable(found) and (isinstance(found, type) or not has_any(found, methods)):
-        found = _made(found, what, scenario)
-    if not has_any(found, methods):
+    if callable(thing) and (isinstance(thing, type) or not has_any(thing, methods)):
+        thing = _made(thing, what, scenario)
+    if not has_any(thing, methods):
         raise UserError(f"{what}: has no {' or '.join(methods)}")
-    return found
+    return thing
 
 
-def has_any(thing: Any, methods: Sequence[str]) -> bool:
+def has_any(thing: object, methods: Sequence[str]) -> bool:
     """Return True if an object has at least one of the methods."""
     return any(callable(getattr(thing, method, None)) for method in methods)
 
@@ -87,7 +87,7 @@ def _at_line(error: BaseException) -> str:
     return ""
 
 
-def _made(maker: Any, what: str, scenario: Any) -> Any:
+def _made(maker: Callable[..., Any], what: str, scenario: object) -> Any:
     """Call a class or function, with the scenario if it takes an argument."""
     try:
         return maker(scenario) if inspect.signature(maker).parameters else maker()

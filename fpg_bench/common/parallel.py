@@ -36,7 +36,7 @@ def _never() -> bool:
     return False
 
 
-def _drop(result: Any) -> None:
+def _drop(result: object) -> None:
     """Keep nothing: the job has written its own files."""
 
 
@@ -237,7 +237,7 @@ def _interrupts_passed_on() -> Iterator[threading.Event]:
         yield stopped
         return
 
-    def pass_on(number: int, frame: Any) -> None:
+    def pass_on(number: int, frame: object) -> None:
         signal.signal(signal.SIGINT, before)
         stopped.set()
         for process in multiprocessing.active_children():
@@ -288,9 +288,9 @@ def _on_ray(calls: _Calls, n_jobs: int, address: str | None) -> _Outcomes:
 
     is_ours = not ray.is_initialized()
     if is_ours:
-        _join_cluster(ray, address or os.environ.get("RAY_ADDRESS"), n_jobs)
+        _join_cluster(address or os.environ.get("RAY_ADDRESS"), n_jobs)
     remote = ray.remote(num_cpus=1, max_retries=TRIES - 1)(_run)
-    running: dict[Any, int] = {}
+    running: dict[ray.ObjectRef, int] = {}
     try:
         while True:
             for index, call in islice(calls, n_jobs - len(running)):
@@ -317,8 +317,10 @@ def _run(call: _Call) -> Outcome:
     return call()
 
 
-def _join_cluster(ray: Any, address: str | None, n_jobs: int) -> None:
+def _join_cluster(address: str | None, n_jobs: int) -> None:
     """Join a cluster, or start one on this machine."""
+    import ray
+
     if address is None:
         ray.init(address="local", num_cpus=n_jobs, include_dashboard=False, logging_level="ERROR")
         return

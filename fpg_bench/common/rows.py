@@ -31,10 +31,10 @@ class RowFile:
 
     Args:
         path: the file; it need not exist.
-        needs: the keys that each row must have, with their types.
+        needs: required keys of each row, with their types.
     """
 
-    def __init__(self, path: Path, needs: Mapping[str, Any] = MappingProxyType({})) -> None:
+    def __init__(self, path: Path, needs: Mapping[str, type] = MappingProxyType({})) -> None:
         self.path = path
         self._needs = needs
 
@@ -57,15 +57,15 @@ class RowFile:
         lines = data.splitlines(keepends=True)
         if lines and not lines[-1].endswith(b"\n"):
             lines.pop()  # torn: the run that wrote it was stopped
-        found = []
+        rows = []
         for number, line in enumerate(lines, 1):
             try:
-                found.append(self._row(number, line))
+                rows.append(self._row(number, line))
             except UserError as error:
                 if left_out is None:
                     raise
                 left_out(f"{error}; it is left out")
-        return found
+        return rows
 
     def _row(self, number: int, line: bytes) -> Row:
         try:

@@ -38,7 +38,7 @@ class Expected:
     description: str
 
     def __get_pydantic_core_schema__(
-        self, kind: Any, handler: GetCoreSchemaHandler
+        self, kind: object, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
         """Wrap the schema of the annotated type so that all its errors become this one."""
         return core_schema.custom_error_schema(
@@ -106,7 +106,7 @@ def _cached_adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
-def _problem(kind: Any, data: object, errors: Sequence[ErrorDetails]) -> str:
+def _problem(kind: object, data: object, errors: Sequence[ErrorDetails]) -> str:
     """Describe the problem to mend first: unknown keys, then missing ones, then values."""
     located = [(_path(data, error), error) for error in errors]
     for path, error in located:
@@ -132,7 +132,7 @@ def _problem(kind: Any, data: object, errors: Sequence[ErrorDetails]) -> str:
 def _path(data: object, error: ErrorDetails) -> tuple[int | str, ...]:
     """Return the error's location without the names of a union's members, which are not in the data."""
     parts: list[int | str] = []
-    value: Any = data
+    value: object = data
     location = error["loc"]
     for index, part in enumerate(location):
         inner = _item(value, part)
@@ -144,7 +144,7 @@ def _path(data: object, error: ErrorDetails) -> tuple[int | str, ...]:
     return tuple(parts)
 
 
-def _item(value: Any, part: int | str) -> Any:
+def _item(value: Any, part: int | str) -> object:
     if isinstance(value, dict):
         return value.get(part, _ABSENT)
     is_index = isinstance(part, int) and isinstance(value, list | tuple) and part < len(value)
@@ -217,7 +217,7 @@ def _shown(value: object) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-def _known_keys(kind: Any, location: Sequence[int | str]) -> set[str]:
+def _known_keys(kind: object, location: Sequence[int | str]) -> set[str]:
     """Return the keys of the models, dataclasses or typed dictionaries at a location inside a type."""
     kinds = list(_structures(kind))
     for part in location:
@@ -227,7 +227,7 @@ def _known_keys(kind: Any, location: Sequence[int | str]) -> set[str]:
     return {key for structure in kinds for key in _fields(structure)}
 
 
-def _structures(kind: Any) -> Iterator[Any]:
+def _structures(kind: object) -> Iterator[type]:
     """Yield the types with named keys in an annotation, through unions, lists and mappings."""
     if isinstance(kind, TypeAdapter):
         kind = kind._type
@@ -237,7 +237,7 @@ def _structures(kind: Any) -> Iterator[Any]:
         yield from _structures(inner)
 
 
-def _fields(kind: Any) -> dict[str, Any]:
+def _fields(kind: object) -> dict[str, Any]:
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         return {field.alias or name: field.annotation for name, field in kind.model_fields.items()}
     if dataclasses.is_dataclass(kind) or typing.is_typeddict(kind):

@@ -83,7 +83,7 @@ def _refuse(word: str) -> None:
     raise ValueError(f"{word} is no number")
 
 
-def _check_depth(content: Any) -> None:
+def _check_depth(content: object) -> None:
     """Raise ValueError if brackets are nested too deeply; without recursion."""
     level, depth = [content], 0
     while level := [part for item in level if isinstance(item, dict | list) for part in _parts(item)]:
@@ -96,7 +96,7 @@ def _parts(item: dict[str, Any] | list[Any]) -> Any:
     return item.values() if isinstance(item, dict) else item
 
 
-def _check_letters(content: Any) -> None:
+def _check_letters(content: object) -> None:
     """Raise ValueError for a lone surrogate, which cannot be written to a file."""
     try:
         json.dumps(content, ensure_ascii=False).encode("utf-8")

@@ -6,7 +6,7 @@ import io
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from fpg_bench.game.scenario import preset as scenario_of
 from fpg_bench.paper.conditions import BASE, FIXED_PATHS, LLM, NO_KNOWLEDGE, NO_PLANNER, PLANNERS
 from fpg_bench.paper.runs import FIFTH, STAGES, WINDOWS, Results
 from fpg_bench.rendering.canvas import SIDE_COLOURS, blank_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _OVERLAP, _SUCCESS = "#009e73", "#cc79a7"  # measures of both sides, in neither side's colour
 _TITLES = {
@@ -72,7 +76,7 @@ def rewards(
     return paint
 
 
-def _draw_reward(axes: Any, results: Results, condition: str, side: str, colour: str) -> None:
+def _draw_reward(axes: Axes, results: Results, condition: str, side: str, colour: str) -> None:
     """Draw the mean over seeds and its moving average (dashed), with 2 sigma over rounds and seeds."""
     each, within = (results.series(condition, f"{side}_{kind}") for kind in ("reward", "sd"))
     time = (np.arange(WINDOWS) + 0.5) / WINDOWS
@@ -116,7 +120,9 @@ def frequencies(results: Results, preset: str) -> Any:
     return figure
 
 
-def _mark(axes: Any, points: np.ndarray, share: np.ndarray, shift: float, height: float, colour: str) -> None:
+def _mark(
+    axes: Axes, points: np.ndarray, share: np.ndarray, shift: float, height: float, colour: str
+) -> None:
     """Mark the quartiles (lines), mean and standard deviation (at a height), and highest bar (frame)."""
     below = np.cumsum(share)
     for quarter in (0.25, 0.75):
@@ -187,7 +193,7 @@ FIGURES: Mapping[str, Callable[[Results, str], Any]] = MappingProxyType(
 )
 
 
-def save_figure(figure: Any, stem: Path) -> list[Path]:
+def save_figure(figure: Figure, stem: Path) -> list[Path]:
     """Write ``<stem>.png`` and ``<stem>.svg``, reproducibly to the byte, and return both paths."""
     from matplotlib import rc_context
 

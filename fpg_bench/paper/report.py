@@ -123,7 +123,7 @@ def _algorithm(budget: Budget) -> Table:
 
 
 def _shown(scenario: Scenario, field: str) -> str:
-    value: Any = getattr(scenario, field)
+    value: object = getattr(scenario, field)
     if field == "ally_path_m":
         return "drawn per match" if value is None else "one, fixed"
     if isinstance(value, tuple):
