@@ -35,7 +35,7 @@ from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
 
 _LOCK = "zoo.lock"
-_LOG = logging.getLogger("train_zoo")
+_logger = logging.getLogger("train_zoo")
 
 
 def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, n_jobs: int = 2) -> list[str]:
@@ -94,9 +94,9 @@ def _ship_and_evaluate(zoo: Zoo, agents: Sequence[ZooAgent], run: Path, _: Path)
             keep_curve(zoo, agent, run)
             ship(agent, run)
             add_missing_records(zoo, agent.group)
-            _LOG.info(f"{agent.name}: shipped")
+            _logger.info(f"{agent.name}: shipped")
         except UserError as error:
-            _LOG.info(f"{agent.name}: failed: {error}")
+            _logger.info(f"{agent.name}: failed: {error}")
 
 
 def ship(agent: ZooAgent, run: Path) -> None:
@@ -143,7 +143,7 @@ def add_missing_records(zoo: Zoo, group: ZooGroup) -> list[Record]:
                 missing = [c for c in suite.rivals if (*key, c.name) not in done]
                 if missing:
                     seed = "" if entry.training_seed is None else f"/seed_{entry.training_seed}"
-                    _LOG.info(f"scoring {group.name}: {entry.name}{seed} against {suite.name}")
+                    _logger.info(f"scoring {group.name}: {entry.name}{seed} against {suite.name}")
                 played = [play(entry, suite, rival) for rival in missing]
                 file.append(record.row() for record in played)
                 known += played
@@ -197,7 +197,7 @@ def main() -> int:
         parser.add_argument(f"--{name}", action="store_true")
     options = parser.parse_args()
     logging.basicConfig(format="%(message)s", stream=sys.stdout)
-    _LOG.setLevel(logging.INFO)
+    _logger.setLevel(logging.INFO)
     zoo, failed = load_zoo(options.zoo), []
     if options.list:
         for agent in zoo.members(options.only):

@@ -8,12 +8,13 @@ from typing import Any, cast
 import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from torch import nn
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.players.player import Memory
 from fpg_bench.players.seeded import Batched
 
 Networks = tuple[nn.Module, nn.LSTM | None, nn.Module]
@@ -87,7 +88,7 @@ class Actor(nn.Module):
         return torch.tanh(action) if self.squash else action.clamp(-1.0, 1.0)
 
 
-def _networks(policy: Any) -> Networks:
+def _networks(policy: BasePolicy) -> Networks:
     """Return the networks before an LSTM, the LSTM or None, and the networks after it, as SB3 chains them."""
     if isinstance(policy, ActorCriticPolicy):
         networks = nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
@@ -103,7 +104,7 @@ def _networks(policy: Any) -> Networks:
     )
 
 
-def _actor(policy: Any) -> Any:
+def _actor(policy: BasePolicy) -> Any:
     """Return the actor of a policy of SAC's or TD3's kind; MADDPG's policies are actors themselves."""
     return getattr(policy, "actor", policy)
 
@@ -130,8 +131,10 @@ class ActorPlayer(Batched):
     def __init__(self, model: BaseAlgorithm) -> None:
         self._actor = Actor(model)
 
-    def _answer(self, obs: np.ndarray, state: Any, starts: np.ndarray | None) -> tuple[np.ndarray, Any]:
-        observation = torch.from_numpy(np.array(obs, np.float32))
+    def _answer(
+        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
+    ) -> tuple[np.ndarray, Memory]:
+        observation = torch.from_numpy(np.array(seen, np.float32))
         with torch.inference_mode():
             if not self._actor.state_size:
                 return self._actor(observation).numpy(), None

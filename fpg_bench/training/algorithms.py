@@ -70,7 +70,7 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
     return Algorithm(name, base, imported(_CLASSES[base], "algorithm"))
 
 
-def _custom(name: str, kind: Any) -> Algorithm:
+def _custom(name: str, kind: object) -> Algorithm:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
     if not (isinstance(kind, type) and issubclass(kind, BaseAlgorithm)):

@@ -1,12 +1,10 @@
-"""SB3 callbacks of a training run: game measures, progress, evaluation, checkpoints, and Ctrl-C."""
+"""SB3 callbacks of a training run: game measures, progress, evaluation and checkpoints."""
 
 from __future__ import annotations
 
 import contextlib
-import os
-import signal
+import logging
 import sys
-import threading
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -21,6 +19,7 @@ from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.checkpoint import save_checkpoint
+from fpg_bench.training.interrupts import StopRequest
 from fpg_bench.training.models import by_side
 
 LOGGED_MEASURES = (
@@ -36,7 +35,8 @@ LOGGED_MEASURES = (
     "opponent_return",
 )
 SAVE_EVERY_S = 60.0
-_STOPPING = b"stopping as soon as the run can be saved; Ctrl-C again stops at once\n"
+
+_logger = logging.getLogger(__name__)
 
 
 class GameMeasuresCallback(BaseCallback):
@@ -56,7 +56,7 @@ class GameMeasuresCallback(BaseCallback):
 class ProgressCallback(BaseCallback):
     """A progress bar with steps, rate, time left and the mean return of the last rounds.
 
-    Without a terminal, a line is printed for each tenth of the budget, and after 30 s without one.
+    Without a terminal, a line is logged for each tenth of the budget, and after 30 s without one.
 
     Args:
         total: the budget in steps.
@@ -65,7 +65,7 @@ class ProgressCallback(BaseCallback):
     def __init__(self, total: int) -> None:
         super().__init__()
         self._total = total
-        self._tenths = 0  # of the budget that a line was printed for
+        self._tenths = 0  # of the budget that a line was logged for
         self._progress = Progress(
             TextColumn("training"),
             BarColumn(),
@@ -77,15 +77,15 @@ class ProgressCallback(BaseCallback):
 
     def _on_training_start(self) -> None:
         self._first, self._start = self.num_timesteps, time.monotonic()
-        self._printed = self._start
+        self._logged_at = self._start
         self._tenths = 10 * self._first // self._total
         self._task = self._progress.add_task("", total=self._total, completed=self._first, status="")
         self._progress.start()
 
     def _on_step(self) -> bool:
         self._progress.update(self._task, completed=self.num_timesteps)
-        if time.monotonic() - self._printed >= LINE_EVERY_S:
-            self._print()
+        if time.monotonic() - self._logged_at >= LINE_EVERY_S:
+            self._log()
         return True
 
     def _on_rollout_end(self) -> None:
@@ -93,7 +93,7 @@ class ProgressCallback(BaseCallback):
         tenths = 10 * self.num_timesteps // self._total
         if tenths > self._tenths:
             self._tenths = tenths
-            self._print()
+            self._log()
 
     def _status(self) -> str:
         rate = (self.num_timesteps - self._first) / (time.monotonic() - self._start)
@@ -104,12 +104,12 @@ class ProgressCallback(BaseCallback):
             status += f", {side}'s return {mean_return:,.0f}"
         return status
 
-    def _print(self) -> None:
-        """Print the progress where no bar is drawn."""
-        self._printed = time.monotonic()
+    def _log(self) -> None:
+        """Log the progress where no bar is drawn."""
+        self._logged_at = time.monotonic()
         if self._progress.disable:
             done = f"{self.num_timesteps:,} of {self._total:,} steps"
-            print(f"training: {done}, {self._status()}", flush=True)
+            _logger.info(f"training: {done}, {self._status()}")
 
     def close(self) -> None:
         """Remove the bar, however training ended."""
@@ -152,7 +152,7 @@ class EvalCheckpointCallback(BaseCallback):
         file: file that the scores are appended to.
         budget: steps of the run.
         n_evals: number of evaluations, besides the one at the start.
-        stop: event that asks for saving and stopping the run.
+        stop: asks for saving and stopping the run.
     """
 
     def __init__(
@@ -163,7 +163,7 @@ class EvalCheckpointCallback(BaseCallback):
         file: RowFile,
         budget: int,
         n_evals: int,
-        stop: threading.Event,
+        stop: StopRequest,
     ) -> None:
         super().__init__()
         self._folder, self._clock, self._evaluators, self._file = folder, clock, evaluators, file
@@ -177,9 +177,9 @@ class EvalCheckpointCallback(BaseCallback):
         is_due = bool(self._evaluators) and self.num_timesteps >= self._next_eval
         if is_due:
             self._evaluate()
-        if is_due or self._stop.is_set() or time.monotonic() - self._last_save > SAVE_EVERY_S:
+        if is_due or self._stop.is_set or time.monotonic() - self._last_save > SAVE_EVERY_S:
             self._save()
-        if self._stop.is_set():
+        if self._stop.is_set:
             raise KeyboardInterrupt(f"saved at {self.model.num_timesteps:,} steps")
 
     def _on_step(self) -> bool:
@@ -212,28 +212,3 @@ class EvalCheckpointCallback(BaseCallback):
     def _save(self) -> None:
         save_checkpoint(self.model, self._folder, seconds=self._clock.seconds)
         self._last_save = time.monotonic()
-
-
-@contextlib.contextmanager
-def ctrl_c_event() -> Iterator[threading.Event]:
-    """Yield an event that the first Ctrl-C sets; the second one interrupts at once.
-
-    Outside the main thread, and where the caller handles or ignores Ctrl-C, nothing is changed.
-    """
-    stop = threading.Event()
-    default = signal.default_int_handler
-    in_main = threading.current_thread() is threading.main_thread()
-    if not in_main or signal.getsignal(signal.SIGINT) is not default:
-        yield stop
-        return
-
-    def set_event(*_: Any) -> None:
-        stop.set()
-        os.write(2, _STOPPING)
-        signal.signal(signal.SIGINT, default)
-
-    signal.signal(signal.SIGINT, set_event)
-    try:
-        yield stop
-    finally:
-        signal.signal(signal.SIGINT, default)

@@ -20,6 +20,7 @@ from typing import Any, cast
 
 import numpy as np
 import torch
+from numpy.typing import ArrayLike
 from onnx import TensorProto, helper, numpy_helper
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.torch_layers import FlattenExtractor
@@ -33,6 +34,7 @@ from fpg_bench.envs.sb3_vec_env import FPGVecEnv
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer, stripped
+from fpg_bench.players.player import Player
 from fpg_bench.training.actor import Actor
 
 OPSET = 20
@@ -107,7 +109,7 @@ def export_agent(
     training_seed: int,
     id: str | None = None,
     algorithm: str | None = None,
-    **about: Any,
+    **about: object,
 ) -> float:
     """Write a trained model as an agent folder: ``policy.onnx`` and ``agent.json``.
 
@@ -179,7 +181,7 @@ def _checked(difference: float, model: BaseAlgorithm) -> float:
     return difference
 
 
-def largest_difference(model: BaseAlgorithm, player: Any, steps: int = 200, games: int = 5) -> float:
+def largest_difference(model: BaseAlgorithm, player: Player, steps: int = 200, games: int = 5) -> float:
     """Return the largest difference of any action entry between a model and a player.
 
     Args:
@@ -242,13 +244,13 @@ class _Graph:
         self._nodes: list[Any] = []
         self._constants: list[Any] = []
 
-    def add(self, kind: str, *inputs: str, to: str | Sequence[str] = "", **attributes: Any) -> str:
+    def add(self, kind: str, *inputs: str, to: str | Sequence[str] = "", **attributes: str | float) -> str:
         """Add an operator; returns the name of its first output."""
         outputs = [to or f"{kind.lower()}_{len(self._nodes)}"] if isinstance(to, str) else to
         self._nodes.append(helper.make_node(kind, inputs, outputs, **attributes))
         return outputs[0]
 
-    def constant(self, values: Any) -> str:
+    def constant(self, values: torch.Tensor | ArrayLike) -> str:
         """Add a constant; returns its name."""
         array = values.detach().numpy() if isinstance(values, torch.Tensor) else np.asarray(values)
         name = f"number_{len(self._constants)}"

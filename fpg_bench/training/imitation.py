@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import threading
+import logging
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,9 @@ from fpg_bench.players.player import Player
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import as_player
 from fpg_bench.training.hyperparameters import ImitationConfig
+from fpg_bench.training.interrupts import StopRequest
+
+_logger = logging.getLogger(__name__)
 
 
 def teacher_of(config: ImitationConfig, model: BaseAlgorithm, side: str, scenario: Scenario) -> Player:
@@ -38,8 +41,7 @@ def imitate(
     model: BaseAlgorithm,
     games: FPGVecEnv,
     config: ImitationConfig,
-    stop: threading.Event | None = None,
-    verbose: int = 0,
+    stop: StopRequest | None = None,
 ) -> float:
     """Train a model to imitate a player.
 
@@ -51,15 +53,14 @@ def imitate(
         model: its environment wraps ``games``.
         games: one side's games; they have been played when this returns, so seed and reset them.
         config: the teacher, and how long it is imitated.
-        stop: event that ends the imitation.
-        verbose: 1 prints a line per round.
+        stop: ends the imitation.
 
     Returns:
         The mean squared difference of an action to the teacher's in the last round, before learning from it.
 
     Raises:
         UserError: see :func:`teacher_of`.
-        KeyboardInterrupt: the event was set.
+        KeyboardInterrupt: stopped by the user.
     """
     core = games.core
     teacher = teacher_of(config, model, core.side, core.scenario)
@@ -67,12 +68,11 @@ def imitate(
     imitation = _Imitation(model, env, games, PolicyRunner(core.side, [teacher], core.duel.batch), config)
     steps, error = 0, float("nan")
     while steps < config.steps:
-        if stop is not None and stop.is_set():
+        if stop is not None and stop.is_set:
             raise KeyboardInterrupt("stopped while it imitated; nothing is saved")
         error = imitation.run_round(model_acts=steps > 0)
         steps += imitation.length * env.num_envs
-        if verbose:
-            print(f"imitating {config.teacher}: {steps:,} steps, squared difference {error:.4f}", flush=True)
+        _logger.info(f"imitating {config.teacher}: {steps:,} steps, squared difference {error:.4f}")
     return error
 
 

@@ -14,7 +14,7 @@ TRANSCRIPT = "transcript.jsonl"
 
 
 def training_planner(
-    spec: Any, out: Path, replayed: str | Path | None = None, llm: Mapping[str, Any] | None = None
+    spec: object, out: Path, replayed: str | Path | None = None, llm: Mapping[str, Any] | None = None
 ) -> Any:
     """Return the planner of a run's games.
 

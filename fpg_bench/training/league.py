@@ -51,7 +51,7 @@ MATCHES = 100  # against each player, in the evaluation of best responses and ge
 SEED_STRIDE = 1000  # generation g of self-play with seed k has training seed 1000 k + g
 RESPONDER_SEED = 1_000_000  # first training seed of the responders to champions
 POPULATION_ROUNDS, CHAMPION_EVALUATIONS = 48, 4
-_LOG = logging.getLogger(__name__)
+_logger = logging.getLogger(__name__)
 
 
 def evaluate_against(
@@ -376,7 +376,7 @@ def selfplay(
                 train(run, folder, evaluations=evaluations, progress=progress, resume=True)
                 row = league.evaluate(side, generation)
                 file.append([row])
-                _LOG.info(_row_text(row))
+                _logger.info(_row_text(row))
         last = {row["side"]: row["generation"] for row in file.read()}
         return {side: league.ship(side, last[side] + 1) for side in SIDES}
 
@@ -601,7 +601,7 @@ def train_champion(recipe: Recipe, seed: int, runs: Path, *, progress: bool = Fa
             start=folder / f"stage_{number - 1}" / "run" if number else None,
         )
         agent = train(run, here / "run", evaluations=CHAMPION_EVALUATIONS, progress=progress, resume=True)
-        _LOG.info(f"{recipe.name}/seed_{seed}: stage {number} trained, against {len(population)} players")
+        _logger.info(f"{recipe.name}/seed_{seed}: stage {number} trained, against {len(population)} players")
         if number + 1 < len(recipe.stages):
             first_seed = RESPONDER_SEED + 1000 * seed + 100 * number
             population += train_responders(recipe, agent, here, first_seed, progress)

@@ -120,7 +120,7 @@ def _check_arguments(
         _check_value(values[name], arguments[name], f"{where}: {name}")
 
 
-def _check_value(value: Any, argument: inspect.Parameter, where: str) -> None:
+def _check_value(value: object, argument: inspect.Parameter, where: str) -> None:
     """Raise UserError where an argument's default is a number or a bool, and the value is none."""
     default = argument.default
     takes_text = "str" in str(argument.annotation) or argument.name in _SCHEDULED
@@ -158,7 +158,7 @@ def _constructor_arguments(algorithm: Algorithm, values: dict[str, Any], where: 
     return arguments
 
 
-def _per_action(value: Any, where: str) -> list[float]:
+def _per_action(value: object, where: str) -> list[float]:
     """Return one number per action, from a single number or a list."""
     values = value if isinstance(value, list) else [value] * ACTION_SIZE
     are_numbers = all(isinstance(each, int | float) and not isinstance(each, bool) for each in values)
@@ -179,7 +179,7 @@ def _schedule(text: str, where: str) -> LinearSchedule:
         ) from error
 
 
-def as_activation(value: Any, where: str) -> type[nn.Module]:
+def as_activation(value: object, where: str) -> type[nn.Module]:
     """Return the activation class of a name, ``ReLU`` for instance; a module class is returned as it is.
 
     Raises:

@@ -136,7 +136,7 @@ class RunFolder:
         os.truncate(self.evaluations.path, 0)  # it is locked, so it stays
 
 
-def command_line(*arguments: str, **options: Any) -> str:
+def command_line(*arguments: str, **options: object) -> str:
     """Return the ``fpg-bench`` command of these arguments and options, lists separated by commas."""
     words = ["fpg-bench", *arguments]
     for name, value in options.items():

@@ -7,7 +7,6 @@ import json
 import platform
 import re
 import shutil
-import threading
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from importlib.metadata import version
@@ -36,18 +35,19 @@ from fpg_bench.training.callbacks import (
     EvalCheckpointCallback,
     GameMeasuresCallback,
     ProgressCallback,
-    ctrl_c_event,
 )
 from fpg_bench.training.checkpoint import load_checkpoint, load_weights, newest_checkpoint, save_model
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.export import check_exportable, write_exported
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
+from fpg_bench.training.interrupts import StopRequest
 from fpg_bench.training.language_model import training_planner
 from fpg_bench.training.models import by_side, is_finite, make_games, make_model, tells_divergence
 from fpg_bench.training.run_folder import RunFolder, command_line, revision
 
 EVALUATIONS = 20
+_STOPPING = "stopping as soon as the run can be saved; Ctrl-C again stops at once\n"
 _PACKAGES = (
     "fpg-bench",
     "stable-baselines3",
@@ -84,7 +84,7 @@ def train(
         config: the run.
         out: the run's folder.
         evaluations: number of evaluations during training; 0 for none.
-        progress: show a progress bar, or print lines where standard output is no terminal.
+        progress: show a progress bar, or log lines where standard output is no terminal.
         restart: begin an unfinished run of the folder again, from the start.
         resume: go on with an unfinished run of the folder, or begin it where there is none.
 
@@ -293,11 +293,11 @@ class _Run:
         offset = self._part * n_envs % (TRAINING_STRIDE - n_envs)
         self.games.seed(training_seed(self.about["training_seed"]) + offset)
 
-    def _imitate(self, stop: threading.Event, progress: bool) -> None:
+    def _imitate(self, stop: StopRequest) -> None:
         """Imitate the hyper-parameters' teacher, if there is one and the weights are new."""
         if self.parameters.imitate is None or not self._starts_fresh:
             return
-        error = imitate(self.model, self.games, self.parameters.imitate, stop, verbose=int(progress))
+        error = imitate(self.model, self.games, self.parameters.imitate, stop)
         self.about["imitation_error"] = round(error, 6)
         self._seed_games()
 
@@ -312,8 +312,8 @@ class _Run:
         budget, model = self.about["training_steps"], self.model
         bars = [ProgressCallback(budget)] if progress else []
         clock = Clock(self._seconds_before)
-        with ctrl_c_event() as stop:
-            self._imitate(stop, progress)
+        with StopRequest(_STOPPING) as stop:
+            self._imitate(stop)
             checkpoints = EvalCheckpointCallback(
                 self.folder.checkpoints, clock, evaluators, self.folder.evaluations, budget, n_evals, stop
             )

@@ -18,7 +18,7 @@ from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNo
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
 from stable_baselines3.common.type_aliases import ReplayBufferSamples
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from stable_baselines3.td3.policies import Actor
 from torch.nn import functional
 
@@ -54,7 +54,7 @@ class JointReplayBuffer(ReplayBuffer):
         ]
         return self._transitions(*np.array(indices, int).reshape(times, 2, batch_size).swapaxes(0, 1))
 
-    def _get_samples(self, batch_inds: np.ndarray, env: Any = None) -> ReplayBufferSamples:
+    def _get_samples(self, batch_inds: np.ndarray, env: VecNormalize | None = None) -> ReplayBufferSamples:
         env_indices = np.random.randint(0, self.n_envs, len(batch_inds))  # noqa: NPY002
         return ReplayBufferSamples(*map(self.to_torch, self._transitions(batch_inds, env_indices)))
 

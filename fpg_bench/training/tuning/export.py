@@ -42,7 +42,7 @@ _PACKAGES = ("fpg-bench", "stable-baselines3", "torch", "optuna")
 _COMMENT = "  # tuned: "
 _CONTINUED = "  #        "
 
-logger = logging.getLogger(__name__)
+_logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def export_values(
         if None not in scores:
             interval = mean_interval(np.array(scores), TRAINING_SEEDS)
             study_score = float(trial.value or 0.0)
-            logger.info(
+            _logger.info(
                 "trial %d: %s on fresh seeds, %.1f in the study",
                 trial.number,
                 format_score(interval),
@@ -161,7 +161,7 @@ def export_values(
         raise UserError(f"{out}: no trial could be retrained on all fresh seeds; see the lines above")
     confirmed.sort(key=lambda trial: -trial.score.value)
     write_values(Path(file), confirmed[0])
-    logger.info("written: %s, %s", file, task.env_id)
+    _logger.info("written: %s, %s", file, task.env_id)
     return confirmed
 
 
@@ -182,7 +182,7 @@ def _train_again(task: Task, values: dict[str, Any], seed: int) -> float:
 def _store_score(storage: Storage, study: optuna.Study, name: str, score: float) -> None:
     with storage.errors():
         study.set_user_attr(name, score)
-    logger.info("%s: score %.1f", name, score)
+    _logger.info("%s: score %.1f", name, score)
 
 
 def _has_score(storage: Storage, study: optuna.Study, name: str) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -16,7 +15,6 @@ from stable_baselines3.common.callbacks import BaseCallback
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import sides_of
 from fpg_bench.common.imports import reason
-from fpg_bench.envs.sb3_vec_env import FPGVecEnv
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import training_seed
 from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
@@ -24,7 +22,7 @@ from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.player import Player
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.export import export_onnx
-from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
+from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_games, make_model, tells_divergence
 from fpg_bench.training.tuning.space import format_values, merge_values, suggest
 from fpg_bench.training.tuning.study import Task
@@ -32,7 +30,7 @@ from fpg_bench.training.tuning.study import Task
 N_EVALS = 4  # evaluations during a seed's budget, one per quarter
 FAILURES = (ArithmeticError, RuntimeError, ValueError)  # of a trial with unsuitable values
 
-logger = logging.getLogger(__name__)
+_logger = logging.getLogger(__name__)
 Report = Callable[[float, int], None]
 
 
@@ -46,24 +44,24 @@ class Objective:
     Args:
         task: what is tuned.
         check_stop: called in each step of training; raises KeyboardInterrupt to end the trial.
+
+    Raises:
+        UserError: the search space names something that the algorithm does not have.
     """
 
     def __init__(self, task: Task, check_stop: Callable[[], None] = lambda: None) -> None:
         torch.set_num_threads(1)
         self._task, self._check_stop = task, check_stop
-        with contextlib.closing(self._games(task.hyperparameters, task.seeds[0])[0]) as games:
-            self._evaluator = PolicyEvaluator(task.suite, task.rounds, games.core.scenario)
-
-    def check(self) -> None:
-        """Raise UserError if the search space names something that the algorithm does not have."""
-        first = {name: values.first() for name, values in self._task.space.items()}
-        self._model(first, self._task.seeds[0]).get_env().close()  # type: ignore[union-attr]
+        first = {name: values.first() for name, values in task.space.items()}
+        games = self._model(first, task.seeds[0]).get_env()
+        self._evaluator = PolicyEvaluator(task.suite, task.rounds, games.unwrapped.core.scenario)  # type: ignore[union-attr]
+        games.close()  # type: ignore[union-attr]
 
     def __call__(self, trial: optuna.Trial) -> float:
         """Run a trial; a training that diverges or fails is pruned and has the user attribute ``error``."""
         self._check_stop()
         values = suggest(self._task.space, trial)
-        logger.info("trial %d: %s", trial.number, format_values(values))
+        _logger.info("trial %d: %s", trial.number, format_values(values))
 
         def report(score: float, step: int) -> None:
             trial.report(score, step)
@@ -138,13 +136,11 @@ class Objective:
         return scores
 
     def _model(self, values: dict[str, Any], seed: int) -> BaseAlgorithm:
-        games, parameters = self._games(merge_values(self._task.hyperparameters, values), seed)
-        return make_model(self._task.algorithm, games, parameters, seed)
-
-    def _games(self, entry: dict[str, Any], seed: int) -> tuple[FPGVecEnv, Hyperparameters]:
         task = self._task
+        entry = merge_values(task.hyperparameters, values)
         parameters = load_hyperparameters(task.algorithm, task.env_id, entry)
-        return make_games(task.env_id, parameters, training_seed(seed), **task.options), parameters
+        games = make_games(task.env_id, parameters, training_seed(seed), **task.options)
+        return make_model(task.algorithm, games, parameters, seed)
 
 
 class _TrialCallback(BaseCallback):

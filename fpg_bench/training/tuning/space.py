@@ -88,7 +88,7 @@ class Choice(Strict):
         return self.choices[0]
 
 
-def _to_categorical(choice: Any) -> Any:
+def _to_categorical(choice: object) -> Any:
     """Return a choice as Optuna can store it: lists and mappings become JSON."""
     return json.dumps(choice) if isinstance(choice, list | dict) else choice
 
@@ -151,7 +151,7 @@ def merge_values(hyperparameters: Mapping[str, Any], values: Mapping[str, Any]) 
     return merged
 
 
-def _look_up(hyperparameters: Any, name: str) -> Any:
+def _look_up(hyperparameters: object, name: str) -> Any:
     for key in name.split("."):
         if not isinstance(hyperparameters, Mapping) or key not in hyperparameters:
             return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 import time
 import warnings
 from collections.abc import Iterator, Mapping
@@ -110,29 +111,29 @@ def make_task(
     for name, value in (("n_seeds", n_seeds), ("steps", steps), ("rounds", rounds)):
         if value is not None:
             whole(value, name)
-    view = find_env(env_id)
+    env = find_env(env_id)
     options = _storable(
         {name: value for name, value in (options or {}).items() if value is not None}, "options"
     )
-    found = find_algorithm(algorithm)
-    parameters = load_hyperparameters(found, view.id, hyperparams, path=options.get("path"))
+    registered = find_algorithm(algorithm)
+    parameters = load_hyperparameters(registered, env.id, hyperparams, path=options.get("path"))
     if not (parameters.n_timesteps or steps):
-        raise UserError(f"steps: {found.name} has no hyper-parameter file with a budget; name the steps")
+        raise UserError(f"steps: {registered.name} has no hyper-parameter file with a budget; name the steps")
     entry = parameters.entry() | {"n_timesteps": parameters.n_timesteps or steps}
-    name = suite or suite_of(view.id, options)
-    measured = load_suite(name)
-    if measured.side != view.side:
-        raise UserError(f"suite {name}: measures the {measured.side}; in {view.id} the {view.side} learns")
+    name = suite or suite_of(env.id, options)
+    scoring = load_suite(name)
+    if scoring.side != env.side:
+        raise UserError(f"suite {name}: measures the {scoring.side}; in {env.id} the {env.side} learns")
     return Task(
         algorithm=algorithm,
-        env_id=view.id,
+        env_id=env.id,
         options=options,
         steps=steps or max(1, entry["n_timesteps"] // 2),
         n_seeds=n_seeds,
         suite=name,
-        suite_hash=measured.hash,
+        suite_hash=scoring.hash,
         rounds=rounds,
-        space=load_space(found.base, Path(space) if space else None),
+        space=load_space(registered.base, Path(space) if space else None),
         hyperparameters=_storable(entry, "hyper-parameters"),
     )
 
@@ -146,16 +147,31 @@ def _storable(values: dict[str, Any], where: str) -> dict[str, Any]:
     return stored
 
 
-class Storage:
-    """The database of studies.
+class Storage(RDBStorage):
+    """Database of studies.
 
-    Attributes:
-        optuna: Optuna's storage.
-        where: its name in messages, without the password.
+    Args:
+        url: URL of SQLAlchemy.
+        where: name of the database in messages, without the password.
     """
 
-    def __init__(self, optuna: RDBStorage, where: str) -> None:
-        self.optuna, self.where = optuna, where
+    def __init__(self, url: str, where: str) -> None:
+        self.where = where
+        arguments: dict[str, Any] = {"pool_pre_ping": True}
+        if url.startswith("sqlite"):
+            arguments["connect_args"] = {"timeout": _LOCK_TIMEOUT_S}
+        elif url.startswith("postgresql"):
+            arguments["connect_args"] = {"connect_timeout": _CONNECT_TIMEOUT_S}
+        with _no_experimental_warnings():
+            super().__init__(
+                url,
+                arguments,
+                heartbeat_interval=HEARTBEAT_S,
+                grace_period=3 * HEARTBEAT_S,
+                heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(MAX_RETRIES),
+            )
+        if url.startswith("sqlite"):
+            _begin_immediate(self.engine)
 
     @contextmanager
     def errors(self) -> Iterator[None]:
@@ -172,11 +188,8 @@ class Storage:
                 ) from error
             raise
 
-
-class _HeartbeatStorage(RDBStorage):
-    """RDBStorage that leaves out a heartbeat which fails; Optuna's thread would die of it."""
-
     def record_heartbeat(self, trial_id: int) -> None:
+        """Record a heartbeat; one that fails is left out, because Optuna's thread would die of it."""
         try:
             super().record_heartbeat(trial_id)
         except Exception as error:
@@ -215,7 +228,7 @@ def open_storage(out: Path, url: str | None = None, *, must_exist: bool = False)
             need("postgres", "psycopg")
     for attempt in range(_CREATION_ATTEMPTS):
         try:
-            return Storage(_connect(url), where)
+            return Storage(url, where)
         except Exception as error:
             is_race = isinstance(error, _CREATION_RACES) or "already exists" in str(error)
             if not is_race or attempt + 1 == _CREATION_ATTEMPTS:
@@ -225,31 +238,11 @@ def open_storage(out: Path, url: str | None = None, *, must_exist: bool = False)
     raise AssertionError
 
 
-def _connect(url: str) -> RDBStorage:
-    is_sqlite = url.startswith("sqlite")
-    arguments: dict[str, Any] = {"pool_pre_ping": True}
-    if is_sqlite:
-        arguments["connect_args"] = {"timeout": _LOCK_TIMEOUT_S}
-    elif url.startswith("postgresql"):
-        arguments["connect_args"] = {"connect_timeout": _CONNECT_TIMEOUT_S}
-    with _no_experimental_warnings():
-        storage = _HeartbeatStorage(
-            url,
-            arguments,
-            heartbeat_interval=HEARTBEAT_S,
-            grace_period=3 * HEARTBEAT_S,
-            heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(MAX_RETRIES),
-        )
-    if is_sqlite:
-        _begin_immediate(storage.engine)
-    return storage
-
-
 def _begin_immediate(engine: sqlalchemy.Engine) -> None:
     """Lock a SQLite database at the start of each transaction, so that workers wait instead of failing."""
 
     @sqlalchemy.event.listens_for(engine, "connect")
-    def connect(connection: Any, record: object) -> None:
+    def connect(connection: sqlite3.Connection, record: object) -> None:
         connection.isolation_level = None  # the driver begins no transactions itself
 
     @sqlalchemy.event.listens_for(engine, "begin")
@@ -333,7 +326,7 @@ def open_study(
     """
     with storage.errors():
         study = optuna.create_study(
-            storage=storage.optuna,
+            storage=storage,
             study_name=name,
             direction="maximize",
             sampler=sampler or SeededTPESampler(),
@@ -360,7 +353,7 @@ def load_study(storage: Storage, name: str | None) -> tuple[optuna.Study, Task]:
         UserError: there is no such study, there are several, or ``fpg-bench tune`` did not make it.
     """
     with storage.errors():
-        names = optuna.get_all_study_names(storage.optuna)
+        names = optuna.get_all_study_names(storage)
         if name is None and len(names) != 1:
             problem = (
                 f"holds several, choose one with --study-name: {', '.join(names)}"
@@ -370,7 +363,7 @@ def load_study(storage: Storage, name: str | None) -> tuple[optuna.Study, Task]:
             raise UserError(f"{storage.where}: {problem}")
         if name is not None and name not in names:
             raise UserError(f"{storage.where}: no study {name!r}{nearest(name, names)}")
-        study = optuna.load_study(study_name=name or names[0], storage=storage.optuna)
+        study = optuna.load_study(study_name=name or names[0], storage=storage)
         where = f"study {study.study_name!r} in {storage.where}"
         if _TASK not in study.user_attrs:
             raise UserError(f"{where}: was not made by fpg-bench tune")

@@ -22,7 +22,7 @@ from fpg_bench.training.tuning.worker import run_worker
 N_TRIALS = 20
 N_SEEDS = 2
 
-logger = logging.getLogger(__name__)
+_logger = logging.getLogger(__name__)
 
 
 def default_pruner() -> optuna.pruners.BasePruner:
@@ -120,7 +120,7 @@ def tune(
             "reward": reward,
         },
     )
-    Objective(task).check()
+    Objective(task)  # refuses an unsuitable search space
     opened = open_storage(Path(out), storage)
     name = study_name or f"{algorithm} {task.env_id}"
     study = open_study(opened, name, task, sampler, pruner or default_pruner())

@@ -4,66 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import signal
-import threading
 from collections.abc import Callable
 from functools import partial
-from types import FrameType, TracebackType
-from typing import Any
 
 import optuna
 from optuna.study import MaxTrialsCallback
 from optuna.trial import FrozenTrial, TrialState
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.training.interrupts import StopRequest
 from fpg_bench.training.tuning.study import FINISHED, Storage, count_finished, retry
 
 MAX_FAILURES = 5  # in a row; then the search space is at fault
 
-logger = logging.getLogger(__name__)
-
-
-class StopRequest:
-    """Context manager that turns Ctrl-C and SIGTERM into a request to stop at the next safe point.
-
-    Raised at once, an interrupt could cut off a write to the database or get lost in compiled code. The
-    second signal is raised at once nevertheless.
-    """
-
-    def __init__(self) -> None:
-        self._number: int | None = None
-        self._handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
-
-    def __enter__(self) -> StopRequest:
-        if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
-                handler = signal.getsignal(number)
-                if callable(handler):
-                    self._handlers[number] = handler
-                    signal.signal(number, self._receive)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        for number, handler in self._handlers.items():
-            signal.signal(number, handler)
-
-    def _receive(self, number: int, frame: FrameType | None) -> None:
-        if self._number is not None:
-            self._handlers[number](number, frame)
-        self._number = number
-
-    @property
-    def is_set(self) -> bool:
-        """True once a signal has arrived."""
-        return self._number is not None
-
-    def check(self) -> None:
-        """Raise KeyboardInterrupt if a signal has arrived."""
-        if self._number is not None:
-            self._handlers[self._number](self._number, None)
-            raise KeyboardInterrupt
+_logger = logging.getLogger(__name__)
 
 
 def run_worker(
@@ -88,16 +42,17 @@ def run_worker(
         KeyboardInterrupt: stopped by the user. The running trial has been queued again.
     """
     begun: list[int] = []
-    with storage.errors(), StopRequest() as stop:
+    with storage.errors(), StopRequest(is_deferred=False) as stop:
         if count_finished(study) >= n_trials:
-            logger.info("%s", _progress(study, n_trials))
+            _logger.info("%s", _progress(study, n_trials))
             return
         objective = make_objective(stop.check)
+        stop.is_deferred = True
 
         def run(trial: optuna.Trial) -> float:
             begun.append(trial.number)
             # Optuna's thread may not have done so before the worker is killed; then nobody would miss it.
-            storage.optuna.record_heartbeat(trial._trial_id)
+            storage.record_heartbeat(trial._trial_id)
             return objective(trial)
 
         def stop_if_requested(study: optuna.Study, trial: FrozenTrial) -> None:
@@ -135,7 +90,7 @@ def _log_trial(study: optuna.Study, trial: FrozenTrial, n_trials: int) -> None:
     else:
         result = f"pruned at {score}" if trial.state == TrialState.PRUNED else f"score {score}"
     seconds = 0.0 if trial.duration is None else trial.duration.total_seconds()
-    logger.info("trial %d: %s, %.0f s; %s", trial.number, result, seconds, _progress(study, n_trials))
+    _logger.info("trial %d: %s, %.0f s; %s", trial.number, result, seconds, _progress(study, n_trials))
 
 
 def _progress(study: optuna.Study, n_trials: int) -> str:

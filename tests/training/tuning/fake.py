@@ -56,7 +56,7 @@ def work(folder, n_trials, objective=highest_x, *, url=None, pruner=None):
 
 def miss_heartbeats(folder, url=None):
     """Date all heartbeats back, as if their workers had been silent for long."""
-    with open_fake(folder, url)[0].optuna.engine.begin() as connection:
+    with open_fake(folder, url)[0].engine.begin() as connection:
         connection.execute(sqlalchemy.text("UPDATE trial_heartbeats SET heartbeat = '2020-01-01 00:00:00'"))
 
 

@@ -93,7 +93,7 @@ def test_shipped_spaces_hold_names_that_their_algorithms_know(algorithm, monkeyp
     monkeypatch.setattr("fpg_bench.training.tuning.objective.PolicyEvaluator", lambda *words: None)
     env_id = "FPG/AllyVsScripted-v0"
     task = make_task(algorithm, env_id, n_seeds=2)
-    Objective(task).check()
+    Objective(task)
     half = load_hyperparameters(algorithm, env_id).n_timesteps // 2
     assert task.steps == half
 

@@ -38,7 +38,7 @@ def test_a_database_that_is_damaged_is_one_line(tmp_path):
 
 def test_a_database_that_fails_later_is_one_line(tmp_path):
     def objective(trial):
-        with open_fake(tmp_path)[0].optuna.engine.begin() as connection:
+        with open_fake(tmp_path)[0].engine.begin() as connection:
             connection.execute(sqlalchemy.text("DROP TABLE trials"))
         return 1.0
 
@@ -96,7 +96,7 @@ def test_a_study_of_another_task_is_refused(tmp_path, changes, message):
 
 def test_a_study_that_tune_did_not_make_is_refused(tmp_path):
     storage = open_storage(tmp_path)
-    optuna.create_study(storage=storage.optuna, study_name="mine").add_trial(optuna.create_trial(value=1.0))
+    optuna.create_study(storage=storage, study_name="mine").add_trial(optuna.create_trial(value=1.0))
     with pytest.raises(UserError, match="was not made by fpg-bench tune"):
         open_study(storage, "mine", fake_task())
     with pytest.raises(UserError, match="was not made by fpg-bench tune"):
@@ -122,7 +122,7 @@ def test_a_study_is_loaded_by_its_name_or_alone(tmp_path):
     assert task == fake_task()
     with pytest.raises(UserError, match="did you mean 'fake'"):
         load_study(storage, "fak")
-    optuna.create_study(storage=storage.optuna, study_name="mine")
+    optuna.create_study(storage=storage, study_name="mine")
     with pytest.raises(UserError, match="choose one with --study-name: fake, mine"):
         load_study(storage, None)
 
@@ -176,7 +176,7 @@ def test_a_closed_study_continues_its_sequence(tmp_path):
 @pytest.mark.filterwarnings("ignore:Heartbeat of storage")
 def test_a_trial_that_takes_its_worker_with_it_is_given_up(tmp_path):
     storage, study = open_fake(tmp_path)
-    callback = storage.optuna.get_heartbeat_stale_trial_callback()
+    callback = storage.get_heartbeat_stale_trial_callback()
     for _ in range(1 + MAX_RETRIES):
         trial = study.ask()
         assert trial.suggest_float("x", 0, 10) == 5.0

@@ -8,7 +8,8 @@ import pytest
 from optuna.trial import TrialState
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.training.tuning.worker import StopRequest, run_worker
+from fpg_bench.training.interrupts import StopRequest
+from fpg_bench.training.tuning.worker import run_worker
 from tests.training.tuning.fake import highest_x, miss_heartbeats, open_fake, work
 
 
