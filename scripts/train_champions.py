@@ -7,12 +7,12 @@ python scripts/train_champions.py --only ally-champion --seed 0   one
 from __future__ import annotations
 
 import argparse
-import logging
 import signal
 import sys
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.output import print_messages
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.league import load_recipes, ship_champion, train_champion
 
@@ -29,8 +29,7 @@ def main() -> None:
     parser.add_argument("--agents", type=Path, help="folder of the shipped agents; default: baselines/agents")
     parser.add_argument("--progress", action="store_true", help="show the progress of each training")
     options = parser.parse_args()
-    logging.basicConfig(format="%(message)s", stream=sys.stdout)
-    logging.getLogger("fpg_bench.training").setLevel(logging.INFO)
+    print_messages()
     recipes = load_recipes(options.file or baselines_folder() / "champions.yml")
     if options.only is not None and options.only not in recipes:
         raise UserError(f"only: no champion {options.only!r}{nearest(options.only, recipes)}")

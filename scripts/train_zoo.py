@@ -1,7 +1,7 @@
 """Train every agent of the zoo that is missing, ship and evaluate it, and write the zoo's page.
 
 python scripts/train_zoo.py [--only ally-scripted/ppo] [--n-jobs 2]    trains; run it again to resume
-python scripts/train_zoo.py --list      shows the state of each agent
+python scripts/train_zoo.py --list      shows which agents are shipped
 python scripts/train_zoo.py --check     evaluates every shipped agent again and compares the records
 python scripts/train_zoo.py --tables    adds missing records; writes baselines/README.md and its pictures
 """
@@ -12,7 +12,7 @@ import argparse
 import logging
 import signal
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.ids import DUEL, SCRIPTED, sides_of
+from fpg_bench.common.output import print_messages
 from fpg_bench.common.parallel import Job, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
@@ -35,7 +36,7 @@ from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
 
 _LOCK = "zoo.lock"
-_logger = logging.getLogger("train_zoo")
+_logger = logging.getLogger("fpg_bench.scripts.train_zoo")
 
 
 def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, n_jobs: int = 2) -> list[str]:
@@ -115,16 +116,6 @@ def ship(agent: ZooAgent, run: Path) -> None:
         write_whole(agent.folder / name, (folder / name).read_bytes())
 
 
-def state(agent: ZooAgent, runs: Path) -> str:
-    """Return the state of an agent: shipped, trained, begun or missing."""
-    if agent.shipped:
-        return "shipped"
-    folder = RunFolder(run_folder(agent, runs))
-    if folder.is_finished():
-        return "trained"
-    return "begun" if folder.description.is_file() else "missing"
-
-
 def add_missing_records(zoo: Zoo, group: ZooGroup) -> list[Record]:
     """Evaluate a group's scripts and shipped agents on its suites where their records are missing.
 
@@ -151,27 +142,20 @@ def add_missing_records(zoo: Zoo, group: ZooGroup) -> list[Record]:
     return records
 
 
-def check_agent(zoo: Zoo, agent: ZooAgent) -> list[str]:
-    """Evaluate a shipped agent again, and return the differences from its records."""
+def differences(zoo: Zoo, agent: ZooAgent) -> list[str]:
+    """Evaluate a shipped agent again, and return the differences from its records, one text per rival."""
     entry, problems = agent.entry(), []
     for suite in map(load_suite, agent.group.suites):
-        records = [play(entry, suite, rival) for rival in suite.rivals]
-        problems += differences(records, zoo.read_records(agent.group, suite))
-    return problems
-
-
-def differences(played: Iterable[Record], stored: Iterable[Record]) -> list[str]:
-    """Return the differences of new records from the stored ones, one text per rival."""
-    before = {(record.entry, record.training_seed, record.rival): record for record in stored}
-    problems = []
-    for record in played:
-        known = before.get((record.entry, record.training_seed, record.rival))
-        if known is None:
-            problems.append(f"{record.suite}, {record.rival}: no record")
-        elif record.returns != known.returns:
-            problems.append(f"{record.suite}, {record.rival}: other returns")
-        elif record.rounds_sha256 != known.rounds_sha256:
-            problems.append(f"{record.suite}, {record.rival}: the same returns, but other rounds")
+        records = zoo.read_records(agent.group, suite)
+        stored = {(record.entry, record.training_seed, record.rival): record for record in records}
+        for record in (play(entry, suite, rival) for rival in suite.rivals):
+            before = stored.get((record.entry, record.training_seed, record.rival))
+            if before is None:
+                problems.append(f"{suite.name}, {record.rival}: no record")
+            elif record.returns != before.returns:
+                problems.append(f"{suite.name}, {record.rival}: other returns")
+            elif record.rounds_sha256 != before.rounds_sha256:
+                problems.append(f"{suite.name}, {record.rival}: the same returns, but other rounds")
     return problems
 
 
@@ -180,7 +164,7 @@ def check(zoo: Zoo, only: str | None) -> bool:
     is_same = True
     for agent in zoo.members(only):
         if agent.shipped:
-            problems = check_agent(zoo, agent)
+            problems = differences(zoo, agent)
             print(f"{agent.name}: {'; '.join(problems) or 'as before'}", flush=True)
             is_same = is_same and not problems
     return is_same
@@ -196,12 +180,11 @@ def main() -> int:
     for name in ("list", "check", "tables"):
         parser.add_argument(f"--{name}", action="store_true")
     options = parser.parse_args()
-    logging.basicConfig(format="%(message)s", stream=sys.stdout)
-    _logger.setLevel(logging.INFO)
+    print_messages()
     zoo, failed = load_zoo(options.zoo), []
     if options.list:
         for agent in zoo.members(options.only):
-            print(f"{agent.name:36} {agent.steps:12,}  {state(agent, options.runs)}")
+            print(f"{agent.name:36} {agent.steps:12,}  {'shipped' if agent.shipped else 'missing'}")
         return 0
     if options.check:
         return int(not check(zoo, options.only))

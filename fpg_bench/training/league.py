@@ -274,8 +274,6 @@ def _find_target(
     options: dict[str, Any] = {
         key: own[key] for key in ("scenario", "knowledge", "jamming_types") if key in own
     }
-    if isinstance(options.get("jamming_types"), str):  # as agents of earlier versions have them
-        options["jamming_types"] = options["jamming_types"].split(",")
     if scenario is not None:
         options["scenario"] = str(scenario)
     fields = about.get("scenario_fields") or {}
@@ -604,25 +602,12 @@ def train_champion(recipe: Recipe, seed: int, runs: Path, *, progress: bool = Fa
         _logger.info(f"{recipe.name}/seed_{seed}: stage {number} trained, against {len(population)} players")
         if number + 1 < len(recipe.stages):
             first_seed = RESPONDER_SEED + 1000 * seed + 100 * number
-            population += train_responders(recipe, agent, here, first_seed, progress)
+            population += _train_responders(recipe, agent, here, first_seed, progress)
     return agent
 
 
-def train_responders(
-    recipe: Recipe, agent: str | Path, folder: Path, seed: int, progress: bool = False
-) -> list[str]:
-    """Train a recipe's responders against an agent; finished ones are not trained again.
-
-    Args:
-        recipe: the recipe.
-        agent: folder or name of the agent.
-        folder: folder of the runs, ``responder_<j>``.
-        seed: training seed of the first one.
-        progress: show the progress of each training.
-
-    Returns:
-        The folders of their agents.
-    """
+def _train_responders(recipe: Recipe, agent: Path, folder: Path, seed: int, progress: bool) -> list[str]:
+    """Train a recipe's responders against an agent, from this seed on; returns their agents' folders."""
     agents = []
     for index, responder in enumerate(recipe.responders):
         run = RunConfig(
@@ -646,11 +631,12 @@ def _prioritized(recipe: Recipe, agent: Path, population: list[str], file: Path)
         if list(copies) != population:
             raise UserError(f"{file}: holds another population; choose another folder")
     else:
-        returns = population_returns(recipe, agent, population)
-        copies = dict(
-            zip(population, copies_by_hardness(list(returns.values()), recipe.priority), strict=True)
-        )
-        rounded = {name: round(value, 3) for name, value in returns.items()}
+        scenario = game_scenario(GameOptions(**recipe.options))
+        others = {name: name for name in population}
+        summary = evaluate_against(str(agent), others, recipe.side, scenario, POPULATION_ROUNDS, tuning_seeds)
+        returns = [summary.by_rival[name].value for name in population]
+        copies = dict(zip(population, copies_by_hardness(returns, recipe.priority), strict=True))
+        rounded = {name: round(value, 3) for name, value in zip(population, returns, strict=True)}
         write_json(file, {"agent": str(agent), "returns_per_step": rounded, "copies": copies})
     return [player for player, count in copies.items() for _ in range(count)]
 
@@ -663,16 +649,6 @@ def copies_by_hardness(returns: Sequence[float], priority: int) -> list[int]:
     low, high = min(returns), max(returns)
     hardness = [(high - value) / (high - low) if high > low else 0.0 for value in returns]
     return [1 + round((priority - 1) * share**2) for share in hardness]
-
-
-def population_returns(
-    recipe: Recipe, agent: str | Path, population: Sequence[str], rounds: int = POPULATION_ROUNDS
-) -> dict[str, float]:
-    """Return the agent's mean return per step against each player of a population, on tuning seeds."""
-    scenario = game_scenario(GameOptions(**recipe.options))
-    others = {name: name for name in population}
-    summary = evaluate_against(str(agent), others, recipe.side, scenario, rounds, tuning_seeds)
-    return {name: summary.by_rival[name].value for name in population}
 
 
 def ship_champion(agent: Path, folder: Path, recipe: Recipe, seed: int, command: str) -> None:

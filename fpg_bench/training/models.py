@@ -55,9 +55,10 @@ def make_games(env_id: str, parameters: Hyperparameters, first_seed: int, **opti
     return make_sb3(env_id, parameters.n_envs, first_seed, stagger=True, **options)
 
 
-def by_side(model: Any, sides: Sequence[str]) -> dict[str, Any]:
+def by_side(model: BaseAlgorithm, sides: Sequence[str]) -> dict[str, BaseAlgorithm]:
     """Return a model for each side that learns; that of a single side is the model itself."""
-    return {sides[0]: model} if len(sides) == 1 else dict(zip(sides, model.players, strict=True))
+    players = [model] if len(sides) == 1 else model.players  # type: ignore[attr-defined]
+    return dict(zip(sides, players, strict=True))
 
 
 def make_model(
@@ -77,7 +78,7 @@ def make_model(
     arguments = _constructor_arguments(algorithm, parameters.algorithm, where)
     if algorithm.joint and (parameters.normalize is not None or parameters.frame_stack is not None):
         raise UserError(f"{where}: {algorithm.name} knows neither normalize nor frame_stack")
-    games = wrapped(games, parameters, where)
+    games = _wrapped(games, parameters, where)
     try:
         set_random_seed(seed)
         model: BaseAlgorithm = algorithm.kind(env=games, **arguments)
@@ -91,7 +92,7 @@ def make_model(
     return model
 
 
-def wrapped(games: VecEnv, parameters: Hyperparameters, where: str = "hyper-parameters") -> VecEnv:
+def _wrapped(games: VecEnv, parameters: Hyperparameters, where: str) -> VecEnv:
     """Wrap the games for a model: observations are stacked, then normalized.
 
     rl-zoo3 normalizes first. SB3's replay buffer stores what ``VecNormalize`` returns, so with SAC and TD3

@@ -2,11 +2,12 @@
 
 import dataclasses
 import json
-import logging
 
 import pytest
 import yaml
 
+from fpg_bench.cli.training import best_response
+from fpg_bench.cli.training import selfplay as selfplay_verb
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.rows import RowFile
@@ -23,13 +24,13 @@ from fpg_bench.training.league import (
     copies_by_hardness,
     draw_past,
     evaluate_against,
+    game_scenario,
     load_recipes,
-    population_returns,
     selfplay,
     ship_champion,
     train_champion,
 )
-from tests.programs import fpg
+from tests.logged import logged
 from tests.training.tiny import settings, train, train_tiny
 
 OPPONENT = "FPG/OpponentVsScripted-v0"
@@ -99,8 +100,8 @@ def test_the_evaluation_equals_that_of_a_suite_with_the_same_players(seeds):
     others = {"mine": "tone", "yours": "comb"}
     summary = evaluate_against("idle", others, "ally", STANDARD, matches=10, seeds=seeds)
     for name, other in (("mine", "tone/pursuit"), ("yours", "comb/pursuit")):
-        line = play(player_entry("idle"), suite, suite.named(other), seeds)
-        assert summary.by_rival[name].value == suite.rewards(line.returns).mean()
+        record = play(player_entry("idle"), suite, suite.named(other), seeds)
+        assert summary.by_rival[name].value == suite.rewards(record.returns).mean()
 
 
 def test_players_of_the_wrong_side_are_refused():
@@ -147,22 +148,22 @@ def lowest(result):
 def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, result):
     out = ally.parent.parent / "responses"
     assert json.loads((out / "best_responses.json").read_text()) == result
-    assert [(made["algorithm"], made["steps"], made["training_seed"]) for made in result["responses"]] == [
+    assert [(row["algorithm"], row["steps"], row["training_seed"]) for row in result["responses"]] == [
         ("ppo", 400, 0),
         ("ppo", 400, 1),
     ]
     suite = dataclasses.replace(load_suite("ally-v1"), matches=5)
-    for seed, made in enumerate(result["responses"]):
+    for seed, row in enumerate(result["responses"]):
         agent = run_folder(out, seed) / "agent"
         response = load_agent(agent, "opponent")
         assert (response.about["training_seed"], response.about["training_steps"]) == (seed, 400)
         assert response.about["options"] == {"ally": str(ally), "path": "pursuit", "reward": "zero_sum"}
-        line = play(player_entry(str(ally)), suite, Rival("it", (str(agent),), suite.scenario))
-        reward = suite.rewards(line.returns).mean()
-        assert made["return"] == pytest.approx(reward, abs=1e-4)
-        assert made["score"] == pytest.approx(suite.scale.score(reward), abs=0.01)
-        earned = line.tally["opponent_return"] / line.tally["steps"]
-        assert made["earned"] == pytest.approx(earned, abs=1e-4)
+        record = play(player_entry(str(ally)), suite, Rival("it", (str(agent),), suite.scenario))
+        reward = suite.rewards(record.returns).mean()
+        assert row["return"] == pytest.approx(reward, abs=1e-4)
+        assert row["score"] == pytest.approx(suite.scale.score(reward), abs=0.01)
+        earned = record.tally["opponent_return"] / record.tally["steps"]
+        assert row["earned"] == pytest.approx(earned, abs=1e-4)
     assert result["policy"] == load_agent(ally).about["policy_sha256"]
     assert list(result["scripts"]) == list(SCRIPTED["opponent"])
     adaptive = evaluate_against(str(ally), {"adaptive": "adaptive"}, "ally", STANDARD, 5)
@@ -218,7 +219,7 @@ def test_another_player_or_game_needs_another_folder(ally, result):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("env_id", "options", "game", "path"),
+    ("env_id", "options", "scenario", "path"),
     [
         (OPPONENT, {"path": "learned"}, as_scenario(None, opponent_path="learned"), "learned"),
         (OPPONENT, {"path": ["circle", "triangle"]}, STANDARD, "pursuit"),
@@ -226,13 +227,16 @@ def test_another_player_or_game_needs_another_folder(ally, result):
         ("FPG/AllyVsPlanner-v0", {"planner": "circle"}, STANDARD, "pursuit"),
     ],
 )
-def test_the_game_is_that_of_the_agent_s_training(env_id, options, game, path, tmp_path):
+def test_the_game_is_that_of_the_agent_s_training(env_id, options, scenario, path, tmp_path, monkeypatch):
     agent = train("ppo", env_id, tmp_path / "agent", hyperparams=settings("ppo"), steps=400, **options)
-    result = respond(agent, tmp_path / "out")
-    assert (result["path"], result["scenario"]) == (path, game.hash)
-    response = load_agent(run_folder(tmp_path / "out", 0) / "agent").about
-    assert response["scenario"] == game.hash
-    assert response["side"] == {"ally": "opponent", "opponent": "ally"}[result["side"]]
+    configs = []
+    monkeypatch.setattr(league, "train", lambda config, *a, **k: configs.append(config) or interrupt())
+    with pytest.raises(KeyboardInterrupt):
+        respond(agent, tmp_path / "out")
+    result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
+    assert (result["path"], result["scenario"]) == (path, scenario.hash)
+    assert game_scenario(configs[0].game) == scenario
+    assert configs[0].sides == ({"ally": "opponent", "opponent": "ally"}[result["side"]],)
 
 
 @pytest.mark.slow
@@ -269,21 +273,16 @@ def test_a_response_may_imitate_the_strongest_player_first(ally, tmp_path, monke
 
 
 @pytest.mark.slow
-@pytest.mark.process
-def test_best_responses_from_the_command_line(ally, tmp_path):
+def test_best_responses_from_the_command_line(ally, tmp_path, capsys):
     (tmp_path / "tiny.yml").write_text(yaml.safe_dump({"FPG/OpponentVsPolicy-v0": settings("ppo")}))
-    words = ["--out", "out", "--steps", "400", "--n-seeds", "1", "--hyperparams", "tiny.yml"]
-    done = fpg("best-response", ally, *words, folder=tmp_path)
-    assert done.returncode == 0, done.stderr
+    best_response(str(ally), tmp_path / "out", steps="400", n_seeds=1, hyperparams=tmp_path / "tiny.yml")
+    printed = capsys.readouterr().out
     result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
-    made, *_ = result["responses"]
-    assert f"ppo, 400 steps, seed 0: {made['return']:.2f} per step, jammed" in done.stdout
-    found = result["lowest"]
-    assert f"lowest {found['return']:.2f} per step, against {found['against']}" in done.stdout
-    assert ("they are not best responses yet" in done.stdout) == (found["against"] in result["scripts"])
-    done = fpg("best-response", "no/such", *words, folder=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr == "fpg-bench: agent 'no/such': neither a shipped agent nor a folder\n"
+    (response,) = result["responses"]
+    assert f"ppo, 400 steps, seed 0: {response['return']:.2f} per step, jammed" in printed
+    low = result["lowest"]
+    assert f"lowest {low['return']:.2f} per step, against {low['against']}" in printed
+    assert ("they are not best responses yet" in printed) == (low["against"] in result["scripts"])
 
 
 # Self-play
@@ -431,18 +430,19 @@ def test_invalid_settings_of_self_play_are_refused(tmp_path, changes, message):
     assert not list(tmp_path.rglob("run.json"))
 
 
-@pytest.mark.process
-def test_self_play_from_the_command_line(tmp_path):
+@pytest.mark.slow
+def test_self_play_from_the_command_line(tmp_path, capsys):
     entries = dict.fromkeys(("FPG/AllyVsPolicy-v0", "FPG/OpponentVsPolicy-v0"), TINY)
     (tmp_path / "tiny.yml").write_text(yaml.safe_dump(entries))
-    words = ["--generations", "1", "--steps", "400", "--path", "learned", "--n-evals", "0"]
-    done = fpg("selfplay", "ppo", "--hyperparams", "tiny.yml", *words, "--out", "out", folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    lines = done.stdout.splitlines()
-    assert [line.partition(":")[0] for line in lines if line[-1] == "%"] == ["ally_0", "opponent_0"]
-    assert lines[-1] == "agents: out/ally, out/opponent"
-    assert load_agent(tmp_path / "out" / "opponent").about["options"] == {"path": "learned"}
-    assert read_rows(tmp_path / "out")[1]["suite"] == "opponent-learned-v1"
+    out = tmp_path / "out"
+    with logged() as messages:
+        selfplay_verb(
+            "ppo", out, generations=1, steps=400, path="learned", n_evals=0, hyperparams=tmp_path / "tiny.yml"
+        )
+    assert [line.partition(":")[0] for line in messages if line[-1] == "%"] == ["ally_0", "opponent_0"]
+    assert capsys.readouterr().out == f"agents: {out / 'ally'}, {out / 'opponent'}\n"
+    assert load_agent(out / "opponent").about["options"] == {"path": "learned"}
+    assert read_rows(out)[1]["suite"] == "opponent-learned-v1"
 
 
 # Champions
@@ -455,11 +455,27 @@ def load_recipe(folder, **changes):
 
 
 @pytest.mark.slow
-def test_each_stage_starts_from_the_last_and_meets_its_responders(tmp_path, caplog):
-    recipe = load_recipe(tmp_path)
-    with caplog.at_level(logging.INFO, "fpg_bench.training.league"):
-        agent = train_champion(recipe, 3, tmp_path / "runs")
-    folder = tmp_path / "runs" / "brave" / "seed_3"
+def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp_path, monkeypatch):
+    recipe, runs = load_recipe(tmp_path), tmp_path / "runs"
+    real, calls = league.train, []
+
+    def stopped(*arguments, **options):
+        calls.append(arguments)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return real(*arguments, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(league, "train", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            train_champion(recipe, 3, runs)
+    made = {path: path.stat().st_mtime_ns for path in runs.rglob("policy.onnx")}
+    assert len(made) == 2
+    with logged() as messages:
+        agent = train_champion(recipe, 3, runs)
+    assert all(path.stat().st_mtime_ns == time for path, time in made.items())
+    assert sum(" trained, against " in line for line in messages) == 2
+    folder = runs / "brave" / "seed_3"
     first, last = (json.loads((folder / f"stage_{i}" / "run" / "run.json").read_text()) for i in (0, 1))
     responder = str(folder / "stage_0" / "responder_0" / "agent")
     assert first["options"]["opponent"] == RECIPE["against"]
@@ -471,44 +487,16 @@ def test_each_stage_starts_from_the_last_and_meets_its_responders(tmp_path, capl
     assert kept["copies"][hardest] == 3
     assert len(last["options"]["opponent"]) == sum(kept["copies"].values())
     assert agent == folder / "stage_1" / "run" / "agent"
-    assert len(caplog.messages) == 2
-
-
-@pytest.mark.slow
-def test_an_interrupted_champion_goes_on_and_nothing_is_trained_twice(tmp_path, monkeypatch):
-    recipe = load_recipe(tmp_path)
-    real, calls = league.train, []
-
-    def stopped(*arguments, **options):
-        calls.append(arguments)
-        if len(calls) == 3:
-            raise KeyboardInterrupt
-        return real(*arguments, **options)
-
-    monkeypatch.setattr(league, "train", stopped)
-    with pytest.raises(KeyboardInterrupt):
-        train_champion(recipe, 0, tmp_path / "runs")
-    made = {path: path.stat().st_mtime_ns for path in (tmp_path / "runs").rglob("policy.onnx")}
-    assert len(made) == 2
-    assert train_champion(recipe, 0, tmp_path / "runs").is_dir()
-    assert all(path.stat().st_mtime_ns == time for path, time in made.items())
-
-
-@pytest.mark.slow
-def test_a_shipped_champion_describes_its_recipe(tmp_path):
-    recipe = load_recipe(tmp_path, stages=[{"steps": 400}])
-    ship_champion(train_champion(recipe, 0, tmp_path / "runs"), tmp_path / "out", recipe, 0, "make brave")
+    ship_champion(agent, tmp_path / "out", recipe, 3, "make brave")
     about = load_agent(tmp_path / "out", "ally").about
     assert about["command"] == "make brave"
-    assert about["recipe"] == {"name": "brave", **RECIPE, "options": {}, "stages": [{"steps": 400}]}
-    assert about["training_steps"] == 400
+    assert about["recipe"] == {"name": "brave", **RECIPE, "options": {}}
+    assert (about["training_steps"], about["training_seed"]) == (800, 3)
 
 
-def test_the_hardest_player_is_drawn_most_often(tmp_path):
+def test_the_hardest_player_is_drawn_most_often():
     assert copies_by_hardness([5.0, 0.0, 10.0], 5) == [2, 5, 1]
     assert copies_by_hardness([1.0, 1.0], 5) == [1, 1]
-    returns = population_returns(load_recipe(tmp_path), "expert", ["tone", "adaptive"], rounds=4)
-    assert list(returns) == ["tone", "adaptive"]
 
 
 @pytest.mark.parametrize(

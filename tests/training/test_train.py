@@ -174,15 +174,15 @@ def test_an_interrupted_run_leaves_its_model(tmp_path, monkeypatch):
 # Errors
 
 
-@pytest.mark.parametrize("evaluations", [0, 2])
 @pytest.mark.parametrize(
-    "changes",
+    ("changes", "evaluations"),
     [
-        {"learning_rate": float("inf")},
-        {"learning_rate": 30.0, "policy_kwargs": SMALL | {"log_std_init": -100.0}},
-        {"learning_rate": float("inf"), "n_steps": 300},  # in the last update
+        ({"learning_rate": float("inf")}, 0),
+        ({"learning_rate": float("inf")}, 2),
+        ({"learning_rate": 30.0, "policy_kwargs": SMALL | {"log_std_init": -100.0}}, 0),
+        ({"learning_rate": float("inf"), "n_steps": 300}, 0),
     ],
-    ids=["weights", "spread", "end"],
+    ids=["weights", "evaluation", "spread", "last update"],
 )
 def test_training_that_diverges_is_one_line(changes, evaluations, tmp_path):
     with pytest.raises(UserError, match=r"run: training diverged by [\d,]+ steps, .* smaller learning_rate"):
@@ -283,15 +283,13 @@ def test_seeds_are_ranges_and_lists():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("algorithm", ["ppo", "td3"])
-@pytest.mark.parametrize("seconds", [1e-6, callbacks.LINE_EVERY_S])
-def test_a_line_is_printed_for_each_tenth_and_every_thirty_seconds(
-    algorithm, seconds, tmp_path, monkeypatch, capsys
-):
+@pytest.mark.parametrize(("algorithm", "seconds"), [("ppo", 1e-6), ("td3", callbacks.LINE_EVERY_S)])
+def test_a_line_is_logged_for_each_tenth_and_every_thirty_seconds(algorithm, seconds, tmp_path, monkeypatch):
     times = (k * seconds for k in range(10**9))
     monkeypatch.setattr(callbacks.time, "monotonic", lambda: next(times))
-    train_tiny(algorithm, tmp_path / "run", progress=True)
-    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("training: ")]
+    with logged() as messages:
+        train_tiny(algorithm, tmp_path / "run", progress=True)
+    lines = [line for line in messages if line.startswith("training: ")]
     if seconds < 1:
         assert lines[-1].startswith("training: 1,200 of 1,200 steps, ")
         assert 3 <= len(lines) <= 10

@@ -58,17 +58,6 @@ class JointReplayBuffer(ReplayBuffer):
         env_indices = np.random.randint(0, self.n_envs, len(batch_inds))  # noqa: NPY002
         return ReplayBufferSamples(*map(self.to_torch, self._transitions(batch_inds, env_indices)))
 
-    def __getstate__(self) -> dict[str, Any]:
-        size = self.buffer_size if self.full else self.pos
-        return self.__dict__ | {name: getattr(self, name)[:size] for name in _ARRAYS}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        for name in _ARRAYS:
-            array = np.zeros((self.buffer_size, *state[name].shape[1:]), state[name].dtype)
-            array[: len(state[name])] = state[name]
-            setattr(self, name, array)
-
     def _transitions(self, batch_inds: np.ndarray, env_indices: np.ndarray) -> Transitions:
         """Return the transitions of index arrays ``(...)``; time limits do not count as done."""
         indices = batch_inds * self.n_envs + env_indices

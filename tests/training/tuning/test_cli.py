@@ -8,9 +8,9 @@ import yaml
 from fpg_bench.cli import main
 from fpg_bench.training.tuning.study import load_study, open_storage
 from tests.programs import fpg as program
-from tests.training.tuning.test_tune import HYPERPARAMS, SPACE, VIEW
+from tests.training.tuning.test_tune import ENV_ID, HYPERPARAMS, SPACE
 
-TUNE = f"tune run ppo {VIEW} --out study --space space.yml --hyperparams mine.yml --rounds 2 --n-seeds 1"
+TUNE = f"tune run ppo {ENV_ID} --out study --space space.yml --hyperparams mine.yml --rounds 2 --n-seeds 1"
 
 
 @pytest.fixture
@@ -40,9 +40,9 @@ def fpg(folder, monkeypatch, capfd):
 
 @pytest.mark.process
 def test_search_look_and_write(folder, fpg):
-    found = program(*f"{TUNE} --n-trials 2 --steps 600".split(), folder=folder)
-    assert found.returncode == 0, found.stderr
-    assert "2 of 2 finished" in found.stdout
+    done = program(*f"{TUNE} --n-trials 2 --steps 240".split(), folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert "2 of 2 finished" in done.stdout
     assert fpg("tune report study") == (0, "written: study/report.html\n", "")
     assert (folder / "study" / "report.html").exists()
     for file in ("torn.yml", "torn.yml/mine.yml"):
@@ -51,14 +51,14 @@ def test_search_look_and_write(folder, fpg):
         assert (status, out) == (2, ""), error  # before anything is trained
     status, out, error = fpg("tune export study mine.yml --n-best 1 --n-seeds 2")
     assert status == 0, error
-    assert f"written: mine.yml, {VIEW}" in out
+    assert f"written: mine.yml, {ENV_ID}" in out
     text = (folder / "mine.yml").read_text()
     assert "# tuned: study" in text
-    assert yaml.safe_load(text)[VIEW]["n_timesteps"] == 2400
+    assert yaml.safe_load(text)[ENV_ID]["n_timesteps"] == 960
 
 
 @pytest.mark.process
-def test_ctrl_c_leaves_a_study_that_goes_on(folder, fpg):
+def test_ctrl_c_leaves_a_study_that_goes_on(folder):
     process = subprocess.Popen(
         command(f"{TUNE} --n-trials 2 --steps 100000000"),
         cwd=folder,
@@ -76,18 +76,15 @@ def test_ctrl_c_leaves_a_study_that_goes_on(folder, fpg):
     study, task = load_study(open_storage(folder / "study"), None)
     assert [trial.state.name for trial in study.trials] == ["FAIL", "WAITING"]
     assert task.steps == 100_000_000
-    status, _, error = fpg(f"{TUNE} --n-trials 1 --steps 600")
-    assert status == 2
-    assert "made with steps 100000000, not 600" in error
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (f"tune run pqo {VIEW} --out study", "did you mean 'ppo'"),
-        (f"tune run ppo {VIEW} --out study --space mine.yml", "mine.yml: FPG/OpponentVsScripted-v0: "),
+        (f"tune run pqo {ENV_ID} --out study", "did you mean 'ppo'"),
+        (f"tune run ppo {ENV_ID} --out study --space mine.yml", "mine.yml: FPG/OpponentVsScripted-v0: "),
         (
-            f"tune run ppo {VIEW} --out study --storage postgresql+psycopg://me@127.0.0.1:1/x",
+            f"tune run ppo {ENV_ID} --out study --storage postgresql+psycopg://me@127.0.0.1:1/x",
             "cannot be opened",
         ),
         ("tune report nowhere", "holds no study"),

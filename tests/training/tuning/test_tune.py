@@ -21,15 +21,15 @@ from fpg_bench.training.tuning.tune import _work, tune
 
 pytestmark = pytest.mark.slow
 
-VIEW = "FPG/OpponentVsScripted-v0"
+ENV_ID = "FPG/OpponentVsScripted-v0"
 HYPERPARAMS = f"""\
-{VIEW}:
+{ENV_ID}:
   policy: MlpPolicy
   n_envs: 4
-  n_timesteps: 2400
+  n_timesteps: 960
   normalize: {{norm_obs: true, norm_reward: true}}
-  n_steps: 75
-  batch_size: 300
+  n_steps: 30
+  batch_size: 120
   n_epochs: 1
   learning_rate: 0.001
   policy_kwargs: {{net_arch: [8]}}
@@ -55,14 +55,14 @@ def words(files):
 
 @pytest.fixture(scope="module")
 def study(files, words):
-    return tune("ppo", VIEW, files / "study", n_trials=3, **words)
+    return tune("ppo", ENV_ID, files / "study", n_trials=3, **words)
 
 
 def test_a_study_has_its_trials_and_what_it_tunes(study):
     assert [trial.state.is_finished() for trial in study.trials] == [True] * 3
     assert study.trials[0].params == {"learning_rate": 0.001, "policy_kwargs.net_arch": "[8]"}
     task = study.user_attrs["task"]
-    assert (task["steps"], task["n_seeds"], task["suite"]) == (1200, 2, "opponent-v1")
+    assert (task["steps"], task["n_seeds"], task["suite"]) == (480, 2, "opponent-v1")
     assert study.trials[0].state == TrialState.COMPLETE
     assert sorted(study.trials[0].intermediate_values) == [1, 2, 3, 4, 5, 6, 7]
     low, high, over = study.trials[0].user_attrs["interval"]
@@ -71,19 +71,19 @@ def test_a_study_has_its_trials_and_what_it_tunes(study):
 
 
 def test_the_same_command_goes_on_and_another_space_is_refused(study, files, words):
-    tune("ppo", VIEW, files / "study", n_trials=3, **words)
+    tune("ppo", ENV_ID, files / "study", n_trials=3, **words)
     assert len(study.trials) == 3
     (files / "other.yml").write_text(SPACE.replace("[16]", "[32]"))
     other = words | {"space": files / "other.yml"}
     with pytest.raises(UserError, match=r"made with another space \(policy_kwargs.net_arch\)"):
-        tune("ppo", VIEW, files / "study", **other)
-    with pytest.raises(UserError, match="made with steps 1200, not 600"):
-        tune("ppo", VIEW, files / "study", steps=600, **words)
+        tune("ppo", ENV_ID, files / "study", **other)
+    with pytest.raises(UserError, match="made with steps 480, not 600"):
+        tune("ppo", ENV_ID, files / "study", steps=600, **words)
     assert len(study.trials) == 3
 
 
 def test_a_score_can_be_made_again_and_is_the_mean_over_its_seeds(words):
-    task = make_task("ppo", VIEW, n_seeds=2, **words)
+    task = make_task("ppo", ENV_ID, n_seeds=2, **words)
     values = {"learning_rate": 0.002, "policy_kwargs.net_arch": [16]}
     reports = []
     objective = Objective(task)
@@ -96,35 +96,35 @@ def test_a_score_can_be_made_again_and_is_the_mean_over_its_seeds(words):
 
 def test_a_policy_is_scored_in_the_scenario_that_is_tuned_on(words, files):
     (files / "short.yml").write_text("steps_per_round: 50\n")
-    task = make_task("ppo", VIEW, n_seeds=1, **words)
+    task = make_task("ppo", ENV_ID, n_seeds=1, **words)
     other = task.model_copy(update={"options": {"scenario": str(files / "short.yml")}})
     values = {"learning_rate": 0.002}
     assert len({Objective(t).train(values, [7]).value for t in (task, other)}) == 2
 
 
 def test_pruning_stops_training(words):
-    task = make_task("ppo", VIEW, n_seeds=2, **words)
-    looked = []
+    task = make_task("ppo", ENV_ID, n_seeds=2, **words)
+    steps = []
 
     def report(value, step):
-        looked.append(step)
+        steps.append(step)
         raise optuna.TrialPruned
 
     with pytest.raises(optuna.TrialPruned):
         Objective(task).train({"learning_rate": 0.002}, [7, 8], report)
-    assert looked == [1]
+    assert steps == [1]
 
 
 def test_seeds_of_trials_and_fresh_ones_are_not_those_that_are_shipped(study):
     assert study.user_attrs["task"]["n_seeds"] == 2
-    assert make_task("ppo", VIEW, n_seeds=2).seeds == [FIRST_SEED, FIRST_SEED + 1]
+    assert make_task("ppo", ENV_ID, n_seeds=2).seeds == [FIRST_SEED, FIRST_SEED + 1]
     assert training_seed(10_000) < training_seed(FIRST_SEED) < training_seed(FRESH_SEED)
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3"])
+@pytest.mark.parametrize("algorithm", ["ppo", "td3"])
 def test_training_that_diverges_says_so(algorithm):
-    task = make_task(algorithm, VIEW, n_seeds=1, steps=1200, rounds=2)
+    task = make_task(algorithm, ENV_ID, n_seeds=1, steps=1200, rounds=2)
     small = {"n_envs": 4, "n_steps": 75, "batch_size": 50} if algorithm == "ppo" else {"learning_starts": 100}
     values = {"learning_rate": 1e30} | small
     with pytest.raises(Diverged, match="diverged to NaN"):
@@ -135,7 +135,7 @@ def test_training_that_diverges_says_so(algorithm):
     ("changes", "message"),
     [
         ({"algorithm": "pqo"}, "did you mean 'ppo'"),
-        ({"env_id": "FPG/OpponentVsScriptd-v0"}, f"did you mean '{VIEW}'"),
+        ({"env_id": "FPG/OpponentVsScriptd-v0"}, f"did you mean '{ENV_ID}'"),
         ({"n_trials": 0}, "n_trials"),
         ({"n_jobs": 0}, "n_jobs"),
         ({"n_seeds": 0}, "n_seeds"),
@@ -150,23 +150,23 @@ def test_training_that_diverges_says_so(algorithm):
     ],
 )
 def test_bad_words(tmp_path, words, changes, message):
-    wanted = {"algorithm": "ppo", "env_id": VIEW} | words | changes
+    arguments = {"algorithm": "ppo", "env_id": ENV_ID} | words | changes
     with pytest.raises(UserError, match=message):
-        tune(wanted.pop("algorithm"), wanted.pop("env_id"), tmp_path / "study", **wanted)
+        tune(arguments.pop("algorithm"), arguments.pop("env_id"), tmp_path / "study", **arguments)
     assert not (tmp_path / "study").exists()
 
 
 def test_a_name_that_the_algorithm_does_not_know_is_refused_before_any_trial(tmp_path, words):
     (tmp_path / "space.yml").write_text("learning_rat: {kind: float, low: 0.1, high: 0.2}")
     with pytest.raises(UserError, match="did you mean 'learning_rate'"):
-        tune("ppo", VIEW, tmp_path / "study", **words | {"space": tmp_path / "space.yml"})
+        tune("ppo", ENV_ID, tmp_path / "study", **words | {"space": tmp_path / "space.yml"})
     assert not (tmp_path / "study").exists()
 
 
 def test_the_best_are_retrained_on_fresh_seeds_once(study, files, caplog):
     caplog.set_level(logging.INFO, "fpg_bench")
     file = files / "best.yml"
-    confirmed = export_values(files / "study", file, n_best=2, n_seeds=2, steps=600)
+    confirmed = export_values(files / "study", file, n_best=2, n_seeds=2, steps=240)
     complete = [trial for trial in study.trials if trial.state == TrialState.COMPLETE]
     expected = sorted(complete, key=lambda trial: -trial.value)[:2]
     assert {trial.trial for trial in confirmed} == {trial.number for trial in expected}
@@ -174,15 +174,15 @@ def test_the_best_are_retrained_on_fresh_seeds_once(study, files, caplog):
     assert confirmed[0].score.value == max(trial.score.value for trial in confirmed)
     assert confirmed[0].score.low < confirmed[0].score.value < confirmed[0].score.high
     assert caplog.text.count(": score") == 2 * len(confirmed)
-    written = yaml.safe_load(file.read_text())[VIEW]
+    written = yaml.safe_load(file.read_text())[ENV_ID]
     assert written["learning_rate"] == confirmed[0].values["learning_rate"]
     caplog.clear()
-    assert export_values(files / "study", file, n_best=2, n_seeds=2, steps=600) == confirmed
+    assert export_values(files / "study", file, n_best=2, n_seeds=2, steps=240) == confirmed
     assert ": score" not in caplog.text
-    export_values(files / "study", file, n_best=1, n_seeds=3, steps=600)
+    export_values(files / "study", file, n_best=1, n_seeds=3, steps=240)
     (line,) = [line for line in caplog.messages if ": score" in line]  # the third seed alone
     best = max(expected, key=lambda trial: trial.value)
-    assert line.startswith(f"trial {best.number} again, seed {FRESH_SEED + 2}, 600 steps: score")
+    assert line.startswith(f"trial {best.number} again, seed {FRESH_SEED + 2}, 240 steps: score")
 
 
 def test_nothing_is_written_if_no_trial_could_be_retrained(study, files, tmp_path, monkeypatch):
@@ -199,21 +199,21 @@ def fail(*arguments):
 def test_a_trial_that_fails_is_pruned_and_says_why(tmp_path, words, monkeypatch, caplog):
     caplog.set_level(logging.INFO, "fpg_bench")
     monkeypatch.setattr(Objective, "train", fail)
-    study = tune("ppo", VIEW, tmp_path / "study", n_trials=1, **words)
+    study = tune("ppo", ENV_ID, tmp_path / "study", n_trials=1, **words)
     assert study.trials[0].state == TrialState.PRUNED
     assert study.trials[0].user_attrs["error"] == "ZeroDivisionError: by zero"
-    assert "trial 0: failed (ZeroDivisionError: by zero), 0 s; 1 of 1 finished" in caplog.messages
+    assert any(line.startswith("trial 0: failed (ZeroDivisionError: by zero), ") for line in caplog.messages)
 
 
 def test_two_workers_share_the_trials(tmp_path, words):
-    options = words | {"n_seeds": 1, "steps": 600}
-    study = tune("ppo", VIEW, tmp_path / "study", n_trials=2, n_jobs=2, **options)
+    options = words | {"n_seeds": 1, "steps": 120}
+    study = tune("ppo", ENV_ID, tmp_path / "study", n_trials=2, n_jobs=2, **options)
     assert 2 <= len(study.trials) <= 3
     assert all(trial.state.is_finished() for trial in study.trials)
 
 
 def test_a_worker_that_does_not_see_the_study_needs_a_database(tmp_path, words):
-    task = make_task("ppo", VIEW, n_seeds=1, **words)
+    task = make_task("ppo", ENV_ID, n_seeds=1, **words)
     with pytest.raises(UserError, match=r"does not see .*study.db; name a database by --storage"):
         _work(task, tmp_path, None, "study", None, None, 1, None)
 

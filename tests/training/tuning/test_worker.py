@@ -1,6 +1,7 @@
 """Workers of a study: how many trials they run, and what becomes of those that are cut off."""
 
 import logging
+import re
 import signal
 
 import optuna
@@ -22,7 +23,9 @@ def test_a_worker_runs_trials_until_enough_are_finished_and_no_more_on_the_next_
     study = work(tmp_path, 3)
     assert states(study) == ["COMPLETE"] * 3
     assert study.trials[0].params == {"x": 5.0}  # the present values come first
-    assert caplog.messages[0] == "trial 0: score 5.0, 0 s; 1 of 3 finished, best 5.0 (trial 0)"
+    assert re.fullmatch(
+        r"trial 0: score 5\.0, \d+ s; 1 of 3 finished, best 5\.0 \(trial 0\)", caplog.messages[0]
+    )
     work(tmp_path, 3)
     assert len(work(tmp_path, 2).trials) == 3
     assert len(work(tmp_path, 5).trials) == 5
@@ -43,13 +46,13 @@ def test_a_killed_workers_trial_is_retried_with_its_values(tmp_path, at_work):
 
 @pytest.mark.process
 def test_two_workers_share_a_study(tmp_path, start):
-    both = [start(tmp_path, n_trials=30) for _ in range(2)]
+    both = [start(tmp_path, n_trials=10) for _ in range(2)]
     output = [process.communicate(timeout=120) for process in both]
     assert [process.returncode for process in both] == [0, 0], output
     assert "at work" in output[0][0]
     assert "at work" in output[1][0]
     trials = open_fake(tmp_path)[1].trials
-    assert 30 <= len(trials) <= 31
+    assert 10 <= len(trials) <= 11
     assert {trial.state for trial in trials} == {TrialState.COMPLETE}
     assert [trial.number for trial in trials] == list(range(len(trials)))
     assert sum(trial.params["x"] == 5.0 for trial in trials) == 1
