@@ -290,7 +290,7 @@ def _on_ray(calls: _Calls, n_jobs: int, address: str | None) -> _Outcomes:
     if is_ours:
         _join_cluster(address or os.environ.get("RAY_ADDRESS"), n_jobs)
     remote = ray.remote(num_cpus=1, max_retries=TRIES - 1)(_run)
-    running: dict[ray.ObjectRef, int] = {}
+    running: dict[ray.ObjectRef[Any], int] = {}
     try:
         while True:
             for index, call in islice(calls, n_jobs - len(running)):
@@ -305,8 +305,8 @@ def _on_ray(calls: _Calls, n_jobs: int, address: str | None) -> _Outcomes:
                 outcome = Outcome(error=f"its worker was lost {TRIES} times ({type(error).__name__})")
             yield index, outcome
     finally:
-        for call in running:
-            ray.cancel(call)
+        for reference in running:
+            ray.cancel(reference)
         if running:
             ray.wait(list(running), num_returns=len(running), timeout=GRACE_S)
         if is_ours:
@@ -322,7 +322,7 @@ def _join_cluster(address: str | None, n_jobs: int) -> None:
     import ray
 
     if address is None:
-        ray.init(address="local", num_cpus=n_jobs, include_dashboard=False, logging_level="ERROR")
+        ray.init(address="local", num_cpus=n_jobs, include_dashboard=False, logging_level=logging.ERROR)
         return
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit():
@@ -334,6 +334,6 @@ def _join_cluster(address: str | None, n_jobs: int) -> None:
             f"address: no Ray cluster answers at {address}; is it started there (ray start --head)?"
         ) from error
     try:
-        ray.init(address=address, logging_level="ERROR")
+        ray.init(address=address, logging_level=logging.ERROR)
     except (ConnectionError, RuntimeError, ValueError) as error:  # another version of Ray, most of all
         raise UserError(f"Ray cluster {address}: {' '.join(str(error).split())}") from error

@@ -10,7 +10,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, UnionType
 from typing import IO, Any
 
 from fpg_bench.common.errors import UserError
@@ -34,7 +34,7 @@ class RowFile:
         needs: required keys of each row, with their types.
     """
 
-    def __init__(self, path: Path, needs: Mapping[str, type] = MappingProxyType({})) -> None:
+    def __init__(self, path: Path, needs: Mapping[str, type | UnionType] = MappingProxyType({})) -> None:
         self.path = path
         self._needs = needs
 

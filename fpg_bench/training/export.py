@@ -244,7 +244,7 @@ class _Graph:
         self._nodes: list[Any] = []
         self._constants: list[Any] = []
 
-    def add(self, kind: str, *inputs: str, to: str | Sequence[str] = "", **attributes: str | float) -> str:
+    def add(self, kind: str, *inputs: str, to: str | Sequence[str] = "", **attributes: Any) -> str:
         """Add an operator; returns the name of its first output."""
         outputs = [to or f"{kind.lower()}_{len(self._nodes)}"] if isinstance(to, str) else to
         self._nodes.append(helper.make_node(kind, inputs, outputs, **attributes))

@@ -159,7 +159,7 @@ def _constructor_arguments(algorithm: Algorithm, values: dict[str, Any], where: 
     return arguments
 
 
-def _per_action(value: object, where: str) -> list[float]:
+def _per_action(value: Any, where: str) -> list[float]:
     """Return one number per action, from a single number or a list."""
     values = value if isinstance(value, list) else [value] * ACTION_SIZE
     are_numbers = all(isinstance(each, int | float) and not isinstance(each, bool) for each in values)
