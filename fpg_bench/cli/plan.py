@@ -125,11 +125,6 @@ def run(
     write_match_replay(played, page, title, ally, opponent)
     _print_table(played, title)
     typer.echo(f"written: {file}, {picture}, {page}")
-    if not _has_score([round.row for round in played]):
-        why = printable(played[-1].fallback)
-        raise UserError(
-            f"match {file}: no valid plan in {rounds} rounds, so it has no score; the last: {why}"
-        )
 
 
 @app.command()
@@ -256,10 +251,6 @@ def _shown_progress(rounds: int) -> Iterator[Callable[[int, Round | None], None]
                 bar.reset(task, description=f"planning round {index} of {rounds}  {latest}")
                 return
             latest = f"round {index}: {played.reward_per_step:+.2f} per step, {played.row['status']}"
-            if why := played.fallback:
-                latest = (
-                    f"round {index}: {played.row['status']} ({printable(why)}), {played.row['source']} flown"
-                )
             if not console.is_terminal:
                 typer.echo(latest)
 
@@ -289,8 +280,7 @@ def _print_table(rounds: list[Round], title: str) -> None:
     for row in rows:
         table.add_row(str(row["round"]), *_numbers([row]), row["status"], row["source"], *_costs([row]))
     table.add_section()
-    pooled = _numbers(rows) if _has_score(rows) else ["no score", "", ""]
-    table.add_row("all", *pooled, _valid(rows), "", *_costs(rows))
+    table.add_row("all", *_numbers(rows), _valid(rows), "", *_costs(rows))
     console = Console()
     console.print(table) if console.width >= 100 else Console(width=100).print(table)
 
@@ -306,11 +296,6 @@ def _numbers(rows: list[dict[str, Any]]) -> list[str]:
 def _costs(rows: list[dict[str, Any]]) -> list[str]:
     counted = [row["tokens"] for row in rows if row["tokens"] is not None]
     return [str(sum(counted)) if counted else "-", f"{sum(row['seconds'] for row in rows):.3f}"]
-
-
-def _has_score(rows: list[dict[str, Any]]) -> bool:
-    """Return False for a language model's match in which each round flew a fall-back."""
-    return not all(row["status"].startswith("fallback") for row in rows)
 
 
 def _valid(rows: list[dict[str, Any]]) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,8 +13,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.entry import Entry, planner_entry
-from fpg_bench.evaluation.evaluate import ABOUT as RESULTS
-from fpg_bench.evaluation.evaluate import RECORDS, Progress, play_into, with_matches
+from fpg_bench.evaluation.evaluate import Progress, play_into, with_matches
 from fpg_bench.evaluation.match import asks_llm, replaying
 from fpg_bench.evaluation.seeds import SeasonKey, current_season
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, load_suite
@@ -59,13 +57,11 @@ def compare(
         The summaries of all planners in the folder, best first.
 
     Raises:
-        UserError: something unknown, a folder that holds other files or another suite's records, a language
-            model without an endpoint, with an unusable one or without any valid plan, options for a language
-            model where none is named, or transcripts that do not hold these matches.
+        UserError: something unknown, a folder that holds another suite's records, a language model without
+            an endpoint or with an unusable one, options for a language model where none is named, or
+            transcripts that do not hold these matches.
     """
     out = Path(out)
-    if out.exists() and not (out / RESULTS).exists() and set(os.listdir(out)) - {RECORDS, TRANSCRIPTS}:
-        raise UserError(f"results {out}: is not empty and holds no comparison; choose another folder")
     played = with_matches(load_suite(suite, side=PLANNER), matches)
     specs: list[PlannerSpec] = []
     for named in planners:

@@ -25,8 +25,8 @@ from fpg_bench.game.state import TALLY
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.prompts import Prompt
 from fpg_bench.planning.llm.servers import endpoint_from_environment
-from fpg_bench.planning.llm.transcript import Attempt, failure
-from fpg_bench.planning.planner import Limits, Planner
+from fpg_bench.planning.llm.transcript import Attempt
+from fpg_bench.planning.planner import Planner
 from fpg_bench.planning.registry import LLM_CONTROLS, as_planner
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.registry import as_player, player_name
@@ -53,13 +53,6 @@ class Round:
     def reward_per_step(self) -> float:
         """The opponent's mean reward."""
         return float(self.row["opponent_return"] / self.row["steps"])
-
-    @property
-    def fallback(self) -> str:
-        """The reason that a language model's plan was not flown, in words; empty where one was."""
-        if not self.row["status"].startswith("fallback"):
-            return ""
-        return failure(self.talk[-1], Limits.of(self.recording.scenario)) if self.talk else self.row["status"]
 
 
 Progress = Callable[[int, Round | None], Any]

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.entry import Entry
 from fpg_bench.evaluation.record import TALLIES, Plans, Record
@@ -44,21 +43,13 @@ def play(
         on_round: called with the number of rounds of each match that were played.
 
     Raises:
-        UserError: a player or planner that cannot be made, or that fails; a language model none of whose
-            plans is valid, so that others' paths would get its score.
+        UserError: a player or planner that cannot be made, or that fails.
     """
     player = entry.make(rival)
     sums = _Sums(suite)
     for duel in rounds(match_of(player, suite, rival), suite, seeds):
         sums.add(duel, lost_rounds(player, duel.count))
         on_round(len(sums.returns))
-    fields = sums.fields()
-    if (plans := fields["plans"]) is not None and plans.valid == 0:
-        counts = ", ".join(f"{status} {count}" for status, count in plans.statuses.items())
-        raise UserError(
-            f"planner {entry.name} against {rival.name}: no valid plan ({counts}), so there is no score; "
-            "mend the model or its server, and record it in another folder"
-        )
     return Record(
         suite=suite.name,
         suite_hash=suite.hash[:16],
@@ -66,7 +57,7 @@ def play(
         training_seed=entry.training_seed,
         fingerprint=entry.fingerprint[:16],
         rival=rival.name,
-        **fields,
+        **sums.fields(),
     )
 
 

@@ -14,7 +14,7 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,6 @@ LONGEST_BODY = 1_000_000  # bytes of a body that are read
 MOST_TOKENS = 10**9  # of one answer; a server that reports more is wrong
 SHORTEST_SECRET = 8  # shorter keys are words such as "none" and "x", which stand in any text
 RETRIES = 2  # after a lost connection, or a status such as 429 and 503
-BACKOFF_S = (1.0, 2.0, 4.0, 8.0, 16.0, 30.0)  # waits after a 429 that names no time itself
 _LONGEST_RAW = 10_000  # characters kept of a body that is no JSON
 _LONGEST_DETAIL = 200
 _LASTING = (401, 403, 404, 405)  # statuses that asking again cannot mend; redirects are not followed either
@@ -101,28 +100,18 @@ class Client:
     Args:
         endpoint: the server and the model.
         deadline_s: for a question with all its retries; None: the endpoint's.
-        sleep: waits for so many seconds before a question is asked again.
 
     Attributes:
         dropped: the fields that this server refused; they are not sent again.
-        backoff_s: the waits after statuses 429 without ``Retry-After``, in seconds.
 
     Raises:
         UserError: the ``openai`` package is not installed.
     """
 
-    backoff_s: tuple[float, ...] = BACKOFF_S
-
-    def __init__(
-        self,
-        endpoint: Endpoint,
-        deadline_s: float | None = None,
-        sleep: Callable[[float], Awaitable[object]] = asyncio.sleep,
-    ) -> None:
+    def __init__(self, endpoint: Endpoint, deadline_s: float | None = None) -> None:
         need("llm", "openai")
         _tls_context()  # imports the package, which takes a second that no deadline should have to cover
         self.endpoint, self.deadline_s = endpoint, deadline_s or endpoint.deadline_s
-        self.sleep = sleep
         self.dropped: set[str] = set()
 
     def request_body(
@@ -222,27 +211,21 @@ class _Question:
     async def ask(self) -> Reply:
         import openai
 
-        endpoint, waits = self.client.endpoint, iter(self.client.backoff_s)
+        endpoint = self.client.endpoint
         async with self._connection() as api:
             while True:
                 self.sent = {name: value for name, value in self.body.items() if name not in self.dropped}
                 try:
                     response = await api.chat.completions.with_raw_response.create(**self.sent)
-                    status, data, headers = response.status_code, response.content, response.headers
+                    status, data = response.status_code, response.content
                 except openai.APIStatusError as error:
-                    status, data, headers = error.status_code, error.response.content, error.response.headers
+                    status, data = error.status_code, error.response.content
                 except openai.APITimeoutError:
                     raise TimeoutError from None
                 except Exception as error:  # anything that a server makes the packages below raise
                     return _unreached(endpoint, error)
                 reply = read_reply(status, data, endpoint.key, endpoint.server.refusal_codes)
                 if reply.error == "http" and status in _REFUSING and self._drop(error_text(reply.raw)):
-                    continue
-                is_busy = reply.error == "http" and _asks_for_patience(status, headers, reply.raw)
-                wait = next(waits, None) if is_busy else None
-                if wait is not None:
-                    await self.client.sleep(wait)
-                    api = api.with_options(max_retries=0)
                     continue
                 if reply.error is None:
                     self._remember()
@@ -304,12 +287,6 @@ class _Question:
         for name in self.dropped - self.client.dropped:
             self.client.dropped.add(name)
             _logger.warning("%s refuses %s; it is left out", self.client.endpoint.base_url, name)
-
-
-def _asks_for_patience(status: int, headers: Mapping[str, str], body: object) -> bool:
-    """Return True for too many requests where neither the server names a time nor a quota is used up."""
-    is_timed = any(name.lower().startswith("retry-after") for name in headers)
-    return status == 429 and not is_timed and "insufficient_quota" not in _codes(body)
 
 
 def _http_package() -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.checks import whole
-from fpg_bench.common.errors import UserError, nearest, printable
+from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.llm.answers import answer_schema, points_in, read_answer, uselessness
 from fpg_bench.planning.llm.budget import CALLS, SECONDS, TOKENS, Budget
@@ -30,7 +29,6 @@ from fpg_bench.planning.llm.transcript import (
     Body,
     Transcript,
     Where,
-    failure,
     judge,
     place_of,
 )
@@ -39,7 +37,6 @@ from fpg_bench.planning.planner import BatchPlanner, Limits, Plan, Request
 from fpg_bench.version import __version__
 
 _RAW_CHARS = 10_000
-_logger = logging.getLogger(__name__)
 
 
 class LLMPlanner(BatchPlanner):
@@ -214,9 +211,6 @@ class LLMPlanner(BatchPlanner):
             model=reply.model,
         )
         raw = reply.raw if len(text := _text(reply.raw)) <= _RAW_CHARS else text[:_RAW_CHARS]
-        if attempt.error != "budget" and (why := failure(attempt, request.limits)):
-            line = "seed %d, match %d, round %d, attempt %d: no valid path (%s): %s"
-            _logger.info(line, *attempt.where, attempt.status, printable(why))
         server = self._client.endpoint.server.name
         extra = {"planner": self.name, "server": server, "versions": _versions(), "raw": raw}
         return self.transcript.add(attempt, extra)

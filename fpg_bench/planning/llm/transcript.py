@@ -162,14 +162,6 @@ def judge(text: str | None, error: str | None, limits: Limits) -> dict[str, Any]
     return {"waypoints": answer.waypoints.tolist(), "rung": answer.rung, "status": status}
 
 
-def failure(attempt: Attempt, limits: Limits) -> str:
-    """Return the reason that an attempt gave no valid path, in words; empty if it gave one."""
-    if attempt.waypoints is not None:
-        return ""
-    problem = read_answer(attempt.text, limits).problem if attempt.text is not None else None
-    return problem or attempt.detail or attempt.status
-
-
 def agree(asked: object, recorded: object) -> bool:
     """Return True if two requests' messages have the same text, and numbers in it within ``TOLERANCE``."""
     x, y = (_NUMBERS.split(json.dumps(messages, sort_keys=True)) for messages in (asked, recorded))

@@ -16,7 +16,7 @@ import time
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.planning.llm.client import BACKOFF_S, LONGEST_BODY, RETRIES, Client, read_reply
+from fpg_bench.planning.llm.client import LONGEST_BODY, RETRIES, Client, read_reply
 from fpg_bench.planning.llm.servers import Endpoint, load_server
 
 from . import fault_server as faults
@@ -187,26 +187,6 @@ def test_a_429_is_waited_for_within_the_deadline():
     reply, requests = reply_to(faults.status(429, {"Retry-After": "50"}), ok("Hello."), deadline_s=0.5)
     assert (reply.error, requests) == ("timeout", 1)
     assert reply.detail.startswith("no answer within 0.5 s, HTTP 429 before")
-
-
-def test_a_429_without_a_time_is_waited_for_longer_each_time(monkeypatch):
-    monkeypatch.setattr(Client, "backoff_s", BACKOFF_S)
-    waits = []
-
-    async def sleep(seconds):
-        waits.append(seconds)
-
-    with FaultServer([faults.status(429)] * 5 + [ok("Hello.")]) as server:
-        patient = client(server.url, deadline_s=60.0)
-        patient.sleep = sleep
-        assert ask(patient).text == "Hello."
-        assert waits == [1.0, 2.0, 4.0]
-        server.behaviours = [faults.status(429)]
-        assert ask(patient).error == "http"
-        assert waits[3:] == list(BACKOFF_S)
-        server.behaviours = [faults.status(429, body={"error": {"code": "insufficient_quota"}})]
-        assert ask(patient).error == "http"
-    assert len(waits) == 3 + len(BACKOFF_S)
 
 
 # Fields that a server refuses
