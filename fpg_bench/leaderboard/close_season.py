@@ -5,13 +5,14 @@ All draws follow from the season's seed by SHA-256, so they are the same on ever
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import logging
 import re
 import shutil
 import statistics
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -371,22 +372,44 @@ def close_season(
     """
     if (out / FILE).exists():
         raise UserError(f"season: {out} is closed already; the next one has another number")
-    _check_plan(closing)
-    jobs = [_candidate_job(closing, recipe) for side in sides for recipe in closing.recipes(side)]
-    done = sum(job.done() for job in jobs)
-    _logger.info(f"{closing.name}, seed {closing.seed[:16]}: {len(jobs)} candidates, {done} of them done")
-    check_all_done(run_jobs(jobs, n_jobs, backend, address))
-    missing = [
-        side
-        for side in SIDES
-        if not all(_candidate_job(closing, recipe).done() for recipe in closing.recipes(side))
-    ]
-    if missing:
-        _logger.info(
-            f"{closing.name}: candidates of the {' and '.join(missing)} are not there yet; it is not closed"
-        )
-        return None
-    return _publish(closing, out, {side: _select_members(closing, side) for side in SIDES})
+    with _at_work(closing.work, sides):
+        _check_plan(closing)
+        jobs = [_candidate_job(closing, recipe) for side in sides for recipe in closing.recipes(side)]
+        done = sum(job.done() for job in jobs)
+        _logger.info(f"{closing.name}, seed {closing.seed[:16]}: {len(jobs)} candidates, {done} of them done")
+        check_all_done(run_jobs(jobs, n_jobs, backend, address))
+        missing = [
+            side
+            for side in SIDES
+            if not all(_candidate_job(closing, recipe).done() for recipe in closing.recipes(side))
+        ]
+        if missing:
+            sides_missing = " and ".join(missing)
+            _logger.info(
+                f"{closing.name}: candidates of the {sides_missing} are not there yet; it is not closed"
+            )
+            return None
+        return _publish(closing, out, {side: _select_members(closing, side) for side in SIDES})
+
+
+@contextlib.contextmanager
+def _at_work(work: Path, sides: Sequence[str]) -> Iterator[None]:
+    """Hold the candidates of these sides for this process.
+
+    Two processes would both play the entries against a candidate, which then would never be complete.
+
+    Raises:
+        UserError: another process holds them.
+    """
+    with contextlib.ExitStack() as held:
+        for side in sides:
+            try:
+                held.enter_context(RowFile(work / f"at-work-{side}").locked())
+            except UserError as error:
+                raise UserError(
+                    f"season: another process trains candidates of the {side} in {work}; wait for its end"
+                ) from error
+        yield
 
 
 def _check_plan(closing: Closing) -> None:

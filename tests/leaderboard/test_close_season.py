@@ -5,8 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import os
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from unittest.mock import patch
 
@@ -160,6 +163,24 @@ def test_a_season_is_closed_once_and_in_a_folder_of_its_own(closed, board, tmp_p
         close_tiny(board, work, season.folder)
     with pytest.raises(UserError, match=r"holds candidates of another closing .seed"):
         close_tiny(board, work, tmp_path / "season-2", name="2")
+
+
+@pytest.mark.process
+def test_two_closings_at_once_in_one_folder_are_told(board, tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from fpg_bench.leaderboard.close_season import _at_work\n"
+        "with _at_work(Path(sys.argv[1]), ['opponent']): print('held', flush=True); sys.stdin.read()"
+    )
+    env = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", code, str(tmp_path)]
+    with subprocess.Popen(
+        command, env=env, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
+        assert other.stdout.readline() == "held\n"
+        with pytest.raises(UserError, match="another process trains candidates of the opponent in"):
+            close_tiny(board, tmp_path, tmp_path / "season")
+        other.stdin.close()
+    assert not (tmp_path / "season").exists()
 
 
 @pytest.mark.parametrize("name", ["0", "season-1", "Mine", "../x", ""])
