@@ -224,7 +224,7 @@ def test_ctrl_c_saves_all_runs(folder):
             ("--seeds", "0-1", "--address", "10.0.0.1:6379"),
             "address: is a Ray cluster's; say --backend ray, too",
         ),
-        (("--seeds", "4-1"), "seeds: each has to be named once, got '4-1'"),
+        (("--seeds", "4-1"), "seeds: 4-1 runs backwards; say 1-4"),
         (("--backend", "ray"), "backend, address: are for a list of runs; name its --seeds"),
     ],
 )

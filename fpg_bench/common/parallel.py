@@ -111,7 +111,9 @@ def run_jobs(
     whole(n_jobs, "n_jobs")
     if backend not in BACKENDS:
         raise UserError(f"backend: unknown {backend!r}{nearest(backend, BACKENDS)}")
-    if address is not None and backend != "ray":
+    if backend == "ray":
+        need("ray", "ray")
+    elif address is not None:
         raise UserError("address: is a Ray cluster's; say --backend ray, too")
     failed: dict[str, str] = {}
     jobs = list(jobs)

@@ -7,10 +7,9 @@ import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
@@ -18,6 +17,9 @@ from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, mean_interval
 from fpg_bench.evaluation.suite import PLANNER, Suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.rendering.canvas import blank_figure, write_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _TRAINED, _SCRIPT = "#0072b2", "#7f7f7f"
 # Okabe and Ito's colours, told apart by the colour-blind too; each round of them has its marker.
