@@ -15,6 +15,7 @@ import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file, recursive_setattr
 from stable_baselines3.common.utils import set_random_seed
+from stable_baselines3.common.vec_env import VecNormalize
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_json
@@ -28,10 +29,10 @@ def save_model(model: BaseAlgorithm, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     model.save(folder / MODEL)
     if (normalize := model.get_vec_normalize_env()) is not None:
-        statistics = {"ret": normalize.ret_rms} | ({"obs": normalize.obs_rms} if normalize.norm_obs else {})
+        statistics = _statistics(normalize).items()
         _write(
             folder / NORMALIZE,
-            {f"{name}_{key}": value for name, rms in statistics.items() for key, value in vars(rms).items()},
+            {f"{name}_{key}": value for name, rms in statistics for key, value in vars(rms).items()},
         )
 
 
@@ -125,11 +126,15 @@ def _load_model(model: BaseAlgorithm, folder: Path) -> None:
         recursive_setattr(model, f"{name}.data", value.data)
     if (normalize := model.get_vec_normalize_env()) is not None:
         arrays = _read(folder / NORMALIZE)
-        for name, rms in {"ret": normalize.ret_rms, "obs": normalize.obs_rms}.items():
-            if name == "ret" or normalize.norm_obs:
-                for key, value in vars(rms).items():
-                    array = _of_shape(arrays[f"{name}_{key}"], np.shape(value))
-                    setattr(rms, key, array if array.shape or key != "count" else float(array))
+        for name, rms in _statistics(normalize).items():
+            for key, value in vars(rms).items():
+                array = _of_shape(arrays[f"{name}_{key}"], np.shape(value))
+                setattr(rms, key, float(array) if key == "count" else array)
+
+
+def _statistics(normalize: VecNormalize) -> dict[str, Any]:
+    """Return the running means of returns and, if they are normalized, of observations."""
+    return {"ret": normalize.ret_rms} | ({"obs": normalize.obs_rms} if normalize.norm_obs else {})
 
 
 def _arrays(buffer: object) -> dict[str, np.ndarray]:

@@ -236,7 +236,9 @@ def test_a_player_that_fails_does_not_hold_up_the_others(suite, tmp_path, monkey
     source = "class Bad:\n    def predict(self, *a, **k):\n        raise RuntimeError('no idea')\n"
     (tmp_path / "bad.py").write_text(source)
     monkeypatch.syspath_prepend(str(tmp_path))
-    with pytest.raises(UserError, match=r"bad:Bad - adaptive/pursuit: .*no idea \(and 1 more failed\)"):
+    with pytest.raises(
+        UserError, match=r"bad:Bad - adaptive/pursuit: .*no idea, in .*bad.py, line 3 \(and 1 more failed\)"
+    ):
         evaluate(["bad:Bad", "expert"], suite, tmp_path / "out", n_jobs=2)
     assert {json.loads(row)["entry"] for row in rows(tmp_path / "out")} == {"expert"}
     assert len(rows(tmp_path / "out")) == 2

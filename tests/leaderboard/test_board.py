@@ -320,8 +320,9 @@ def test_the_verb_says_who_is_left_out_and_keeps_rounds_that_it_does_not_simulat
     site = tmp_path / "site"
     capsys.readouterr()
     build(site, board)
-    first, line = capsys.readouterr().out.splitlines()
+    first, played, line = capsys.readouterr().out.splitlines()
     assert first.startswith("ally/still: left out: has no result")
+    assert played == "ally/wise: playing rounds to watch"
     assert line.startswith("1 entries, 1 rounds to watch")
     rounds = sorted(site.glob("replays/ally/wise/*.js"))
     assert len(rounds) == 1
