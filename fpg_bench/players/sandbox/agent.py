@@ -81,14 +81,20 @@ class SandboxedAgent(Batched):
             yield
         except PolicyFailed as error:
             self.failure = str(error)
+            self._close()
             _logger.warning(f"{self!r}: {error}; its rounds are lost from here on")
 
     def __reduce__(self) -> tuple[type[SandboxedAgent], tuple[bytes, dict[str, Any]]]:
         return type(self), (self.model, self.about)
 
+    def _close(self) -> None:
+        """End the process, if there is one."""
+        client, self._client = getattr(self, "_client", None), None  # none yet if the file was refused
+        if client is not None:
+            client.close()
+
     def __del__(self) -> None:
-        if self.__dict__.get("_client") is not None:
-            self._client.close()  # type: ignore[union-attr]
+        self._close()
 
     def __repr__(self) -> str:
         return f"SandboxedAgent({self.about.get('id')}, {self.about.get('algorithm')})"
