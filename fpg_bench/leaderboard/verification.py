@@ -35,6 +35,7 @@ from fpg_bench.leaderboard.playing import (
     Key,
     Matchup,
     Part,
+    PlayedPart,
     fill,
     key_of,
     matchups_of,
@@ -358,12 +359,16 @@ class Verdict:
     line: str
 
 
-def _judge(case: Case) -> tuple[bool, str]:
+def _played_parts(case: Case) -> list[PlayedPart]:
+    """Return the parts of a case as they were played, in the order of ``case.wanted``."""
+    return [read_part(case.work / part.name) for part, _ in case.wanted]
+
+
+def _judge(case: Case, played: Sequence[PlayedPart]) -> tuple[bool, str]:
     """Return the verdict on a case that was played; writes the result if there is none."""
-    played = [(read_part(case.work / part.name), matchups) for part, matchups in case.wanted]
-    failure = next((part.failure for part, _ in played if part.failure is not None), None)
+    failure = next((part.failure for part in played if part.failure is not None), None)
     records: list[Record] = []
-    for part, matchups in played if failure is None else ():
+    for part, (_, matchups) in zip(played, case.wanted, strict=True) if failure is None else ():
         records += [part.records[key_of(*matchup)] for matchup in matchups]
     if case.is_complete and records and all(record.lost == len(record.returns) for record in records):
         failure = "all of its rounds are lost by rule: its answers are no valid actions"
@@ -423,10 +428,9 @@ def _describe(result: Result) -> str:
     return f"verified: {role} {score.value:.1f} [{score.low:.1f}, {score.high:.1f}]{lost_text}"
 
 
-def _missing_isolation(case: Case) -> str:
-    """Return what the processes of a case's policies could not be kept from, in words; else nothing."""
-    parts = (read_part(case.work / part.name) for part, _ in case.wanted)
-    names = dict.fromkeys(name for part in parts for name in part.unprotected)
+def _missing_isolation(played: Sequence[PlayedPart]) -> str:
+    """Return what the processes of played policies could not be kept from, in words; else nothing."""
+    names = dict.fromkeys(name for part in played for name in part.unprotected)
     return f"; this machine cannot keep a policy from {', '.join(names)}" if names else ""
 
 
@@ -555,12 +559,13 @@ class _Verification:
         if errors := [self.failed[name] for name in names if name in self.failed]:
             self._give(case.name, False, errors[0])
             return
-        judged, unprotected = outcome_of(partial(_judge, case)), outcome_of(partial(_missing_isolation, case))
+        played = outcome_of(partial(_played_parts, case))
+        judged = played if played.error is not None else outcome_of(partial(_judge, case, played.result))
         shutil.rmtree(case.work, ignore_errors=True)
         if case.claimed is not None:
             remove(case.claimed)
         good, line = judged.result if judged.error is None else (False, judged.error)
-        self._give(case.name, good, line + (unprotected.result or ""))
+        self._give(case.name, good, line + _missing_isolation(played.result or ()))
 
     def _keep(self, job: Job, case: Case, result: object) -> None:
         job.keep(result)
