@@ -1,6 +1,7 @@
 """Settings shared by all tests."""
 
 import gc
+import logging
 import os
 import re
 import signal
@@ -58,6 +59,13 @@ def pytest_collection_modifyitems(items):
             item.add_marker("llama")
     long = Counter(item.path for item in items if {mark.name for mark in item.iter_markers()} & LONG)
     items.sort(key=lambda item: (item.path.parent != HERE, -long[item.path]))
+
+
+@pytest.fixture(autouse=True)
+def no_handlers_left():
+    """A command line called within a test prints messages during that test alone."""
+    yield
+    logging.getLogger("fpg_bench").handlers.clear()
 
 
 @pytest.fixture
