@@ -111,7 +111,7 @@ def train_responses(target: Target, recipes: Sequence[Recipe], seeds: int, out: 
             out,
             algorithm=algorithm,
             steps=steps,
-            seeds=seeds,
+            n_seeds=seeds,
             side=target.side,
             scenario=SCENARIO,
             path=target.path,

@@ -64,7 +64,7 @@ def reproduce(
         target,
         out,
         scenario=scenario,
-        seeds=n_seeds,
+        n_seeds=n_seeds,
         first_seed=first_seed,
         budget=budget,
         n_jobs=n_jobs,

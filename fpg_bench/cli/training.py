@@ -78,7 +78,7 @@ def train(
     seeds: Annotated[
         str | None,
         typer.Option(
-            help="Training seeds of several runs, 0-4 or 0,2,5, each in OUT/seed_k.",
+            help="Training seeds of several runs as a list, 0-4 or 0,2,5, each in OUT/seed_k.",
             rich_help_panel=TRAINING,
         ),
     ] = None,
@@ -332,7 +332,7 @@ def best_response(
         agent,
         out,
         steps=[whole_number(word) for word in steps.split(",")],
-        seeds=n_seeds,
+        n_seeds=n_seeds,
         algorithm=algorithm.split(","),
         start=start.split(","),
         hyperparams=hyperparams,

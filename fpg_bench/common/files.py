@@ -140,6 +140,23 @@ def write_whole(path: Path, content: str | bytes) -> None:
         raise
 
 
+def check_own_folder(folder: Path, description: str, what: str, *others: str) -> None:
+    """Raise UserError for a foreign folder: it has files, but not the one that describes its content.
+
+    Args:
+        folder: the folder, which need not exist.
+        description: name of the file that is written first.
+        what: what the folder would hold, in messages.
+        others: names of files that may be there before.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"{folder}: is a file; choose a folder")
+    names = os.listdir(folder) if folder.exists() else []
+    begun = f".{description}."  # of a process that was killed while it wrote the description
+    if description not in names and any(name not in others and not name.startswith(begun) for name in names):
+        raise UserError(f"{folder}: is not empty and holds no {what}; choose another folder")
+
+
 def _begun(path: Path) -> str:
     """Return the prefix of this machine's temporary files for a path."""
     return f".{path.name}.{socket.gethostname()}-"

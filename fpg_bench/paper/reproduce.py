@@ -23,7 +23,7 @@ def reproduce(
     out: str | Path = "reproduced",
     *,
     scenario: str = "paper",
-    seeds: int | None = None,
+    n_seeds: int | None = None,
     first_seed: int = 0,
     budget: str | Budget = "quick",
     llm: Mapping[str, Any] | None = None,
@@ -40,7 +40,7 @@ def reproduce(
         target: ``fig3`` to ``fig7``, ``tables`` or ``all``.
         out: folder of runs, figures and reports.
         scenario: ``paper``, ``standard`` or ``figures``.
-        seeds: number of runs of each condition that a claim rests on (others: at most five). None: the
+        n_seeds: number of runs of each condition that a claim rests on (others: at most five). None: the
             default of the budget.
         first_seed: first training seed. Confirming a finding requires seeds that were not used to find it.
         budget: ``quick``, ``full``, ``hundredth``, ``tenth``, ``paper``, or a :class:`Budget`.
@@ -59,7 +59,7 @@ def reproduce(
     if out.exists() and not out.is_dir():
         raise UserError(f"out: {out} is a file; name a folder")
     check_learner(learner)
-    count = whole(budget.seeds if seeds is None else seeds, "seeds")
+    count = whole(budget.seeds if n_seeds is None else n_seeds, "n_seeds")
     file = RunFile(out, scenario, budget.name)
     failed = run_conditions(
         file,

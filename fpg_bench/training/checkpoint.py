@@ -59,6 +59,11 @@ def save_checkpoint(model: BaseAlgorithm, folder: Path, *, seconds: float) -> No
             shutil.rmtree(other)
 
 
+def steps_of(checkpoint: Path) -> int:
+    """Return the steps after which a checkpoint was saved."""
+    return int(checkpoint.name)
+
+
 def newest_checkpoint(folder: Path) -> Path | None:
     """Return the checkpoint of the most steps, or None where there is none."""
     checkpoints = [path for path in folder.glob("*") if path.name.isdigit()]

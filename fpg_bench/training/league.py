@@ -21,7 +21,7 @@ from pydantic import Field as Constraint
 
 from fpg_bench.common.checks import mapping, whole
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.files import read_json, read_yaml, write_json, write_whole
+from fpg_bench.common.files import check_own_folder, read_json, read_yaml, write_json, write_whole
 from fpg_bench.common.ids import SCRIPTED, find_env, policy_env, sides_of
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
@@ -119,7 +119,7 @@ def best_responses(
     *,
     algorithm: str | Sequence[str] = "ppo",
     steps: int | Sequence[int] = 500_000,
-    seeds: int = 3,
+    n_seeds: int = 3,
     start: str | Sequence[str] = "nothing",
     hyperparams: Hyperparams = None,
     reward: str = "zero_sum",
@@ -140,7 +140,7 @@ def best_responses(
         algorithm: algorithm of the responses, or several; see
             :class:`fpg_bench.training.config.RunConfig`.
         steps: training budget of each response, or several.
-        seeds: number of responses of each kind, with training seeds 0, 1, 2, ...
+        n_seeds: number of responses of each kind, with training seeds 0, 1, 2, ...
         start: ``nothing``; or ``strongest``, to imitate first whoever left the player the least return so
             far, a script or a response that started from nothing; or both, one after the other.
         hyperparams: hyper-parameters of a single algorithm.
@@ -154,19 +154,20 @@ def best_responses(
     Returns:
         The content of ``best_responses.json``: the player, the game, ``responses`` (how each was made, the
         player's ``return`` per step and ``score`` against it, the response's own return per step ``earned``,
-        the ``measures``), the same for the other side's ``scripts``, and ``lowest``, the lowest return and
+        the ``measures``; ``n_resumes`` where its training was resumed, so that its policy is not that of an
+        uninterrupted one), the same for the other side's ``scripts``, and ``lowest``, the lowest return and
         against whom. It is an upper bound of the player's worst return: another response may find a lower
         one.
 
     Raises:
         UserError: no such player, one whose training scenario is not available any more, or a folder with
-            best responses to another player.
+            other files, or best responses to another player.
         KeyboardInterrupt: stopped by the user.
     """
     algorithms, budgets, starts = _as_list(algorithm), _as_list(steps), _as_list(start)
     if unknown := [begin for begin in starts if begin not in STARTS]:
         raise UserError(f"start: expected nothing or strongest, got {unknown[0]!r}")
-    for name, value in (("seeds", seeds), *(("steps", budget) for budget in budgets)):
+    for name, value in (("n_seeds", n_seeds), *(("steps", budget) for budget in budgets)):
         whole(value, name)
     if hyperparams is not None and len(algorithms) > 1:
         raise UserError("hyperparams: are those of one algorithm; name one")
@@ -180,13 +181,14 @@ def best_responses(
         "matches": MATCHES,
         "protocol": PROTOCOL,
     }
+    check_own_folder(file.parent, RESULT, "best responses")
     if file.exists():
         result = _check_same(file, "best responses", about)
     else:
         scripts = {name: target.meet(name) for name in SCRIPTED[_other_side(target.side)]}
         result = {"agent": agent, **about, "scripts": scripts, "responses": []}
         write_json(file, result | {"lowest": _lowest(result)})  # the folder is taken before any training
-    for begin, name, budget, seed in product(starts, algorithms, budgets, range(seeds)):
+    for begin, name, budget, seed in product(starts, algorithms, budgets, range(n_seeds)):
         values = load_hyperparameters(name, env_id, hyperparams, path=target.game.path).entry()
         if begin == "strongest":
             values |= {"imitate": {"teacher": _strongest(result, Path(out))}}
@@ -203,7 +205,9 @@ def best_responses(
             run = RunConfig(name, env_id, seed, budget, values, game, against=agent)
             folder = Path(out) / response_folder(recipe)
             response = train(run, folder, evaluations=0, progress=progress, resume=True)
-            result["responses"].append(recipe | target.meet(str(response)))
+            parts = RunFolder(folder).read().get("part", 0)
+            resumed = {"n_resumes": parts} if parts else {}
+            result["responses"].append(recipe | resumed | target.meet(str(response)))
         result["lowest"] = _lowest(result)
         write_json(file, result)
     return result
@@ -353,7 +357,8 @@ def selfplay(
         The folders of both agents.
 
     Raises:
-        UserError: something unknown or out of range, a folder with another self-play, or an agent of a past
+        UserError: something unknown or out of range, a folder with another self-play or other files, or an
+            agent of a past
             generation that is incomplete.
         KeyboardInterrupt: stopped by the user.
     """
@@ -362,6 +367,7 @@ def selfplay(
     game = GameOptions(scenario=scenario, path=path, knowledge=knowledge, jamming_types=jamming_types)
     league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, game)
     about, file = league.describe(), RowFile(league.folder / ROWS, {"generation": int, "side": str})
+    check_own_folder(league.folder, ABOUT, "self-play", ROWS)
     with file.locked():
         done = {(row["generation"], row["side"]) for row in file.read()}
         if not done:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_json, write_json
+from fpg_bench.common.files import check_own_folder, read_json, write_json
 from fpg_bench.common.rows import RowFile
 from fpg_bench.training.checkpoint import MODEL, NORMALIZE, newest_checkpoint
 from fpg_bench.training.language_model import TRANSCRIPT
@@ -55,11 +55,8 @@ class RunFolder:
         Raises:
             UserError: another process holds it, or it is not empty and no run's folder.
         """
-        names = os.listdir(self.path) if self.path.exists() else []
-        # A run that was killed before its run.json was complete may have left these
-        others = [name for name in names if name != EVALUATIONS and not name.startswith(".run.json.")]
-        if others and self.description.name not in names:
-            raise UserError(f"{self.path}: is not empty and no run's folder; choose another")
+        # A run that was killed before its run.json was complete may have left its evaluations
+        check_own_folder(self.path, self.description.name, "training run", EVALUATIONS)
         with contextlib.ExitStack() as stack:
             try:
                 stack.enter_context(self.evaluations.locked())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import logging
 import platform
 import re
 import shutil
@@ -36,7 +37,13 @@ from fpg_bench.training.callbacks import (
     GameMeasuresCallback,
     ProgressCallback,
 )
-from fpg_bench.training.checkpoint import load_checkpoint, load_weights, newest_checkpoint, save_model
+from fpg_bench.training.checkpoint import (
+    load_checkpoint,
+    load_weights,
+    newest_checkpoint,
+    save_model,
+    steps_of,
+)
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.export import check_exportable, write_exported
 from fpg_bench.training.hyperparameters import load_hyperparameters
@@ -47,6 +54,7 @@ from fpg_bench.training.models import by_side, is_finite, make_games, make_model
 from fpg_bench.training.run_folder import RunFolder, command_line, revision
 
 EVALUATIONS = 20
+_logger = logging.getLogger(__name__)
 _STOPPING = "stopping as soon as the run can be saved; Ctrl-C again stops at once\n"
 _PACKAGES = (
     "fpg-bench",
@@ -75,7 +83,8 @@ def train(
     The folder then holds ``run.json``, ``evaluations.jsonl`` (the scores during training) with its picture
     ``curve.png``, ``model.zip``, the TensorBoard log and ``agent/`` (``agent.json``, ``policy.onnx``). A
     finished run is not repeated. A stopped or killed run leaves a checkpoint that is at most a minute old;
-    resumed, it plays new matches and ends with as many steps as if it had never stopped.
+    resumed, it plays new matches and ends with as many steps as if it had never stopped, though with another
+    policy; ``part`` in ``run.json`` counts how often. Where no step was saved yet, it begins anew.
 
     A language model plans beside the game: each round flies the newest plan. How far that plan is behind
     depends on the server's speed, so ``transcript.jsonl`` records what each round flew.
@@ -172,7 +181,14 @@ MOST_SEEDS = 1000  # of one list
 
 
 def parse_seeds(text: str) -> list[int]:
-    """Return the seeds of ``0-4`` or ``0,2,5``; raises UserError for any other text."""
+    """Return the seeds of ``0-4`` or ``0,2,5``.
+
+    Raises:
+        UserError: any other text; also a single number, which could be a seed or a count.
+    """
+    if text.isdecimal():
+        several = f", --seeds 0-{int(text) - 1} for {text} seeds" if 1 < int(text) <= MOST_SEEDS else ""
+        raise UserError(f"seeds: expected a list, got {text}; say --seed {text} for this seed alone{several}")
     seeds: list[int] = []
     for part in text.split(","):
         match = re.fullmatch(r"(\d+)(?:-(\d+))?", part)
@@ -276,16 +292,24 @@ class _Run:
             ) from error
 
     def resume(self, state: dict[str, Any]) -> None:
-        """Load the newest checkpoint; from here on, the matches and random numbers are new ones."""
+        """Load the newest checkpoint; from here on, the matches and random numbers are new ones.
+
+        A run without any saved step begins anew, so that it ends with the policy of an uninterrupted run.
+        """
+        checkpoint = newest_checkpoint(self.folder.checkpoints)
+        if checkpoint is None or steps_of(checkpoint) == 0:
+            self.folder.clear()
+            return
         self._part = state.get("part", 0) + 1
         seed = self.about["training_seed"]
-        checkpoint = newest_checkpoint(self.folder.checkpoints)
-        if checkpoint is not None:
-            self._seconds_before = load_checkpoint(
-                checkpoint, self.model, (seed + self._part * 2**20) % 2**32
-            )
-            self._starts_fresh = False
+        self._seconds_before = load_checkpoint(checkpoint, self.model, (seed + self._part * 2**20) % 2**32)
+        self._starts_fresh = False
         self._seed_games()
+        if self.model.num_timesteps < self.about["training_steps"]:
+            _logger.info(
+                f"{self.folder.path}: resumed at {self.model.num_timesteps:,} steps with new matches, so its "
+                "policy differs from that of an uninterrupted run"
+            )
 
     def _seed_games(self) -> None:
         """Seed the games with the matches of this part of the run."""

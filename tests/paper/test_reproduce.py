@@ -64,7 +64,7 @@ def test_swapped_paths_are_reported_but_not_counted_as_runs(monkeypatch, tmp_pat
         replace(each, changes={"rounds_per_match": 4}) for each in conditions_of("fig4", "paper", False)
     ]
     monkeypatch.setattr(reproducing, "_conditions", lambda *_: [short])
-    reproduce("fig4", tmp_path, budget=budget, seeds=2, n_jobs=1)
+    reproduce("fig4", tmp_path, budget=budget, n_seeds=2, n_jobs=1)
     frozen = [each for each in compare(seen[0]) if each.claim == "D1 frozen"]
     assert [each.statement.split()[4] for each in frozen] == [f"{path}," for path in FIXED_PATHS]
     report, _ = write_report(seen[0], "paper", budget, [], tmp_path, "made so")
@@ -109,7 +109,7 @@ def test_runs_of_another_scenario_are_not_continued(made, tmp_path):
     other = RunFile(tmp_path, "standard", "tiny")
     other.add(RunFile(out, "paper", "tiny").read().values())
     with pytest.raises(UserError, match="planned, seed 0, played another game than standard is now"):
-        reproduce("fig4", tmp_path, scenario="standard", budget=TINY, seeds=1, n_jobs=1)
+        reproduce("fig4", tmp_path, scenario="standard", budget=TINY, n_seeds=1, n_jobs=1)
 
 
 @pytest.mark.slow

@@ -123,11 +123,11 @@ def ally(tmp_path_factory):
 @pytest.fixture(scope="module")
 def result(ally):
     """The results of two best responses to it."""
-    return respond(ally, ally.parent.parent / "responses", seeds=2)
+    return respond(ally, ally.parent.parent / "responses", n_seeds=2)
 
 
 def respond(agent, out, **options):
-    given = {"hyperparams": settings("ppo"), "steps": 400, "seeds": 1, "progress": False}
+    given = {"hyperparams": settings("ppo"), "steps": 400, "n_seeds": 1, "progress": False}
     return best_responses(str(agent), out, **(given | options))
 
 
@@ -174,9 +174,9 @@ def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, r
 @pytest.mark.slow
 def test_finished_responses_are_not_trained_again_and_others_can_be_added(ally, result, trained):
     out = ally.parent.parent / "responses"
-    assert respond(ally, out, seeds=2) == result
+    assert respond(ally, out, n_seeds=2) == result
     assert not trained
-    assert respond(ally, out, seeds=3)["responses"][:2] == result["responses"]
+    assert respond(ally, out, n_seeds=3)["responses"][:2] == result["responses"]
     respond(ally, out, steps=[400, 800])
     curve = respond(ally, out, algorithm="ppo-stack2")
     assert [(run.algorithm, run.steps, run.seed) for run in trained] == [
@@ -207,6 +207,30 @@ def test_an_interrupted_command_goes_on(ally, tmp_path, monkeypatch):
         assert (tmp_path / "out" / "best_responses.json").exists() == is_started
     respond(ally, tmp_path / "out")
     assert (run_folder(tmp_path / "out", 0) / "agent" / "agent.json").exists()
+
+
+def test_folders_of_others_are_refused_and_stay_as_they_are(tmp_path):
+    (tmp_path / "thesis.tex").write_text("mine")
+    for make in (lambda: respond("expert", tmp_path), lambda: play_selfplay(tmp_path)):
+        with pytest.raises(UserError, match=r"is not empty and holds no (best responses|self-play); choose"):
+            make()
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+@pytest.mark.slow
+def test_a_resumed_response_is_marked(ally, tmp_path, monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.setattr("fpg_bench.training.callbacks.SAVE_EVERY_S", -1.0)
+        patched.setattr(GameMeasuresCallback, "_on_rollout_start", lambda self: _stop_at(self, 800))
+        with pytest.raises(KeyboardInterrupt):
+            respond(ally, tmp_path / "out", steps=1200)
+    first, second = respond(ally, tmp_path / "out", steps=1200, n_seeds=2)["responses"]
+    assert (first["n_resumes"], second.get("n_resumes")) == (1, None)
+
+
+def _stop_at(callback, steps):
+    if callback.num_timesteps >= steps:
+        raise KeyboardInterrupt
 
 
 @pytest.mark.slow
@@ -390,7 +414,7 @@ def test_self_play_goes_on_wherever_it_was_killed(tmp_path, monkeypatch):
     assert not read_rows(tmp_path)
     interrupted(league, "evaluate_against")
     finished = read_run(tmp_path, "ally", 0)
-    assert (finished["finished"], finished["part"], finished["steps_done"]) == (True, 1, 400)
+    assert (finished["finished"], finished["part"], finished["steps_done"]) == (True, 0, 400)
     interrupted(league, "write_whole")
     assert len(read_rows(tmp_path)) == 2
     play_selfplay(tmp_path, 1)

@@ -4,6 +4,7 @@ import base64
 import fcntl
 import json
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from fpg_bench.common.rows import RowFile
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training import checkpoint, train
 from fpg_bench.training.checkpoint import newest_checkpoint
+from tests.logged import logged
 from tests.training.tiny import settings, train_tiny
 
 ALGORITHMS = ["sac", "td3", "recurrent-ppo", "ppo-stack3"]
@@ -111,6 +113,28 @@ def test_runs_of_neighbouring_seeds_play_other_matches(tmp_path, monkeypatch):
         watch = stopped("ppo", tmp_path / str(seed), monkeypatch, at=400, seed=seed)
         seeds.append(watch.seeds)
     assert seeds == [[0, 1, 2, 3], [10**6 + k for k in range(4)]]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_a_run_that_stopped_before_any_saved_step_ends_as_if_it_had_not(algorithm, tmp_path, monkeypatch):
+    runs = [tmp_path / "stopped", tmp_path / "uninterrupted"]
+    with monkeypatch.context() as patched:
+        watched(patched, at=400)
+        with pytest.raises(KeyboardInterrupt):  # its only checkpoint is that of the first evaluation
+            train_tiny(algorithm, runs[0], progress=True, evaluations=1)
+    assert newest_checkpoint(runs[0] / "checkpoints").name == f"{0:012d}"
+    agents = [train_tiny(algorithm, run, resume=True, evaluations=1) for run in runs]
+    assert load_agent(agents[0]).about["policy_sha256"] == load_agent(agents[1]).about["policy_sha256"]
+
+
+@pytest.mark.slow
+def test_a_resumed_run_says_that_its_policy_is_another(tmp_path, monkeypatch):
+    stopped("ppo", tmp_path / "run", monkeypatch)
+    with logged() as messages:
+        train_tiny("ppo", tmp_path / "run", resume=True)
+    (line,) = [line for line in messages if "resumed" in line]
+    assert re.search(r"resumed at 800 steps .* differs from that of an uninterrupted run", line)
 
 
 @pytest.mark.slow

@@ -148,7 +148,7 @@ def test_a_finished_run_is_not_repeated_and_no_other_is_overwritten(run, hyperpa
         train("ppo", ALLY, tmp_path, **options)
     train("ppo", ALLY, tmp_path, restart=True, **options)
     assert json.loads((tmp_path / "run.json").read_text())["finished"]
-    with pytest.raises(UserError, match="no run's folder"):
+    with pytest.raises(UserError, match="holds no training run"):
         train("ppo", ALLY, run.parent, **options)
 
 
@@ -254,7 +254,7 @@ def train_several(out, seeds, *, n_jobs=2, **options):
 def test_each_seed_is_trained_once_and_a_failure_does_not_hold_up_the_others(tmp_path):
     (tmp_path / "seed_2").mkdir()
     (tmp_path / "seed_2" / "mine.txt").touch()
-    with pytest.raises(UserError, match=r"seed_2: .*is not empty and no run's folder"):
+    with pytest.raises(UserError, match=r"seed_2: .*is not empty and holds no training run"):
         train_several(tmp_path, [0, 2], n_jobs=1)
     (tmp_path / "seed_2" / "mine.txt").unlink()
     lines = train_several(tmp_path, [0, 2], n_jobs=1)
@@ -275,10 +275,14 @@ def test_options_are_checked_before_any_seed_begins(tmp_path):
 
 
 def test_seeds_are_ranges_and_lists():
-    assert [parse_seeds(text) for text in ("3", "0-2", "0,4-5")] == [[3], [0, 1, 2], [0, 4, 5]]
+    assert [parse_seeds(text) for text in ("3-3", "0-2", "0,4-5")] == [[3], [0, 1, 2], [0, 4, 5]]
     for text in ("", "a", "1-", "-1", "3-1", "0,0", "1.5"):
         with pytest.raises(UserError, match="seeds: "):
             parse_seeds(text)
+    with pytest.raises(UserError, match="--seed 5 for this seed alone, --seeds 0-4 for 5 seeds"):
+        parse_seeds("5")
+    with pytest.raises(UserError, match=r"--seed 1 for this seed alone$"):
+        parse_seeds("1")
 
 
 # Progress where no bar can be drawn
