@@ -109,6 +109,9 @@ def export(
     n_best: Annotated[int, typer.Option(min=1, help="number of trials that are retrained")] = 3,
     n_seeds: Annotated[int, typer.Option(min=1, help="fresh training seeds of each")] = 3,
     steps: Annotated[int | None, steps_option("budget of a seed; default: the study's")] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="write values that score less than the present ones")
+    ] = False,
     storage: StorageOption = None,
     study_name: StudyNameOption = None,
     n_jobs: JobsOption = 1,
@@ -128,6 +131,7 @@ def export(
         n_best=n_best,
         n_seeds=n_seeds,
         steps=steps,
+        force=force,
         storage=storage,
         study_name=study_name,
         n_jobs=n_jobs,

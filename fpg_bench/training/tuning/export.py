@@ -39,6 +39,7 @@ N_SEEDS = 3
 FRESH_SEED = 200_000  # neither of trials nor of shipped agents
 
 _PACKAGES = ("fpg-bench", "stable-baselines3", "torch", "optuna")
+_PRESENT = "present values"
 _COMMENT = "  # tuned: "
 _CONTINUED = "  #        "
 
@@ -77,6 +78,7 @@ def export_values(
     n_best: int = N_BEST,
     n_seeds: int = N_SEEDS,
     steps: int | None = None,
+    force: bool = False,
     study_name: str | None = None,
     storage: str | None = None,
     n_jobs: int = 1,
@@ -85,7 +87,8 @@ def export_values(
 ) -> list[Confirmed]:
     """Retrain the best trials of a study on the same fresh seeds, and write the best values into a file.
 
-    The study stores the score of each training, so that none is repeated.
+    The values that the study began with are retrained as well, to compare with. The study stores the score of
+    each training, so that none is repeated.
 
     Args:
         out: the study's folder.
@@ -93,6 +96,7 @@ def export_values(
         n_best: number of trials.
         n_seeds: number of fresh training seeds.
         steps: training budget of a seed; None for that of the study.
+        force: write the values even if they score less than the present ones.
         study_name: name of the study; None for the only one in the storage.
         storage: SQLAlchemy URL of a database; None for SQLite in the folder.
         n_jobs: number of trainings at once.
@@ -104,7 +108,8 @@ def export_values(
 
     Raises:
         UserError: there is no study or no complete trial, the database does not answer, the file cannot be
-            written, or no trial could be retrained.
+            written, no trial could be retrained, or the best one scores less on the fresh seeds than the
+            present values.
     """
     for name, value in (("n_best", n_best), ("n_seeds", n_seeds), ("steps", steps)):
         if value is not None:
@@ -119,25 +124,30 @@ def export_values(
     if not trials:
         raise UserError(f"study {study.study_name!r} in {opened.where}: no trial is complete yet")
     seeds = range(FRESH_SEED, FRESH_SEED + n_seeds)
-    values = {trial.number: from_params(task.space, trial.params) for trial in trials}
+    values = {f"trial {trial.number}": from_params(task.space, trial.params) for trial in trials}
+    present = next((name for name, each in values.items() if _is_present(task, each)), _PRESENT)
+    candidates = values | ({} if present in values else {_PRESENT: {}})
     jobs = [
         Job(
-            name := _run_name(trial.number, seed, task.steps),
-            partial(_train_again, task, values[trial.number], seed),
+            name := _run_name(candidate, seed, task.steps),
+            partial(_train_again, task, changes, seed),
             keep=partial(_store_score, opened, study, name),
             done=partial(_has_score, opened, study, name),
         )
-        for trial in trials
+        for candidate, changes in candidates.items()
         for seed in seeds
     ]
     run_jobs(jobs, n_jobs, backend, address)
     with opened.errors():
         stored = study.user_attrs
+    intervals = {}
+    for candidate in candidates:
+        scores = [stored.get(_run_name(candidate, seed, task.steps)) for seed in seeds]
+        if None not in scores:
+            intervals[candidate] = mean_interval(np.array(scores), TRAINING_SEEDS)
     confirmed = []
     for trial in trials:
-        scores = [stored.get(_run_name(trial.number, seed, task.steps)) for seed in seeds]
-        if None not in scores:
-            interval = mean_interval(np.array(scores), TRAINING_SEEDS)
+        if (interval := intervals.get(f"trial {trial.number}")) is not None:
             study_score = float(trial.value or 0.0)
             _logger.info(
                 "trial %d: %s on fresh seeds, %.1f in the study",
@@ -150,7 +160,7 @@ def export_values(
                     study.study_name,
                     n_trials,
                     trial.number,
-                    values[trial.number],
+                    values[f"trial {trial.number}"],
                     study_score,
                     interval,
                     seeds,
@@ -160,14 +170,31 @@ def export_values(
     if not confirmed:
         raise UserError(f"{out}: no trial could be retrained on all fresh seeds; see the lines above")
     confirmed.sort(key=lambda trial: -trial.score.value)
-    write_values(Path(file), confirmed[0])
+    if present not in intervals:
+        _logger.info("present values: could not be trained on all fresh seeds")
+    elif present in values:
+        _logger.info("present values: those of %s", present)
+    else:
+        _logger.info("present values: %s on fresh seeds", format_score(intervals[present]))
+    best = confirmed[0]
+    if not force and present in intervals and best.score.value < intervals[present].value:
+        raise UserError(
+            f"{file}: not written, because on fresh seeds trial {best.trial} scores {best.score.value:.1f}, less "
+            f"than the present values with {intervals[present].value:.1f}; search further, or say --force"
+        )
+    write_values(Path(file), best)
     _logger.info("written: %s, %s", file, task.env_id)
     return confirmed
 
 
-def _run_name(trial: int, seed: int, steps: int) -> str:
+def _is_present(task: Task, values: dict[str, Any]) -> bool:
+    """Return True if a trial has the values that the study began with."""
+    return merge_values(task.hyperparameters, values) == task.hyperparameters
+
+
+def _run_name(candidate: str, seed: int, steps: int) -> str:
     """Return the name of a retraining, under which a study stores its score."""
-    return f"trial {trial} again, seed {seed}, {steps} steps"
+    return f"{candidate} again, seed {seed}, {steps} steps"
 
 
 def _train_again(task: Task, values: dict[str, Any], seed: int) -> float:

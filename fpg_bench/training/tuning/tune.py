@@ -16,7 +16,16 @@ from fpg_bench.common.output import print_messages
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.training.tuning.objective import N_EVALS, Objective
-from fpg_bench.training.tuning.study import DATABASE, Task, make_task, open_storage, open_study
+from fpg_bench.training.tuning.space import format_values, from_params
+from fpg_bench.training.tuning.study import (
+    DATABASE,
+    Task,
+    best_trials,
+    count_finished,
+    make_task,
+    open_storage,
+    open_study,
+)
 from fpg_bench.training.tuning.worker import run_worker
 
 N_TRIALS = 20
@@ -124,14 +133,30 @@ def tune(
     opened = open_storage(Path(out), storage)
     name = study_name or f"{algorithm} {task.env_id}"
     study = open_study(opened, name, task, sampler, pruner or default_pruner())
-    if (n_jobs, backend, address) == (1, "loky", None):
+    with opened.errors():
+        is_finished = count_finished(study) >= n_trials
+    if is_finished:
+        _logger.info("this study was finished before; nothing was trained")
+    elif (n_jobs, backend, address) == (1, "loky", None):
         run_worker(study, opened, partial(Objective, task), n_trials, timeout)
-        return study
-    folder = Path(out).absolute()
-    work = partial(_work, task, folder, storage, name, sampler, pruner, n_trials, timeout)
-    jobs = [Job(f"worker {index}", work) for index in range(n_jobs)]
-    check_all_done(run_jobs(jobs, n_jobs, backend, address))
+    else:
+        folder = Path(out).absolute()
+        work = partial(_work, task, folder, storage, name, sampler, pruner, n_trials, timeout)
+        jobs = [Job(f"worker {index}", work) for index in range(n_jobs)]
+        check_all_done(run_jobs(jobs, n_jobs, backend, address))
+    with opened.errors():
+        _log_result(study, task)
     return study
+
+
+def _log_result(study: optuna.Study, task: Task) -> None:
+    """Log the score and the values of the best trial."""
+    trials = f"{count_finished(study)} finished trials"
+    if best := best_trials(study, 1):
+        values = format_values(from_params(task.space, best[0].params))
+        _logger.info("%s, best: %.1f (trial %d): %s", trials, best[0].value, best[0].number, values)
+    else:
+        _logger.info("%s, none of them complete", trials)
 
 
 def _work(

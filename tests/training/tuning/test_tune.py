@@ -13,6 +13,7 @@ from optuna.trial import TrialState
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.seeds import training_seed
+from fpg_bench.evaluation.statistics import mean_interval
 from fpg_bench.training.tuning.export import FRESH_SEED, export_values
 from fpg_bench.training.tuning.objective import Diverged, Objective
 from fpg_bench.training.tuning.report import write_report
@@ -70,9 +71,14 @@ def test_a_study_has_its_trials_and_what_it_tunes(study):
     assert (low + high) / 2 == pytest.approx(study.trials[0].value)
 
 
-def test_the_same_command_goes_on_and_another_space_is_refused(study, files, words):
+def test_the_same_command_goes_on_and_another_space_is_refused(study, files, words, caplog):
+    caplog.set_level(logging.INFO, "fpg_bench")
     tune("ppo", ENV_ID, files / "study", n_trials=3, **words)
     assert len(study.trials) == 3
+    assert caplog.messages[0] == "this study was finished before; nothing was trained"
+    best = study.best_trial
+    expected = f"3 finished trials, best: {best.value:.1f} (trial {best.number}): learning_rate "
+    assert caplog.messages[1].startswith(expected)
     (files / "other.yml").write_text(SPACE.replace("[16]", "[32]"))
     other = words | {"space": files / "other.yml"}
     with pytest.raises(UserError, match=r"made with another space \(policy_kwargs.net_arch\)"):
@@ -166,23 +172,55 @@ def test_a_name_that_the_algorithm_does_not_know_is_refused_before_any_trial(tmp
 def test_the_best_are_retrained_on_fresh_seeds_once(study, files, caplog):
     caplog.set_level(logging.INFO, "fpg_bench")
     file = files / "best.yml"
-    confirmed = export_values(files / "study", file, n_best=2, n_seeds=2, steps=240)
+    export = partial(export_values, files / "study", file, steps=240, force=True)
+    confirmed = export(n_best=2, n_seeds=2)
     complete = [trial for trial in study.trials if trial.state == TrialState.COMPLETE]
     expected = sorted(complete, key=lambda trial: -trial.value)[:2]
     assert {trial.trial for trial in confirmed} == {trial.number for trial in expected}
     assert list(confirmed[0].seeds) == [FRESH_SEED, FRESH_SEED + 1]
     assert confirmed[0].score.value == max(trial.score.value for trial in confirmed)
     assert confirmed[0].score.low < confirmed[0].score.value < confirmed[0].score.high
-    assert caplog.text.count(": score") == 2 * len(confirmed)
+    has_present = study.trials[0] in expected
+    assert caplog.text.count(": score") == 2 * (len(confirmed) + (not has_present))
     written = yaml.safe_load(file.read_text())[ENV_ID]
     assert written["learning_rate"] == confirmed[0].values["learning_rate"]
     caplog.clear()
-    assert export_values(files / "study", file, n_best=2, n_seeds=2, steps=240) == confirmed
+    assert export(n_best=2, n_seeds=2) == confirmed
     assert ": score" not in caplog.text
-    export_values(files / "study", file, n_best=1, n_seeds=3, steps=240)
-    (line,) = [line for line in caplog.messages if ": score" in line]  # the third seed alone
-    best = max(expected, key=lambda trial: trial.value)
-    assert line.startswith(f"trial {best.number} again, seed {FRESH_SEED + 2}, 240 steps: score")
+    export(n_best=2, n_seeds=3)
+    lines = [line for line in caplog.messages if ": score" in line]  # the third seed alone
+    assert len(lines) == len(expected) + (not has_present)
+    assert all(f" again, seed {FRESH_SEED + 2}, 240 steps: score" in line for line in lines)
+
+
+@pytest.mark.parametrize(("tuned", "present", "is_refused"), [(-158.0, 20.0, True), (24.0, 20.0, False)])
+def test_values_that_score_less_than_the_present_ones_need_force(
+    tuned, present, is_refused, study, files, tmp_path, monkeypatch, caplog
+):
+    caplog.set_level(logging.INFO, "fpg_bench")
+    study.add_trial(
+        optuna.trial.create_trial(
+            params={"learning_rate": 0.002, "policy_kwargs.net_arch": "[16]"},
+            distributions=study.trials[0].distributions,
+            value=1e6,
+        )
+    )
+
+    def train(self, values, seeds):
+        return mean_interval(np.array([tuned if values else present]), "matches")
+
+    monkeypatch.setattr(Objective, "train", train)
+    file, steps = tmp_path / "mine.yml", 900 + is_refused
+    options = {"n_best": 1, "n_seeds": 2, "steps": steps}
+    if is_refused:
+        with pytest.raises(
+            UserError, match=r"trial \d scores -158.0, less than the present values with 20.0"
+        ):
+            export_values(files / "study", file, **options)
+        assert not file.exists()
+    export_values(files / "study", file, **options, force=is_refused)
+    assert yaml.safe_load(file.read_text())[ENV_ID]["learning_rate"] == 0.002
+    assert f"present values: {present} on fresh seeds" in caplog.messages
 
 
 def test_nothing_is_written_if_no_trial_could_be_retrained(study, files, tmp_path, monkeypatch):
