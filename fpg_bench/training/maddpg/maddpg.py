@@ -214,19 +214,22 @@ class MADDPG(OffPolicyAlgorithm):
         """Update all critics and actors ``gradient_steps`` times."""
         self.policy.set_training_mode(True)
         self._update_learning_rate([self.policy.actor_optimizer, self.policy.critic_optimizer])
-        losses = _Losses(self)
-        for _ in range(gradient_steps):
-            critic_loss, actor_loss = losses.update(self.replay_buffer.sample(batch_size))
+        critic_loss, actor_loss = self.update(self.replay_buffer.sample_many(gradient_steps, batch_size))
         self._n_updates += gradient_steps
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
         self.logger.record("train/actor_loss", actor_loss.item())
         self.logger.record("train/critic_loss", critic_loss.item())
 
-    def update(self, batches: Transitions) -> None:
-        """Update all critics and actors once with each of the batches ``(updates, n, size)``."""
+    def update(self, batches: Transitions) -> tuple[torch.Tensor, torch.Tensor]:
+        """Update all critics and actors once with each of the batches ``(updates, n, size)``.
+
+        Returns:
+            The losses of critics and actors before the last update.
+        """
         losses = _Losses(self)
-        for batch in zip(*map(torch.from_numpy, batches), strict=True):
-            losses.update(ReplayBufferSamples(*batch))
+        for batch in zip(*map(self.replay_buffer.to_torch, batches), strict=True):
+            critic_loss, actor_loss = losses.update(ReplayBufferSamples(*batch))
+        return critic_loss, actor_loss
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
         return ["policy", "policy.actor_optimizer", "policy.critic_optimizer"], []
