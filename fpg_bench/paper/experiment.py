@@ -17,6 +17,8 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.extras import need
 from fpg_bench.common.ids import DUEL
 from fpg_bench.envs.core import JointGame
 from fpg_bench.envs.sb3_vec_env import FPGVecEnv
@@ -26,10 +28,11 @@ from fpg_bench.paper.runs import FINAL, Run, window_row, windows_of
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.language_model import training_planner
-from fpg_bench.training.maddpg.multi_seed import learn_seeds
+from fpg_bench.training.maddpg import MADDPG
 from fpg_bench.training.models import make_model
 from fpg_bench.version import __version__
 
+LEARNERS = ("torch", "jax")
 _KNOWLEDGE_GATE = 4
 
 
@@ -141,7 +144,7 @@ def run_experiment(
         seeds: training seeds. A seed starts from the same networks and matches under every condition.
         folder: for the transcripts of a language model.
         llm: options of the language-model planner, and ``transcript`` to replay one.
-        learner: see :func:`fpg_bench.training.maddpg.multi_seed.learn_seeds`.
+        learner: see :func:`learn_seeds`.
 
     Returns:
         A run per seed, and one per seed and swapped path.
@@ -172,6 +175,37 @@ def run_experiment(
             swap = play_deterministic(training.model, training.games(None, path=path, planner=None))
             runs.append(Run(swapped(condition.name, path), seed, about, [window_row(FINAL, steps, *swap)]))
     return runs
+
+
+def learn_seeds(models: Mapping[int, MADDPG], total_timesteps: int, learner: str = "torch") -> None:
+    """Train models one after the other, each as if it were trained alone.
+
+    Args:
+        models: new models by their training seeds.
+        total_timesteps: steps of each model.
+        learner: ``torch``, or ``jax``, which is faster and needs the extra ``fast``. Both give the same
+            weights apart from the rounding of sums.
+
+    Raises:
+        UserError: an unknown learner, or one whose packages are missing.
+    """
+    check_learner(learner)
+    for seed, model in models.items():
+        np.random.seed(seed)  # noqa: NPY002
+        if learner == "torch":
+            model.learn(total_timesteps)
+        else:
+            from fpg_bench.training.maddpg.jax_learner import JaxLearner
+
+            JaxLearner(model).learn(total_timesteps)
+
+
+def check_learner(name: str) -> None:
+    """Raise UserError for an unknown learner, or one whose packages are missing."""
+    if name not in LEARNERS:
+        raise UserError(f"learner: expected torch or jax, got {name!r}{nearest(name, LEARNERS)}")
+    if name == "jax":
+        need("fast", "jax", "optax")
 
 
 class _Training:

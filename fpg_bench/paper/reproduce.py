@@ -11,11 +11,10 @@ from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.paper.conditions import ALL, LLM, LONG, SHORT_SEEDS, Condition, conditions_of
-from fpg_bench.paper.experiment import BUDGETS, Budget, run_experiment
+from fpg_bench.paper.experiment import BUDGETS, LEARNERS, Budget, check_learner, run_experiment
 from fpg_bench.paper.figures import draw
 from fpg_bench.paper.report import write_report
 from fpg_bench.paper.runs import RunFile, read_results
-from fpg_bench.training.maddpg.multi_seed import LEARNERS, check_learner
 
 
 def reproduce(

@@ -9,9 +9,9 @@ from torch import nn
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.sb3_vec_env import make_sb3_duel
+from fpg_bench.paper.experiment import learn_seeds
 from fpg_bench.training.maddpg import MADDPG
 from fpg_bench.training.maddpg.maddpg import Transitions
-from fpg_bench.training.maddpg.multi_seed import learn_seeds
 
 STEPS, UPDATES = 240, 100
 NETWORKS = ("actors", "critics", "actor_targets", "critic_targets")
