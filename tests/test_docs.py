@@ -1,5 +1,6 @@
 """The site: blocks of tutorials and how-tos are run, links lead somewhere, pages follow from the code."""
 
+import importlib
 import json
 import re
 import subprocess
@@ -60,6 +61,14 @@ def test_every_page_has_its_place_in_the_site():
     pages = [*RUN, *WRITTEN, *DOCS.glob("reproduction/*.md")]
     names = [name(page).removesuffix(".md") for page in pages if page.name != "index.md"]
     assert [place for place in names if not re.search(rf"(?m)^{place}$", contents)] == []
+
+
+def test_the_reference_of_python_names_what_there_is():
+    for path in re.findall(
+        r"\.\. auto(?:class|function|exception):: (\S+)", (DOCS / "reference/api.md").read_text()
+    ):
+        module, _, attribute = path.rpartition(".")
+        assert hasattr(importlib.import_module(module), attribute), path
 
 
 @pytest.mark.slow

@@ -51,7 +51,7 @@ from fpg_bench.leaderboard.tracks import (
     ranked_by,
     track_of,
 )
-from fpg_bench.leaderboard.verification import Case, case_of, entered
+from fpg_bench.leaderboard.verification import Case, load_entry, make_case
 from fpg_bench.players.player import SIDES
 from fpg_bench.version import __version__
 
@@ -406,12 +406,12 @@ def _read_submissions(board: Path, suites: TrackSuites) -> tuple[list[Case], lis
         if not result_file(board, folder.parent.name, folder.name).exists():
             _logger.info(f"{name}: left out: has no result; make it: fpg-bench submit run {brief(folder)}")
             continue
-        read = outcome_of(partial(entered, board, folder, contract=False, suites=suites))
+        read = outcome_of(partial(load_entry, board, folder, contract=False, suites=suites))
         if read.error is not None:
             _logger.info(f"{name}: left out: {read.error}")  # nothing of it can be trusted, not even its name
             continue
         submission: Submission = read.result
-        read = outcome_of(partial(case_of, board, submission, suites=suites))
+        read = outcome_of(partial(make_case, board, submission, suites=suites))
         reason = read.error if read.error is not None else _failure(read.result)
         if reason is None:
             cases.append(read.result)

@@ -36,7 +36,7 @@ from fpg_bench.leaderboard.folders import at_work, crossplay_file, submission_fo
 from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, running_player
 from fpg_bench.leaderboard.result import round_finite
 from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
-from fpg_bench.leaderboard.verification import Case, check_share, make_case
+from fpg_bench.leaderboard.verification import Case, check_share, load_case
 from fpg_bench.players.player import SIDES, Abilities, Memory, Player
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.sandbox.process import PolicyFailed
@@ -150,7 +150,7 @@ def players_of_board(board: Path) -> tuple[list[CrossplayEntry], list[CrossplayE
     suites, cases = TrackSuites(), []
     for folder in submission_folders(board):
         if folder.parent.name in SIDES:
-            read = outcome_of(partial(make_case, board, folder, suites=suites))
+            read = outcome_of(partial(load_case, board, folder, suites=suites))
             cases += [read.result] if read.error is None else []  # leaderboard verify says what is wrong
     return players_of(cases)
 

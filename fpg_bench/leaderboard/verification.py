@@ -98,19 +98,19 @@ class Case:
         return sum(len(matchups) for _, matchups in self.wanted) == n_all
 
 
-def make_case(
+def load_case(
     board: Path,
     folder: Path,
     update: bool = False,
     new: Collection[str] = (),
     suites: TrackSuites | None = None,
 ) -> Case:
-    """Return the case of a submission's folder, fully checked; see :func:`entered` and :func:`case_of`."""
+    """Load the case of a submission's folder, fully checked; see :func:`load_entry` and :func:`make_case`."""
     suites = suites or TrackSuites()
-    return case_of(board, entered(board, folder, new=new, suites=suites), update, suites)
+    return make_case(board, load_entry(board, folder, new=new, suites=suites), update, suites)
 
 
-def entered(
+def load_entry(
     board: Path,
     folder: Path,
     contract: bool = True,
@@ -143,7 +143,7 @@ def entered(
     return submission
 
 
-def case_of(
+def make_case(
     board: Path, submission: Submission, update: bool = False, suites: TrackSuites | None = None
 ) -> Case:
     """Return a submission with its result; everything that it plays is wanted.
@@ -527,7 +527,7 @@ class _Verification:
         suites, cases = TrackSuites(), []
         for folder in folders:
             name = f"{folder.parent.name}/{folder.name}"
-            read = outcome_of(partial(make_case, self._board, folder, update, self._new, suites))
+            read = outcome_of(partial(load_case, self._board, folder, update, self._new, suites))
             error = read.error if name not in aside else read.error or aside[name].error
             if error is not None:
                 self._give(name, False, error)

@@ -18,7 +18,7 @@ from fpg_bench.leaderboard.ranking import nash
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.page_data import policy_data, submitted_policies
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
-from fpg_bench.leaderboard.verification import make_case, verify
+from fpg_bench.leaderboard.verification import load_case, verify
 from tests.leaderboard.entering import SUITE, close_season, enter, write_suite, write_verified
 from tests.leaderboard.making import model, node, weights
 from tests.logged import logged
@@ -265,7 +265,7 @@ def test_results_from_before_a_season_do_not_count_in_it(entered, small_suites):
 
 def improve_public(board, slug, points):
     """Write a result whose rounds on public seeds score so many points more than they did."""
-    case = make_case(board, board / "submissions/ally" / slug)
+    case = load_case(board, board / "submissions/ally" / slug)
     public = case.suites[PUBLIC_SEEDS]
     more = np.array(points) / 100 * (public.scale.top - public.scale.zero) * public.scenario.steps_per_round
     records = [

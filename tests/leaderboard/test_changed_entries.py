@@ -13,7 +13,7 @@ from fpg_bench.leaderboard.changed_entries import Changes, changed_entries, pair
 from fpg_bench.leaderboard.crossplay import play_missing
 from fpg_bench.leaderboard.folders import crossplay_file, result_file
 from fpg_bench.leaderboard.result import read_result
-from fpg_bench.leaderboard.verification import make_case, verify
+from fpg_bench.leaderboard.verification import load_case, verify
 from tests.leaderboard.entering import enter, verdicts_of, write_verified
 from tests.logged import logged
 
@@ -42,7 +42,7 @@ def trusted(board, in_process, kept):
 
 def forged(board, name):
     """The result of an entry with every return a little higher, and all else that follows from it."""
-    case = make_case(board, board / "submissions" / name)
+    case = load_case(board, board / "submissions" / name)
     kept = read_result(case.path, case.suites)
     records = [
         dataclasses.replace(record, returns=tuple(x + 9.0 for x in record.returns)) for record in kept.records
@@ -121,7 +121,7 @@ def test_who_comes_later_has_not_the_name_of_who_was_there(trusted, slug):
     assert verdicts["ally/honest"][0]
     assert [entry.slug for entry in make_board(trusted).tracks[0].entries] == ["honest"]
     with pytest.raises(UserError, match="is that of 'honest', too"):
-        make_case(trusted, trusted / "submissions/ally" / slug)
+        load_case(trusted, trusted / "submissions/ally" / slug)
 
 
 def test_a_forged_name_and_result_show_nobody_twice(trusted):

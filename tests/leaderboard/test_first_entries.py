@@ -14,7 +14,7 @@ from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.folders import start_board, submission_folders
 from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN, TrackSuites
-from fpg_bench.leaderboard.verification import make_case
+from fpg_bench.leaderboard.verification import load_case
 from fpg_bench.players.sandbox.client import check_policies
 from fpg_bench.version import __version__
 from tests.programs import fpg, python
@@ -41,7 +41,7 @@ def test_everybody_on_the_board_is_verified():
     check_policies([policy.model for policy in policies])  # in one process: each entry starts its own else
     suites = TrackSuites()
     for folder in folders:
-        case = make_case(BOARD, folder, suites=suites)
+        case = load_case(BOARD, folder, suites=suites)
         assert case.result is not None, f"{case.name}: no result; run fpg-bench leaderboard verify"
         assert case.result.verified, case.name
         assert case.path.stat().st_size < 500_000

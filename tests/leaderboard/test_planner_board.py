@@ -13,7 +13,7 @@ from fpg_bench.evaluation import compare
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.submission import problems
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, UNSEEN
-from fpg_bench.leaderboard.verification import make_case
+from fpg_bench.leaderboard.verification import load_case
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 
 from . import recording
@@ -94,7 +94,7 @@ def test_prompts_that_do_not_match_are_one_line_and_no_result(entered, recorded)
 
 def test_a_share_of_valid_answers_that_was_edited_is_found(entered):
     verdicts_of(entered, "planner/toy")
-    case = make_case(entered, entered / "submissions" / "planner" / "toy")
+    case = load_case(entered, entered / "submissions" / "planner" / "toy")
     lines = [
         dataclasses.replace(line, plans=dataclasses.replace(line.plans, statuses={"ok": 6}))
         for line in case.result.records
@@ -145,7 +145,7 @@ def test_what_was_stopped_goes_on_and_comes_to_the_same(entered, monkeypatch):
 def test_all_planners_that_ask_no_model_stand_on_the_board_as_their_scores_say():
     scores = {}
     for name in (name for name in PLANNERS if name not in LLM_CONTROLS):
-        case = make_case(BOARD, BOARD / "submissions" / "planner" / name)
+        case = load_case(BOARD, BOARD / "submissions" / "planner" / name)
         assert case.result is not None, f"{name}: no result; run fpg-bench leaderboard verify"
         assert case.result.verified, name
         scores[name] = case.result.totals.scores["public"].value

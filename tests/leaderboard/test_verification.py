@@ -23,7 +23,7 @@ from fpg_bench.leaderboard.playing import Part, matchups_of, part_records, parts
 from fpg_bench.leaderboard.result import summaries_of
 from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
-from fpg_bench.leaderboard.verification import disagreements, identical, make_case, run_one, sampled, verify
+from fpg_bench.leaderboard.verification import disagreements, identical, load_case, run_one, sampled, verify
 from fpg_bench.players.agent import OnnxPlayer
 from tests.leaderboard.entering import SUITE, close_season, enter, verdicts_of, write_suite, write_verified
 from tests.logged import logged
@@ -72,7 +72,7 @@ def test_a_verdict_says_what_an_evaluation_says_to_the_digit(board, in_process, 
     verdicts_of(board)
     agents = [str(folder / f"seed_{seed}") for seed in (0, 2)]
     (evaluated,) = evaluate(agents, "ally-v1", tmp_path / "results", name="linear")
-    case = make_case(board, folder)
+    case = load_case(board, folder)
     assert summaries_of(case.result.records, case.suites)[PUBLIC].records == evaluated.records
     score = case.result.totals.scores[PUBLIC]
     assert (score.value, score.low) == pytest.approx((evaluated.score.value, evaluated.score.low), rel=1e-5)
@@ -112,7 +112,7 @@ def test_lost_rounds_count_as_the_lowest_return(board, in_process):
     in_process.loses = (1, 3)
     folder = enter(board, "ally", "linear", seeds=(0,))
     assert verdicts_of(board)["ally/linear"][1].endswith(", 4 of 8 rounds lost by rule")
-    case = make_case(board, folder)
+    case = load_case(board, folder)
     scale = case.suites[PUBLIC].scale
     worst = (scale.zero + LOST_SCORE / 100 * (scale.top - scale.zero)) * 300
     for line in case.result.records:
@@ -186,7 +186,7 @@ def test_a_forged_result_is_found_by_playing_again(board):
     enter(board, "ally", "still", script="idle")
     enter(board, "ally", "wise", script="expert")
     verdicts_of(board)
-    still, wise = (make_case(board, board / "submissions/ally" / slug) for slug in ("still", "wise"))
+    still, wise = (load_case(board, board / "submissions/ally" / slug) for slug in ("still", "wise"))
     write_verified(still, [dataclasses.replace(record, entry="still") for record in wise.result.records])
     good, line = verdicts_of(board, sample=0.5)["ally/still"]
     assert not good
@@ -232,7 +232,7 @@ def test_a_sample_holds_a_line_of_each_and_can_be_drawn_again(board, in_process)
         enter(board, "ally", f"the-{slug}", script=slug)
     enter(board, "ally", "linear", seeds=(0, 1, 2, 3))
     verdicts_of(board)
-    cases = [make_case(board, folder) for folder in sorted((board / "submissions/ally").iterdir())]
+    cases = [load_case(board, folder) for folder in sorted((board / "submissions/ally").iterdir())]
 
     def drawn(share, seed):
         return [
