@@ -19,7 +19,7 @@ from typing import Any
 
 import yaml
 
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, one_line
 from fpg_bench.common.strict_json import read_plain
 
 PACKED = ".gz"
@@ -73,8 +73,7 @@ def read_yaml(path: Path, what: str) -> dict[str, Any]:
     except UserError:
         raise
     except Exception as error:  # PyYAML lets errors of many kinds out, tagged values above all
-        problem = " ".join(str(error).split()) or type(error).__name__
-        raise UserError(f"{what} {path}: not valid YAML: {problem}") from error
+        raise UserError(f"{what} {path}: not valid YAML: {one_line(error)}") from error
     return _mapping(content, path, what)
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.checks import whole
-from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, nearest, one_line
 from fpg_bench.common.extras import need
 from fpg_bench.common.imports import described
 
@@ -338,4 +338,4 @@ def _join_cluster(address: str | None, n_jobs: int) -> None:
     try:
         ray.init(address=address, logging_level=logging.ERROR)
     except (ConnectionError, RuntimeError, ValueError) as error:  # another version of Ray, most of all
-        raise UserError(f"Ray cluster {address}: {' '.join(str(error).split())}") from error
+        raise UserError(f"Ray cluster {address}: {one_line(error)}") from error

@@ -7,12 +7,10 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from fpg_bench.evaluation.match import Round
 from fpg_bench.planning.llm.transcript import Attempt
-from fpg_bench.rendering.canvas import ALLY, OPPONENT, write_figure
+from fpg_bench.rendering.canvas import ALLY, OPPONENT, blank_figure, write_figure
 from fpg_bench.rendering.picture import GREY, GROUND, INK, PALE, bezier_curve
 from fpg_bench.rendering.replay import write_replay
 
@@ -33,8 +31,7 @@ def draw_match(rounds: Sequence[Round], path: Path, title: str) -> None:
     shown = [rounds[i] for i in np.unique(np.linspace(0, len(rounds) - 1, MOST).round().astype(int))]
     across = min(_ACROSS, len(shown))
     down = -(-len(shown) // across)
-    figure = Figure(figsize=(2.6 * across + 0.4, 3.7 * down + 0.7), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = blank_figure(2.6 * across + 0.4, 3.7 * down + 0.7, dpi=110)
     axes = figure.subplots(2 * down, across, squeeze=False, height_ratios=[3, 1] * down)
     for panel in axes.flat:
         panel.set_axis_off()

@@ -92,9 +92,9 @@ def as_csv(summaries: Sequence[Summary]) -> str:
 def flat(s: Summary) -> dict[str, Any]:
     """Return a summary as one flat mapping of names to numbers."""
     line: dict[str, Any] = {"entry": s.entry, "training_seeds": s.training_seeds, "rounds": s.pooled.rounds}
-    line |= _ends("score", s.score) | {"interval_over": s.over} | _ends("return_a_step", s.reward)
-    line |= {"worst_against": s.worst, "lost": s.pooled.lost}
-    line |= {f"return_a_step {name}": reward.value for name, reward in s.by_rival.items()}
+    line |= _ends("score", s.score) | {"interval_over": s.over} | _ends("return_per_step", s.reward)
+    line |= {"worst_rival": s.worst, "lost": s.pooled.lost}
+    line |= {f"return_per_step {name}": reward.value for name, reward in s.by_rival.items()}
     if s.suite.side == PLANNER:
         for k, score in enumerate(learning_curve(s), 1):
             line |= _ends(f"round_{k}", score)

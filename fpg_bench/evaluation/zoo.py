@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class _GroupEntry(Strict):
-    """A group of agents in ``zoo.yml``; see :class:`ZooView` for the attributes."""
+    """A group of agents in ``zoo.yml``; see :class:`ZooGroup` for the attributes."""
 
     id: str
     options: dict[str, Any] = Constraint(default_factory=dict)
@@ -135,8 +135,9 @@ class Zoo:
             return agents
         named = [agent for agent in agents if f"{agent.name}/".startswith(f"{only.rstrip('/')}/")]
         if not named:
-            known = {"/".join(agent.name.split("/")[:2]) for agent in agents}
-            raise UserError(f"the zoo has no {only!r}{nearest(only, known | {v.name for v in self.groups})}")
+            known = {group.name for group in self.groups}
+            known |= {"/".join(agent.name.split("/")[:2]) for agent in agents}
+            raise UserError(f"the zoo has no {only!r}{nearest(only, known)}")
         return named
 
     def read_records(self, group: ZooGroup, suite: Suite) -> list[Record]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, first_line
 from fpg_bench.common.extras import has, need
 from fpg_bench.common.files import read_json, write_json, write_whole
 from fpg_bench.common.ids import DUEL, ENVS, sides_of
@@ -63,7 +63,7 @@ class OnnxPlayer(SeededPolicy):
         try:
             self._session = onnxruntime.InferenceSession(read, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime raises many kinds, none documented
-            raise UserError(f"policy.onnx: onnxruntime cannot read it: {_first_line(error)}") from error
+            raise UserError(f"policy.onnx: onnxruntime cannot read it: {first_line(error)}") from error
         inputs = {i.name: i.shape for i in self._session.get_inputs()}
         outputs = {o.name: o.shape for o in self._session.get_outputs()}
         check_signature(inputs, outputs)
@@ -257,10 +257,6 @@ def _read(model: bytes) -> tuple[bytes, bool]:
     except UserError as error:
         raise UserError(f"policy.onnx: {error}") from error
     return plain.SerializeToString(deterministic=True), row_wise(plain)
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
 
 
 def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike[str], **about: Any) -> None:

@@ -17,7 +17,7 @@ from stable_baselines3.common.save_util import load_from_zip_file, recursive_set
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecNormalize
 
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, one_line
 from fpg_bench.common.files import read_json, write_json
 
 MODEL, NORMALIZE, REPLAY, PROGRESS = "model.zip", "normalize.npz", "replay_buffer.npz", "progress.json"
@@ -99,8 +99,7 @@ def load_checkpoint(checkpoint: Path, model: BaseAlgorithm, seed: int) -> float:
         model.action_space.seed(seed)
     except Exception as error:  # torch, zipfile and NumPy raise many kinds
         raise UserError(
-            f"checkpoint {checkpoint}: cannot be read ({_one_line(error)}); "
-            "begin the run again with --restart"
+            f"checkpoint {checkpoint}: cannot be read ({one_line(error)}); begin the run again with --restart"
         ) from error
     return float(seconds)
 
@@ -119,7 +118,7 @@ def load_weights(model: BaseAlgorithm, run: Path) -> None:
         _load_model(model, run)
     except Exception as error:  # torch, zipfile and NumPy raise many kinds
         raise UserError(
-            f"start {run}: no finished run of {type(model).__name__} with these networks ({_one_line(error)})"
+            f"start {run}: no finished run of {type(model).__name__} with these networks ({one_line(error)})"
         ) from error
 
 
@@ -167,7 +166,3 @@ def _write(file: Path, arrays: Mapping[str, Any]) -> None:
 def _read(file: Path) -> dict[str, np.ndarray]:
     with np.load(file, allow_pickle=False) as arrays:
         return dict(arrays)
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__

@@ -13,7 +13,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack
 
-from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, nearest, one_line
 from fpg_bench.common.strict_json import read_object
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.game.state import OBSERVATION_SIZE
@@ -53,9 +53,8 @@ def load_zip(path: Path, algorithm: str, id: str) -> BaseAlgorithm:
         )
         model.policy.load_state_dict(weights)
     except (KeyError, RuntimeError, TypeError, AssertionError, StopIteration) as error:
-        message = " ".join(str(error).split())[:120]
         raise UserError(
-            f"export: {path} holds no plain MlpPolicy of {algorithm} ({message}); {INSTEAD}"
+            f"export: {path} holds no plain MlpPolicy of {algorithm} ({one_line(error)[:120]}); {INSTEAD}"
         ) from error
     steps = data.get("num_timesteps")
     model.num_timesteps = steps if isinstance(steps, int) else 0

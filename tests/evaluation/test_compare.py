@@ -97,7 +97,7 @@ def test_planners_side_by_side_and_their_table(folder):
     assert text.splitlines()[2].startswith("| chasing:Chaser | ")
     best, *others = csv.DictReader((folder / "out" / "table.csv").open())
     assert (best["valid"], best["tokens"]) == ("", "")
-    assert {f"return_a_step {ally}" for ally in ALLIES} <= best.keys()
+    assert {f"return_per_step {ally}" for ally in ALLIES} <= best.keys()
     assert {f"round_{k}_low" for k in range(1, ROUNDS + 1)} <= best.keys()
     assert len(others) == 2
     assert (folder / "out" / "table.png").read_bytes().startswith(b"\x89PNG")

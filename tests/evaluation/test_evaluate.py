@@ -212,7 +212,7 @@ def test_a_dataframe_has_a_row_per_entry_and_needs_pandas_alone(suite, monkeypat
     monkeypatch.setitem(sys.modules, "pandas", SimpleNamespace(DataFrame=list))
     found = results.dataframe()
     assert [row["entry"] for row in found] == ["idle", "random"]
-    assert {"score", "score_low", "return_a_step sweep/circle", "hop_rate"} <= found[0].keys()
+    assert {"score", "score_low", "return_per_step sweep/circle", "hop_rate"} <= found[0].keys()
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(UserError, match="needs pandas"):
         results.dataframe()

@@ -73,7 +73,7 @@ def test_the_files_hold_everything(summaries, suite, tmp_path):
         assert float(row["score"]) == summary.score.value
         assert float(row["score_low"]) == summary.score.low
         assert row["interval_over"] == summary.over
-        assert float(row["return_a_step adaptive/circle"]) == summary.by_rival["adaptive/circle"].value
+        assert float(row["return_per_step adaptive/circle"]) == summary.by_rival["adaptive/circle"].value
     assert (tmp_path / "table.png").read_bytes().startswith(b"\x89PNG")
 
 

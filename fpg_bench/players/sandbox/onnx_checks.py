@@ -28,7 +28,7 @@ from onnx import (
 )
 from onnx.helper import get_attribute_value, make_tensor_type_proto
 
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, first_line, one_line
 from fpg_bench.players.onnx_file import check_signature, plain_model
 from fpg_bench.players.sandbox.child import SandboxChild
 from fpg_bench.players.sandbox.client import SIZE
@@ -187,7 +187,7 @@ def _meaning(model: ModelProto) -> list[str]:
     try:
         onnx.checker.check_model(model, full_check=True)
     except Exception as error:  # the checker's, shape inference's and protobuf's kinds
-        return [f"is no valid ONNX: {_first_line(error)}"]
+        return [f"is no valid ONNX: {first_line(error)}"]
     try:
         cost = multiply_adds(model)
     except UserError as error:
@@ -197,10 +197,6 @@ def _meaning(model: ModelProto) -> list[str]:
     if cost > MOST_MULTIPLY_ADDS:
         return [f"needs {cost:,} multiply-adds a row, at most {MOST_MULTIPLY_ADDS:,} are allowed"]
     return []
-
-
-def _first_line(error: Exception) -> str:
-    return next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
 
 
 def _word(text: str) -> str:
@@ -279,7 +275,7 @@ class _Sizes:
                 ir_version=self._ir,
             )
         except Exception as error:  # shape inference has kinds of its own
-            raise UserError(f"its sizes cannot be worked out: {' '.join(str(error).split())}") from error
+            raise UserError(f"its sizes cannot be worked out: {one_line(error)}") from error
         for name, kind in outputs.items():
             self._add(name, kind)
         if len(node.output) == 1:

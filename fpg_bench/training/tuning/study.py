@@ -17,7 +17,7 @@ from optuna.storages import RDBStorage, RetryHeartbeatStaleTrialCallback
 from optuna.trial import FrozenTrial, TrialState
 
 from fpg_bench.common.checks import whole
-from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, first_line, nearest
 from fpg_bench.common.extras import need
 from fpg_bench.common.ids import find_env
 from fpg_bench.common.schema import Strict, parse
@@ -232,7 +232,7 @@ def open_storage(out: Path, url: str | None = None, *, must_exist: bool = False)
         except Exception as error:
             is_race = isinstance(error, _CREATION_RACES) or "already exists" in str(error)
             if not is_race or attempt + 1 == _CREATION_ATTEMPTS:
-                message = _database_error(error) or _first_line(error)
+                message = _database_error(error) or first_line(error)
                 raise UserError(f"{where}: cannot be opened: {message}") from error
             time.sleep(_CREATION_PAUSE_S)
     raise AssertionError
@@ -266,14 +266,9 @@ def _database_error(error: BaseException | None) -> str | None:
     """Return what a database says in the chain of an exception's causes; None if there is no such error."""
     while error is not None:
         if isinstance(error, sqlalchemy.exc.SQLAlchemyError):
-            return _first_line(getattr(error, "orig", None) or error)
+            return first_line(getattr(error, "orig", None) or error)
         error = error.__cause__ or error.__context__
     return None
-
-
-def _first_line(error: BaseException) -> str:
-    lines = str(error).strip().splitlines()
-    return lines[0] if lines else type(error).__name__
 
 
 @contextmanager
