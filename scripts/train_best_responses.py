@@ -27,7 +27,7 @@ from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.leaderboard.folders import brief, submission_folders
+from fpg_bench.leaderboard.folders import short_path, submission_folders
 from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import TRACKS, track_of
 from fpg_bench.players.agent import suites_folder
@@ -89,7 +89,7 @@ def targets(board: Path, only: str | None = None) -> Iterator[Target]:
             entry = load_submission(folder, contract=False)
             if entry.policies:
                 first = min(entry.policies, key=lambda policy: policy.seed)
-                agent = f"{entry.zoo or brief(folder)}/seed_{first.seed}"
+                agent = f"{entry.zoo or short_path(folder)}/seed_{first.seed}"
                 track = track_of(entry.track, entry.path).key
                 yield Target(track, entry.track, entry.slug, agent, first.sha256, entry.path or PURSUIT)
 
@@ -192,7 +192,7 @@ def main() -> int:
     ]
     check_all_done(run_jobs(jobs, options.n_jobs))
     for path in write_suites(options.board):
-        print(f"written: {brief(path)}")
+        print(f"written: {short_path(path)}")
     return 0
 
 

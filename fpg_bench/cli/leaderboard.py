@@ -85,7 +85,7 @@ def run(
     from fpg_bench.leaderboard.verification import run_one
 
     verdict = run_one(folder, update, n_jobs=n_jobs, backend=backend, address=address)
-    raise typer.Exit(0 if verdict.good else 1)
+    raise typer.Exit(0 if verdict.is_good else 1)
 
 
 @leaderboard.command()
@@ -143,7 +143,7 @@ def verify(
         backend=backend,
         address=address,
     )
-    bad = sum(not verdict.good for verdict in verdicts)
+    bad = sum(not verdict.is_good for verdict in verdicts)
     print_line(f"{len(verdicts)} verdicts, {bad} bad" if bad else f"{len(verdicts)} verdicts, all good")
     raise typer.Exit(1 if bad else 0)
 

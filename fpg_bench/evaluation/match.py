@@ -17,7 +17,7 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch
-from fpg_bench.evaluation.rounds import begin, make_match, play_round
+from fpg_bench.evaluation.rounds import begin_round, finish_round, make_match
 from fpg_bench.game.batch import check_seeds
 from fpg_bench.game.metrics import measures
 from fpg_bench.game.scenario import Scenario, as_scenario
@@ -148,9 +148,9 @@ def _rounds(
     batch = make_match(TwoPlayerBatch(match.scenario, 1, planner), players["ally"], players["opponent"])
     for index in range(match.rounds):
         progress(index, None)
-        begin(batch, seeds=match.seed if index == 0 else None)
+        begin_round(batch, seeds=match.seed if index == 0 else None)
         recording = Recording(batch.duel.batch)
-        play_round(batch, on_step=recording.add, begun=True)
+        finish_round(batch, on_step=recording.add)
         row = _row(batch.duel, recording)
         if file is not None and index < len(known):
             file.check(known[index], row)

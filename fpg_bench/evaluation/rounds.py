@@ -17,8 +17,8 @@ from fpg_bench.players.registry import as_player
 Players = PlayerSpec | list[PlayerSpec] | tuple[PlayerSpec, ...]  # one, or several to draw from per round
 
 
-class Acting(Protocol):
-    """Protocol of :class:`fpg_bench.players.policy_runner.PolicyRunner`: acts for one side of a batch."""
+class SidePolicy(Protocol):
+    """Policy of one side of a batch, as :class:`fpg_bench.players.policy_runner.PolicyRunner` is."""
 
     def begin(self, mask: np.ndarray) -> None:
         """Start the rounds that begin in the masked games."""
@@ -32,8 +32,8 @@ class MatchBatch:
     """A batch of games with both policies."""
 
     duel: TwoPlayerBatch
-    ally: Acting
-    opponent: Acting
+    ally: SidePolicy
+    opponent: SidePolicy
 
 
 def make_match(duel: TwoPlayerBatch, ally: Players, opponent: Players) -> MatchBatch:
@@ -54,28 +54,30 @@ def play_round(
     *matches: MatchBatch,
     seeds: Seeds | None = None,
     on_step: Callable[[], None] | None = None,
-    begun: bool = False,
 ) -> None:
-    """Play one round of every game to its end, all batches step by step together.
+    """Play one round of every game, all batches step by step together.
 
     Args:
         *matches: batches with rounds of equal length.
         seeds: seeds of new matches, for each batch; None: the next round of each match.
         on_step: called after each step.
-        begun: the rounds were begun already, by :func:`begin`.
     """
-    if not begun:
-        begin(*matches, seeds=seeds)
-    while not all(match.duel.batch.games["truncated"].all() for match in matches):
-        for match in matches:
-            match.duel.batch.step(match.ally.act(), match.opponent.act())
-        if on_step is not None:
-            on_step()
+    begin_round(*matches, seeds=seeds)
+    finish_round(*matches, on_step=on_step)
 
 
-def begin(*matches: MatchBatch, seeds: Seeds | None = None) -> None:
+def begin_round(*matches: MatchBatch, seeds: Seeds | None = None) -> None:
     """Begin a round in every game; arguments as in :func:`play_round`."""
     for match in matches:
         mask = match.duel.reset(seeds=seeds)
         match.ally.begin(mask)
         match.opponent.begin(mask)
+
+
+def finish_round(*matches: MatchBatch, on_step: Callable[[], None] | None = None) -> None:
+    """Play a round that has begun to its end; arguments as in :func:`play_round`."""
+    while not all(match.duel.batch.games["truncated"].all() for match in matches):
+        for match in matches:
+            match.duel.batch.step(match.ally.act(), match.opponent.act())
+        if on_step is not None:
+            on_step()

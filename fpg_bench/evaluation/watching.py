@@ -13,7 +13,7 @@ from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import need
 from fpg_bench.envs.two_player import DuelOptions, make_duel
-from fpg_bench.evaluation.rounds import MatchBatch, begin, make_match, play_round
+from fpg_bench.evaluation.rounds import MatchBatch, begin_round, finish_round, make_match
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.player import PlayerSpec
@@ -83,7 +83,7 @@ def watch(
     match = make_match(duel, ally, opponent)
     recordings, measures = [], []
     for index in range(rounds):
-        begin(match, seeds=seed if index == 0 else None)
+        begin_round(match, seeds=seed if index == 0 else None)
         recordings.append(_print_round(match, names, every) if target is None else _record_round(match))
         measures.append(duel.measures(0))
         print(_closing_line(recordings[-1], measures[-1]))
@@ -120,7 +120,7 @@ def _checked_target(path: Path, overwrite: bool) -> Path:
 def _record_round(match: MatchBatch) -> Recording:
     """Play a round to its end and return its recording."""
     recording = Recording(match.duel.batch)
-    play_round(match, on_step=recording.add, begun=True)
+    finish_round(match, on_step=recording.add)
     return recording
 
 
@@ -134,7 +134,7 @@ def _print_round(match: MatchBatch, names: dict[str, str], every: int) -> Record
         if game["step"] % every == 0 or game["truncated"]:
             print(_step_line(recording.frames[-1], recording.scenario))
 
-    play_round(match, on_step=show, begun=True)
+    finish_round(match, on_step=show)
     return recording
 
 

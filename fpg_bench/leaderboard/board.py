@@ -36,7 +36,7 @@ from fpg_bench.leaderboard.crossplay import (
     players_of,
     read_pairs,
 )
-from fpg_bench.leaderboard.folders import TRACK_FOLDERS, brief, result_file, submission_folders
+from fpg_bench.leaderboard.folders import TRACK_FOLDERS, result_file, short_path, submission_folders
 from fpg_bench.leaderboard.ranking import improvements, nash, profiles
 from fpg_bench.leaderboard.result import Result, round_finite, rounded, summaries_of
 from fpg_bench.leaderboard.submission import Submission, Training
@@ -113,7 +113,7 @@ class WorstCase:
 
 @dataclass(frozen=True)
 class Units:
-    """The scores that an entry's intervals over a suite are taken from, by rival in the suite's order."""
+    """Samples behind an entry's intervals: the scores of each unit, by rival in the suite's order."""
 
     over: str
     scores: tuple[tuple[float, ...], ...]
@@ -293,12 +293,12 @@ class NashMixture:
 
 @dataclass(frozen=True)
 class CrossPlay:
-    """Figures of all pairs of those who have played everybody.
+    """Figures of all pairs of entries that have played all entries of the other side.
 
     Attributes:
         allies, opponents: rows and columns of all matrices.
         same_player: opponents that are left out, each with the one that is shown instead of it.
-        missing: by side, who has not played everybody.
+        missing: by side, the entries that have not.
         returns: by side, mean return per step.
         half: by side, half of its 95 % interval over training seeds.
         rounds: per pair.
@@ -321,8 +321,8 @@ class Board:
 
     Attributes:
         season: the number of the newest closed season.
-        built: date of today.
-        crossplay: None where nobody has played everybody.
+        built: date of the build.
+        crossplay: None where no entry has played all of the other side.
     """
 
     version: str
@@ -404,7 +404,9 @@ def _read_submissions(board: Path, suites: TrackSuites) -> tuple[list[Case], lis
     for folder in submission_folders(board):
         name = f"{folder.parent.name}/{folder.name}"
         if not result_file(board, folder.parent.name, folder.name).exists():
-            _logger.info(f"{name}: left out: has no result; make it: fpg-bench submit run {brief(folder)}")
+            _logger.info(
+                f"{name}: left out: has no result; make it: fpg-bench submit run {short_path(folder)}"
+            )
             continue
         read = outcome_of(partial(load_entry, board, folder, contract=False, suites=suites))
         if read.error is not None:

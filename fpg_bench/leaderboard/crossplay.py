@@ -114,13 +114,13 @@ class Pair(Strict):
         return float(np.mean(self.rewards(side)))
 
     def is_of(self, ally: CrossplayEntry, opponent: CrossplayEntry) -> bool:
-        """Return whether it is of these two entries, and of as many training seeds as they have."""
+        """Return True if it is of these two entries, and of as many training seeds as they have."""
         names = (self.ally, self.opponent) == (ally.slug, opponent.slug)
         seeds = len(self.ally_rewards), len(self.opponent_rewards)
         return names and seeds == (len(ally.parts), len(opponent.parts))
 
     def is_possible(self, scenario: Scenario) -> bool:
-        """Return whether rounds of a scenario can earn these returns (Eq. 5 and 6).
+        """Return True if rounds of a scenario can earn these returns (Eq. 5 and 6).
 
         The ally earns at most the capped SNR above the threshold. The opponent earns at most what the ally's
         SNR lies below the cap, and the reward for being near.

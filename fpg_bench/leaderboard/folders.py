@@ -148,23 +148,23 @@ def list_names(folder: Path) -> list[str]:
         return sorted(entry.name for entry in islice(entries, _MOST_NAMES))
 
 
-def strays(folder: Path, known: Iterable[str]) -> list[str]:
+def stray_files(folder: Path, known: Iterable[str]) -> list[str]:
     """Return one line per name in a folder that is not known."""
     known = list(known)
     return [
-        f"{shown(name)}: is no file of a submission{nearest(name, known)}"
+        f"{quoted(name)}: is no file of a submission{nearest(name, known)}"
         for name in list_names(folder)
         if name not in known
     ]
 
 
-def brief(path: Path) -> str:
+def short_path(path: Path) -> str:
     """Return a path as text, relative to the working folder if it lies in there."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
-def shown(value: object, most: int = 60) -> str:
+def quoted(value: object, most: int = 60) -> str:
     """Return an untrusted value as one short line."""
     try:
         text = repr(value)

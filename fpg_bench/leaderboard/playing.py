@@ -177,7 +177,7 @@ class PlayedPart:
     unprotected: list[str] = field(default_factory=list)
 
     def is_done(self, matchups: Iterable[Matchup]) -> bool:
-        """Return whether nothing of these matchups is left to play."""
+        """Return True if nothing of these matchups is left to play."""
         return self.failure is not None or all(key_of(*matchup) in self.records for matchup in matchups)
 
 

@@ -287,7 +287,7 @@ def check_records(result: Result, suites: Suites, path: Path) -> None:
 
 
 def _is_close(one: object, other: object) -> bool:
-    """Return whether two summaries are equal up to the last digit, which machines may round differently."""
+    """Return True if two summaries are equal up to the last digit, which machines may round differently."""
     if isinstance(one, dict):
         return (
             isinstance(other, dict)

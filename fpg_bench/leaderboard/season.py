@@ -16,7 +16,7 @@ from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.schema import Items, Strict, parse
 from fpg_bench.evaluation.seeds import SeasonKey, seed_from
 from fpg_bench.evaluation.suite import PLANNER
-from fpg_bench.leaderboard.folders import TRACK_FOLDERS, brief
+from fpg_bench.leaderboard.folders import TRACK_FOLDERS, short_path
 from fpg_bench.leaderboard.submission import examine
 from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.players.agent import baselines_folder, suites_folder
@@ -88,7 +88,7 @@ def _read_entry(folder: Path, contract: bool) -> SeasonEntry:
     if submission.script is not None:
         players: tuple[str, ...] = (submission.script,)
     else:
-        home = submission.zoo or brief(submission.folder)
+        home = submission.zoo or short_path(submission.folder)
         players = tuple(f"{home}/seed_{policy.seed}" for policy in submission.policies)
     hashes = tuple(policy.sha256 for policy in submission.policies)
     if not hashes:

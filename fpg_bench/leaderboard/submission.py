@@ -27,12 +27,12 @@ from fpg_bench.common.schema import Expected, Items, Strict, problems_of
 from fpg_bench.evaluation.statistics import FEW_SEEDS
 from fpg_bench.leaderboard.folders import (
     TRACK_FOLDERS,
-    brief,
     file_problem,
     folder_problem,
     list_names,
-    shown,
-    strays,
+    quoted,
+    short_path,
+    stray_files,
 )
 from fpg_bench.leaderboard.tracks import PUBLIC, TRACKS, TrackSuites
 from fpg_bench.leaderboard.transcripts import FOLDER as TRANSCRIPTS
@@ -55,7 +55,7 @@ _FILES = ("agent.json", "policy.onnx")
 _OVERSHOOT = 1.05  # training ends with a whole rollout, a little after its budget
 
 
-# Names. Two of them are the same if they look the same; see `plain`.
+# Names. Two of them are the same if they look the same; see `name_skeleton`.
 
 # Alphabets that a name may be written in, and those that are used together.
 _ALPHABETS = frozenset(
@@ -65,7 +65,7 @@ _ALPHABETS = frozenset(
 _EAST_ASIAN = frozenset(["CJK", "HANGUL", "HIRAGANA", "IDEOGRAPHIC", "KATAKANA", "KATAKANA-HIRAGANA"])
 _PLAIN_LATIN = re.compile(r"LATIN (?:SMALL|CAPITAL) (?:LETTER|LIGATURE) ([A-Z]{1,2})(?: WITH .*)?")
 # Letters of other alphabets that look like Latin ones in upper or lower case.
-_LATIN_LOOK = frozenset("авгеєҽғһнікмопрстухьѕјѡѵүӏԁԛԝαγεηικνορστυχϲϝգզհոռսցօסყჿ")
+_LATIN_LOOKALIKES = frozenset("авгеєҽғһнікмопрстухьѕјѡѵүӏԁԛԝαγεηικνορστυχϲϝգզհոռսցօסყჿ")
 _ALIKE = str.maketrans({"0": "o", "1": "i", "l": "i", "j": "i", "|": "i", "!": "i", "×": "x"})
 # Blocks (first, last) of letters and marks that are invisible; others are controls or spaces by category.
 _INVISIBLE = (
@@ -74,7 +74,7 @@ _INVISIBLE = (
 )
 
 
-def plain(name: str) -> str:
+def name_skeleton(name: str) -> str:
     """Return a name without differences that the eye overlooks: case, accents, spaces, punctuation.
 
     Similar characters become one: 0 is o, 1 and l are i, ``rn`` is ``m``, ``vv`` is ``w``. A name without
@@ -103,8 +103,8 @@ def alphabet_problem(name: str) -> str | None:
         odd = [letter for letter in letters if not _PLAIN_LATIN.fullmatch(unicodedata.name(letter))]
         return f"holds {odd[0]!r}; use plain Latin letters" if odd else None
     folded = unicodedata.normalize("NFD", "".join(letters))
-    is_latin_look = all(c in _LATIN_LOOK for c in folded if unicodedata.category(c)[0] == "L")
-    return "has only letters that look like Latin ones; use those" if is_latin_look else None
+    are_lookalikes = all(c in _LATIN_LOOKALIKES for c in folded if unicodedata.category(c)[0] == "L")
+    return "has only letters that look like Latin ones; use those" if are_lookalikes else None
 
 
 def _alphabet(letter: str) -> str:
@@ -133,7 +133,7 @@ def _is_invisible(letter: str) -> bool:
 def _text(value: object, most: int, lines: bool = False, least: int = 1) -> str:
     """Return stripped text of so many characters, all of which are visible."""
     if not isinstance(value, str):
-        raise UserError(f"expected text, got {shown(value)}; put it in quotes")
+        raise UserError(f"expected text, got {quoted(value)}; put it in quotes")
     value = value.strip()
     if not least <= len(value) <= most:
         raise UserError(f"expected {least} to {most} characters, got {len(value)}")
@@ -149,27 +149,27 @@ def _named(value: object, most: int) -> str:
     """Return text with a letter or a digit in it."""
     text = _text(value, most)
     if not any(unicodedata.category(letter)[0] in "LN" for letter in text):
-        raise UserError(f"expected a letter or a digit at least, got {shown(text)}")
+        raise UserError(f"expected a letter or a digit at least, got {quoted(text)}")
     return text
 
 
 def _entry_name(value: object) -> str:
     text = _named(value, 60)
     if problem := alphabet_problem(text):
-        raise UserError(f"{shown(text)} {problem}")
+        raise UserError(f"{quoted(text)} {problem}")
     return text
 
 
 def _choice(value: object, choices: tuple[str, ...]) -> str:
     if not isinstance(value, str) or value not in choices:
         hint = meant(value, choices) if isinstance(value, str) else ""
-        raise UserError(f"expected {', '.join(choices)}, got {shown(value)}{hint}")
+        raise UserError(f"expected {', '.join(choices)}, got {quoted(value)}{hint}")
     return value
 
 
 def _authors(value: object) -> tuple[str, ...]:
     if not isinstance(value, list) or not 1 <= len(value) <= 20:
-        raise UserError(f"expected a list of 1 to 20 names, got {shown(value)}")
+        raise UserError(f"expected a list of 1 to 20 names, got {quoted(value)}")
     return tuple(_named(name, 80) for name in value)
 
 
@@ -181,13 +181,13 @@ def _link(value: object) -> str:
     except ValueError:
         is_complete = False
     if not is_complete or any(letter in text for letter in " \"'<>\\`"):
-        raise UserError(f"expected null or a link that begins with https://, got {shown(text)}")
+        raise UserError(f"expected null or a link that begins with https://, got {quoted(text)}")
     return text
 
 
 def _distinct(seeds: tuple[int, ...]) -> tuple[int, ...]:
     if len(set(seeds)) < len(seeds):
-        raise UserError(f"one stands there twice: {shown(list(seeds))}")
+        raise UserError(f"one stands there twice: {quoted(list(seeds))}")
     return seeds
 
 
@@ -293,7 +293,7 @@ def read_about(content: Mapping[str, Any]) -> tuple[SubmissionFile, list[str]]:
     for key in content:
         if key not in SubmissionFile.model_fields:
             hint = nearest(key, SubmissionFile.model_fields) if isinstance(key, str) else ""
-            lines.append(f"unknown key {shown(key)}{hint}")
+            lines.append(f"unknown key {quoted(key)}{hint}")
     lines += [f"lacks {key!r}" for key in REQUIRED if key not in content]
     known = {key: content[key] for key in SubmissionFile.model_fields if key in content}
     about, wrong = problems_of(SubmissionFile, known)
@@ -332,7 +332,7 @@ def problems(folder: str | Path) -> list[str]:
     On a board (``submissions/<track>/<name>``) a name that another entry of its table has is a problem, too.
     """
     submission, lines = examine(Path(folder))
-    return lines if submission is None else lines + [line for _, line in taken(submission)]
+    return lines if submission is None else lines + [line for _, line in name_conflicts(submission)]
 
 
 def notes(submission: Submission, board: str | Path = "leaderboard") -> list[str]:
@@ -349,7 +349,7 @@ def notes(submission: Submission, board: str | Path = "leaderboard") -> list[str
     if home.name != "submissions":
         lines.append("lies on no leaderboard; submit run takes <leaderboard>/submissions/<track>/<name>")
     elif (board / "submissions").is_dir() and home.parent.resolve() != board.resolve():
-        written = f"{brief(home.parent)}/results"
+        written = f"{short_path(home.parent)}/results"
         lines.append(f"does not lie in {board}/submissions; submit run writes its result to {written}")
     return lines
 
@@ -416,21 +416,21 @@ def examine(
 def _wrong_slug(folder: Path) -> Iterator[str]:
     if not _SLUG.fullmatch(folder.name):
         yield (
-            f"the folder's name {shown(folder.name)}: expected at most 40 of a-z, 0-9 and -, "
+            f"the folder's name {quoted(folder.name)}: expected at most 40 of a-z, 0-9 and -, "
             "a letter or digit first"
         )
 
 
 def _wrong_place(folder: Path, about: SubmissionFile) -> Iterator[str]:
     """Yield a problem if the track is not that of the board's folder."""
-    around, track = folder.parent.name, about.track
+    parent, track = folder.parent.name, about.track
     says = f"track: says {track}, but the folder lies in"
-    if not track or track == around:
+    if not track or track == parent:
         return
-    if around in TRACK_FOLDERS:
-        yield f"{says} {around}; move it to submissions/{track}, or write track: {around}"
+    if parent in TRACK_FOLDERS:
+        yield f"{says} {parent}; move it to submissions/{track}, or write track: {parent}"
     elif folder.parent.parent.name == "submissions":
-        yield f"{says} {shown(around)}, which is no track; move it to submissions/{track}"
+        yield f"{says} {quoted(parent)}, which is no track; move it to submissions/{track}"
 
 
 def _wrong_names(folder: Path, about: SubmissionFile) -> Iterator[str]:
@@ -439,13 +439,13 @@ def _wrong_names(folder: Path, about: SubmissionFile) -> Iterator[str]:
         return
     scripts = _scripts(about.track)
     if about.script is not None and about.script not in scripts:
-        yield f"script: unknown {shown(about.script)}{nearest(about.script, scripts)}"
+        yield f"script: unknown {quoted(about.script)}{nearest(about.script, scripts)}"
     for key, name in (("name", about.name), ("the folder's name", folder.name)):
-        if plain(name) in map(plain, scripts) and name.strip().casefold() != about.script:
-            yield f"{key}: {shown(name)} is what a script of the package is called; choose another"
+        if name_skeleton(name) in map(name_skeleton, scripts) and name.strip().casefold() != about.script:
+            yield f"{key}: {quoted(name)} is what a script of the package is called; choose another"
     if about.zoo is not None and about.zoo not in _zoo():
         hint = meant(about.zoo, _zoo())
-        yield f"zoo: the package ships no agents {shown(about.zoo)}{hint} (fpg-bench zoo lists them)"
+        yield f"zoo: the package ships no agents {quoted(about.zoo)}{hint} (fpg-bench zoo lists them)"
 
 
 def _scripts(track: str) -> tuple[str, ...]:
@@ -467,7 +467,7 @@ def _policies(folder: Path, about: SubmissionFile, contract: bool) -> tuple[tupl
     has_own = about.script is None and about.zoo is None and about.track != "planner"
     seeds = [path.name for path in seed_folders(folder).values()] if has_own else []
     known = [ABOUT, *(seeds or ["seed_0"] if has_own else []), *([TRANSCRIPTS] if about.is_recorded else [])]
-    lines = strays(folder, known)
+    lines = stray_files(folder, known)
     if has_own and not seeds:
         return (), [*lines, "holds no seed_<k>/: the policy of each training seed"]
     if not has_own and about.zoo not in _zoo():
@@ -499,19 +499,19 @@ def _folder_names(seeds: Iterable[int]) -> str:
     return ", ".join(f"seed_{seed}" for seed in sorted(seeds))
 
 
-def taken(submission: Submission) -> Iterator[tuple[str, str]]:
+def name_conflicts(submission: Submission) -> Iterator[tuple[str, str]]:
     """Yield the other submissions of its table with the same name, each with a line that says so."""
     if submission.folder.parent.name != submission.track:
         return
-    own = (submission.path, plain(submission.name))
+    own = (submission.path, name_skeleton(submission.name))
     for name in sorted(os.listdir(submission.folder.parent)):  # all: no number of others hides one
         other = submission.folder.parent / name
         if name == submission.slug or folder_problem(other):
             continue
         if name.casefold() == submission.slug.casefold():
-            yield name, f"the folder's name: {shown(name)} differs by case only"
+            yield name, f"the folder's name: {quoted(name)} differs by case only"
         if _table_and_name(other) == own:
-            line = f"{ABOUT}: name: {shown(submission.name)} is that of {shown(name)}, too; choose another"
+            line = f"{ABOUT}: name: {quoted(submission.name)} is that of {quoted(name)}, too; choose another"
             yield name, line
 
 
@@ -532,7 +532,7 @@ def _read_table_and_name(folder: Path, changed: int, size: int) -> tuple[str | N
         about, _ = read_about(read_yaml(folder / ABOUT, ABOUT))
     except UserError:
         return None
-    return (about.path, plain(about.name)) if about.name else None
+    return (about.path, name_skeleton(about.name)) if about.name else None
 
 
 # Folders of policies
@@ -572,7 +572,7 @@ def read_policies(
 
 
 def _is_described(policy: Policy) -> bool:
-    """Return whether ``agent.json`` describes this file, as far as it can be read."""
+    """Return True if ``agent.json`` describes this file, as far as it can be read."""
     return not policy.about or bool(policy.about.get("policy_sha256") == policy.sha256)
 
 
@@ -580,7 +580,7 @@ def _read_policy(path: Path, seed: int, side: str | None) -> tuple[Policy | None
     """Return one seed's policy, and the problems of its folder."""
     if problem := folder_problem(path):
         return None, [f": {problem}"]
-    lines = [f"/{line}" for line in strays(path, _FILES)]
+    lines = [f"/{line}" for line in stray_files(path, _FILES)]
     limits = zip(_FILES, (MOST_TEXT_BYTES, MOST_BYTES), strict=True)
     unreadable = [f"/{name}: {line}" for name, most in limits if (line := file_problem(path / name, most))]
     if unreadable:
@@ -606,12 +606,12 @@ def _read_agent(path: Path, seed: int, side: str | None) -> tuple[dict[str, Any]
     lines = []
     trained, steps, algorithm = (about[key] for key in ("training_seed", "training_steps", "algorithm"))
     if trained != seed or isinstance(trained, bool):
-        lines.append(f"training_seed: expected {seed}, as the folder is called, got {shown(trained)}")
+        lines.append(f"training_seed: expected {seed}, as the folder is called, got {quoted(trained)}")
     if not _is_steps(steps):
         expected = f"a whole number from 0 to {MOST_STEPS:,}"
-        lines.append(f"training_steps: expected {expected}, got {shown(steps)}")
+        lines.append(f"training_steps: expected {expected}, got {quoted(steps)}")
     if not isinstance(algorithm, str) or len(algorithm) > 60:
-        lines.append(f"algorithm: expected text of at most 60 characters, got {shown(algorithm)}")
+        lines.append(f"algorithm: expected text of at most 60 characters, got {quoted(algorithm)}")
     if not _is_finite(about):
         lines.append("holds a number that is not finite")
     return about, lines
@@ -622,7 +622,7 @@ def _is_steps(value: object) -> TypeGuard[int]:
 
 
 def _is_finite(value: object) -> bool:
-    """Return whether all numbers in a JSON value are finite."""
+    """Return True if all numbers in a JSON value are finite."""
     if isinstance(value, float):
         return math.isfinite(value)
     if isinstance(value, dict):

@@ -24,10 +24,10 @@ from fpg_bench.leaderboard.changed_entries import changed_entries
 from fpg_bench.leaderboard.folders import (
     TRACK_FOLDERS,
     at_work,
-    brief,
     remove,
     result_file,
     set_aside,
+    short_path,
     submission_folders,
     work_folder,
 )
@@ -51,7 +51,7 @@ from fpg_bench.leaderboard.result import (
     totals,
     write_result,
 )
-from fpg_bench.leaderboard.submission import Submission, load_submission, taken
+from fpg_bench.leaderboard.submission import Submission, load_submission, name_conflicts
 from fpg_bench.leaderboard.tracks import TrackSuites, ranked_by
 
 _logger = logging.getLogger(__name__)
@@ -137,7 +137,7 @@ def load_entry(
     def place(name: str) -> tuple[bool, bool, str]:
         return f"{track}/{name}" in new, not result_file(board, track, name).exists(), name
 
-    for name, line in taken(submission):
+    for name, line in name_conflicts(submission):
         if place(name) < place(submission.slug):
             raise UserError(f"submission {folder}: {line}")
     return submission
@@ -190,13 +190,13 @@ def _result_at(
     if set(differing) <= _SUBMITTED:
         changed = "transcript" if submission.transcripts else "policy"
         raise UserError(
-            f"submission.yaml or a {changed} changed since this result was made; {_again(submission)}"
+            f"submission.yaml or a {changed} changed since this result was made; {_rerun_hint(submission)}"
         )
-    raise UserError(f"result {path}: of other {', '.join(differing)}; {_again(submission)}")
+    raise UserError(f"result {path}: of other {', '.join(differing)}; {_rerun_hint(submission)}")
 
 
-def _again(submission: Submission) -> str:
-    return f"make it again: fpg-bench submit run --update {brief(submission.folder)}"
+def _rerun_hint(submission: Submission) -> str:
+    return f"make it again: fpg-bench submit run --update {short_path(submission.folder)}"
 
 
 # Samples
@@ -208,7 +208,7 @@ def check_share(share: float) -> None:
         raise UserError(f"sample: expected a share above 0 and at most 100 %, got {100 * share:g} %")
 
 
-def sampled(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
+def draw_sample(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
     """Draw records to be played again at random, at least one per result; cases without result stay whole.
 
     Args:
@@ -228,12 +228,12 @@ def sampled(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
     for number in sorted({record[0] for record in records} - {record[0] for record in drawn}):
         drawn.add(rng.choice([record for record in records if record[0] == number]))
     return [
-        _thinned(case, {(part, key) for number, part, key in drawn if number == k})
+        _restrict(case, {(part, key) for number, part, key in drawn if number == k})
         for k, case in enumerate(cases)
     ]
 
 
-def _thinned(case: Case, drawn: set[tuple[str, Key]]) -> Case:
+def _restrict(case: Case, drawn: set[tuple[str, Key]]) -> Case:
     if case.result is None:
         return case
     left = (
@@ -282,7 +282,7 @@ def disagreements(played: Iterable[Record], kept: Iterable[Record], suites: Mapp
     return lines + [line for now, then in changed for line in _sum_disagreements(now, then, spans)]
 
 
-def identical(played: Iterable[Record], kept: Iterable[Record]) -> int:
+def count_identical(played: Iterable[Record], kept: Iterable[Record]) -> int:
     """Return the number of records that are the same to the bit."""
     before = {_record_key(record): record for record in kept}
     return sum(record.same_as(before[_record_key(record)]) for record in played)
@@ -355,7 +355,7 @@ class Verdict:
     """The verdict on one submission, and the line that explains it."""
 
     name: str
-    good: bool
+    is_good: bool
     line: str
 
 
@@ -378,7 +378,7 @@ def _judge(case: Case, played: Sequence[PlayedPart]) -> tuple[bool, str]:
         if not case.wanted:
             return True, "not verified; not part of a sample"
         if failure is None:
-            return False, f"the result is not verified, but it plays; {_again(case.submission)}"
+            return False, f"the result is not verified, but it plays; {_rerun_hint(case.submission)}"
         return True, f"not verified, as before: {failure}"
     if failure is not None:
         return False, f"the result is verified, but now: {failure}"
@@ -386,7 +386,7 @@ def _judge(case: Case, played: Sequence[PlayedPart]) -> tuple[bool, str]:
     if differing:
         others = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
         return False, f"the result does not hold: {differing[0]}{others}"
-    same = identical(records, case.result.records)
+    same = count_identical(records, case.result.records)
     return True, f"holds: {same} of {len(records)} records played again are the same to the bit"
 
 
@@ -484,9 +484,9 @@ def verify(
         if sample is not None:
             seed = random.SystemRandom().randrange(2**32) if sample_seed is None else sample_seed
             _logger.info(f"sample: {100 * sample:g} % of all records, --sample-seed {seed}")
-            cases = sampled(cases, sample, seed)
+            cases = draw_sample(cases, sample, seed)
         if not names:
-            verification.check_strays()
+            verification.check_orphans()
         every = [job for case in cases for job in verification.jobs(case)]
         verification.failed |= run_jobs(every, n_jobs, backend, address, level=logging.DEBUG)
         for case in cases:
@@ -523,25 +523,25 @@ class _Verification:
         aside = {name: outcome_of(partial(set_aside, self._board, *name.split("/"))) for name in self._new}
         for name in sorted(self._new):
             if not (self._board / "submissions" / name).is_dir():
-                self._give(name, False, "its submission was there, or its result came, and is gone")
+                self._add(name, False, "its submission was there, or its result came, and is gone")
         suites, cases = TrackSuites(), []
         for folder in folders:
             name = f"{folder.parent.name}/{folder.name}"
             read = outcome_of(partial(load_case, self._board, folder, update, self._new, suites))
             error = read.error if name not in aside else read.error or aside[name].error
             if error is not None:
-                self._give(name, False, error)
+                self._add(name, False, error)
             else:
                 claimed = aside[name].result if name in aside else None
                 cases.append(dataclasses.replace(read.result, claimed=claimed))
         return cases
 
-    def check_strays(self) -> None:
+    def check_orphans(self) -> None:
         """Give a verdict on results whose submission is not there."""
         for track in TRACK_FOLDERS:
             for path in sorted((self._board / "results" / track).glob("*.jsonl")):
                 if not (self._board / "submissions" / track / path.stem).is_dir():
-                    self._give(f"{track}/{path.stem}", False, f"result {path}: no such submission")
+                    self._add(f"{track}/{path.stem}", False, f"result {path}: no such submission")
 
     def jobs(self, case: Case) -> Iterator[Job]:
         """Yield a job per part of a case."""
@@ -557,7 +557,7 @@ class _Verification:
             return
         names = [_job_name(case, part) for part, _ in case.wanted]
         if errors := [self.failed[name] for name in names if name in self.failed]:
-            self._give(case.name, False, errors[0])
+            self._add(case.name, False, errors[0])
             return
         played = outcome_of(partial(_played_parts, case))
         judged = played if played.error is not None else outcome_of(partial(_judge, case, played.result))
@@ -565,14 +565,14 @@ class _Verification:
         if case.claimed is not None:
             remove(case.claimed)
         good, line = judged.result if judged.error is None else (False, judged.error)
-        self._give(case.name, good, line + _missing_isolation(played.result or ()))
+        self._add(case.name, good, line + _missing_isolation(played.result or ()))
 
     def _keep(self, job: Job, case: Case, result: object) -> None:
         job.keep(result)
         if all(_is_done(case.work / part.name, matchups) for part, matchups in case.wanted):
             self.settle(case)
 
-    def _give(self, name: str, good: bool, line: str) -> None:
+    def _add(self, name: str, good: bool, line: str) -> None:
         self.verdicts[name] = Verdict(name, good, printable(line))
         _logger.info(printable(f"{name}: {line}"))
 
@@ -604,7 +604,7 @@ def run_one(
         hint = meant(track, TRACK_FOLDERS) if folder.parent.parent.name == "submissions" else ""
         expected = f"<leaderboard>/submissions/<{'|'.join(TRACK_FOLDERS)}>/<name>"
         raise UserError(f"{given}: expected a folder {expected}{hint}")
-    board = Path(brief(folder.parents[2]))
+    board = Path(short_path(folder.parents[2]))
     name = f"{track}/{folder.name}"
     (verdict,) = verify(board, [name], update=update, n_jobs=n_jobs, backend=backend, address=address)
     return verdict

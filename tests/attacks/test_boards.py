@@ -31,7 +31,7 @@ def entered(board, in_process):
     enter(board, "ally", "wise", script="expert")
     enter(board, "ally", "linear", seeds=(0, 2))
     enter(board, "opponent", "near", script="adaptive")
-    assert all(verdict.good for verdict in verify(board))
+    assert all(verdict.is_good for verdict in verify(board))
     return board
 
 
@@ -58,7 +58,7 @@ def test_hostile_entries_stop_nobody_else(stormed, tmp_path, messages):
     for folder in (folders[3], folders[12]):
         checked = CliRunner().invoke(app, ["submit", "check", str(folder)])
         assert checked.exit_code == 1 or "nothing is wrong" in checked.stdout
-    verdicts = {verdict.name: verdict.good for verdict in verify(stormed)}
+    verdicts = {verdict.name: verdict.is_good for verdict in verify(stormed)}
     assert len(verdicts) == COUNT + 3
     assert {name for name, good in verdicts.items() if good} == {"ally/wise", "ally/linear", "opponent/near"}
     assert play_missing(stormed, rounds=2) == []
@@ -96,6 +96,6 @@ def test_even_a_bug_of_ours_stops_nobody_else(entered, monkeypatch):
         return load_submission(folder, *how)
 
     monkeypatch.setattr(verification, "load_submission", fails)
-    lines = {verdict.name: verdict.line for verdict in verify(entered) if not verdict.good}
+    lines = {verdict.name: verdict.line for verdict in verify(entered) if not verdict.is_good}
     assert lines.keys() == {"ally/wise"}
     assert lines["ally/wise"].startswith("KeyError: 'nobody thought of this', in ")

@@ -101,7 +101,7 @@ def test_two_at_work_on_one_board_are_refused(board, in_process, tmp_path):
     with pytest.raises(UserError, match="another process plays it; wait for its end"):
         verify(board)
     other.communicate("", timeout=60)
-    assert verify(board)[0].good
+    assert verify(board)[0].is_good
 
 
 def test_one_process_may_work_on_a_board_twice(board):

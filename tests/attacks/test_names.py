@@ -3,7 +3,13 @@
 import pytest
 
 from fpg_bench.common.ids import SCRIPTED
-from fpg_bench.leaderboard.submission import load_submission, plain, problems, read_about, taken
+from fpg_bench.leaderboard.submission import (
+    load_submission,
+    name_conflicts,
+    name_skeleton,
+    problems,
+    read_about,
+)
 from fpg_bench.planning import PLANNERS
 from tests.attacks import SCALE, SEED
 from tests.attacks.names import BLANK, UNSEEN, lookalikes
@@ -18,7 +24,7 @@ def problems_of_name(name):
 def test_a_lookalike_is_the_same_name_or_refused(name):
     assert problems_of_name(name) == []
     for other in lookalikes(name, 200 * SCALE, seed=SEED):
-        assert plain(other) == plain(name) or len(problems_of_name(other)) == 1, ascii(other)
+        assert name_skeleton(other) == name_skeleton(name) or len(problems_of_name(other)) == 1, ascii(other)
 
 
 @pytest.mark.parametrize(
@@ -67,7 +73,7 @@ def test_names_that_differ_stay_different():
         "+++",
         "---",
     ]
-    assert len({plain(name) for name in names}) == len(set(names))
+    assert len({name_skeleton(name) for name in names}) == len(set(names))
 
 
 @pytest.mark.parametrize("blank", BLANK, ids=ascii)
@@ -107,4 +113,4 @@ def test_no_number_of_entries_hides_whose_name_is_taken(tmp_path):
     for number in range(250):
         (board / f"twin-{number}").mkdir()
         (board / f"twin-{number}" / "submission.yaml").write_bytes(text)
-    assert len(list(taken(load_submission(mine)))) == 250
+    assert len(list(name_conflicts(load_submission(mine)))) == 250

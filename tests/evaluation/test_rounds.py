@@ -4,7 +4,7 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.two_player import make_duel
-from fpg_bench.evaluation.rounds import begin, make_match, play_round
+from fpg_bench.evaluation.rounds import begin_round, finish_round, make_match, play_round
 from fpg_bench.game.scenario import as_scenario
 
 SHORT = as_scenario(None, steps_per_round=20, rounds_per_match=3)
@@ -35,11 +35,12 @@ def test_without_seeds_it_is_the_next_round_of_each_match():
     assert rounds == [0, 1, 2, 0]
 
 
-def test_the_same_seeds_give_the_same_round_begun_before_or_not():
-    whole, begun = table("random", "random"), table("random", "random")
-    begin(begun, seeds=7)
-    assert (played(whole, seeds=7) == played(begun, begun=True)).all()
-    assert (played(whole, seeds=8) != played(begun, seeds=9)).any()
+def test_a_round_is_the_same_in_one_call_or_two():
+    whole, parts = table("random", "random"), table("random", "random")
+    begin_round(parts, seeds=7)
+    finish_round(parts)
+    assert (played(whole, seeds=7) == parts.duel.batch.tallies).all()
+    assert (played(whole, seeds=8) != played(parts, seeds=9)).any()
 
 
 def test_tables_are_played_together_as_they_would_be_alone():

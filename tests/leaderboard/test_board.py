@@ -37,7 +37,7 @@ def entered(board, in_process, kept):
     enter(board, "ally", "few", seeds=(0,), algorithm="few")
     enter(board, "opponent", "near", script="adaptive")
     enter(board, "opponent", "far", script="tone", path="learned")
-    assert all(verdict.good for verdict in verify(board))
+    assert all(verdict.is_good for verdict in verify(board))
     shutil.copytree(board, kept)
     return board
 
@@ -228,7 +228,7 @@ def season(board, small_suites, in_process):
     enter(board, "ally", "wise", script="expert")
     enter(board, "ally", "still", script="idle")
     enter(board, "ally", "linear", seeds=(0, 10, 2))
-    assert all(verdict.good for verdict in verify(board))
+    assert all(verdict.is_good for verdict in verify(board))
     return board
 
 

@@ -31,7 +31,7 @@ def trusted(board, in_process, kept):
         return board
     enter(board, "ally", "honest", seeds=(0, 1))
     enter(board, "opponent", "script", script="adaptive")
-    assert all(verdict.good for verdict in verify(board))
+    assert all(verdict.is_good for verdict in verify(board))
     play_missing(board, rounds=4)
     git(board, "init", "--quiet")
     git(board, "add", "--all")
@@ -62,7 +62,7 @@ def test_the_lines_of_who_verifies_take_the_place_of_forged_ones(trusted):
     kept, case = forged(trusted, "ally/honest")
     assert read_result(case.path, case.suites).records != kept.records
     (verdict,) = verify(trusted, ["ally/honest"], sample=0.01, since="HEAD")
-    assert not verdict.good
+    assert not verdict.is_good
     assert verdict.line.startswith("replaced: the result that came along does not hold: ")
     assert "; commit this one: verified: public " in verdict.line
     assert read_result(case.path, case.suites).records == kept.records
@@ -78,7 +78,7 @@ def test_an_honest_result_that_came_along_is_good(trusted):
     (first,) = verify(trusted, ["ally/newcomer"])
     before = result_file(trusted, "ally", "newcomer").read_bytes()
     (verdict,) = verify(trusted, ["ally/newcomer"], since="HEAD")
-    assert (verdict.good, verdict.line) == (True, first.line)
+    assert (verdict.is_good, verdict.line) == (True, first.line)
     assert result_file(trusted, "ally", "newcomer").read_bytes() == before
 
 
@@ -127,7 +127,7 @@ def test_who_comes_later_has_not_the_name_of_who_was_there(trusted, slug):
 def test_a_forged_name_and_result_show_nobody_twice(trusted):
     """Of two that both have a result the first stays; what came since a revision is never the first."""
     folder = enter(trusted, "ally", "zzz", seeds=(2,))
-    assert verify(trusted, ["ally/zzz"])[0].good
+    assert verify(trusted, ["ally/zzz"])[0].is_good
     (folder / "submission.yaml").write_text((folder / "submission.yaml").read_text().replace("Zzz", "Honest"))
     with logged() as messages:
         assert [entry.slug for entry in make_board(trusted).tracks[0].entries] == ["honest"]
@@ -183,7 +183,7 @@ def test_changes_of_other_files_are_named_and_refused_until_they_are_known(trust
     )
     with pytest.raises(UserError, match=message):
         verify(trusted, since="HEAD")
-    assert all(v.good for v in verify(trusted, since="HEAD", changes_known=True))
+    assert all(v.is_good for v in verify(trusted, since="HEAD", changes_known=True))
 
 
 def test_a_link_or_a_repository_that_came_is_named_wherever_it_lies(trusted):

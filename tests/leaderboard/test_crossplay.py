@@ -130,7 +130,7 @@ def entered(board, in_process, kept):
         enter(board, "ally", slug, script=slug)
     enter(board, "opponent", "adaptive", script="adaptive")
     enter(board, "opponent", "linear", seeds=(0, 1))
-    assert all(verdict.good for verdict in verify(board))
+    assert all(verdict.is_good for verdict in verify(board))
     shutil.copytree(board, kept)
     return board
 

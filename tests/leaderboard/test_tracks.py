@@ -144,7 +144,7 @@ def test_a_board_loads_each_suite_once(board, small_suites, monkeypatch):
     enter(board, "opponent", "near", script="adaptive")
     loaded, load = Counter(), tracks.load_suite
     monkeypatch.setattr(tracks, "load_suite", lambda name, **how: loaded.update([name]) or load(name, **how))
-    assert all(verdict.good for verdict in verify(board))
+    assert all(verdict.is_good for verdict in verify(board))
     assert loaded == dict.fromkeys(["ally-v1", "ally-season-1", "opponent-v1", "opponent-season-1"], 1)
     loaded.clear()
     make_board(board)

@@ -95,7 +95,7 @@ def test_the_strongest_of_an_entry_s_responses_is_met_by_all(script, board, smal
     about = json.loads((small_suites / "suites/responses-v1/ally/linear/agent.json").read_text())
     assert about["training_seed"] == strongest["training_seed"]
     verdicts = verify(board, ["ally/wise"])
-    assert verdicts[0].good
+    assert verdicts[0].is_good
     head = json.loads((board / "results/ally/wise.jsonl").read_text().splitlines()[0])
     assert head["summary"]["worst"]["responses"]["rival"] == "response to linear"
 

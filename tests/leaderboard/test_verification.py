@@ -23,7 +23,14 @@ from fpg_bench.leaderboard.playing import Part, matchups_of, part_records, parts
 from fpg_bench.leaderboard.result import summaries_of
 from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
-from fpg_bench.leaderboard.verification import disagreements, identical, load_case, run_one, sampled, verify
+from fpg_bench.leaderboard.verification import (
+    count_identical,
+    disagreements,
+    draw_sample,
+    load_case,
+    run_one,
+    verify,
+)
 from fpg_bench.players.agent import OnnxPlayer
 from tests.leaderboard.entering import SUITE, close_season, enter, verdicts_of, write_suite, write_verified
 from tests.logged import logged
@@ -237,7 +244,7 @@ def test_a_sample_holds_a_line_of_each_and_can_be_drawn_again(board, in_process)
     def drawn(share, seed):
         return [
             [(part.name, matchup[1].name) for part, matchups in case.wanted for matchup in matchups]
-            for case in sampled(cases, share, seed)
+            for case in draw_sample(cases, share, seed)
         ]
 
     assert [len(lines) for lines in drawn(0.01, 5)] == [1, 1, 1, 1]
@@ -271,7 +278,7 @@ def test_names_and_shares_are_checked(board, tmp_path):
 def test_one_folder_is_run_where_it_lies(board, tmp_path):
     folder = enter(board, "opponent", "near", script="adaptive")
     verdict = run_one(folder)
-    assert (verdict.name, verdict.good) == ("opponent/near", True)
+    assert (verdict.name, verdict.is_good) == ("opponent/near", True)
     assert result(board, "opponent/near").exists()
     with pytest.raises(UserError, match="expected a folder <leaderboard>/submissions/"):
         run_one(tmp_path)
@@ -357,9 +364,9 @@ def moved(line, **sums):
 
 
 def test_the_same_lines_and_those_of_another_machine_agree(records, suites):
-    assert (disagreements(records, records, suites), identical(records, records)) == ([], 2)
+    assert (disagreements(records, records, suites), count_identical(records, records)) == ([], 2)
     kept = changed(records, rounds_sha256="other", returns=tuple(x + 0.01 for x in records[0].returns))
-    assert (disagreements(records, kept, suites), identical(records, kept)) == ([], 1)
+    assert (disagreements(records, kept, suites), count_identical(records, kept)) == ([], 1)
     assert disagreements(records[1:], changed(records, lost=50), suites) == []  # only some are compared
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.strict_json import read_object
 from fpg_bench.evaluation.play import match_of
-from fpg_bench.evaluation.rounds import begin, play_round
+from fpg_bench.evaluation.rounds import begin_round, finish_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.leaderboard.board import Board, Figures
@@ -165,9 +165,9 @@ def _play(player: PlayerSpec, suite: Suite, rival: Rival) -> tuple[list[Recordin
     seeds: np.ndarray | None = np.array(evaluation_seeds(1, suite.season))
     recordings = []
     for _ in range(suite.rounds_per_match if suite.side == PLANNER else 1):
-        begin(match, seeds=seeds)
+        begin_round(match, seeds=seeds)
         recording, seeds = Recording(match.duel.batch), None
-        play_round(match, on_step=recording.add, begun=True)
+        finish_round(match, on_step=recording.add)
         recordings.append(recording)
     return recordings, match.duel.measures(0)
 

