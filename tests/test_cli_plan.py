@@ -135,8 +135,45 @@ def test_options_of_the_language_model_reach_it(folder):
     with FaultServer([late(30, path_text())]) as server:
         arguments = ("--deadline", "0.2", "--seconds", "0.2", "--out", "late")
         ran = plan("run", *LLM[:-2], *arguments, folder=folder, server=server)
-    assert ran.returncode == 0, ran.stderr
+    assert ran.returncode == 2
     assert "fallback-timeout" in ran.stdout
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "problem"),
+    [
+        (ok("To the north."), "no points found, expected 16"),
+        (ok(json.dumps({"waypoints": [{"x": 1, "y": 2, "z": 3}] * 8})), "expected 16 points, got 8"),
+        (status(500), "HTTP 500"),
+    ],
+    ids=("prose", "8 points", "500"),
+)
+def test_a_match_without_a_valid_plan_has_no_score(behaviour, problem, folder):
+    with FaultServer([behaviour]) as server:
+        ran = plan("run", *LLM, folder=folder, server=server)
+    assert ran.returncode == 2
+    assert "none of 3 plans is valid, so it has no score (" in error_line(ran)
+    assert problem in error_line(ran)
+    assert ran.stdout.count(f", circle flown ({problem}") == 3
+    (total,) = [line.split() for line in ran.stdout.splitlines() if line.split()[:1] == ["all"]]
+    assert total[:7] == ["all", "no", "score", "0", "of", "3", "valid"]
+
+
+def test_a_match_is_written_among_no_other_files_and_its_figure_by_its_suffix(folder):
+    (folder / "taken").mkdir()
+    (folder / "taken" / "notes.txt").write_text("mine")
+    (folder / "one.svg").write_text("mine")
+    match = ("run", "--planner", "circle", "--scenario", "short.yml", "--rounds", "1", "--out")
+    for out in ("taken", "one.svg", "short.yml"):
+        ran = plan(*match, out, folder=folder)
+        assert ran.returncode == 2
+        assert f"out: {out} is there already and is no match of plan run; name another" in error_line(ran)
+    assert {path.name for path in folder.rglob("*")} == {"short.yml", "taken", "notes.txt", "one.svg"}
+    for out, start in (("two.svg", b"<?xml"), ("two.pdf", b"%PDF")):
+        ran = plan(*match, out, folder=folder)
+        assert ran.returncode == 0, ran.stderr
+        assert (folder / out).read_bytes().startswith(start)
+        assert (folder / "two.jsonl").exists()
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,10 @@ def run(
     scenario: ScenarioOption = None,
     seed: Annotated[int, typer.Option(help="Seed of the match.", rich_help_panel=GAME)] = 0,
     rounds: Annotated[int, typer.Option(min=1, help="Number of rounds.", rich_help_panel=GAME)] = 10,
-    out: Annotated[Path | None, typer.Option(help="A folder, or a file that ends in .jsonl.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="A folder; or the match's file, .jsonl, or its figure, .png, .svg or .pdf."),
+    ] = None,
     prompt: PromptOption = None,
     control: Annotated[
         str | None, typer.Option(help="none, shuffled-rewards or no-history.", rich_help_panel=LLM)
@@ -76,7 +79,7 @@ def run(
 ) -> None:
     """Play one match of a planner and write it to a file; a stopped match resumes.
 
-    Writes paths.png, updated every few seconds, and replay.html with all rounds beside the file.
+    Writes paths.png, updated every few seconds, and replay.html with all rounds beside the file match.jsonl.
 
     Example: fpg-bench plan run --planner interceptor --ally expert --rounds 10
     """
@@ -125,6 +128,11 @@ def run(
     write_match_replay(played, page, title, ally, opponent)
     _print_table(played, title)
     typer.echo(f"written: {file}, {picture}, {page}")
+    if not _has_score([round.row for round in played]):
+        raise UserError(
+            f"match {file}: none of {rounds} plans is valid, so it has no score ({_problem(played[-1])}); "
+            "mend that and name another --out"
+        )
 
 
 @app.command()
@@ -227,11 +235,24 @@ def compare(
 
 
 def _targets(out: Path | None, name: str) -> tuple[Path, Path, Path]:
-    """Return the files of the match, its picture and its page."""
-    folder = Path("runs", "plan", name.replace("/", "_").replace(":", "_")) if out is None else out
-    if folder.suffix == ".jsonl":
-        return folder, folder.with_suffix(".png"), folder.with_suffix(".html")
-    return folder / "match.jsonl", folder / "paths.png", folder / "replay.html"
+    """Return the files of the match, its picture and its page.
+
+    Raises:
+        UserError: they would be written among files of something else, or over them.
+    """
+    from fpg_bench.rendering.canvas import FIGURES
+
+    path = Path("runs", "plan", name.replace("/", "_").replace(":", "_")) if out is None else out
+    if path.suffix in (".jsonl", *FIGURES):
+        picture = path.with_suffix(".png") if path.suffix == ".jsonl" else path
+        file, page = path.with_suffix(".jsonl"), path.with_suffix(".html")
+        is_free = not (picture.exists() or page.exists())
+    else:
+        file, picture, page = path / "match.jsonl", path / "paths.png", path / "replay.html"
+        is_free = not path.exists() or (path.is_dir() and not any(path.iterdir()))
+    if not is_free and not file.exists():
+        raise UserError(f"out: {path} is there already and is no match of plan run; name another")
+    return file, picture, page
 
 
 @contextlib.contextmanager
@@ -250,7 +271,10 @@ def _shown_progress(rounds: int) -> Iterator[Callable[[int, Round | None], None]
             if played is None:
                 bar.reset(task, description=f"planning round {index} of {rounds}  {latest}")
                 return
-            latest = f"round {index}: {played.reward_per_step:+.2f} per step, {played.row['status']}"
+            row = played.row
+            latest = f"round {index}: {played.reward_per_step:+.2f} per step, {row['status']}"
+            if played.problem:
+                latest = f"round {index}: {row['status']}, {row['source']} flown ({_problem(played)})"
             if not console.is_terminal:
                 typer.echo(latest)
 
@@ -264,6 +288,10 @@ def _print_talk(played: Round) -> None:
         for who, text in messages_of(attempt):
             for line in (f"--- {who}", *text.splitlines()):
                 typer.echo(printable(line))
+
+
+def _problem(played: Round) -> str:
+    return printable(played.problem or played.row["status"])
 
 
 def _print_table(rounds: list[Round], title: str) -> None:
@@ -280,7 +308,8 @@ def _print_table(rounds: list[Round], title: str) -> None:
     for row in rows:
         table.add_row(str(row["round"]), *_numbers([row]), row["status"], row["source"], *_costs([row]))
     table.add_section()
-    table.add_row("all", *_numbers(rows), _valid(rows), "", *_costs(rows))
+    pooled = _numbers(rows) if _has_score(rows) else ["no score", "", ""]
+    table.add_row("all", *pooled, _valid(rows), "", *_costs(rows))
     console = Console()
     console.print(table) if console.width >= 100 else Console(width=100).print(table)
 
@@ -296,6 +325,11 @@ def _numbers(rows: list[dict[str, Any]]) -> list[str]:
 def _costs(rows: list[dict[str, Any]]) -> list[str]:
     counted = [row["tokens"] for row in rows if row["tokens"] is not None]
     return [str(sum(counted)) if counted else "-", f"{sum(row['seconds'] for row in rows):.3f}"]
+
+
+def _has_score(rows: list[dict[str, Any]]) -> bool:
+    """Return False for a language model's match in which each round flew a fall-back."""
+    return not all(row["status"].startswith("fallback") for row in rows)
 
 
 def _valid(rows: list[dict[str, Any]]) -> str:

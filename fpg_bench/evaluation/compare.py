@@ -57,9 +57,9 @@ def compare(
         The summaries of all planners in the folder, best first.
 
     Raises:
-        UserError: something unknown, a folder that holds another suite's records, a language model without
-            an endpoint or with an unusable one, options for a language model where none is named, or
-            transcripts that do not hold these matches.
+        UserError: something unknown, a folder that holds other files or another suite's records, a language
+            model without an endpoint, with an unusable one or without a valid plan against an ally, options
+            for a language model where none is named, or transcripts that do not hold these matches.
     """
     out = Path(out)
     played = with_matches(load_suite(suite, side=PLANNER), matches)

@@ -58,8 +58,8 @@ def evaluate(
         The summaries of all entries in the folder, best first, with ``table()`` and ``dataframe()``.
 
     Raises:
-        UserError: something unknown, of the wrong side, a folder that holds another suite's records, or one
-            for players that have no name by which they could be known again.
+        UserError: something unknown, of the wrong side, a folder that holds other files or another suite's
+            records, or one for players that have no name by which they could be known again.
     """
     played = with_matches(load_suite(suite), matches)
     if played.side not in ("ally", "opponent"):
@@ -93,6 +93,8 @@ def play_into(
         n_jobs, backend, address: see :func:`evaluate`.
     """
     check_seeds(entries)
+    if out.is_dir() and any(out.iterdir()) and not any((out / name).exists() for name in (RECORDS, ABOUT)):
+        raise UserError(f"results {out}: is not empty and no results folder; choose another")
     file = RowFile(out / RECORDS)
     with file.locked():
         _claim(out, name, suite, entries)

@@ -38,11 +38,19 @@ ROUNDS = 10
 
 @dataclass(frozen=True)
 class Round:
-    """Round of a match: its row of the file, its steps, and the exchange with a language model."""
+    """Round of a match: its row of the file, its steps, and the exchange with a language model.
+
+    Attributes:
+        row: of the file.
+        recording: its steps.
+        talk: the attempts of a language model at its plan; empty for other planners.
+        problem: the reason that a language model gave no valid path for it; None if it did.
+    """
 
     row: Row
     recording: Recording
     talk: tuple[Attempt, ...] = ()
+    problem: str | None = None
 
     @property
     def measures(self) -> dict[str, float | None]:
@@ -157,7 +165,9 @@ def _rounds(
             row = known[index]
         elif file is not None:
             file.add(row)
-        played = Round(row, recording, _talk(planner, row))
+        plan = batch.duel.plans[0]
+        problem = None if plan is None else plan.problem
+        played = Round(row, recording, _talk(planner, row), problem)
         progress(index, played)
         yield played
 

@@ -1,4 +1,4 @@
-"""Pictures of a match: one PNG with a panel per round, and an HTML replay."""
+"""Pictures of a match: one figure with a panel per round, and an HTML replay."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MARGIN = 0.02  # around the box, for waypoints on its walls
 
 
 def draw_match(rounds: Sequence[Round], path: Path, title: str) -> None:
-    """Draw a panel per round into a PNG file.
+    """Draw a panel per round into a PNG, SVG or PDF file.
 
     From above: the ally's curve (dotted) and what it flew of it, the opponent's path and its waypoints.
     Below: both heights over the round.

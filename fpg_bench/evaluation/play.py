@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.common.errors import UserError, printable
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.entry import Entry
 from fpg_bench.evaluation.record import TALLIES, Plans, Record
@@ -43,13 +44,21 @@ def play(
         on_round: called with the number of rounds of each match that were played.
 
     Raises:
-        UserError: a player or planner that cannot be made, or that fails.
+        UserError: a player or planner that cannot be made, or that fails; a language model none of whose
+            plans is valid, since its score would be that of the paths flown in their place.
     """
     player = entry.make(rival)
     sums = _Sums(suite)
     for duel in rounds(match_of(player, suite, rival), suite, seeds):
         sums.add(duel, lost_rounds(player, duel.count))
         on_round(len(sums.returns))
+    fields = sums.fields()
+    if (plans := fields["plans"]) is not None and plans.valid == 0:
+        raise UserError(
+            f"planner {entry.name} against {rival.name}: none of {sum(plans.statuses.values())} plans is "
+            f"valid, so it has no score ({sums.commonest_problem()}); mend that and record it in another "
+            "folder"
+        )
     return Record(
         suite=suite.name,
         suite_hash=suite.hash[:16],
@@ -57,7 +66,7 @@ def play(
         training_seed=entry.training_seed,
         fingerprint=entry.fingerprint[:16],
         rival=rival.name,
-        **sums.fields(),
+        **fields,
     )
 
 
@@ -127,6 +136,11 @@ class _Sums:
             "rounds_sha256": self._digest.hexdigest(),
             "plans": self._plan_statistics() if self._plans else None,
         }
+
+    def commonest_problem(self) -> str:
+        """Return the most frequent reason for an invalid plan, and how often it was given."""
+        ((problem, count),) = Counter(plan.problem or plan.status for plan in self._plans).most_common(1)
+        return f"{count} times: {printable(problem)}"
 
     def _plan_statistics(self) -> Plans:
         statuses = Counter(sorted(plan.status for plan in self._plans))

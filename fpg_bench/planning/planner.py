@@ -62,6 +62,7 @@ class Plan:
         seconds: planning time; None: not measured.
         useless: the sign by which a language model's valid path is of no use (see
             :func:`fpg_bench.planning.llm.answers.uselessness`); empty: no such sign; None: not checked.
+        problem: the reason that a language model gave no valid path and another one is flown; None if it did.
     """
 
     waypoints: np.ndarray
@@ -70,6 +71,7 @@ class Plan:
     tokens: int | None = None
     seconds: float | None = None
     useless: str | None = None
+    problem: str | None = None
 
 
 @dataclass(frozen=True)

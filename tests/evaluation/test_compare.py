@@ -82,6 +82,11 @@ def statuses(folder, planner):
     )
 
 
+def first_round_only(body):
+    """A model that plans each match's first round, and only talks in the others."""
+    return "I would rather fly a loop." if "\nRound " in body["messages"][0]["content"] else PATH
+
+
 # Planners that ask nobody
 
 
@@ -131,12 +136,12 @@ def test_a_folder_of_another_size_is_refused(folder):
 
 
 def test_a_language_model_is_recorded_and_replayed_without_a_server(folder, asks):
-    with FaultServer([ok(PATH), ok("I would rather fly a loop.")]) as server:
+    with FaultServer([answer(first_round_only)]) as server:
         asks(server)
         compare(["llm"], "mine.yml", "out", llm={"concurrency": 1})
     options = {"concurrency": 1}
     found = {s.entry: s for s in compare(["llm", "hold"], "mine.yml", "out", llm=options)}
-    assert found["llm"].pooled.plans.valid == pytest.approx(1 / PLANS)
+    assert found["llm"].pooled.plans.valid == pytest.approx(1 / ROUNDS)
     assert found["llm"].pooled.plans.tokens > 0
     assert found["hold"].pooled.plans.valid is None
 
@@ -276,12 +281,35 @@ def test_a_server_that_is_of_no_use_ends_the_comparison_and_burns_nothing(folder
 def test_a_cap_that_is_raised_later_is_told_not_to_change_what_was_flown(folder, asks, caplog):
     with FaultServer([ok(PATH)]) as server:
         asks(server)
-        compare(["llm"], "mine.yml", "out", llm={"calls": 1})
+        compare(["llm"], "mine.yml", "out", llm={"calls": PLANS - 1})
         caplog.clear()
         compare(["llm"], "mine.yml", "out", llm={"calls": 100})
-        assert len(server.requests) == 1
+        assert len(server.requests) == PLANS - 1
     (said,) = caplog.messages
-    assert f"transcripts/llm: plans without an answer: {PLANS - 1} (budget {PLANS - 1})" in said
+    assert "transcripts/llm: plans without an answer: 1 (budget 1)" in said
+
+
+def test_a_model_without_a_valid_plan_against_an_ally_has_no_score(folder, asks):
+    with FaultServer([ok("To the north.")]) as server:
+        asks(server)
+        with pytest.raises(
+            UserError, match=r"idle: none of 6 plans is valid, .*\(6 times: no points found, exp"
+        ):
+            compare(["llm"], "mine.yml", "out")
+    assert (folder / "out" / "records.jsonl").read_bytes() == b""
+
+
+@pytest.mark.parametrize("planner", ["circle", "llm"])
+def test_a_folder_of_other_files_is_left_alone(folder, asks, planner):
+    (folder / "out").mkdir()
+    (folder / "out" / "notes.txt").write_text("mine")
+    with FaultServer([ok(PATH)]) as server:
+        asks(server)
+        with pytest.raises(
+            UserError, match="results out: is not empty and no results folder; choose another"
+        ):
+            compare([planner], "mine.yml", "out")
+    assert [path.name for path in (folder / "out").iterdir()] == ["notes.txt"]
 
 
 @pytest.mark.parametrize("transcripts", [None, "out/transcripts"])

@@ -1,8 +1,9 @@
 """Client of OpenAI-compatible servers: the ``openai`` package, with the limits that hostile servers need.
 
-Retries of passing errors and the errors of connections are the package's own. Added here are a deadline for
-the complete question, a bound on the bytes that are read, and the removal of the key from everything that is
-kept. No redirect is followed, and no header is sent beyond those that a request needs.
+Retries of passing errors and the errors of connections are the package's own. Added here are longer waits
+after a 429, a deadline for the complete question, a bound on the bytes that are read, and the removal of the
+key from everything that is kept. No redirect is followed, and no header is sent beyond those that a request
+needs.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ ERRORS = ("timeout", "http", "refused", "invalid")
 LONGEST_BODY = 1_000_000  # bytes of a body that are read
 MOST_TOKENS = 10**9  # of one answer; a server that reports more is wrong
 SHORTEST_SECRET = 8  # shorter keys are words such as "none" and "x", which stand in any text
-RETRIES = 2  # after a lost connection, or a status such as 429 and 503
+RETRIES = 2  # after a lost connection, or a status such as 503
+BACKOFF_S = (1.0, 2.0, 4.0, 8.0, 16.0, 30.0)  # waits after each 429 that names no time to wait
+_WAIT_HEADERS = {"retry-after", "retry-after-ms"}
 _LONGEST_RAW = 10_000  # characters kept of a body that is no JSON
 _LONGEST_DETAIL = 200
 _PERMANENT = (401, 403, 404, 405)  # statuses that a retry cannot mend; redirects are not followed either
@@ -107,6 +110,8 @@ class Client:
     Raises:
         UserError: the ``openai`` package is not installed.
     """
+
+    sleep = staticmethod(asyncio.sleep)
 
     def __init__(self, endpoint: Endpoint, deadline_s: float | None = None) -> None:
         need("llm", "openai")
@@ -207,11 +212,12 @@ class _Question:
         self.sent: dict[str, Any] = {}
         self.calls = 0
         self.status: int | None = None  # of the last response
+        self.is_busy = False  # the last response is a 429 that names no time to wait
 
     async def ask(self) -> Reply:
         import openai
 
-        endpoint = self.client.endpoint
+        endpoint, waits = self.client.endpoint, iter(BACKOFF_S)
         async with self._connection() as api:
             while True:
                 self.sent = {name: value for name, value in self.body.items() if name not in self.dropped}
@@ -226,6 +232,10 @@ class _Question:
                     return _connection_failure(endpoint, error)
                 reply = read_reply(status, data, endpoint.key, endpoint.server.refusal_codes)
                 if reply.error == "http" and status in _REFUSING and self._drop(error_text(reply.raw)):
+                    continue
+                has_quota = "insufficient_quota" not in _codes(reply.raw)
+                if self.is_busy and has_quota and (wait_s := next(waits, None)) is not None:
+                    await self.client.sleep(wait_s)
                     continue
                 if reply.error is None:
                     self._remember()
@@ -273,6 +283,9 @@ class _Question:
                 break
         await response.stream.aclose()
         response.headers.pop("content-encoding", None)
+        self.is_busy = self.status == 429 and not _WAIT_HEADERS & response.headers.keys()
+        if self.is_busy:
+            response.headers["x-should-retry"] = "false"  # the package gives up after two seconds
         response.stream = _http_package().ByteStream(bytes(data))
 
     def _drop(self, message: str) -> bool:

@@ -235,7 +235,9 @@ class LLMPlanner(BatchPlanner):
             source, path = "held", np.array(self._checked(earlier[-1], request.limits).waypoints)
         else:
             source, path = "circle", self._circle.plan_batch([request])[0].waypoints
-        return Plan(path, source, f"fallback-{last.status}", talk.tokens, talk.seconds)
+        answer = None if last.text is None else read_answer(last.text, request.limits)
+        problem = (answer and answer.problem) or last.detail or last.status
+        return Plan(path, source, f"fallback-{last.status}", talk.tokens, talk.seconds, problem=problem)
 
 
 @dataclass

@@ -16,7 +16,7 @@ import time
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.planning.llm.client import LONGEST_BODY, RETRIES, Client, read_reply
+from fpg_bench.planning.llm.client import BACKOFF_S, LONGEST_BODY, RETRIES, Client, read_reply
 from fpg_bench.planning.llm.servers import Endpoint, load_server
 
 from . import fault_server as faults
@@ -127,7 +127,6 @@ def test_a_good_answer_comes_with_its_model_tokens_and_time():
     [
         (faults.status(401), "http", 1),
         (faults.status(302, {"Location": "/elsewhere"}), "http", 1),
-        (faults.status(429), "http", TRIED_AGAIN),
         (faults.status(429, {"Retry-After": "Wed, 21 Oct 2099 07:28:00 GMT"}), "http", 1),
         (faults.status(503, {"Retry-After": "-1"}), "http", TRIED_AGAIN),
         (faults.html(502), "http", TRIED_AGAIN),
@@ -187,6 +186,24 @@ def test_a_429_is_waited_for_within_the_deadline():
     reply, requests = reply_to(faults.status(429, {"Retry-After": "50"}), ok("Hello."), deadline_s=0.5)
     assert (reply.error, requests) == ("timeout", 1)
     assert reply.detail.startswith("no answer within 0.5 s, HTTP 429 before")
+
+
+def test_waits_grow_after_each_429_that_names_no_time(monkeypatch):
+    waits = []
+
+    async def sleep(seconds):
+        waits.append(seconds)
+
+    monkeypatch.setattr(Client, "sleep", staticmethod(sleep))
+    reply, requests = reply_to(*[faults.status(429)] * 3, ok("Hello."), deadline_s=30.0)
+    assert (reply.text, reply.calls, requests, waits) == ("Hello.", 4, 4, [1.0, 2.0, 4.0])
+    waits.clear()
+    reply, requests = reply_to(faults.status(429), deadline_s=30.0)
+    assert (reply.error, requests, waits) == ("http", 7, list(BACKOFF_S))
+    waits.clear()
+    used_up = faults.status(429, body={"error": {"code": "insufficient_quota"}})
+    reply, requests = reply_to(used_up, deadline_s=30.0)
+    assert (reply.error, requests, waits) == ("http", 1, [])
 
 
 # Fields that a server refuses
