@@ -17,7 +17,7 @@ from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.statistics import FEW_SEEDS, performance_profile, probability_of_improvement
 from fpg_bench.evaluation.suite import Suite, load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
-from fpg_bench.evaluation.table import as_markdown, bounds, number
+from fpg_bench.evaluation.table import bounds, markdown_table, number
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup
 from fpg_bench.rendering.canvas import blank_figure
 from fpg_bench.training.run_folder import EVALUATIONS
@@ -180,7 +180,7 @@ def _table(zoo: Zoo, group: ZooGroup, public: list[Summary], others: list[list[S
         names += [f"on {name}", "95 % interval"]
     names += ["worst return per step", *(heading for heading, _ in _MEASURES), "time (min)"]
     cells = [_cells(zoo, group, summary, others) for summary in public]
-    return as_markdown(names, cells, "").rstrip() + "\n"
+    return markdown_table([names, *cells]) + "\n"
 
 
 def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summary]]) -> list[str]:

@@ -69,14 +69,15 @@ def caption(suite: Suite) -> str:
 
 def markdown(summaries: Sequence[Summary], suite: Suite) -> str:
     """Return the table as Markdown, with all columns."""
-    head, *lines = lines_of_table(summaries, suite)
-    return as_markdown(head, [[cell.replace("|", "\\|") for cell in line] for line in lines], caption(suite))
+    lines = [[cell.replace("|", "\\|") for cell in line] for line in lines_of_table(summaries, suite)]
+    return f"{markdown_table(lines)}\n\n{caption(suite)}\n"
 
 
-def as_markdown(names: list[str], lines: Sequence[list[str]], below: str) -> str:
-    """Return a Markdown table with these columns and lines, and a caption below."""
-    rows = [names, ["---"] * len(names), *lines]
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows) + f"\n\n{below}\n"
+def markdown_table(lines: Sequence[Sequence[str]]) -> str:
+    """Return lines of cells as a Markdown table; the first one has the headings."""
+    head, *rest = lines
+    rows = [head, ["---"] * len(head), *rest]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
 def as_csv(summaries: Sequence[Summary]) -> str:

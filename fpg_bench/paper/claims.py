@@ -91,15 +91,6 @@ STRONGER = (
     *((kind, "tone") for kind in JAMMING_TYPES[1:]),
     *(("broadband", kind) for kind in ("narrowband", "comb")),
 )
-# Parts of claims that can hold by themselves.
-ASPECTS = {
-    "D1": CLAIMS["D1"],
-    "D2": CLAIMS["D2"],
-    "D3 level": "Each jamming type alone leaves the opponent below the ally",
-    "D3 order": "Single tone is weakest, broadband strongest",
-    "D4 planner": "Without the planner, where it learns to fly, the opponent is worse",
-    "D4 knowledge": "Without the knowledge base the ally is worse",
-}
 
 
 @dataclass(frozen=True)
@@ -131,15 +122,6 @@ class Comparison:
     def holds_uncorrected(self) -> bool:
         """True if it holds as a part of its claim, which needs all of them (intersection-union)."""
         return self.test.p < LEVEL and self.test.mean > 0
-
-
-def aspect_of(comparison: Comparison) -> str:
-    """Return the key of :data:`ASPECTS` to which a test belongs, or ``D1 frozen``."""
-    if comparison.claim == "D3":
-        return "D3 level" if "alone" in comparison.statement else "D3 order"
-    if comparison.claim == "D4":
-        return "D4 planner" if "learned path" in comparison.statement else "D4 knowledge"
-    return comparison.claim
 
 
 def compare(results: Results) -> list[Comparison]:

@@ -14,6 +14,7 @@ from markdown_it import MarkdownIt
 
 from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.statistics import student_half
+from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import PAPER, STANDARD, Scenario
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
@@ -289,13 +290,6 @@ def _interval(test: PairedTest) -> str:
 def _number(value: float) -> str:
     """Return a number with two decimals, or with two digits if it is small."""
     return f"{value + 0.0:.2f}" if abs(value) >= 1 else f"{value + 0.0:.2g}"
-
-
-def markdown_table(lines: Lines) -> str:
-    """Return a table in Markdown."""
-    head, *rest = lines
-    rows = [head, ["---"] * len(head), *rest]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in rows)
 
 
 def _html(text: str, title: str) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.paper.claims import ASPECTS, CLAIMS, LEVEL, aspect_of, compare, verdict
+from fpg_bench.paper.claims import CLAIMS, LEVEL, compare, verdict
 from fpg_bench.paper.conditions import ALL, FIXED_PATHS, conditions_of
 from fpg_bench.paper.experiment import BUDGETS
 from fpg_bench.paper.figures import FIGURES
@@ -20,6 +20,15 @@ RUNS = Path(__file__).parents[2] / "results/reproduction"
 FULL = BUDGETS["full"]
 BOTH = ("paper", "standard")
 VARIANTS = "trained-variants"
+# Parts of claims that can hold by themselves.
+ASPECTS = {
+    "D1": CLAIMS["D1"],
+    "D2": CLAIMS["D2"],
+    "D3 level": "Each jamming type alone leaves the opponent below the ally",
+    "D3 order": "Single tone is weakest, broadband strongest",
+    "D4 planner": "Without the planner, where it learns to fly, the opponent is worse",
+    "D4 knowledge": "Without the knowledge base the ally is worse",
+}
 SETTINGS = {  # of the trained variants, as changes of the preset paper
     "interference=once": {"snr_model": "sinr"},
     "hops=always": {"hopping": "always"},
@@ -99,6 +108,15 @@ def test_committed_report_of_figures_matches_its_runs_on_fresh_seeds(tmp_path):
     for (name, _), run in stored.items():
         known = {c.name: c for c in conditions_of(ALL, "figures", full=True)}[name.split("@")[0]]
         assert run.about["scenario"] == f"figures, {known.scenario('figures').hash}"
+
+
+def aspect_of(comparison):
+    """Return the key of ASPECTS to which a test belongs, or D1 frozen."""
+    if comparison.claim == "D3":
+        return "D3 level" if "alone" in comparison.statement else "D3 order"
+    if comparison.claim == "D4":
+        return "D4 planner" if "learned path" in comparison.statement else "D4 knowledge"
+    return comparison.claim
 
 
 @pytest.fixture(scope="module")
