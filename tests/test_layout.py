@@ -77,6 +77,11 @@ def circle(graph: dict[str, set[str]]) -> list[str]:
     return []
 
 
+def test_every_room_has_a_line_in_the_tree_of_contributing():
+    tree = (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    assert not [room for room in FLOORS if f"    {room}/ " not in tree and room != "version"]
+
+
 def test_every_room_has_a_floor():
     assert {room_of(module) for module in FILES} - {"", "__main__"} == set(FLOORS)
 

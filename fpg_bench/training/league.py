@@ -131,8 +131,8 @@ def best_responses(
     """Train best responses to a fixed player, and evaluate the player against them.
 
     The opponent's path is that of the player's training: ``learned`` where it was among its paths, else
-    ``pursuit``. What was stopped goes on, finished responses are not trained again, and more algorithms,
-    budgets or seeds are added to those that are there.
+    ``pursuit``. A stopped call is resumed: finished responses are not trained again, and responses of more
+    algorithms, budgets or seeds are added to them.
 
     Args:
         agent: the player: a shipped agent, a folder, a script, or ``package.module:object``.
@@ -165,7 +165,7 @@ def best_responses(
         KeyboardInterrupt: stopped by the user.
     """
     algorithms, budgets, starts = _as_list(algorithm), _as_list(steps), _as_list(start)
-    if unknown := [begin for begin in starts if begin not in STARTS]:
+    if unknown := [each for each in starts if each not in STARTS]:
         raise UserError(f"start: expected nothing or strongest, got {unknown[0]!r}")
     for name, value in (("n_seeds", n_seeds), *(("steps", budget) for budget in budgets)):
         whole(value, name)
@@ -185,17 +185,17 @@ def best_responses(
     if file.exists():
         result = _check_same(file, "best responses", about)
     else:
-        scripts = {name: target.meet(name) for name in SCRIPTED[_other_side(target.side)]}
+        scripts = {name: target.evaluate(name) for name in SCRIPTED[_other_side(target.side)]}
         result = {"agent": agent, **about, "scripts": scripts, "responses": []}
         write_json(file, result | {"lowest": _lowest(result)})  # the folder is taken before any training
-    for begin, name, budget, seed in product(starts, algorithms, budgets, range(n_seeds)):
+    for kind, name, budget, seed in product(starts, algorithms, budgets, range(n_seeds)):
         values = load_hyperparameters(name, env_id, hyperparams, path=target.game.path).entry()
-        if begin == "strongest":
+        if kind == "strongest":
             values |= {"imitate": {"teacher": _strongest(result, Path(out))}}
         recipe: Row = {
             "algorithm": name,
             "steps": budget,
-            "start": begin,
+            "start": kind,
             "training_seed": seed,
             "reward": reward,
             "hyperparameters": json.loads(json.dumps(values, default=str)),  # as they are read again
@@ -207,7 +207,7 @@ def best_responses(
             response = train(run, folder, evaluations=0, progress=progress, resume=True)
             parts = RunFolder(folder).read().get("part", 0)
             resumed = {"n_resumes": parts} if parts else {}
-            result["responses"].append(recipe | resumed | target.meet(str(response)))
+            result["responses"].append(recipe | resumed | target.evaluate(str(response)))
         result["lowest"] = _lowest(result)
         write_json(file, result)
     return result
@@ -256,7 +256,7 @@ class _Target:
     game: GameOptions
     scenario: Scenario
 
-    def meet(self, other: str) -> Row:
+    def evaluate(self, other: str) -> Row:
         """Return the player's results against another player, with that player's return ``earned``."""
         summary = evaluate_against(self.agent, {other: other}, self.side, self.scenario, MATCHES)
         row = _result_row(summary)
@@ -281,14 +281,16 @@ def _find_target(
     if scenario is not None:
         options["scenario"] = str(scenario)
     fields = about.get("scenario_fields") or {}
-    flown = fields.get("opponent_path", STANDARD.opponent_path)
-    game = GameOptions(path=path or ("learned" if "learned" in flown else STANDARD.opponent_path), **options)
+    trained_path = fields.get("opponent_path", STANDARD.opponent_path)
+    game = GameOptions(
+        path=path or ("learned" if "learned" in trained_path else STANDARD.opponent_path), **options
+    )
     played = game_scenario(game)
     if about:
         same = {key: fields.get(key, getattr(STANDARD, key)) for key in ("opponent_path", "rounds_per_match")}
         if dataclasses.replace(played, **same).hash != about["scenario"]:
             raise UserError(
-                f"agent {agent}: was trained in a scenario that is not here any more; name the scenario"
+                f"agent {agent}: was trained in a scenario that does not exist any more; name the scenario"
             )
     return _Target(agent, side, policy_hash(player) or code_fingerprint(agent), game, played)
 
@@ -336,8 +338,8 @@ def selfplay(
     """Train both sides in turns, each generation against past generations of the other side.
 
     Generation 0 of a side plays all scripts of the other side. Each later one starts from the weights of the
-    one before. Every generation is a run of its own. What was stopped goes on, more generations are added to
-    those that are there, and finished ones are not trained again.
+    one before. Every generation is a run of its own. A stopped call is resumed: finished generations are not
+    trained again, and more are added to them.
 
     Args:
         algorithm: algorithm of both sides; see :class:`fpg_bench.training.config.RunConfig`.
@@ -571,7 +573,7 @@ def load_recipes(file: Path) -> dict[str, Recipe]:
 
 
 def train_champion(recipe: Recipe, seed: int, runs: Path, *, progress: bool = False) -> Path:
-    """Train one champion; what was stopped goes on, and finished runs are not repeated.
+    """Train one champion; a stopped training is resumed, and finished runs are not repeated.
 
     After each stage, responders are trained against its agent, and the next stage meets them as well. From
     the second stage on, players that leave the champion less return are drawn more often.
@@ -592,8 +594,12 @@ def train_champion(recipe: Recipe, seed: int, runs: Path, *, progress: bool = Fa
     population = [str(spec) for spec in with_members(recipe.against, recipe.other_side)]
     folder, agent = runs / recipe.name / f"seed_{seed}", Path()
     for number, stage in enumerate(recipe.stages):
-        here = folder / f"stage_{number}"
-        drawn = _prioritized(recipe, agent, population, here / "population.json") if number else population
+        stage_folder = folder / f"stage_{number}"
+        drawn = (
+            _prioritized(recipe, agent, population, stage_folder / "population.json")
+            if number
+            else population
+        )
         run = RunConfig(
             recipe.algorithm,
             recipe.id,
@@ -604,11 +610,13 @@ def train_champion(recipe: Recipe, seed: int, runs: Path, *, progress: bool = Fa
             against=drawn,
             start=folder / f"stage_{number - 1}" / "run" if number else None,
         )
-        agent = train(run, here / "run", evaluations=CHAMPION_EVALUATIONS, progress=progress, resume=True)
+        agent = train(
+            run, stage_folder / "run", evaluations=CHAMPION_EVALUATIONS, progress=progress, resume=True
+        )
         _logger.info(f"{recipe.name}/seed_{seed}: stage {number} trained, against {len(population)} players")
         if number + 1 < len(recipe.stages):
             first_seed = RESPONDER_SEED + 1000 * seed + 100 * number
-            population += _train_responders(recipe, agent, here, first_seed, progress)
+            population += _train_responders(recipe, agent, stage_folder, first_seed, progress)
     return agent
 
 

@@ -270,7 +270,7 @@ def test_a_scenario_file_that_has_changed_since_the_training_is_refused(tmp_path
     file.write_text(yaml.safe_dump({"hop_cost": 20}))
     agent = train_tiny("ppo", tmp_path / "agent", steps=400, scenario="mine.yml")
     file.write_text(yaml.safe_dump({"hop_cost": 30}))
-    with pytest.raises(UserError, match="was trained in a scenario that is not here any more"):
+    with pytest.raises(UserError, match="was trained in a scenario that does not exist any more"):
         respond(agent, tmp_path / "out")
     assert respond(agent, tmp_path / "out", scenario="mine.yml")["scenario"] == as_scenario("mine.yml").hash
 
