@@ -13,7 +13,7 @@ import gymnasium
 import pettingzoo
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import DUEL, ENVS
+from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, id_with
 from fpg_bench.version import __version__
 
 if TYPE_CHECKING:
@@ -66,12 +66,12 @@ def _register() -> None:
     if hasattr(pettingzoo, "register"):  # since PettingZoo 1.27
         for kind in ("parallel", "aec"):
             pettingzoo.register(kind, DUEL, f"fpg_bench.envs.pettingzoo_env:{kind}_env")
-    for env_id in ENVS:
+    for name in (id_with(env_id, actions) for env_id in ENVS for actions in ACTION_MODES):
         gymnasium.register(
-            id=env_id,
+            id=name,
             entry_point="fpg_bench.envs.gymnasium_env:FPGEnv",
             vector_entry_point="fpg_bench.envs.gymnasium_vector:FPGVectorEnv",
-            kwargs={"env_id": env_id},
+            kwargs={"env_id": name},
         )
 
 

@@ -75,7 +75,9 @@ def test_a_shell_can_complete_what_can_be_named():
     ]
     assert completion.complete_player("expert") == ["expert", "expert-spread"]
     assert completion.complete_player("runs/") == []  # the shell's own names of files
-    assert completion.complete_id("FPG/Opp") == ["FPG/OpponentVsPolicy-v0", "FPG/OpponentVsScripted-v0"]
+    assert completion.complete_id("FPG/OpponentVsS") == [
+        f"FPG/OpponentVsScripted{mode}-v0" for mode in ("", "Discrete", "MultiDiscrete")
+    ]
     assert completion.complete_suite("planner-v") == ["planner-v1"]
     assert completion.complete_algorithm("pp") == ["ppo", "ppo-fast", "ppo-stack8"]
     named = {

@@ -167,9 +167,9 @@ def test_the_process_of_a_submitted_policy_loads_no_more_than_it_plays_with():
 def test_importing_the_package_registers_the_ids():
     code = "import fpg_bench, gymnasium; print(*(i for i in gymnasium.registry if i.startswith('FPG/')))"
     found = subprocess.check_output([sys.executable, "-c", code], text=True).split()
-    from fpg_bench.common.ids import ENVS
+    from fpg_bench.common.ids import ACTION_MODES, ENVS, id_with
 
-    assert set(found) == set(ENVS)
+    assert set(found) == {id_with(name, mode) for name in ENVS for mode in ACTION_MODES}
 
 
 @pytest.mark.parametrize("name", [spec.name for spec in dataclasses.fields(Scenario)])

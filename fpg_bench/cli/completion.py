@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from fpg_bench.common.ids import ENVS, SCRIPTED
+from fpg_bench.common.ids import ACTION_MODES, ENVS, LEARNERS, SCRIPTED, id_with
 
 
 def complete_player(incomplete: str) -> list[str]:
@@ -17,14 +17,14 @@ def complete_player(incomplete: str) -> list[str]:
     agents = baselines_folder() / "agents"
     groups = [path.relative_to(agents).as_posix() for path in agents.glob("*/*")]
     seeds = [f"{group}/{seed.name}" for group in groups for seed in (agents / group).glob("seed_*")]
-    names = [*SCRIPTED["ally"], *SCRIPTED["opponent"], "oracle", "all-scripted"]
+    names = [*SCRIPTED["ally"], *LEARNERS, *SCRIPTED["opponent"], "oracle", "all-scripted"]
     begun = _beginning(incomplete, [*names, *groups, *seeds])
     return [name for name in begun if name.count("/") < 2] or begun
 
 
 def complete_id(incomplete: str) -> list[str]:
     """Return the environment ids that begin so."""
-    return _beginning(incomplete, ENVS)
+    return _beginning(incomplete, [id_with(env_id, mode) for mode in ACTION_MODES for env_id in ENVS])
 
 
 def complete_suite(incomplete: str) -> list[str]:
@@ -39,7 +39,7 @@ def complete_algorithm(incomplete: str) -> list[str]:
     from fpg_bench.players.agent import baselines_folder
 
     names = (path.stem for path in (baselines_folder() / "hyperparams").glob("*.yml"))
-    return _beginning(incomplete, (name for name in names if not name.endswith("-learned")))
+    return _beginning(incomplete, (name for name in names if not name.endswith(("-learned", "-discrete"))))
 
 
 def _beginning(incomplete: str, names: Iterable[str]) -> list[str]:

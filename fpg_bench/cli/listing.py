@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fpg_bench.cli.completion import complete_suite
-from fpg_bench.cli.options import name_all
+from fpg_bench.cli.completion import complete_id, complete_suite
+from fpg_bench.cli.options import PathOption, listed, name_all
+from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import need
 from fpg_bench.common.output import print_line
 
@@ -18,15 +19,28 @@ if TYPE_CHECKING:
     from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup
 
 
-def envs() -> None:
-    """List the environment ids with their defaults, observations and actions.
+def envs(
+    env_id: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[ID]",
+            help="An id of discrete actions, to list its choices. Default: list all ids.",
+            autocompletion=complete_id,
+        ),
+    ] = None,
+    path: PathOption = None,
+) -> None:
+    """List the environment ids with their defaults, observations and actions, or the choices of one id.
 
-    Example: fpg-bench envs
+    Example: fpg-bench envs FPG/OpponentVsScriptedDiscrete-v0
     """
     from fpg_bench.common.ids import ENVS
     from fpg_bench.game.names import CHOSEN, OBSERVED
     from fpg_bench.players.player import SIDES
 
+    if env_id is not None:
+        _print_choices(env_id, path)
+        return
     for group in ENVS.values():
         flown = f"planned by {group.planner}" if group.planner else group.path
         typer.echo(f"{group.id}\n    {group.about}")
@@ -39,6 +53,27 @@ def envs() -> None:
     for side in SIDES:
         name_all(f"{side} sees", (f"{k} {name}" for k, name in enumerate(OBSERVED[side])))
         name_all(f"{side} chooses", (f"{k} {name}" for k, name in enumerate(CHOSEN[side])))
+    typer.echo(
+        "Choices from a list: actions='discrete' or 'multi-discrete', or an id such as "
+        "FPG/AllyVsScriptedDiscrete-v0;\n    fpg-bench envs ID lists them."
+    )
+
+
+def _print_choices(env_id: str, path: str | None) -> None:
+    """Print what each choice of an id does, with the nine floats that it stands for."""
+    from fpg_bench.common.ids import find_env, id_with
+    from fpg_bench.game.choices import Choices
+    from fpg_bench.game.scenario import as_scenario
+
+    config = find_env(env_id)
+    if config.actions == "continuous":
+        raise UserError(f"envs: {config.id} has no choices; {id_with(config.id, 'discrete')} has")
+    scenario = as_scenario(None, opponent_path=listed(path) or config.path)
+    for of in Choices(config.side, config.actions, scenario).lists:
+        typer.echo(f"{of.name}: {len(of)}")
+        width = max(map(len, of.names))
+        for index, (name, row) in enumerate(zip(of.names, of.rows.tolist(), strict=True)):
+            typer.echo(f"{index:5}  {name:{width}}  {' '.join(f'{value:5.2f}' for value in row)}")
 
 
 def zoo() -> None:
@@ -85,7 +120,7 @@ def players() -> None:
 
     Example: fpg-bench players
     """
-    from fpg_bench.common.ids import SCRIPTED
+    from fpg_bench.common.ids import LEARNERS, SCRIPTED
     from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.game.names import PATHS
     from fpg_bench.players.player import SIDES
@@ -93,6 +128,8 @@ def players() -> None:
     members = [member for member in load_zoo().members() if member.shipped]
     for side in SIDES:
         name_all(f"scripts, {side}", SCRIPTED[side])
+        if side == "ally":
+            name_all("learn within a round, ally", LEARNERS)
         name_all(f"agents, {side}", _agents(member for member in members if member.group.side == side))
         name_all(f"populations, {side}", _populations(side))
     name_all("either side", ["oracle: sees the full state, so it is in no suite"])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from fpg_bench.common.errors import UserError, nearest
@@ -13,7 +14,7 @@ class EnvConfig:
     """Configuration of one id: the learning side, the other side's player, the opponent's path.
 
     ``scripted`` says that the other side must be a script; ``planner`` is set where the opponent flies
-    what a path planner says, over ``rounds_per_match`` rounds.
+    what a path planner says, over ``rounds_per_match`` rounds; ``actions`` is the action mode.
     """
 
     id: str
@@ -24,6 +25,7 @@ class EnvConfig:
     rounds_per_match: int = 1
     scripted: bool = True
     about: str = ""
+    actions: str = "continuous"
 
     @property
     def other_side(self) -> str:
@@ -78,9 +80,13 @@ ENVS = MappingProxyType(
 )
 
 
+# Action modes, and what an id has in its name that is registered for each: FPG/AllyVsScriptedDiscrete-v0.
+ACTION_MODES = {"continuous": "", "discrete": "Discrete", "multi-discrete": "MultiDiscrete"}
+_MODE = re.compile(r"(FPG/\w+?)(MultiDiscrete|Discrete)-v0")
 DUEL = "FPG/duel_v0"
 ALLIES = ("idle", "random", "reactive", "expert", "expert-spread", "always-hop")
 OPPONENTS = ("tone", "narrowband", "broadband", "comb", "random", "sweep", "adaptive", "watchful")
+LEARNERS = ("epsilon-greedy", "ucb", "thompson", "q-learning")  # allies that learn within a round
 SCRIPTED = {"ally": ALLIES, "opponent": OPPONENTS}
 
 
@@ -101,13 +107,24 @@ def sides_of(name: str) -> tuple[str, ...]:
 def find_env(name: str) -> EnvConfig:
     """Return the configuration of an id, with or without the prefix ``fpg_bench:``.
 
+    An id of discrete actions, ``FPG/AllyVsScriptedDiscrete-v0``, has the configuration of the plain id with
+    another action mode.
+
     Raises:
         UserError: no such id; the message suggests the nearest.
     """
-    name = _plain(name)
+    name, actions = _plain(name), "continuous"
+    if match := _MODE.fullmatch(name):
+        name = f"{match[1]}-v0"
+        actions = next(mode for mode, word in ACTION_MODES.items() if word == match[2])
     if name not in ENVS:
         raise UserError(f"unknown id {name!r}{nearest(name, ENVS)}")
-    return ENVS[name]
+    return replace(ENVS[name], actions=actions)
+
+
+def id_with(env_id: str, actions: str) -> str:
+    """Return the id that is registered for a plain id in an action mode."""
+    return env_id.replace("-v0", f"{ACTION_MODES[actions]}-v0")
 
 
 def _plain(name: str) -> str:

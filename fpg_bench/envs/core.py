@@ -13,8 +13,9 @@ from gymnasium import spaces
 
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
 from fpg_bench.common.ids import SCRIPTED, EnvConfig, find_env
-from fpg_bench.envs.two_player import DuelOptions, PlannerSpec, TwoPlayerBatch, make_duel
+from fpg_bench.envs.two_player import CommonOptions, PlannerSpec, TwoPlayerBatch, make_duel
 from fpg_bench.game.batch import ActionError, Seeds, check_seeds, described
+from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.planning import LLM_CONTROLS, Planner, as_planner
@@ -27,12 +28,13 @@ from fpg_bench.players.registry import as_player, player_name, policy_hash
 REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
 
 
-class GameOptions(DuelOptions, total=False):
+class GameOptions(CommonOptions, total=False):
     """Keyword options of the environments of one side; see :class:`SingleAgentGame`."""
 
     opponent: PlayerSpec | Sequence[PlayerSpec] | None
     ally: PlayerSpec | Sequence[PlayerSpec] | None
     reward: str | None
+    actions: str | None
 
 
 def observation_space() -> spaces.Box:
@@ -46,14 +48,20 @@ def observation_space() -> spaces.Box:
     return spaces.Box(-1.0, 1.0, (OBSERVATION_SIZE,), np.float32)
 
 
-def action_space() -> spaces.Box:
-    """Action space of either side: ``Box(-1, 1, (9,), float32)``.
+def action_space(choices: Choices | None = None) -> spaces.Space[Any]:
+    """Action space of either side: ``Box(-1, 1, (9,), float32)``, or that of its choices.
 
     The ally chooses hop gate, spread gate, speed, preferred frequency, knowledge gate, and the scores of the
     four strategies. The opponent chooses the scores of the four jamming types, tuning, its reference, and a
     velocity. ``fpg_bench.game.names.CHOSEN`` names each.
+
+    Args:
+        choices: of an action mode: ``Discrete(n)`` in mode ``discrete``, ``MultiDiscrete`` in
+            ``multi-discrete``. None for the mode ``continuous``.
     """
-    return spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)
+    if choices is None:
+        return spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)
+    return spaces.MultiDiscrete(choices.sizes) if choices.is_multi else spaces.Discrete(choices.sizes[0])
 
 
 def compute_reward(reward: str, side: str, games: np.ndarray, scenario: Scenario) -> np.ndarray:
@@ -132,11 +140,13 @@ class SingleAgentGame(Core):
         knowledge, jamming_types: the scenario's fields of these names.
         reward: ``own`` (None), the reward of the rules, or ``zero_sum``, ``jamming``, ``overlap``,
             ``ally_cost``; see :func:`compute_reward`.
+        actions: action mode: ``continuous``, ``discrete`` or ``multi-discrete``; None takes that of the id.
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
 
     Attributes:
         config: the configuration of the id.
         duel: the games of both sides.
+        choices: what the caller chooses from; None where actions are continuous.
         observation_space, action_space: of one game.
         observations: ``(N, 15)`` float32, a buffer; copy what you keep.
         truncated: ``(N,)`` bool, a buffer.
@@ -159,6 +169,7 @@ class SingleAgentGame(Core):
         knowledge: str | None = None,
         jamming_types: Sequence[str] | None = None,
         reward: str | None = None,
+        actions: str | None = None,
         threads: int | None = None,
         **unknown: object,
     ) -> None:
@@ -187,9 +198,11 @@ class SingleAgentGame(Core):
         if "waypoints" in played.paths and config.planner is None:
             raise UserError(f"path: {config.id} plans no 'waypoints'; FPG/AllyVsPlanner-v0 does")
         self.planner = _planner(planner, config, played)
-        self.duel = TwoPlayerBatch(played, games, self.planner, threads)
+        modes = {self.side: _mode(actions, config)}
+        self.duel = TwoPlayerBatch(played, games, self.planner, threads, modes)
         self.scenario, self.count = played, self.duel.count
-        self.observation_space, self.action_space = observation_space(), action_space()
+        self.choices = self.duel.choices[self.side]
+        self.observation_space, self.action_space = observation_space(), action_space(self.choices)
         self._runner = PolicyRunner(other_side, self._others(), self.duel.batch)
         hashes = map(policy_hash, self._runner.players)
         self.policies = {
@@ -231,12 +244,30 @@ class SingleAgentGame(Core):
         self._runner.begin(mask)
 
     def step(self, actions: np.ndarray) -> None:
-        """Play one step with the caller's actions ``(N, 9)``; the other side's player chooses its own."""
+        """Play one step with the caller's actions; the other side's player chooses its own.
+
+        Args:
+            actions: ``(N, 9)`` floats, or the choices of another action mode.
+
+        Raises:
+            ActionError: see ``GameBatch.step`` and ``Choices.decode``.
+        """
+        actions = self.duel.decode(self.side, actions)
         other = self._runner.act()
         if self.side == "ally":
             self.duel.batch.step(actions, other)
         else:
             self.duel.batch.step(other, actions)
+
+    def action_masks(self, game: int = 0) -> np.ndarray:
+        """Return the choices that the scenario allows, ``(n,)`` bool, as sb3-contrib's MaskablePPO asks.
+
+        Raises:
+            UserError: actions are continuous.
+        """
+        if self.choices is None:
+            raise UserError("action_masks: actions are continuous here; say actions='discrete'")
+        return self.choices.mask
 
     def advice(self, game: int) -> str | None:
         """Return the knowledge base's advice on the jamming that the ally senses; None for the opponent."""
@@ -252,7 +283,7 @@ class JointGame(Core):
 
     Args:
         games: number of games, N.
-        **options: those of :func:`fpg_bench.envs.two_player.make_duel`.
+        **options: those of :func:`fpg_bench.envs.two_player.make_duel` but ``actions``.
 
     Attributes:
         observation_space, action_space: ``Box(-1, 1, (30,), float32)`` and ``Box(-1, 1, (18,), float32)``.
@@ -266,8 +297,8 @@ class JointGame(Core):
     sizes = ((OBSERVATION_SIZE, ACTION_SIZE),) * 2
     side = "ally"
 
-    def __init__(self, games: int = 1, **options: Unpack[DuelOptions]) -> None:
-        _refuse_unknown(options, DuelOptions)
+    def __init__(self, games: int = 1, **options: Unpack[CommonOptions]) -> None:
+        _refuse_unknown(options, CommonOptions)
         self.duel = make_duel(games, **options)
         self.scenario, self.count = self.duel.scenario, self.duel.count
         self.observation_space = spaces.Box(-1.0, 1.0, (2 * OBSERVATION_SIZE,), np.float32)
@@ -309,19 +340,29 @@ def wants_new_match(options: dict[str, Any] | None) -> bool:
     return bool((options or {}).get("new_match", False))
 
 
-def one_action(action: object, whose: str) -> np.ndarray:
-    """Return an action as ``(9,)`` floats, from an array of them or a list.
+def one_action(action: object, whose: str, choices: Choices | None = None) -> np.ndarray:
+    """Return the action of one game as a batch of one, from an array or a list.
+
+    Args:
+        action: nine floats, or a choice.
+        whose: begins the message of an error.
+        choices: what is chosen from; None where actions are continuous.
+
+    Returns:
+        ``(1, 9)`` floats, or whole numbers ``(1,)`` or ``(1, lists)``.
 
     Raises:
-        ActionError: another shape or kind; ``whose`` begins the message.
+        ActionError: another shape or kind.
     """
+    if choices is not None:
+        return np.asarray(action)[None]
     if isinstance(action, list | tuple):
         with contextlib.suppress(ValueError, TypeError):
             action = np.array(action, float)
     if not isinstance(action, np.ndarray) or action.shape != (ACTION_SIZE,) or action.dtype.kind != "f":
         expected = f"expected a float array of shape ({ACTION_SIZE},)"
         raise ActionError(f"{whose}: {expected}, got {described(action)}")
-    return action
+    return action[None]
 
 
 def staggered_horizons(count: int, steps: int) -> np.ndarray:
@@ -342,6 +383,13 @@ def _refuse_unknown(options: Mapping[str, object], known: type) -> None:
         if name not in known.__annotations__:
             hint = nearest(name, known.__annotations__)
             raise UnknownOptionError(f"got an unexpected keyword argument {name!r}{hint}")
+
+
+def _mode(actions: str | None, config: EnvConfig) -> str:
+    """Return the action mode that the caller names, or else the id's; raises UserError if they differ."""
+    if actions not in (None, config.actions) and config.actions != "continuous":
+        raise UserError(f"actions: the id says {config.actions}, got {actions!r}; use {config.id} to choose")
+    return actions or config.actions
 
 
 def _as_list(spec: PlayerSpec | Sequence[PlayerSpec] | None, default: str) -> list[PlayerSpec]:

@@ -24,7 +24,9 @@ class FPGEnv(gymnasium.Env):
     :func:`fpg_bench.envs.core.observation_space`.
 
     **Action space**: ``Box(-1, 1, (9,), float32)``; see :func:`fpg_bench.envs.core.action_space`. Values
-    beyond the bounds are clipped; NaN and infinity are refused.
+    beyond the bounds are clipped; NaN and infinity are refused. With ``actions="discrete"`` (and the ids
+    ``FPG/...Discrete-v0``) ``Discrete(n)``, with ``"multi-discrete"`` ``MultiDiscrete``; see
+    :class:`fpg_bench.game.choices.Choices`.
 
     **Rewards**: the ally's is its SNR above the threshold in dB, less what hopping and spreading cost
     (Eq. 5). The opponent's is the loss of SNR in dB that its jamming causes, plus a bonus within 30 m of
@@ -35,7 +37,8 @@ class FPGEnv(gymnasium.Env):
 
     **Episode end**: a round is truncated after the scenario's ``steps_per_round``; it never terminates.
 
-    **Info**: ``advice`` of the knowledge base for the ally, and in a round's last step its ``measures``.
+    **Info**: ``advice`` of the knowledge base for the ally, ``action_mask`` of the allowed choices where
+    actions are discrete, and in a round's last step its ``measures``.
 
     Args:
         env_id: one of the ids of :mod:`fpg_bench.common.ids`.
@@ -81,14 +84,15 @@ class FPGEnv(gymnasium.Env):
         return self.core.observations[0].copy(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Play one step with an action ``(9,)``, an array of floats or a list.
+        """Play one step with an action: ``(9,)``, an array of floats or a list, or a choice.
 
         Raises:
-            ActionError: a wrong shape or dtype, or NaN or infinity (the message names the index).
+            ActionError: a wrong shape or dtype, NaN or infinity (the message names the index), or a choice
+                that is out of range or forbidden.
             UserError: the round is over or none was begun.
         """
         core = self.core
-        actions = one_action(action, "action")[None]
+        actions = one_action(action, "action", core.choices)
         if not self._begun or core.truncated[0]:
             raise UserError("step: the round is over; call reset first")
         core.step(actions)
@@ -101,9 +105,15 @@ class FPGEnv(gymnasium.Env):
         info: dict[str, Any] = {}
         if core.side == "ally":
             info["advice"] = core.advice(0)
+        if core.choices is not None:
+            info["action_mask"] = core.choices.mask
         if core.truncated[0]:
             info["measures"] = core.measures(0)
         return info
+
+    def action_masks(self) -> np.ndarray:
+        """Return the allowed choices, ``(n,)`` bool; raises UserError where actions are continuous."""
+        return self.core.action_masks()
 
     def measures(self) -> dict[str, float | None]:
         """Return the measures of the present round so far."""

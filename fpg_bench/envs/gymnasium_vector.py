@@ -23,7 +23,8 @@ _MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
 class FPGVectorEnv(VectorEnv):
     """N games stepped at once; game i of a batch seeded s plays as a single game seeded s + i.
 
-    Observations are ``(N, 15)`` float32, actions ``(N, 9)`` floats in [-1, 1] and rewards ``(N,)`` float64;
+    Observations are ``(N, 15)`` float32, actions ``(N, 9)`` floats in [-1, 1] or ``(N,)`` choices, and
+    rewards ``(N,)`` float64;
     their meanings are those of :class:`fpg_bench.envs.gymnasium_env.FPGEnv`.
 
     A round's last step has ``truncations`` set, and its infos hold ``measures``. With ``autoreset_mode``
@@ -82,24 +83,34 @@ class FPGVectorEnv(VectorEnv):
             horizons = staggered_horizons(self.num_envs, self.core.scenario.steps_per_round)
         self.core.reset(mask, seeds, wants_new_match(options), horizons)
         self._begun = True
-        return self.core.observations.copy(), {}
+        return self.core.observations.copy(), self._masks()
 
     def step(
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Play one step with actions ``(N, 9)``; see :meth:`fpg_bench.game.batch.GameBatch.step`."""
+        """Play one step with a batch of actions; see :meth:`fpg_bench.envs.core.SingleAgentGame.step`."""
         core = self.core
         over = core.truncated.copy()
         core.step(actions)
         if over.any():
             core.reset(over)
         truncated, rewards = core.truncated.copy(), core.rewards.copy()
-        infos: dict[str, Any] = {}
+        infos = self._masks()
         for game in np.flatnonzero(truncated).tolist():
             infos = self._add_info(infos, self._last_info(game), game)
         if self._same_step and truncated.any():
             core.reset(truncated)
         return core.observations.copy(), rewards, np.zeros(self.num_envs, bool), truncated, infos
+
+    def _masks(self) -> dict[str, Any]:
+        """Return the infos of a step: the allowed choices where actions are discrete."""
+        if self.core.choices is None:
+            return {}
+        mask = self.core.choices.mask
+        return {
+            "action_mask": np.broadcast_to(mask, (self.num_envs, len(mask))),
+            "_action_mask": np.ones(self.num_envs, bool),
+        }
 
     def _last_info(self, game: int) -> dict[str, Any]:
         """Return the info of a game whose round is over."""

@@ -28,6 +28,9 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
     ``Box(-1, 1, (9,), float32)`` and its own reward. Their meanings, seeds, rounds and matches are those of
     :class:`fpg_bench.envs.gymnasium_env.FPGEnv`. ``state()`` is the full state ``(54,)`` float32.
 
+    With ``actions="discrete"`` or ``"multi-discrete"`` both agents choose from lists, with a mapping from
+    agents to action modes those that it names; their infos have ``action_mask``.
+
     Args:
         render_mode: None, ``rgb_array`` or ``human``.
         **options: those of :func:`fpg_bench.envs.two_player.make_duel`.
@@ -47,7 +50,7 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         self.possible_agents = list(SIDES)
         self.agents: list[str] = []
         self.observation_spaces = {side: observation_space() for side in SIDES}
-        self.action_spaces = {side: action_space() for side in SIDES}
+        self.action_spaces = {side: action_space(self.duel.choices[side]) for side in SIDES}
         self.state_space = spaces.Box(-1.0, 1.0, (FULL_STATE_SIZE,), np.float32)
         self.np_random = np.random.default_rng()  # for wrappers, as SuperSuit's frame_skip
         self._begun = False
@@ -57,7 +60,7 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         """Return the space of an agent's observations, always the same object."""
         return self.observation_spaces[agent]
 
-    def action_space(self, agent: str) -> spaces.Box:
+    def action_space(self, agent: str) -> spaces.Space[Any]:
         """Return the space of an agent's actions, always the same object."""
         return self.action_spaces[agent]
 
@@ -73,31 +76,40 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         self._begun = True
         self.agents = list(SIDES)
         self._screen.record(begin=True)
-        return self._observations(), {side: {} for side in SIDES}
+        return self._observations(), self._infos()
 
     def step(
         self, actions: dict[str, np.ndarray]
     ) -> tuple[_Observations, dict[str, float], dict[str, bool], dict[str, bool], _Infos]:
-        """Play one step with both sides' actions ``(9,)``.
+        """Play one step with both sides' actions, ``(9,)`` or a choice.
 
         Raises:
-            ActionError: a side's action is missing, of a wrong shape or dtype, or holds NaN or infinity.
+            ActionError: a side's action is missing, of a wrong shape or dtype, holds NaN or infinity, or is
+                a choice that is out of range or forbidden.
         """
         if not self.agents:
             raise UserError("step: the round is over; call reset first")
         batch = self.duel.batch
-        batch.step(*(one_action(actions.get(side), side)[None] for side in SIDES))
+        choices = self.duel.choices
+        ally, opponent = (one_action(actions.get(side), side, choices[side]) for side in SIDES)
+        batch.step(self.duel.decode("ally", ally), self.duel.decode("opponent", opponent))
         self._screen.record()
         over = bool(batch.games["truncated"][0])
         if over:
             self.agents = []
         rewards = {side: float(batch.games[f"{side}_reward"][0]) for side in SIDES}
-        infos: _Infos = {side: {"measures": self.duel.measures(0)} if over else {} for side in SIDES}
+        infos = self._infos()
+        for info in infos.values() if over else ():
+            info["measures"] = self.duel.measures(0)
         return self._observations(), rewards, dict.fromkeys(SIDES, False), dict.fromkeys(SIDES, over), infos
 
     def _observations(self) -> _Observations:
         batch = self.duel.batch
         return {"ally": batch.ally_observations[0].copy(), "opponent": batch.opponent_observations[0].copy()}
+
+    def _infos(self) -> _Infos:
+        masks = {side: choices.mask for side, choices in self.duel.choices.items() if choices is not None}
+        return {side: {"action_mask": masks[side]} if side in masks else {} for side in SIDES}
 
     def state(self) -> np.ndarray:
         """Return the full state, ``(54,)`` float32."""

@@ -24,12 +24,14 @@ from fpg_bench.envs.core import (
     staggered_horizons,
     wants_new_match,
 )
-from fpg_bench.envs.two_player import DuelOptions
+from fpg_bench.envs.two_player import CommonOptions
 from fpg_bench.rendering.screen import Screen
 
 
 class FPGVecEnv(VecEnv):
-    """N games as a ``VecEnv`` with same-step autoreset; observations ``(N, 15)``, actions ``(N, 9)``.
+    """N games as a ``VecEnv`` with same-step autoreset.
+
+    Observations are ``(N, 15)`` float32, actions ``(N, 9)`` floats or choices from a list.
 
     The info of a round's last step holds ``terminal_observation``, ``TimeLimit.truncated`` and
     ``episode`` as ``Monitor`` writes it: ``r``, ``l``, ``t`` and all measures of the round. Every array
@@ -85,7 +87,7 @@ class FPGVecEnv(VecEnv):
         return self.core.observations.copy()
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Keep the actions ``(N, 9)`` for :meth:`step_wait`."""
+        """Keep the actions, ``(N, 9)`` floats or choices, for :meth:`step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
@@ -160,7 +162,8 @@ def make_sb3(
 ) -> FPGVecEnv:
     """Make a native SB3 ``VecEnv`` of N games of an id.
 
-    Observations are ``(N, 15)`` float32, actions ``(N, 9)`` floats in [-1, 1], rewards ``(N,)`` float32.
+    Observations are ``(N, 15)`` float32, actions ``(N, 9)`` floats in [-1, 1] or choices from a list, rewards
+    ``(N,)`` float32.
 
     Args:
         env_id: ``FPG/AllyVsScripted-v0`` and the like.
@@ -169,7 +172,8 @@ def make_sb3(
         stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
         **options: those of :class:`fpg_bench.envs.core.SingleAgentGame`: ``scenario``, ``opponent`` or
-            ``ally``, ``path``, ``planner``, ``knowledge``, ``jamming_types``, ``reward``, ``threads``.
+            ``ally``, ``path``, ``planner``, ``knowledge``, ``jamming_types``, ``reward``, ``actions``,
+            ``threads``.
 
     Raises:
         UserError: something unknown, out of range, or impossible together.
@@ -178,7 +182,7 @@ def make_sb3(
 
 
 def make_sb3_duel(
-    n_envs: int = 1, seed: int | None = None, stagger: bool = False, **options: Unpack[DuelOptions]
+    n_envs: int = 1, seed: int | None = None, stagger: bool = False, **options: Unpack[CommonOptions]
 ) -> FPGVecEnv:
     """Make both sides of N games one SB3 ``VecEnv``, for :class:`fpg_bench.training.maddpg.MADDPG`.
 
@@ -186,7 +190,7 @@ def make_sb3_duel(
 
     Args:
         n_envs, seed, stagger: as in :func:`fpg_bench.envs.sb3_vec_env.make_sb3`.
-        **options: those of :func:`fpg_bench.envs.two_player.make_duel`.
+        **options: those of :func:`fpg_bench.envs.two_player.make_duel` but ``actions``.
 
     Raises:
         UserError: something unknown, out of range, or impossible together.

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, TypedDict
 
 import numpy as np
 
+from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError
 from fpg_bench.game import rng
 from fpg_bench.game.batch import GameBatch, Seeds
+from fpg_bench.game.choices import action_choices
 from fpg_bench.game.full_state import full_state
 from fpg_bench.game.metrics import measures, pool
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.planning import Limits, Plan, Planner, Request, as_planner, plan_all
 from fpg_bench.planning.planner import planner_name
+from fpg_bench.players.player import SIDES
 
 PlannerSpec = str | Planner | Callable[..., Planner]  # a planner, its name, or what makes one
 
 
-class DuelOptions(TypedDict, total=False):
-    """Keyword options of the environments in which the caller plays both sides; see :func:`make_duel`."""
+class CommonOptions(TypedDict, total=False):
+    """Keyword options of all environments; see :func:`make_duel`."""
 
     scenario: Scenario | str | None
     path: str | Sequence[str] | None
@@ -28,6 +31,12 @@ class DuelOptions(TypedDict, total=False):
     knowledge: str | None
     jamming_types: Sequence[str] | None
     threads: int | None
+
+
+class DuelOptions(CommonOptions, total=False):
+    """Keyword options of the environments in which the caller plays both sides; see :func:`make_duel`."""
+
+    actions: str | Mapping[str, str]
 
 
 class TwoPlayerStep(NamedTuple):
@@ -43,27 +52,39 @@ class TwoPlayerStep(NamedTuple):
 class TwoPlayerBatch:
     """N games of which the caller plays both sides; a round that is over waits for :meth:`reset`.
 
-    Observations are ``(N, 15)`` float32 and actions ``(N, 9)`` floats in [-1, 1] for each side.
+    Observations are ``(N, 15)`` float32 and actions ``(N, 9)`` floats in [-1, 1] for each side, or the
+    choices of :class:`fpg_bench.game.choices.Choices` for a side that has another action mode.
 
     Args:
         scenario: what is played.
         games: number of games, N.
         planner: plans the opponent's path between rounds; needed for the path ``waypoints``.
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
+        actions: action mode of both sides, ``continuous``, ``discrete`` or ``multi-discrete``, or a mapping
+            from ``ally`` and ``opponent`` to one each.
 
     Attributes:
         batch: the games and all their buffers.
+        choices: the choices of each side; None where its actions are continuous.
         plans: the present plan of each game, None where the path is not planned.
     """
 
     def __init__(
-        self, scenario: Scenario, games: int = 1, planner: Planner | None = None, threads: int | None = None
+        self,
+        scenario: Scenario,
+        games: int = 1,
+        planner: Planner | None = None,
+        threads: int | None = None,
+        actions: str | Mapping[str, str] = "continuous",
     ) -> None:
         if "waypoints" in scenario.paths and planner is None:
             raise UserError("path 'waypoints' needs a planner; name one, or choose another path")
         if planner is not None and "waypoints" not in scenario.paths:
             raise UserError(f"planner: nothing to plan where the path is {scenario.opponent_path!r}")
         self.scenario = scenario
+        modes = actions if isinstance(actions, Mapping) else dict.fromkeys(SIDES, actions)
+        check_keys(modes, SIDES, "actions")
+        self.choices = {side: action_choices(side, modes.get(side, "continuous"), scenario) for side in SIDES}
         self.batch = GameBatch(scenario, games, threads)
         self.count = self.batch.count
         self.planner = planner
@@ -107,9 +128,17 @@ class TwoPlayerBatch:
         return mask
 
     def step(self, ally_actions: np.ndarray, opponent_actions: np.ndarray) -> TwoPlayerStep:
-        """Play one step with ``(N, 9)`` actions of both sides; raises as ``GameBatch.step`` does."""
-        self.batch.step(ally_actions, opponent_actions)
+        """Play one step with both sides' actions; raises as ``GameBatch.step`` and ``Choices.decode`` do."""
+        self.batch.step(self.decode("ally", ally_actions), self.decode("opponent", opponent_actions))
         return self.present()
+
+    def decode(self, side: str, actions: np.ndarray) -> np.ndarray:
+        """Return a side's actions as ``(N, 9)`` floats, from its choices if it has a list of them."""
+        choices, batch = self.choices[side], self.batch
+        if choices is None:
+            return actions
+        seen = batch.ally_observations if side == "ally" else batch.opponent_observations
+        return choices.decode(actions, seen, side)
 
     def present(self) -> TwoPlayerStep:
         """Return the present observations, the last step's rewards and which rounds are over, as copies."""
@@ -181,6 +210,7 @@ def make_duel(
     knowledge: str | None = None,
     jamming_types: Sequence[str] | None = None,
     threads: int | None = None,
+    actions: str | Mapping[str, str] = "continuous",
 ) -> TwoPlayerBatch:
     """Make a batch of games of which the caller plays both sides.
 
@@ -190,7 +220,7 @@ def make_duel(
         path: how the opponent flies, or a list to draw from per round; shorthand for the scenario's field.
         planner: a planner, its name, or a function or class that makes one; the path is ``waypoints`` then.
         knowledge, jamming_types: shorthand for the scenario's fields of these names.
-        threads: see :class:`fpg_bench.game.batch.GameBatch`.
+        threads, actions: see :class:`TwoPlayerBatch`.
 
     Raises:
         UserError: something unknown, out of range, or impossible together.
@@ -198,4 +228,5 @@ def make_duel(
     if planner is not None and path is None:
         path = "waypoints"
     played = as_scenario(scenario, opponent_path=path, knowledge=knowledge, jamming_types=jamming_types)
-    return TwoPlayerBatch(played, games, None if planner is None else as_planner(planner, played), threads)
+    made = None if planner is None else as_planner(planner, played)
+    return TwoPlayerBatch(played, games, made, threads, actions)

@@ -1,0 +1,259 @@
+"""Discrete actions: lists of choices, each of which stands for the nine floats of an action."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.ids import ACTION_MODES
+from fpg_bench.game.batch import ActionError, described
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.sensing import RELATIVE_POSITION
+from fpg_bench.game.state import ACTION_SIZE
+
+OFFSETS = (-2, -1, 0, 1, 2)  # of the jamming from the known frequency, in frequency points
+PURSUIT_M = 10.0  # an opponent that flies at the ally slows down within this distance
+
+# The floats of an action by their place; docs/rules.md has them all.
+_HOP, _SPREAD, _SPEED, _PREFERENCE, _KNOWLEDGE = range(5)
+_TUNING, _IN_BAND, _VELOCITY = 4, 5, 6
+
+
+@dataclass(frozen=True)
+class ChoiceList:
+    """A list of choices.
+
+    Attributes:
+        name: what is chosen.
+        names: what each of the n choices does.
+        rows: ``(n, 9)`` float32, the floats of each; those that the list does not choose are 0.
+        homing: ``(n,)`` float32, added to the velocity: 1 flies at the ally, -1 away from it.
+        allowed: ``(n,)`` bool, false where the scenario forbids the choice.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    rows: np.ndarray
+    homing: np.ndarray
+    allowed: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+class Choices:
+    """The choices of one side in an action mode, and what they do.
+
+    In mode ``discrete`` an action is one whole number, the index of a choice. In mode ``multi-discrete`` it
+    is one whole number for each of several lists, whose rows add up.
+
+    Args:
+        side: ``ally`` or ``opponent``.
+        mode: ``discrete`` or ``multi-discrete``.
+        scenario: what is played; it says how many frequency points there are, what is forbidden, and
+            whether an opponent flies itself.
+
+    Attributes:
+        lists: one list, or several.
+        box_m: ``(3,)`` float32, size of the box, by which relative positions are scaled.
+        is_homing: true if the velocity of a choice depends on where the ally is.
+    """
+
+    def __init__(self, side: str, mode: str, scenario: Scenario) -> None:
+        self.side, self.mode = side, mode
+        lists = _ally_lists(scenario) if side == "ally" else _opponent_lists(scenario)
+        if mode == "discrete":
+            chosen = _ally_combinations(lists) if side == "ally" else _opponent_combinations(lists)
+            lists = [_combined(lists, chosen)]
+        self.lists = tuple(lists)
+        self.box_m = np.array(scenario.box_m, np.float32)
+        self._all = _combined(lists, list(product(*map(range, self.sizes)))) if self.is_multi else lists[0]
+        self._are_all_allowed = bool(self._all.allowed.all())
+        self.is_homing = bool(self._all.homing.any())
+
+    @property
+    def is_multi(self) -> bool:
+        """True in mode ``multi-discrete``."""
+        return self.mode == "multi-discrete"
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """How many choices each list has."""
+        return tuple(map(len, self.lists))
+
+    @property
+    def mask(self) -> np.ndarray:
+        """``(sum of sizes,)`` bool: the allowed choices of all lists, one after the other."""
+        return np.concatenate([each.allowed for each in self.lists])
+
+    def decode(self, choices: np.ndarray, observations: np.ndarray, whose: str = "actions") -> np.ndarray:
+        """Return the ``(N, 9)`` float32 actions that choices stand for.
+
+        Args:
+            choices: whole numbers, ``(N,)`` in mode ``discrete`` and ``(N, lists)`` in ``multi-discrete``.
+            observations: ``(N, 15)`` of the side.
+            whose: begins the message of an error.
+
+        Raises:
+            ActionError: another shape or dtype, a number out of range, or a choice that the scenario
+                forbids; the message names the game and the choice.
+        """
+        shape = (len(observations), *((len(self.lists),) if self.is_multi else ()))
+        if not isinstance(choices, np.ndarray) or choices.dtype.kind not in "iu" or choices.shape != shape:
+            raise ActionError(
+                f"{whose}: expected whole numbers of shape {shape}, got {described(choices)} "
+                f"(actions={self.mode!r})"
+            )
+        columns = tuple(choices.T) if self.is_multi else (choices,)
+        try:
+            index = np.ravel_multi_index(columns, self.sizes)
+        except ValueError:
+            raise self._error(columns, whose) from None
+        if not self._are_all_allowed and not self._all.allowed[index].all():
+            raise self._error(columns, whose)
+        actions: np.ndarray = self._all.rows.take(index, 0)
+        if self.is_homing:
+            actions[:, _VELOCITY:] += self._all.homing[index, None] * self.towards_ally(observations)
+        return actions
+
+    def _error(self, columns: Sequence[np.ndarray], whose: str) -> ActionError:
+        """Return the error of the first choice that is out of range or forbidden."""
+        for of, column in zip(self.lists, columns, strict=True):
+            for game, chosen in enumerate(column.tolist()):
+                where = f"{whose}: {of.name} of game {game}: {chosen}"
+                if not 0 <= chosen < len(of):
+                    return ActionError(f"{where} is outside [0, {len(of) - 1}]")
+                if not of.allowed[chosen]:
+                    return ActionError(f"{where} ({of.names[chosen]}) is forbidden by the scenario")
+        raise AssertionError("all choices are valid")
+
+    def towards_ally(self, observations: np.ndarray) -> np.ndarray:
+        """Return the ``(N, 3)`` float32 velocity of an opponent that flies at the ally.
+
+        It is of length 1, and less within 10 m of the ally.
+        """
+        root = observations[:, RELATIVE_POSITION : RELATIVE_POSITION + 3]
+        away_m = root * np.abs(root) * self.box_m
+        distance = np.sqrt((away_m * away_m).sum(1, keepdims=True))
+        velocity: np.ndarray = away_m / np.maximum(distance, np.float32(PURSUIT_M))
+        return velocity
+
+
+def action_choices(side: str, mode: str, scenario: Scenario) -> Choices | None:
+    """Return the choices of an action mode; None for ``continuous``.
+
+    Raises:
+        UserError: an unknown mode.
+    """
+    if mode not in ACTION_MODES:
+        known = ", ".join(ACTION_MODES)
+        raise UserError(f"actions: expected one of {known}, got {mode!r}{nearest(str(mode), ACTION_MODES)}")
+    return None if mode == "continuous" else Choices(side, mode, scenario)
+
+
+def _ally_lists(scenario: Scenario) -> list[ChoiceList]:
+    """Return the lists of the ally: hop, spread and speed."""
+    points = scenario.frequency_points
+    hop = np.zeros((points + 2, ACTION_SIZE), np.float32)
+    hop[:, _HOP], hop[0, _HOP] = 1.0, -1.0
+    hop[:, _KNOWLEDGE], hop[-1, _KNOWLEDGE] = -1.0, 1.0
+    hop[1:-1, _PREFERENCE] = np.linspace(-1.0, 1.0, points)
+    names = ["stay", *(f"hop to point {point}" for point in range(points)), "hop by the knowledge base"]
+    allowed = np.ones(points + 2, bool)
+    allowed[-1] = scenario.knowledge_base is not None
+    spread, speed = np.zeros((2, ACTION_SIZE), np.float32), np.zeros((3, ACTION_SIZE), np.float32)
+    spread[:, _SPREAD] = -1.0, 1.0
+    speed[:, _SPEED] = 1.0, 0.0, -1.0
+    return [
+        _list("hop", names, hop, allowed=allowed),
+        _list("spread", ["unspread", "spread"], spread),
+        _list("speed", ["full speed", "mean speed", "least speed"], speed),
+    ]
+
+
+def _ally_combinations(lists: Sequence[ChoiceList]) -> list[tuple[int, ...]]:
+    """Return every hop, and spreading without a hop or with one by the knowledge base, at full speed.
+
+    Hops to each point while spreading as well make a list of 34, from which PPO learned no more.
+    """
+    last = len(lists[0]) - 1
+    return [*((hop, 0, 0) for hop in range(last + 1)), (0, 1, 0), (last, 1, 0)]
+
+
+def _opponent_lists(scenario: Scenario) -> list[ChoiceList]:
+    """Return the lists of the opponent: type, centre, and where it flies if it flies itself."""
+    points, types = scenario.frequency_points, len(JAMMING_TYPES)
+    kind = np.zeros((types, ACTION_SIZE), np.float32)
+    kind[:, :types] = 2.0 * np.eye(types) - 1.0
+    centre = np.zeros((len(OFFSETS) + points, ACTION_SIZE), np.float32)
+    centre[: len(OFFSETS), _TUNING] = np.clip(
+        np.array(OFFSETS) * scenario.point_spacing_mhz / max(scenario.tuning_span_mhz, 1e-9), -1.0, 1.0
+    )
+    centre[len(OFFSETS) :, _TUNING] = np.linspace(-1.0, 1.0, points)
+    centre[:, _IN_BAND] = np.repeat((-1.0, 1.0), (len(OFFSETS), points))
+    names = [*map(_offset_name, OFFSETS), *(f"point {point}" for point in range(points))]
+    lists = [
+        _list("type", list(JAMMING_TYPES), kind, allowed=np.isin(JAMMING_TYPES, scenario.jamming_types)),
+        _list("centre", names, centre),
+    ]
+    if "learned" in scenario.paths:
+        flight = np.zeros((8, ACTION_SIZE), np.float32)
+        flight[2:, _VELOCITY:] = np.concatenate((np.eye(3), -np.eye(3)))
+        ways = ["at the ally", "hold", *(f"along {sign}{axis}" for sign in "+-" for axis in "xyz")]
+        lists.append(_list("flight", ways, flight, homing=np.array([1.0, *[0.0] * 7])))
+    return lists
+
+
+def _offset_name(offset: int) -> str:
+    return f"known point {offset:+d}" if offset else "known point"
+
+
+def _opponent_combinations(lists: Sequence[ChoiceList]) -> list[tuple[int, ...]]:
+    """Return each type near the known frequency, and narrowband and broadband at each point.
+
+    An opponent that flies itself has each of them flying at the ally and holding its place.
+    """
+    types, centres, *flights = lists
+    narrowband, broadband = JAMMING_TYPES.index("narrowband"), JAMMING_TYPES.index("broadband")
+    near = list(product(range(len(types)), range(len(OFFSETS))))
+    far = list(product((narrowband, broadband), range(len(OFFSETS), len(centres))))
+    if not flights:
+        return [*near, *far]
+    return [(*each, flight) for flight in range(2) for each in (*near, *far)]
+
+
+def _list(
+    name: str,
+    names: Sequence[str],
+    rows: np.ndarray,
+    homing: np.ndarray | None = None,
+    allowed: np.ndarray | None = None,
+) -> ChoiceList:
+    count = len(names)
+    return ChoiceList(
+        name,
+        tuple(names),
+        rows,
+        np.zeros(count, np.float32) if homing is None else homing.astype(np.float32),
+        np.ones(count, bool) if allowed is None else allowed,
+    )
+
+
+def _combined(lists: Sequence[ChoiceList], chosen: Sequence[tuple[int, ...]]) -> ChoiceList:
+    """Return one list of combinations, given as indices into the lists."""
+    columns = list(zip(*chosen, strict=True))
+    pairs = [(of, np.array(column)) for of, column in zip(lists, columns, strict=True)]
+    varied = [(of, column) for of, column in pairs if (column != column[0]).any()]
+    names = [", ".join(of.names[column[row]] for of, column in varied) for row in range(len(chosen))]
+    return ChoiceList(
+        "choice",
+        tuple(names),
+        np.sum([of.rows[column] for of, column in pairs], axis=0),
+        np.sum([of.homing[column] for of, column in pairs], axis=0),
+        np.all([of.allowed[column] for of, column in pairs], axis=0),
+    )

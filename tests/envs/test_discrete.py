@@ -1,0 +1,200 @@
+"""Discrete actions: what each choice does in the game, the same games in every environment, bad choices."""
+
+from __future__ import annotations
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+from sb3_contrib.common.maskable.utils import get_action_masks, is_masking_supported
+from stable_baselines3.common.env_checker import check_env as check_env_sb3
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from fpg_bench import make_duel, make_sb3
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import ACTION_MODES, ENVS, id_with
+from fpg_bench.envs.pettingzoo_env import parallel_env
+from fpg_bench.game.batch import ActionError
+from fpg_bench.game.choices import Choices
+from fpg_bench.game.scenario import STANDARD, as_scenario
+from fpg_bench.players.scripted import Scripted
+
+from .playing import SHORT
+
+MODES = tuple(ACTION_MODES)[1:]
+ALLY, OPPONENT = "FPG/AllyVsScripted-v0", "FPG/OpponentVsScripted-v0"
+IDS = [name for name in ENVS if "LLM" not in name]
+LEARNED = as_scenario(SHORT, opponent_path="learned")
+
+
+def played(side, mode, choice, scenario=STANDARD, seed=3):
+    """The game after one step in which a side makes a choice; the other side is idle, or jams with a tone."""
+    duel = make_duel(1, scenario=scenario, actions={side: mode})
+    duel.reset(seeds=seed)
+    actions = {"ally": np.full((1, 9), -1, np.float32), "opponent": np.zeros((1, 9), np.float32)}
+    duel.step(*(actions | {side: np.array([choice])}).values())
+    return duel.batch.games[0]
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_each_choice_of_the_ally_does_what_its_name_says(mode):
+    for choice, name in enumerate(Choices("ally", mode, STANDARD).lists[0].names):
+        game = played("ally", mode, choice if mode == "discrete" else [choice, 0, 0])
+        assert game["hopped"] == name.startswith("hop")
+        assert (game["spreading_s"] > 0) == name.endswith(", spread")
+        if "point" in name:
+            point = int(name.split("point ")[1].split(",")[0])
+            assert game["frequency_mhz"] == pytest.approx(150 + point * 100 / 14, abs=1e-4)
+
+
+def test_spreading_and_speed_are_lists_of_their_own():
+    games = [played("ally", "multi-discrete", [0, spread, speed]) for spread in (0, 1) for speed in (0, 1, 2)]
+    assert [game["spreading_s"] for game in games] == [0, 0, 0, 1, 1, 1]
+    start = games[0]["control_points"][0]
+    moved = [np.linalg.norm(game["ally_position"] - start) for game in games[:3]]
+    assert moved == pytest.approx([10, 7.5, 5], rel=0.01)  # along a curve
+
+
+def test_each_choice_of_the_opponent_does_what_its_name_says():
+    known = make_duel(1)
+    known.reset(seeds=3)
+    known_mhz = float(known.batch.games["known_mhz"][0])
+    names = Choices("opponent", "discrete", STANDARD).lists[0].names
+    assert len(set(names)) == len(names) == 50
+    for choice, name in enumerate(names):
+        game = played("opponent", "discrete", choice)
+        kind, place = name.split(", ")
+        assert ("tone", "narrowband", "broadband", "comb")[game["jamming_type"]] == kind
+        if place.startswith("point"):
+            expected = 150 + int(place.split()[1]) * 100 / 14
+        else:
+            offset = int(place.split()[2]) if place != "known point" else 0
+            expected = np.clip(known_mhz + offset * 100 / 14, 150, 250)
+        assert game["jamming_mhz"] == pytest.approx(expected, abs=1e-4)
+
+
+def test_an_opponent_that_flies_itself_flies_at_the_ally_as_the_scripts_do():
+    seen = np.random.default_rng(0).uniform(-1, 1, (200, 15)).astype(np.float32)
+    seen[:5, 3:6] *= 0.05  # within ten metres
+    script = Scripted("opponent", "tone", LEARNED).predict(seen)[0]
+    choices = Choices("opponent", "discrete", LEARNED)
+    tone = choices.lists[0].names.index("tone, known point, at the ally")
+    assert np.abs(choices.decode(np.full(200, tone), seen) - script)[:, 6:].max() < 1e-6
+    hold = choices.lists[0].names.index("tone, known point, hold")
+    assert not choices.decode(np.full(200, hold), seen)[:, 6:].any()
+    many = Choices("opponent", "multi-discrete", LEARNED)
+    rows = np.array([[0, 2, way] for way in range(8)])
+    assert many.decode(rows, seen[:8])[2:, 6:].tolist() == [*np.eye(3).tolist(), *(-np.eye(3)).tolist()]
+
+
+def test_what_the_scenario_forbids_is_masked_and_refused_by_name():
+    scenario = as_scenario(SHORT, knowledge="none", jamming_types=("tone", "comb"))
+    ally, opponent = (Choices(side, "discrete", scenario) for side in ("ally", "opponent"))
+    forbidden = np.array(ally.lists[0].names)[~ally.mask]
+    assert forbidden.tolist() == ["hop by the knowledge base, unspread", "hop by the knowledge base, spread"]
+    assert opponent.mask.sum() == 10
+    env = gymnasium.make("FPG/OpponentVsScriptedDiscrete-v0", scenario=scenario)
+    _, info = env.reset(seed=0)
+    assert np.array_equal(info["action_mask"], opponent.mask)
+    narrowband = opponent.lists[0].names.index("narrowband, known point")
+    with pytest.raises(ActionError, match=r"narrowband, known point\) is forbidden by the scenario"):
+        env.step(narrowband)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_maskable_ppo_finds_the_masks(mode):
+    scenario = as_scenario(SHORT, jamming_types=("tone",))
+    games = make_sb3(OPPONENT, 3, seed=0, scenario=scenario, actions=mode)
+    single = DummyVecEnv([lambda: gymnasium.make(id_with(OPPONENT, mode), scenario=scenario)])
+    for env, count in ((games, 3), (single, 1)):
+        assert is_masking_supported(env)
+        masks = get_action_masks(env)
+        assert masks.shape[0] == count
+        assert not masks.all()
+    with pytest.raises(UserError, match="actions='discrete'"):
+        make_sb3(OPPONENT, 3).env_method("action_masks")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("env_id", IDS)
+def test_the_checkers_find_nothing_to_warn_of(env_id, mode):
+    env = gymnasium.make(id_with(env_id, mode)).unwrapped
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env)
+        check_env_sb3(env)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_pettingzoo_finds_nothing_amiss(mode):
+    parallel_api_test(parallel_env(actions={"ally": mode}, scenario=SHORT), num_cycles=50)
+    parallel_seed_test(lambda: parallel_env(actions=mode, scenario=LEARNED))
+
+
+@pytest.mark.parametrize(
+    ("env_id", "path"), [(ALLY, "pursuit"), (OPPONENT, "pursuit"), (OPPONENT, "learned")]
+)
+@pytest.mark.parametrize("mode", MODES)
+def test_every_environment_plays_the_same_game_bit_for_bit(env_id, path, mode):
+    """A batch, a single game, SB3's environment and the floats that the choices stand for."""
+    options = {"scenario": SHORT, "path": path}
+    batch = gymnasium.make_vec(id_with(env_id, mode), num_envs=3, **options)
+    sb3 = make_sb3(env_id, 3, seed=7, actions=mode, **options)
+    floats = make_sb3(env_id, 3, seed=7, **options)
+    single = gymnasium.make(env_id, actions=mode, **options)
+    assert single.action_space == sb3.action_space == batch.single_action_space
+    seen, infos = batch.reset(seed=7)
+    assert infos["action_mask"].shape == (3, *sb3.core.choices.mask.shape)
+    first, *_ = (sb3.reset(), floats.reset())
+    assert np.array_equal(seen, first)
+    alone, _ = single.reset(seed=9)
+    batch.action_space.seed(0)
+    for _ in range(SHORT.steps_per_round - 1):
+        actions = batch.action_space.sample()
+        rows = sb3.core.choices.decode(actions, floats.core.observations)
+        assert np.array_equal(alone, seen[2])
+        seen, rewards, *_ = batch.step(actions)
+        others = [sb3.step(actions), floats.step(rows)]
+        alone, reward, *_ = single.step(actions[2])
+        assert reward == rewards[2]
+        for observations, given, *_ in others:
+            assert np.array_equal(observations, seen)
+            assert np.array_equal(given, rewards.astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("choice", "message"),
+    [
+        (19, r"ally: choice of game 0: 19 is outside \[0, 18\]"),
+        (-1, r"-1 is outside \[0, 18\]"),
+        (1.0, r"expected whole numbers of shape \(1,\), got float64"),
+        (None, "expected whole numbers"),
+        ([1, 2], r"got int64 \(1, 2\)"),
+    ],
+)
+def test_a_choice_that_cannot_be_made_is_refused(choice, message):
+    env = gymnasium.make("FPG/AllyVsScriptedDiscrete-v0", disable_env_checker=True)
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match=message):
+        env.unwrapped.step(choice)
+
+
+@pytest.mark.parametrize(
+    ("env_id", "actions", "message"),
+    [
+        (ALLY, "discret", "did you mean 'discrete'"),
+        ("FPG/AllyVsScriptedDiscrete-v0", "continuous", "the id says discrete"),
+    ],
+)
+def test_an_action_mode_that_cannot_be_is_refused(env_id, actions, message):
+    with pytest.raises(UserError, match=message):
+        gymnasium.make(env_id, actions=actions)
+
+
+def test_a_duel_names_the_sides_of_its_action_modes():
+    with pytest.raises(UserError, match="did you mean 'opponent'"):
+        make_duel(1, actions={"opponet": "discrete"})
