@@ -71,6 +71,13 @@ JammingTypesOption = Annotated[
     str | None, typer.Option(help="Allowed jamming types, separated by commas.", rich_help_panel=GAME)
 ]
 
+ActionsOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Action mode: continuous, discrete or multi-discrete. Default: the id's.", rich_help_panel=GAME
+    ),
+]
+
 HyperparamsOption = Annotated[
     Path | None,
     typer.Option(help="A YAML file of hyper-parameters to use instead.", rich_help_panel=TRAINING),

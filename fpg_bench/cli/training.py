@@ -16,6 +16,7 @@ from fpg_bench.cli.options import (
     LLM,
     OUTPUT,
     TRAINING,
+    ActionsOption,
     AddressOption,
     BackendOption,
     CallsOption,
@@ -51,7 +52,8 @@ def train(
     algorithm: Annotated[
         str,
         typer.Argument(
-            help="ppo, ppo-fast, ppo-stack8, recurrent-ppo, sac, td3, maddpg, or package.module:Class.",
+            help="ppo, ppo-fast, ppo-stack8, recurrent-ppo, maskable-ppo, dqn, qr-dqn, sac, td3, maddpg, or "
+            "package.module:Class.",
             autocompletion=complete_algorithm,
         ),
     ],
@@ -119,6 +121,7 @@ def train(
     planner: PlannerOption = None,
     knowledge: KnowledgeOption = None,
     jamming_types: JammingTypesOption = None,
+    actions: ActionsOption = None,
     n_jobs: JobsOption = 2,
     backend: BackendOption = "loky",
     address: AddressOption = None,
@@ -153,6 +156,7 @@ def train(
         knowledge=knowledge,
         jamming_types=listed(jamming_types),
         reward=reward,
+        actions=actions,
     )
     llm = llm_options(deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds)
     config = RunConfig(

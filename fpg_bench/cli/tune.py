@@ -9,6 +9,7 @@ import typer
 
 from fpg_bench.cli.completion import complete_algorithm, complete_id
 from fpg_bench.cli.options import (
+    ActionsOption,
     AddressOption,
     BackendOption,
     JobsOption,
@@ -55,6 +56,7 @@ def run(
     ally: PlayersOption = None,
     path: PathOption = None,
     planner: PlannerOption = None,
+    actions: ActionsOption = None,
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
@@ -85,6 +87,7 @@ def run(
         ally=listed(ally),
         path=listed(path),
         planner=planner,
+        actions=actions,
         backend=backend,
         address=address,
     )

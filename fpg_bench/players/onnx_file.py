@@ -225,6 +225,11 @@ def _first_alone(read: _Read) -> bool:
     return read.rows[0] is not None and not any(read.rows[1:])
 
 
+def _gathered(read: _Read) -> bool:
+    """Selections from rows, and rows of a constant table that are looked up one by one."""
+    return _first_alone(read) or (read.rows[0] is None and read.rows[1] is not None)
+
+
 def _axis(shape: Shape) -> int:
     """Return the axis of the rows."""
     if shape.count(_ROWS) != 1:
@@ -335,12 +340,13 @@ def _convolved(read: _Read) -> bool:
 _RULES = {
     **dict.fromkeys(_NUMBER_BY_NUMBER.split(), _number_by_number),
     **dict.fromkeys([f"Reduce{name}" for name in _REDUCING.split()], _first_alone),
-    **dict.fromkeys(("ArgMax", "ArgMin", "Gather", "Split", "Transpose"), _first_alone),
+    **dict.fromkeys(("ArgMax", "ArgMin", "Split", "Transpose"), _first_alone),
     **dict.fromkeys(("Flatten", "Reshape", "Squeeze", "Unsqueeze"), _in_order),
     **dict.fromkeys(("Hardmax", "LayerNormalization", "LogSoftmax", "Softmax"), _along_later_axes),
     **dict.fromkeys(("GRU", "LSTM", "RNN"), _recurrent),
     "Concat": _joined,
     "Conv": _convolved,
+    "Gather": _gathered,
     "Gemm": _gemm,
     "MatMul": _product,
     "Slice": _sliced,

@@ -6,9 +6,11 @@ import os
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.ids import LEARNERS, SCRIPTED
 from fpg_bench.common.imports import import_object
 from fpg_bench.game.scenario import Scenario
+from fpg_bench.players.choosing import with_floats
+from fpg_bench.players.learners import Learner
 from fpg_bench.players.player import Player, PlayerSpec
 from fpg_bench.players.scripted import ORACLES, OracleAlly, OracleOpponent, Scripted
 
@@ -17,23 +19,26 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
     """Return the player that ``spec`` names.
 
     Args:
-        spec: a script (``expert``), ``oracle``, a shipped agent (``ally-scripted/ppo/seed_0``), an agent
-            folder, a member of a suite (``suite:NAME/MEMBER``), ``package.module:object`` (a player, or a
-            class or function that makes one, called with the scenario if it takes an argument), or any
-            object with ``predict``.
+        spec: a script (``expert``), a learner (``ucb``), ``oracle``, a shipped agent
+            (``ally-scripted/ppo/seed_0``), an agent folder, a member of a suite (``suite:NAME/MEMBER``),
+            ``package.module:object`` (a player, or a class or function that makes one, called with the
+            scenario if it takes an argument), or any object with ``predict``. Whole numbers that a model
+            of discrete actions predicts are taken as choices.
         side: ``ally`` or ``opponent``.
         scenario: what is played.
 
     Raises:
-        UserError: no such player, one that cannot be made, or not one of this side.
+        UserError: no such player, one that cannot be made, not one of this side, or a model of other choices.
     """
     if not isinstance(spec, str | os.PathLike):
         if callable(getattr(spec, "predict", None)):
-            return spec
+            return with_floats(spec, side, scenario)
         raise UserError(f"{side}: expected a player's name or an object with predict, got {spec!r}")
     name = os.fspath(spec)
     if name in SCRIPTED[side]:
         return Scripted(side, name, scenario)
+    if name in LEARNERS and side == "ally":
+        return Learner(name, scenario)
     if name in ORACLES:
         return OracleAlly(scenario) if side == "ally" else OracleOpponent(scenario)
     if name.startswith("suite:"):
@@ -48,9 +53,10 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
 
         return load_agent(name, side)
     other_side = "opponent" if side == "ally" else "ally"
-    if name in SCRIPTED[other_side]:
+    if name in SCRIPTED[other_side] or (name in LEARNERS and side == "opponent"):
         raise UserError(f"unknown {side} {name!r}: it plays the {other_side}")
-    raise UserError(f"unknown {side} {name!r}{nearest(name, [*SCRIPTED[side], *ORACLES])}")
+    known = [*SCRIPTED[side], *(LEARNERS if side == "ally" else ()), *ORACLES]
+    raise UserError(f"unknown {side} {name!r}{nearest(name, known)}")
 
 
 def policy_hash(player: object) -> str | None:

@@ -7,16 +7,24 @@ from typing import Any, cast
 
 import numpy as np
 import torch
+from gymnasium import spaces
+from sb3_contrib.common.maskable.policies import MaskableActorCriticPolicy
+from sb3_contrib.qrdqn.policies import QRDQNPolicy
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.running_mean_std import RunningMeanStd
+from stable_baselines3.dqn.policies import DQNPolicy
 from torch import nn
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.envs.core import Core, action_space
+from fpg_bench.game.choices import PURSUIT_M, Choices
+from fpg_bench.game.sensing import RELATIVE_POSITION
+from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.players.player import Memory
 from fpg_bench.players.seeded import Batched
 
+FORBIDDEN = np.float32(-1e30)  # value of a forbidden choice
 Networks = tuple[nn.Module, nn.LSTM | None, nn.Module]
 
 
@@ -28,18 +36,28 @@ class Actor(nn.Module):
 
     Args:
         model: a trained model; its weights are copied.
+        choices: what the model chooses from; None takes them from its games.
+
+    Attributes:
+        choices: None where actions are continuous.
+        penalty: ``(choices,)`` float32, added to the values of all choices: forbidden ones never come first.
 
     Raises:
-        UserError: a policy of another kind.
+        UserError: a policy of another kind, or of another list of choices.
     """
 
-    def __init__(self, model: BaseAlgorithm) -> None:
+    def __init__(self, model: BaseAlgorithm, choices: Choices | None = None) -> None:
         super().__init__()
         policy = model.policy
+        self.choices = _choices(model, choices)
+        if self.choices is not None:
+            penalty = np.where(self.choices.mask, np.float32(0), FORBIDDEN)
+            self.penalty = nn.Buffer(torch.as_tensor(penalty))
+            self.tables = [torch.from_numpy(each.rows) for each in self.choices.lists]
         self.features, self.lstm, self.networks = copy.deepcopy(_networks(policy))
         # TD3's networks end in a tanh of their own.
         has_tanh = not isinstance(policy, ActorCriticPolicy) and not hasattr(_actor(policy), "latent_pi")
-        self.squash = bool(policy.squash_output) and not has_tanh
+        self.squash = self.choices is None and bool(policy.squash_output) and not has_tanh
         self._set_normalization(model)
         self.frames_size = cast(tuple[int, ...], model.observation_space.shape)[0] - OBSERVATION_SIZE
         self.state_size = self.frames_size
@@ -62,14 +80,14 @@ class Actor(nn.Module):
     def forward(self, observation: torch.Tensor, state: torch.Tensor | None = None) -> Any:
         """Return the action (n, 9), and the next state where a state is given."""
         if state is None:
-            return self._action(self.features(self._normalize(observation)))
+            return self._action(self.features(self._normalize(observation)), observation)
         obs = torch.cat((state[:, : self.frames_size], observation), 1)
         latent = self.features(self._normalize(obs))
         next_state = [obs[:, OBSERVATION_SIZE:]]
         if self.lstm is not None:
             latent, memory = self._forward_lstm(latent, state[:, self.frames_size :])
             next_state.append(memory)
-        return self._action(latent), torch.cat(next_state, 1)
+        return self._action(latent, observation), torch.cat(next_state, 1)
 
     def _normalize(self, obs: torch.Tensor) -> torch.Tensor:
         if not np.isfinite(self.clip):
@@ -83,25 +101,83 @@ class Actor(nn.Module):
         flat = torch.stack(states).permute(2, 0, 1, 3).flatten(1)
         return out.squeeze(0), flat
 
-    def _action(self, latent: torch.Tensor) -> torch.Tensor:
-        action = self.networks(latent)
+    def _action(self, latent: torch.Tensor, observation: torch.Tensor) -> torch.Tensor:
+        action: torch.Tensor = self.networks(latent)
+        if self.choices is not None:
+            return self._chosen(action + self.penalty, self.choices, observation)
         return torch.tanh(action) if self.squash else action.clamp(-1.0, 1.0)
+
+    def _chosen(self, values: torch.Tensor, choices: Choices, observation: torch.Tensor) -> torch.Tensor:
+        """Return the actions of the choices with the highest values, as ``Choices.decode`` does."""
+        best = [part.argmax(1) for part in values.split(choices.sizes, 1)]
+        action = self.tables[0].index_select(0, best[0])
+        for table, chosen in zip(self.tables[1:], best[1:], strict=True):
+            action = action + table.index_select(0, chosen)
+        if choices.is_homing:
+            root = observation[:, RELATIVE_POSITION : RELATIVE_POSITION + 3]
+            away_m = root * root.abs() * torch.from_numpy(choices.box_m)
+            distance = away_m.square().sum(1, keepdim=True).sqrt()
+            homing = torch.from_numpy(choices.lists[-1].homing).index_select(0, best[-1])
+            velocity = homing.unsqueeze(1) * away_m / distance.clamp(min=PURSUIT_M)
+            action = action + velocity @ torch.eye(ACTION_SIZE)[-3:]
+        return action
+
+
+def core_of(model: BaseAlgorithm) -> Core | None:
+    """Return the core of the games that a model has; None if it has no games of this package."""
+    env = model.get_env()
+    return env.get_attr("core")[0] if env is not None and env.has_attr("core") else None
+
+
+def _choices(model: BaseAlgorithm, choices: Choices | None) -> Choices | None:
+    """Return what a model chooses from, by its games unless it is given; None for continuous actions.
+
+    Raises:
+        UserError: a model of another list of choices, or discrete actions and no games.
+    """
+    space = model.action_space
+    if isinstance(space, spaces.Box):
+        return None
+    choices = choices or getattr(core_of(model), "choices", None)
+    if choices is None:
+        raise UserError(f"the model chooses from {space}, and has no games that say from what; name its id")
+    if space != action_space(choices):
+        raise UserError(
+            f"the model chooses from {space}, the {choices.side} from {action_space(choices)} "
+            f"(actions={choices.mode!r})"
+        )
+    return choices
 
 
 def _networks(policy: BasePolicy) -> Networks:
     """Return the networks before an LSTM, the LSTM or None, and the networks after it, as SB3 chains them."""
-    if isinstance(policy, ActorCriticPolicy):
+    if isinstance(policy, ActorCriticPolicy | MaskableActorCriticPolicy):
         networks = nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
         return policy.pi_features_extractor, _lstm(policy), networks
+    if isinstance(policy, DQNPolicy):
+        return policy.q_net.features_extractor, None, policy.q_net.q_net
+    if isinstance(policy, QRDQNPolicy):
+        return policy.quantile_net.features_extractor, None, _mean_of_quantiles(policy.quantile_net)
     actor = _actor(policy)
     if isinstance(getattr(actor, "mu", None), nn.Module):  # SAC's kind has networks before the mean
         layers = [getattr(actor, "latent_pi", nn.Identity()), actor.mu]
         return actor.features_extractor, None, nn.Sequential(*layers)
     raise UserError(
-        f"export: {type(policy).__name__} is no policy of PPO's, SAC's or TD3's kind in torch, so no "
+        f"export: {type(policy).__name__} is no policy of PPO's, DQN's, SAC's or TD3's kind in torch, so no "
         "agent can be made of it; train it with its own learn() on fpg_bench.make_sb3, write its network as "
         "ONNX, and make an agent of that by fpg_bench.write_agent"
     )
+
+
+def _mean_of_quantiles(network: Any) -> nn.Sequential:
+    """Return QR-DQN's network with the mean over the quantiles within its last layer, which is linear."""
+    *layers, last = network.quantile_net
+    mean = nn.Linear(last.in_features, last.out_features // network.n_quantiles)
+    with torch.no_grad():
+        for name in ("weight", "bias"):
+            values = getattr(last, name)
+            getattr(mean, name).copy_(values.view(network.n_quantiles, -1, *values.shape[1:]).mean(0))
+    return nn.Sequential(*layers, mean)
 
 
 def _actor(policy: BasePolicy) -> Any:

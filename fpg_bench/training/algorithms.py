@@ -10,16 +10,19 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.imports import imported
 
 # Of one side, with shipped hyper-parameters.
-ALGORITHMS = ("ppo", "ppo-fast", "ppo-stack8", "recurrent-ppo", "sac", "td3")
+ALGORITHMS = ("ppo", "ppo-fast", "ppo-stack8", "recurrent-ppo", "maskable-ppo", "sac", "td3", "dqn", "qr-dqn")
 _CLASSES = {
     "ppo": "stable_baselines3:PPO",
     "sac": "stable_baselines3:SAC",
     "td3": "stable_baselines3:TD3",
+    "dqn": "stable_baselines3:DQN",
     "recurrent-ppo": "sb3_contrib:RecurrentPPO",
+    "qr-dqn": "sb3_contrib:QRDQN",
+    "maskable-ppo": "sb3_contrib:MaskablePPO",
     "maddpg": "fpg_bench.training.maddpg:MADDPG",
 }
 _VARIANTS = {"ppo-fast": "ppo"}  # the same class with a hyper-parameter file of its own
-_STACKED = re.compile(r"(ppo|sac|td3)-stack([1-9]\d*)")
+_STACKED = re.compile(r"(ppo|sac|td3|dqn|qr-dqn|maskable-ppo)-stack([1-9]\d*)")
 
 
 @dataclass(frozen=True)
@@ -51,9 +54,9 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
     """Return the algorithm of a name or a class.
 
     Args:
-        name: ``ppo``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` (any number of frames, on any of
-            the first three), ``ppo-fast`` (PPO tuned for the least time to a score), ``maddpg``,
-            ``package.module:Class``, or a class.
+        name: ``ppo``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-fast`` (PPO tuned for the least time to a
+            score), ``dqn``, ``qr-dqn``, ``maskable-ppo``, ``ppo-stack8`` (any number of frames, on any of
+            them without an LSTM), ``maddpg``, ``package.module:Class``, or a class.
 
     Raises:
         UserError: no such algorithm, or a class that is no subclass of SB3's ``BaseAlgorithm``.

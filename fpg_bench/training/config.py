@@ -32,6 +32,7 @@ class GameOptions:
         knowledge: the ally's knowledge base: ``expert``, ``none``, or a YAML file.
         jamming_types: the jamming types that are allowed.
         reward: reward of the learner; see :func:`fpg_bench.envs.core.compute_reward`.
+        actions: action mode: ``continuous``, ``discrete`` or ``multi-discrete``.
     """
 
     scenario: Scenario | str | Path | None = None
@@ -42,6 +43,7 @@ class GameOptions:
     knowledge: str | None = None
     jamming_types: str | Sequence[str] | None = None
     reward: str | None = None
+    actions: str | None = None
 
     @classmethod
     def parse(cls, content: Mapping[str, Any], where: str) -> GameOptions:
@@ -94,8 +96,14 @@ class RunConfig:
 
     @property
     def id(self) -> str:
-        """The id as it is registered."""
-        return self.env_id.removeprefix("fpg_bench:")
+        """The plain id, without the action mode."""
+        return DUEL if len(self.sides) == 2 else find_env(self.env_id).id
+
+    @property
+    def actions(self) -> str:
+        """The action mode: the one that is set, else that of the id."""
+        mode = "continuous" if len(self.sides) == 2 else find_env(self.env_id).actions
+        return self.game.actions or mode
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -114,6 +122,8 @@ class RunConfig:
             UserError: both sides learn, or the other side's players are named twice.
         """
         options = self.game.to_dict()
+        if self.actions != "continuous":
+            options["actions"] = self.actions
         if self.against is None:
             return options
         if self.id == DUEL:

@@ -29,28 +29,35 @@ from torch.distributions import Distribution
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_json, write_whole
+from fpg_bench.common.ids import find_env
 from fpg_bench.common.imports import reason
-from fpg_bench.envs.sb3_vec_env import FPGVecEnv
+from fpg_bench.game.choices import PURSUIT_M, Choices, action_choices
 from fpg_bench.game.scenario import STANDARD
+from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer, stripped
 from fpg_bench.players.player import Player
-from fpg_bench.training.actor import Actor
+from fpg_bench.training.actor import Actor, core_of
 
 OPSET = 20
 GREATEST_DIFFERENCE = 1e-4
 
 
-def export_onnx(model: BaseAlgorithm) -> bytes:
+def export_onnx(model: BaseAlgorithm, choices: Choices | None = None) -> bytes:
     """Return the model's deterministic policy as ONNX: ``observation`` (n, 15) to ``action`` (n, 9), float32.
 
     A policy with memory also has an input ``state`` (n, S) and an output ``next_state``; see
-    :class:`fpg_bench.training.actor.Actor`. A user's own layers are read by PyTorch's exporter.
+    :class:`fpg_bench.training.actor.Actor`. Of a policy that chooses from a list, the list is part of the
+    file. A user's own layers are read by PyTorch's exporter.
+
+    Args:
+        model: a trained model.
+        choices: what it chooses from, for a model without games.
 
     Raises:
         UserError: a policy of another kind, or one that the installed versions cannot write as ONNX.
     """
-    actor = Actor(model)
+    actor = Actor(model, choices)
     plain = plain_onnx(actor)
     return _torch_export(type(model.policy).__name__, actor) if plain is None else plain
 
@@ -116,10 +123,11 @@ def export_agent(
     Its ``VecNormalize`` and stacked frames are folded in; nothing is pickled.
 
     Args:
-        model: a trained model of PPO's, SAC's or TD3's kind, with or without an LSTM.
+        model: a trained model of PPO's, DQN's, SAC's or TD3's kind, with or without an LSTM.
         folder: the agent's folder; for a submission ``<submission>/seed_<training seed>``.
         training_seed: the training seed.
-        id: the environment id; None takes that of the model's games, made by :func:`fpg_bench.make_sb3`.
+        id: the environment id; None takes that of the model's games. A model that chooses from a list and
+            has no games needs the id of its action mode, ``FPG/AllyVsScriptedDiscrete-v0`` for instance.
         algorithm: name of the algorithm; None takes the model's class.
         **about: further entries of ``agent.json``.
 
@@ -129,28 +137,32 @@ def export_agent(
     Raises:
         UserError: a policy of another kind, or games of another kind and no ``id``.
     """
-    env = model.get_env()
-    games = None if env is None else env.unwrapped
-    core = games.core if isinstance(games, FPGVecEnv) else None
-    if id is None and core is None:
-        raise UserError("export: the model has no games of fpg_bench.make_sb3; say which id it is for")
+    core = core_of(model)
+    config = getattr(core, "config", None) if id is None else find_env(id)
+    if config is None:
+        raise UserError("export: the model has no games of fpg_bench; say which id it is for")
+    choices = action_choices(config.side, config.actions, STANDARD) if core is None else None
     description = {
         "algorithm": algorithm or type(model).__name__.lower(),
-        "id": id or core.config.id,  # type: ignore[union-attr]
+        "id": config.id,
         "scenario": STANDARD.hash if core is None else core.scenario.hash,
         "training_seed": training_seed,
         "training_steps": model.num_timesteps,
     }
-    return write_exported(model, Path(folder), description | about)
+    return write_exported(model, Path(folder), description | about, choices)
 
 
-def write_exported(model: BaseAlgorithm, folder: Path, about: dict[str, Any]) -> float:
+def write_exported(
+    model: BaseAlgorithm, folder: Path, about: dict[str, Any], choices: Choices | None = None
+) -> float:
     """Write an agent folder: ``policy.onnx`` and ``agent.json``.
 
     Args:
         model: a trained model (with its ``VecNormalize`` and stacked frames, if it was trained with them).
         folder: the agent's folder.
-        about: content of ``agent.json``: algorithm, id, scenario hash, training seed and steps, versions.
+        about: content of ``agent.json``: algorithm, id, scenario hash, training seed and steps, versions;
+            the action mode is added where actions are discrete.
+        choices: what the model chooses from, if it has no games.
 
     Returns:
         The largest difference to the model's own ``predict``.
@@ -158,9 +170,11 @@ def write_exported(model: BaseAlgorithm, folder: Path, about: dict[str, Any]) ->
     Raises:
         UserError: a policy of another kind, or one that plays differently once exported.
     """
-    data = export_onnx(model)
-    about = {"format": AGENT_FORMAT, **about, "policy_sha256": hashlib.sha256(data).hexdigest()}
-    difference = _checked(largest_difference(model, OnnxPlayer(data, about)), model)
+    actor = Actor(model, choices)
+    data = export_onnx(model, actor.choices)
+    mode = {} if actor.choices is None else {"actions": actor.choices.mode}
+    about = {"format": AGENT_FORMAT, **about, **mode, "policy_sha256": hashlib.sha256(data).hexdigest()}
+    difference = _checked(largest_difference(model, OnnxPlayer(data, about), choices=actor.choices), model)
     write_whole(folder / "policy.onnx", data)
     write_json(folder / "agent.json", about | {"largest_difference": difference})
     return difference
@@ -168,7 +182,9 @@ def write_exported(model: BaseAlgorithm, folder: Path, about: dict[str, Any]) ->
 
 def check_exportable(model: BaseAlgorithm) -> None:
     """Raise UserError if the model's policy cannot be exported."""
-    _checked(largest_difference(model, OnnxPlayer(export_onnx(model), {}), steps=20), model)
+    choices = Actor(model).choices
+    player = OnnxPlayer(export_onnx(model, choices), {})
+    _checked(largest_difference(model, player, steps=20, choices=choices), model)
 
 
 def _checked(difference: float, model: BaseAlgorithm) -> float:
@@ -181,29 +197,45 @@ def _checked(difference: float, model: BaseAlgorithm) -> float:
     return difference
 
 
-def largest_difference(model: BaseAlgorithm, player: Player, steps: int = 200, games: int = 5) -> float:
+def largest_difference(
+    model: BaseAlgorithm,
+    player: Player,
+    steps: int = 200,
+    games: int = 5,
+    choices: Choices | None = None,
+) -> float:
     """Return the largest difference of any action entry between a model and a player.
+
+    Where two choices are as good as equal, rounding decides between them. So one of a hundred actions that
+    stand for choices may differ, and is left out.
 
     Args:
         model: its ``predict`` gets stacked and normalized observations, as in training.
         player: its ``predict`` gets the observations themselves, which are uniformly random.
         steps: steps of each game.
         games: number of games; each restarts every twenty steps on average.
+        choices: what the model chooses from; None where its actions are continuous.
     """
     rng, normalize = np.random.default_rng(0), model.get_vec_normalize_env()
     stack = np.zeros((games, *cast(tuple[int, ...], model.observation_space.shape)), np.float32)
     model_state = player_state = None
-    starts, worst = np.ones(games, bool), 0.0
+    starts, differences = np.ones(games, bool), []
+    masks: dict[str, Any] = {}
+    if choices is not None and not choices.mask.all():
+        masks["action_masks"] = np.tile(choices.mask, (games, 1))
     for _ in range(steps):
         observation = rng.uniform(-1, 1, (games, OBSERVATION_SIZE)).astype(np.float32)
         stack[starts] = 0
         stack = np.concatenate((stack[:, OBSERVATION_SIZE:], observation), axis=1)
         model_obs = stack if normalize is None else normalize.normalize_obs(stack.copy())
-        expected, model_state = model.predict(cast(np.ndarray, model_obs), model_state, starts, True)
+        expected, model_state = model.predict(cast(np.ndarray, model_obs), model_state, starts, True, **masks)
+        if choices is not None:
+            expected = choices.decode(expected, observation)
         actions, player_state = player.predict(observation, player_state, starts)
-        worst = np.maximum(worst, np.abs(expected - actions).max())
+        differences.append(np.abs(expected - actions).max(1))
         starts = rng.random(games) < 0.05
-    return float(worst)
+    each = np.sort(np.concatenate(differences))
+    return float(each[-1] if choices is None else each[-1 - len(each) // 100])
 
 
 def plain_onnx(actor: Actor) -> bytes | None:
@@ -226,7 +258,9 @@ def plain_onnx(actor: Actor) -> bytes | None:
         latent, memory = _lstm(graph, actor.lstm, latent, actor.frames_size)
         next_state += memory
     latent = _layer(graph, actor.networks, latent)
-    if actor.squash:
+    if actor.choices is not None:
+        _chosen(graph, actor, actor.choices, latent)
+    elif actor.squash:
         graph.add("Tanh", latent, to="action")
     else:
         graph.clip(latent, -1.0, 1.0, to="action")
@@ -289,6 +323,36 @@ def _normalize(graph: _Graph, actor: Actor, obs: str) -> str:
     centred = graph.add("Sub", obs, graph.constant(actor.mean))
     scaled = graph.add("Div", centred, graph.constant(actor.scale))
     return graph.clip(scaled, -actor.clip, actor.clip)
+
+
+def _chosen(graph: _Graph, actor: Actor, choices: Choices, values: str) -> None:
+    """Add the action of the choices with the highest values; the table's rows are looked up row by row."""
+    if not choices.mask.all():
+        values = graph.add("Add", values, graph.constant(actor.penalty))
+    ends = np.cumsum(choices.sizes)
+    parts = [
+        values if len(choices.lists) == 1 else graph.columns(values, end - size, end)
+        for size, end in zip(choices.sizes, ends, strict=True)
+    ]
+    best = [graph.add("ArgMax", part, axis=1, keepdims=0) for part in parts]
+    rows = [
+        graph.add("Gather", graph.constant(of.rows), chosen, axis=0)
+        for of, chosen in zip(choices.lists, best, strict=True)
+    ]
+    if choices.is_homing:
+        rows.append(_velocity(graph, choices, best[-1]))
+    graph.add("Sum", *rows, to="action")
+
+
+def _velocity(graph: _Graph, choices: Choices, chosen: str) -> str:
+    """Add what a choice adds to the velocity, as a row of nine: see ``Choices.towards_ally``."""
+    root = graph.columns("observation", RELATIVE_POSITION, RELATIVE_POSITION + 3)
+    away = graph.add("Mul", graph.add("Mul", root, graph.add("Abs", root)), graph.constant(choices.box_m))
+    squares = graph.add("ReduceSum", graph.add("Mul", away, away), graph.constant([1]), keepdims=1)
+    distance = graph.add("Max", graph.add("Sqrt", squares), graph.constant(np.float32(PURSUIT_M)))
+    homing = graph.add("Gather", graph.constant(choices.lists[-1].homing[:, None]), chosen, axis=0)
+    velocity = graph.add("Mul", graph.add("Div", away, distance), homing)
+    return graph.add("MatMul", velocity, graph.constant(np.eye(3, ACTION_SIZE, ACTION_SIZE - 3, np.float32)))
 
 
 def _linear(graph: _Graph, layer: nn.Linear, x: str) -> str:

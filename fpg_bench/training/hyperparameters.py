@@ -87,6 +87,7 @@ def load_hyperparameters(
     file: str | Path | Mapping[str, Any] | None = None,
     *,
     path: str | Sequence[str] | None = None,
+    actions: str = "continuous",
 ) -> Hyperparameters:
     """Load the hyper-parameters of an algorithm on an environment id.
 
@@ -96,6 +97,7 @@ def load_hyperparameters(
         file: a YAML file, or its content for the id; None takes the shipped file, and for a user's own class
             that class's defaults with 64 games.
         path: flight path of the opponent; opponents that fly themselves have shipped values of their own.
+        actions: action mode; discrete actions have shipped values of their own.
 
     Raises:
         UserError: an unknown algorithm, no entry for the id, or a missing or invalid key.
@@ -106,7 +108,7 @@ def load_hyperparameters(
         return _parse(algorithm, dict(file), f"hyper-parameters: {env_id}")
     if file is None and algorithm.custom:
         return Hyperparameters(CUSTOM_N_ENVS, 0, None, {"policy": "MlpPolicy"})
-    file = _shipped_file(algorithm, env_id, path) if file is None else Path(file)
+    file = _shipped_file(algorithm, env_id, path, actions) if file is None else Path(file)
     content = read_yaml(file, "hyper-parameters")
     if not isinstance(content.get(env_id), dict):
         raise UserError(
@@ -115,11 +117,13 @@ def load_hyperparameters(
     return _parse(algorithm, content[env_id], f"hyper-parameters {file}: {env_id}")
 
 
-def _shipped_file(algorithm: Algorithm, env_id: str, path: str | Sequence[str] | None) -> Path:
+def _shipped_file(algorithm: Algorithm, env_id: str, path: str | Sequence[str] | None, actions: str) -> Path:
     """Return the shipped file of an algorithm; stacked frames fall back to the plain algorithm's file."""
     folder = baselines_folder() / "hyperparams"
     names = [algorithm.name, algorithm.base]
-    if path == "learned" and env_id in ENVS and ENVS[env_id].side == "opponent":
+    if actions != "continuous":
+        names.insert(0, f"{algorithm.base}-discrete")
+    elif path == "learned" and env_id in ENVS and ENVS[env_id].side == "opponent":
         names.insert(0, f"{algorithm.base}-learned")
     files = [folder / f"{name}.yml" for name in names]
     return next((file for file in files if file.is_file()), files[-1])

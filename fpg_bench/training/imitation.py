@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
@@ -28,12 +29,15 @@ def teacher_of(config: ImitationConfig, model: BaseAlgorithm, side: str, scenari
     """Return the player to imitate.
 
     Raises:
-        UserError: no such player, one of the other side, or a model that is not of PPO's kind.
+        UserError: no such player, one of the other side, or a model that is not of PPO's kind or that
+            chooses from a list.
     """
     if not isinstance(model.policy, ActorCriticPolicy) or hasattr(model.policy, "lstm_actor"):
         raise UserError(
             f"imitate: PPO and its kind, without an LSTM, can imitate; {type(model).__name__} can't"
         )
+    if not isinstance(model.action_space, spaces.Box):
+        raise UserError("imitate: a teacher's actions are continuous, and the model chooses from a list")
     return as_player(config.teacher, side, scenario)
 
 

@@ -84,12 +84,27 @@ def make_model(
         model: BaseAlgorithm = algorithm.kind(env=games, **arguments)
     except UserError:
         raise
+    except AssertionError as error:
+        raise _misfit(algorithm, games, error) or UserError(f"{where}: {error}") from error
     except Exception as error:
         if not algorithm.custom and not isinstance(error, TypeError | ValueError | AssertionError):
             raise
         raise UserError(f"{where}: {reason(error) if algorithm.custom else error}") from error
     model.action_space.seed(seed)
     return model
+
+
+def _misfit(algorithm: Algorithm, games: VecEnv, error: AssertionError) -> UserError | None:
+    """Return the error of an algorithm that does not fit the action space; None for another assertion."""
+    supported, is_misfit, _ = str(error).partition("as action spaces")
+    if not is_misfit:
+        return None
+    fitting = "discrete" if "Discrete" in supported else "continuous"
+    kind = "choices from a list" if fitting == "discrete" else "nine numbers"
+    return UserError(
+        f"{algorithm.name}: needs actions that are {kind}, and the action space is {games.action_space}; "
+        f"add --actions {fitting} (actions={fitting!r})"
+    )
 
 
 def _wrapped(games: VecEnv, parameters: Hyperparameters, where: str) -> VecEnv:

@@ -225,7 +225,7 @@ class _Run:
             raise UserError(f"{self.algorithm.name}: trains {scope} {DUEL}; got {config.env_id}")
         options = config.game_options()
         self.parameters = load_hyperparameters(
-            self.algorithm, config.id, config.hyperparams, path=options.get("path")
+            self.algorithm, config.id, config.hyperparams, path=options.get("path"), actions=config.actions
         )
         budget = self.parameters.n_timesteps if config.steps is None else whole(config.steps, "steps")
         if not budget:

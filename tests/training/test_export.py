@@ -3,7 +3,7 @@ from functools import partial
 import numpy as np
 import onnx
 import pytest
-from sb3_contrib import TQC, RecurrentPPO
+from sb3_contrib import QRDQN, TQC, MaskablePPO, RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
@@ -11,10 +11,17 @@ from torch import nn
 
 from fpg_bench import make_sb3
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.training import export
 from fpg_bench.training.actor import Actor
-from fpg_bench.training.export import export_onnx, largest_difference, plain_onnx, write_exported
+from fpg_bench.training.export import (
+    export_agent,
+    export_onnx,
+    largest_difference,
+    plain_onnx,
+    write_exported,
+)
 
 ABOUT = {
     "algorithm": "x",
@@ -26,8 +33,8 @@ ABOUT = {
 SMALL = {"net_arch": [16, 16]}
 
 
-def a_model(algorithm, normalized=False, frames=1, **options):
-    games = make_sb3("FPG/AllyVsScripted-v0", n_envs=4, seed=1)
+def a_model(algorithm, normalized=False, frames=1, games=None, **options):
+    games = games or make_sb3("FPG/AllyVsScripted-v0", n_envs=4, seed=1)
     if frames > 1:
         games = VecFrameStack(games, frames)
     if normalized:
@@ -108,6 +115,64 @@ def test_agents_with_memory_play_as_the_model_does_in_its_own_games(
     assert np.ptp(spread, axis=0).max() > 0.01
 
 
+def discrete_games(mode="discrete", **options):
+    """Games of an opponent that flies itself and may not jam by broadband."""
+    options = {"path": "learned", "jamming_types": ("tone", "narrowband", "comb"), **options}
+    return make_sb3("FPG/OpponentVsScripted-v0", n_envs=4, seed=1, actions=mode, **options)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("algorithm", "mode", "options"),
+    [
+        (PPO, "multi-discrete", {}),
+        (DQN, "discrete", {}),
+        (QRDQN, "discrete", {"policy_kwargs": {"n_quantiles": 5}}),
+        (MaskablePPO, "multi-discrete", {}),
+        (RecurrentPPO, "discrete", {"policy_kwargs": {"lstm_hidden_size": 6}}),
+        (PPO, "discrete", {"policy_kwargs": {"activation_fn": nn.Softsign}}),  # by PyTorch's exporter
+    ],
+    ids=["ppo", "dqn", "qr-dqn", "maskable-ppo", "lstm", "ppo-torch"],
+)
+def test_discrete_agents_play_the_choices_that_the_model_predicts(algorithm, mode, options, tmp_path):
+    allowed = {} if algorithm is MaskablePPO else {"jamming_types": None}
+    model = a_model(algorithm, frames=2, games=discrete_games(mode, **allowed), **options)
+    assert write_exported(model, tmp_path, ABOUT | {"id": "FPG/OpponentVsScripted-v0"}) < 1e-5
+    player, core = load_agent(tmp_path), discrete_games(mode, **allowed).core
+    assert player.about["actions"] == mode
+    assert player.row_wise
+    games = VecFrameStack(model.get_env().unwrapped, 2)
+    seen, theirs_memory, ours_memory, starts = games.reset(), None, None, np.ones(4, bool)
+    chosen = set()
+    masks = {"action_masks": np.tile(core.choices.mask, (4, 1))} if algorithm is MaskablePPO else {}
+    for _ in range(60):
+        latest = games.unwrapped.core.observations.copy()
+        theirs, theirs_memory = model.predict(seen, theirs_memory, starts, deterministic=True, **masks)
+        ours, ours_memory = player.predict(latest, ours_memory, starts)
+        assert np.abs(core.choices.decode(theirs, latest) - ours).max() < 1e-5
+        chosen |= set(map(str, theirs.tolist()))
+        seen, _, starts, _ = games.step(theirs)
+    assert len(chosen) > 1
+
+
+def test_a_users_own_dqn_is_exported_and_evaluated(tmp_path):
+    model = DQN("MlpPolicy", "FPG/AllyVsScriptedDiscrete-v0", policy_kwargs=SMALL, seed=0, device="cpu")
+    assert export_agent(model, tmp_path / "agent", training_seed=0) == 0
+    assert load_agent(tmp_path / "agent").about["id"] == "FPG/AllyVsScripted-v0"
+    both = {"model": model, "agent": str(tmp_path / "agent")}
+    returns = {row.entry: row.score for row in evaluate(both, "ally-v1", matches=2)}
+    assert returns["model"] == returns["agent"]
+    model.save(tmp_path / "model.zip")
+    loaded = DQN.load(tmp_path / "model.zip")  # without games
+    with pytest.raises(UserError, match="say which id it is for"):
+        export_agent(loaded, tmp_path / "other", training_seed=0)
+    export_agent(loaded, tmp_path / "other", training_seed=0, id="FPG/AllyVsScriptedDiscrete-v0")
+    files = [(tmp_path / name / "policy.onnx").read_bytes() for name in ("agent", "other")]
+    assert files[0] == files[1]
+    with pytest.raises(UserError, match="the model chooses from Discrete"):
+        export_agent(loaded, tmp_path / "other", training_seed=0, id="FPG/OpponentVsScriptedDiscrete-v0")
+
+
 @pytest.mark.slow
 def test_memory_gives_the_same_bits_in_a_batch_and_alone():
     model = a_model(RecurrentPPO, True, 3, policy_kwargs={"lstm_hidden_size": 6})
@@ -139,7 +204,7 @@ def test_an_lstm_of_another_kind_is_refused(word):
 
 def test_a_policy_of_another_kind_is_refused():
     model = DQN("MlpPolicy", "CartPole-v1", device="cpu")
-    with pytest.raises(UserError, match="DQNPolicy"):
+    with pytest.raises(UserError, match="has no games that say from what"):
         export_onnx(model)
 
 

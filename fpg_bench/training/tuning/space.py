@@ -16,7 +16,11 @@ from fpg_bench.common.files import read_yaml
 from fpg_bench.common.schema import Expected, Strict, parse
 from fpg_bench.players.agent import baselines_folder
 
-_SHARED = {"recurrent-ppo": "ppo"}  # algorithms that use another one's space
+_SHARED = {
+    "recurrent-ppo": "ppo",
+    "maskable-ppo": "ppo",
+    "qr-dqn": "dqn",
+}  # algorithms that use another one's space
 
 Number = Annotated[float, Expected("a number (1.0e-4, not 1e-4)")]
 
@@ -97,18 +101,20 @@ def _to_categorical(choice: object) -> Any:
 Space = dict[str, Annotated[FloatRange | IntRange | Choice, Field(discriminator="kind")]]
 
 
-def load_space(algorithm: str, file: Path | None = None) -> Space:
+def load_space(algorithm: str, file: Path | None = None, actions: str = "continuous") -> Space:
     """Load the search space of an algorithm.
 
     Args:
         algorithm: name of the algorithm, without its stacked frames.
         file: a YAML file; None for the shipped one.
+        actions: action mode; PPO has a space of its own where actions are discrete.
 
     Raises:
         UserError: there is no shipped space, or the file is not a search space.
     """
     folder = baselines_folder() / "search"
-    path = file or folder / f"{_SHARED.get(algorithm, algorithm)}.yml"
+    name = _SHARED.get(algorithm, algorithm)
+    path = file or folder / f"{'ppo-discrete' if name == 'ppo' and actions != 'continuous' else name}.yml"
     if file is None and not path.is_file():
         shipped = [path.stem for path in folder.glob("*.yml")]
         raise UserError(

@@ -115,8 +115,13 @@ def make_task(
     options = _storable(
         {name: value for name, value in (options or {}).items() if value is not None}, "options"
     )
+    actions = options.get("actions", env.actions)
+    if actions != "continuous":
+        options["actions"] = actions
     registered = find_algorithm(algorithm)
-    parameters = load_hyperparameters(registered, env.id, hyperparams, path=options.get("path"))
+    parameters = load_hyperparameters(
+        registered, env.id, hyperparams, path=options.get("path"), actions=actions
+    )
     if not (parameters.n_timesteps or steps):
         raise UserError(f"steps: {registered.name} has no hyper-parameter file with a budget; name the steps")
     entry = parameters.entry() | {"n_timesteps": parameters.n_timesteps or steps}
@@ -133,7 +138,7 @@ def make_task(
         suite=name,
         suite_hash=scoring.hash,
         rounds=rounds,
-        space=load_space(registered.base, Path(space) if space else None),
+        space=load_space(registered.base, Path(space) if space else None, actions),
         hyperparameters=_storable(entry, "hyper-parameters"),
     )
 

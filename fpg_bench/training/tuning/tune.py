@@ -68,6 +68,7 @@ def tune(
     knowledge: str | None = None,
     jamming_types: str | Sequence[str] | None = None,
     reward: str | None = None,
+    actions: str | None = None,
     backend: str = "loky",
     address: str | None = None,
 ) -> optuna.Study:
@@ -94,7 +95,7 @@ def tune(
         hyperparams: YAML file of the values that are not tuned; None for the shipped one.
         suite: the suite on which a policy is scored; None for the id's.
         rounds: per rival.
-        scenario, opponent, ally, path, planner, knowledge, jamming_types, reward: of the games, see
+        scenario, opponent, ally, path, planner, knowledge, jamming_types, reward, actions: of the games, see
             :class:`fpg_bench.envs.core.SingleAgentGame`. A study stores them, so they are given by name.
         backend: where workers run if there are several, ``loky`` or ``ray``.
         address: of a Ray cluster.
@@ -127,6 +128,7 @@ def tune(
             "knowledge": knowledge,
             "jamming_types": jamming_types,
             "reward": reward,
+            "actions": actions,
         },
     )
     Objective(task)  # refuses an unsuitable search space

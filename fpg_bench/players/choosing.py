@@ -1,0 +1,54 @@
+"""Models of discrete actions as players: their choices become the nine floats of an action."""
+
+from __future__ import annotations
+
+import numpy as np
+from gymnasium import spaces
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.game.choices import Choices
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.players.player import Memory, Player
+
+
+class ChoosingPlayer:
+    """Player of a model that predicts choices, as Stable-Baselines3's DQN does.
+
+    Args:
+        model: anything with ``predict`` that returns whole numbers, ``(n,)`` or ``(n, lists)``.
+        choices: what it chooses from.
+    """
+
+    def __init__(self, model: Player, choices: Choices) -> None:
+        self.model, self._choices = model, choices
+
+    def predict(
+        self,
+        observation: np.ndarray,
+        state: Memory = None,
+        episode_start: np.ndarray | None = None,
+        deterministic: bool = True,
+    ) -> tuple[np.ndarray, Memory]:
+        """Return actions ``(n, 9)`` float32, and the model's next memory."""
+        chosen, state = self.model.predict(observation, state, episode_start, deterministic)
+        return self._choices.decode(np.asarray(chosen), observation), state
+
+
+def with_floats(player: Player, side: str, scenario: Scenario) -> Player:
+    """Return a player of floats: the player itself, unless its ``action_space`` is one of choices.
+
+    Raises:
+        UserError: the choices are not those of the side in this scenario.
+    """
+    space = getattr(player, "action_space", None)
+    if not isinstance(space, spaces.Discrete | spaces.MultiDiscrete):
+        return player
+    is_multi = isinstance(space, spaces.MultiDiscrete)
+    choices = Choices(side, "multi-discrete" if is_multi else "discrete", scenario)
+    sizes = tuple(space.nvec.tolist()) if isinstance(space, spaces.MultiDiscrete) else (int(space.n),)
+    if sizes != choices.sizes:
+        raise UserError(
+            f"{side}: {type(player).__name__} chooses from {sizes}, the {side} here from {choices.sizes} "
+            f"(actions={choices.mode!r})"
+        )
+    return ChoosingPlayer(player, choices)
