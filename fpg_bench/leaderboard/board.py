@@ -204,6 +204,7 @@ class BoardEntry:
 
     Attributes:
         kind: ``script``, ``zoo`` or ``submitted``.
+        actions: the action modes of its policies; empty if it has none.
         plays: the script or zoo agent that it names.
         reason: why it is not verified.
         figures: None where it is not verified.
@@ -217,6 +218,7 @@ class BoardEntry:
     reference: str | None
     licence: str
     kind: str
+    actions: tuple[str, ...]
     plays: str | None
     training: Training | None
     saw: str
@@ -542,6 +544,7 @@ def _make_entry(
         reference=submission.reference,
         licence=submission.licence,
         kind=kind,
+        actions=tuple(sorted({policy.about.get("actions", "continuous") for policy in submission.policies})),
         plays=submission.script or submission.zoo,
         training=submission.training,
         saw=submission.saw,

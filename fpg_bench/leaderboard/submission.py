@@ -22,7 +22,7 @@ from fpg_bench.common.checks import is_whole
 from fpg_bench.common.errors import UserError, meant, nearest
 from fpg_bench.common.extras import need
 from fpg_bench.common.files import read_json, read_yaml
-from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.ids import ACTION_MODES, SCRIPTED
 from fpg_bench.common.schema import Expected, Items, Strict, problems_of
 from fpg_bench.evaluation.statistics import FEW_SEEDS
 from fpg_bench.leaderboard.folders import (
@@ -612,6 +612,8 @@ def _read_agent(path: Path, seed: int, side: str | None) -> tuple[dict[str, Any]
         lines.append(f"training_steps: expected {expected}, got {quoted(steps)}")
     if not isinstance(algorithm, str) or len(algorithm) > 60:
         lines.append(f"algorithm: expected text of at most 60 characters, got {quoted(algorithm)}")
+    if about.get("actions", "continuous") not in ACTION_MODES:
+        lines.append(f"actions: expected one of {', '.join(ACTION_MODES)}, got {quoted(about['actions'])}")
     if not _is_finite(about):
         lines.append("holds a number that is not finite")
     return about, lines

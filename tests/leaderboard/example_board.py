@@ -127,6 +127,7 @@ def _entry(
         reference=text or "https://example.org/paper?a=1&b=2",
         licence=text or "MIT",
         kind=kind,
+        actions=() if kind == "script" else ("discrete",),
         plays={"script": ("idle", "tone")[key != "ally"], "zoo": "no-such/agent"}.get(kind),
         training=None if kind == "script" else Training(steps=2_000_000, hours=1.5, seeds=(0, 1, 2, 3, 4)),
         saw=text or "the adaptive opponent in pursuit",

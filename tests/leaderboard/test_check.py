@@ -236,6 +236,7 @@ def test_scripts_and_recordings_that_are_not_there_are_named(tmp_path, change, l
         ({"format": 7}, "format 7"),
         ({"training_seed": 3}, "training_seed: expected 1, as the folder is called, got 3"),
         ({"training_steps": "many"}, "training_steps: expected a whole number"),
+        ({"actions": "many"}, "actions: expected one of continuous, discrete"),
         ({"seconds": float("nan")}, "holds a number that is not finite"),
         ({"algorithm": "x" * 61}, "algorithm: expected text"),
     ],
