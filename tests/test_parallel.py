@@ -134,6 +134,23 @@ def test_ctrl_c_lets_jobs_save_and_the_next_call_resumes(tmp_path):
     assert begun(tmp_path) == ["2", "a", "a", "b", "b", "c"]
 
 
+def test_an_import_that_ctrl_c_made_fail_is_no_failed_job(tmp_path, messages):
+    jobs = [Job(name, partial(working.fail_import, tmp_path, name)) for name in "ab"]
+
+    def stop():
+        wait_for(lambda: begun(tmp_path) == ["a", "b"])
+        os.kill(os.getpid(), signal.SIGINT)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        threading.Thread(target=stop).start()
+        with pytest.raises(KeyboardInterrupt):
+            run_jobs(jobs, n_jobs=2)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert messages == ["2 jobs, 2 at a time"]
+
+
 DRIVER = """
 import sys
 from pathlib import Path

@@ -52,6 +52,14 @@ def hold(folder, name):
     return name
 
 
+def fail_import(folder, name):
+    """Run until interrupted; fail as a module in C does whose import is interrupted."""
+    try:
+        hold(folder, name)
+    except KeyboardInterrupt as error:
+        raise ImportError("numpy.core.multiarray failed to import") from error
+
+
 def fill(content, folder):
     """Fill a folder, which may not exist."""
     (folder / "agent").mkdir(parents=True, exist_ok=True)

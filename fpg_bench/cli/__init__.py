@@ -44,9 +44,11 @@ app.add_typer(llm.app, name="llm")
 app.add_typer(leaderboard.submit, name="submit")
 app.add_typer(leaderboard.leaderboard, name="leaderboard")
 _DEBUG = False
-_STOPPED = 130
+_STOPPED, _KEPT = 130, "stopped; what was finished is kept"
 _AGAIN_S = 0.05
 _ENDED: int | None = None  # the status where SIGTERM was the end
+_INTERRUPTED = False  # by Ctrl-C
+_DONE = False  # nothing is left to be stopped
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -89,10 +91,22 @@ def _options(
 
 def main() -> None:
     """Run the command line; end with one line and a non-zero status on every error."""
+    global _INTERRUPTED, _DONE
+    _INTERRUPTED = _DONE = False
     atexit.register(gc.freeze)  # hundreds of thousands of objects, not looked through for waste at the end
     signal.signal(signal.SIGTERM, _terminated)
     signal.signal(signal.SIGALRM, signal.default_int_handler)
+    if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupted)
     sys.unraisablehook = _heard_again
+    try:
+        _run()
+    finally:
+        _DONE = True
+        signal.setitimer(signal.ITIMER_REAL, 0)  # at its end Python lets go of SIGALRM, which would kill it
+
+
+def _run() -> None:
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
         if status == _STOPPED:  # what typer makes of Ctrl-C
@@ -102,7 +116,7 @@ def main() -> None:
         message = getattr(error, "format_message", error.__str__)()
         _fail(f"{message} (fpg-bench --help)", 2)
     except (typer.Abort, KeyboardInterrupt):
-        _fail("stopped; what was finished is kept", _ENDED or _STOPPED)
+        _fail(_KEPT, _ENDED or _STOPPED)
     except UserError as error:
         _fail(str(error), 2)
     except (pickle.UnpicklingError, EOFError):
@@ -117,15 +131,25 @@ def main() -> None:
         where = f"{error.filename}: " if error.filename else ""
         _fail(f"{where}{error.strerror or error}{full}", 1)
     except Exception as error:
+        if _INTERRUPTED:  # modules in C that are interrupted while they are imported raise an ImportError
+            _fail(_KEPT, _STOPPED)
         _fail(f"{described(error)} (the traceback: fpg-bench --debug ...)", 1)
 
 
 def _heard_again(swallowed: Any) -> None:
     """Stop where Ctrl-C came while a library called back, Numba as it loads code, and could not be raised."""
     if swallowed.exc_type is KeyboardInterrupt:
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+        if not _DONE:
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
     else:
         sys.__unraisablehook__(swallowed)
+
+
+def _interrupted(number: int, frame: object) -> None:
+    """Note Ctrl-C, and stop."""
+    global _INTERRUPTED
+    _INTERRUPTED = True
+    raise KeyboardInterrupt
 
 
 def _terminated(number: int, frame: object) -> None:

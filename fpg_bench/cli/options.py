@@ -80,7 +80,10 @@ ActionsOption = Annotated[
 
 HyperparamsOption = Annotated[
     Path | None,
-    typer.Option(help="A YAML file of hyper-parameters to use instead.", rich_help_panel=TRAINING),
+    typer.Option(
+        help="Hyper-parameters to use instead: a YAML file, or a shipped name, ppo-fast for instance.",
+        rich_help_panel=TRAINING,
+    ),
 ]
 
 SuiteOption = Annotated[str, typer.Option(help="A suite's name or YAML file.", autocompletion=complete_suite)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import zipfile
 from pathlib import Path
@@ -45,6 +46,7 @@ from fpg_bench.common.rows import Row
 if TYPE_CHECKING:
     from fpg_bench.training.run_folder import RunFolder
 
+ZOO = "zoo"  # in place of rivals
 ZIP = "Zip of Stable-Baselines3"
 
 
@@ -112,7 +114,10 @@ def train(
     ] = 20,
     against: Annotated[
         str | None,
-        typer.Option(help="As --opponent or --ally, whichever is the other side.", rich_help_panel=GAME),
+        typer.Option(
+            help="As --opponent or --ally, whichever is the other side; zoo: those of the shipped agents.",
+            rich_help_panel=GAME,
+        ),
     ] = None,
     scenario: ScenarioOption = None,
     opponent: PlayersOption = None,
@@ -142,6 +147,7 @@ def train(
 
     Example: fpg-bench train ppo FPG/AllyVsScripted-v0 --steps 2e6 --out runs/ppo_0
     """
+    from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.training.config import GameOptions, RunConfig
     from fpg_bench.training.run_folder import RunFolder
     from fpg_bench.training.train import parse_seeds, train_seeds
@@ -158,6 +164,8 @@ def train(
         reward=reward,
         actions=actions,
     )
+    if against == ZOO and opponent is None and ally is None:
+        game, against = dataclasses.replace(game, **load_zoo().mixture(env_id, game.path)), None
     llm = llm_options(deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds)
     config = RunConfig(
         algorithm,

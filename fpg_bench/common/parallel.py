@@ -30,6 +30,7 @@ LINE_EVERY_S = 30.0  # between two lines of progress, where there is no terminal
 TRIES = 3  # of jobs whose worker process is lost
 GRACE_S = 30.0  # for interrupted jobs to save their state
 _CONNECT_S = 5.0
+_LOOK_EVERY_S = 0.1  # for worker processes that are yet to be interrupted
 
 
 def _never() -> bool:
@@ -239,18 +240,31 @@ def _interrupts_passed_on() -> Iterator[threading.Event]:
         yield stopped
         return
 
+    ended = threading.Event()
+
     def pass_on(number: int, frame: object) -> None:
         signal.signal(signal.SIGINT, before)
         stopped.set()
-        for process in multiprocessing.active_children():
-            if process.pid is not None:
-                os.kill(process.pid, signal.SIGINT)
+        threading.Thread(target=_interrupt_workers, args=(ended,), daemon=True).start()
 
     signal.signal(signal.SIGINT, pass_on)
     try:
         yield stopped
     finally:
+        ended.set()
         signal.signal(signal.SIGINT, before)
+
+
+def _interrupt_workers(ended: threading.Event) -> None:
+    """Interrupt each worker process once, also those that are only just being started."""
+    interrupted = set()
+    while not ended.is_set():
+        for process in multiprocessing.active_children():
+            if process.pid is not None and process.pid not in interrupted:
+                interrupted.add(process.pid)
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(process.pid, signal.SIGINT)
+        ended.wait(_LOOK_EVERY_S)
 
 
 _interrupted = threading.Event()  # in a worker: joblib has taken jobs ahead, which are not to start any more
@@ -264,9 +278,17 @@ def _in_worker(index: int, call: _Call, driver: int) -> tuple[int, Outcome | Non
     if os.getpgrp() != os.getpid():  # its first job
         os.setpgrp()
         threading.Thread(target=_stop_with, args=(driver,), daemon=True).start()
+
+    def interrupt(number: int, frame: object) -> None:
+        _interrupted.set()
+        raise KeyboardInterrupt
+
     try:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        return index, None if _interrupted.is_set() else call()
+        signal.signal(signal.SIGINT, interrupt)
+        outcome = None if _interrupted.is_set() else call()
+        # Modules in C that are interrupted while they are imported raise an ImportError instead
+        failed = outcome is not None and outcome.error is not None
+        return index, None if failed and _interrupted.is_set() else outcome
     except KeyboardInterrupt:
         _interrupted.set()
         return index, None

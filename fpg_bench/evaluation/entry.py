@@ -41,6 +41,7 @@ class Entry:
         make: returns the player (or planner) that meets a rival.
         tier: tier of a planner's knowledge; None for players.
         made: hash of all that made an agent but its training seed; None for all else.
+        training: training steps and seconds of an agent, as far as they are known.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Entry:
     make: Callable[[Rival], PlayerSpec | PlannerSpec]
     tier: str | None = None
     made: str | None = None
+    training: dict[str, float] = dataclasses.field(default_factory=dict)
 
 
 def player_entry(spec: PlayerSpec, name: str | None = None, training_seed: int | None = None) -> Entry:
@@ -211,7 +213,10 @@ def _entry(spec: PlayerSpec, player: Player, name: str) -> Entry:
         return Entry(name, None, fingerprint, Same(spec))
     # An agent itself is sent to workers, as other machines may lack its files; other players by their names.
     made = hashlib.sha256(_made_by(spec, player).encode()).hexdigest()[:16]
-    return Entry(name, about["training_seed"], str(policy_hash(player)), Same(player), made=made)
+    cost = {key: about.get(name) for key, name in (("steps", "training_steps"), ("seconds", "seconds"))}
+    training = {key: value for key, value in cost.items() if isinstance(value, int | float)}
+    fingerprint = str(policy_hash(player))
+    return Entry(name, about["training_seed"], fingerprint, Same(player), made=made, training=training)
 
 
 @dataclass(frozen=True)

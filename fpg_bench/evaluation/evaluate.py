@@ -20,7 +20,7 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_records
 from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.suite import Rival, Suite, load_suite
-from fpg_bench.evaluation.summary import Summary, summarise
+from fpg_bench.evaluation.summary import Summary, Training, summarise
 from fpg_bench.evaluation.table import Results
 from fpg_bench.players.player import PlayerSpec
 
@@ -106,7 +106,26 @@ def play_into(
         else:
             jobs = [_job(entry, suite, rival, file) for entry, rival in missing]
             check_all_done(run_jobs(jobs, n_jobs, backend, address))
-    return summarise(records_of(file), suite)
+    return _summaries(out, suite)
+
+
+def _summaries(folder: Path, suite: Suite) -> list[Summary]:
+    """Return the summaries of a folder's records, with the training of agents where the folder has it."""
+    summaries = summarise(records_of(RowFile(folder / RECORDS)), suite)
+    trainings = _about(folder).get("training", {})
+    return [
+        dataclasses.replace(each, training=_training(trainings.get(each.entry, {}), each))
+        for each in summaries
+    ]
+
+
+def _training(by_seed: Mapping[str, Mapping[str, float]], summary: Summary) -> Training | None:
+    known = [by_seed.get(str(seed), {}) for seed in summary.seed_scores()]
+    steps = [cost["steps"] for cost in known if "steps" in cost]
+    seconds = [cost["seconds"] for cost in known if "seconds" in cost]
+    if not steps:
+        return None
+    return Training(int(steps[0]), sum(seconds) / len(seconds) if len(seconds) == len(known) else None)
 
 
 def records_of(file: RowFile) -> list[Record]:
@@ -125,7 +144,7 @@ def read_results(folder: str | Path) -> tuple[list[Summary], Suite]:
     suite = with_matches(load_suite(about["suite"]), about["matches"])
     if suite.hash != about.get("suite_hash"):
         raise UserError(f"results {folder}: played under another version of {about['suite']}; evaluate again")
-    return summarise(records_of(RowFile(folder / RECORDS)), suite), suite
+    return _summaries(folder, suite), suite
 
 
 def with_matches(suite: Suite, matches: int | None) -> Suite:
@@ -134,7 +153,7 @@ def with_matches(suite: Suite, matches: int | None) -> Suite:
 
 
 def _claim(out: Path, name: str, suite: Suite, entries: Sequence[Entry]) -> None:
-    """Write into a folder the suite of its records, and how the agents of each name were made.
+    """Write into a folder the suite of its records, and how its agents were made and at what cost.
 
     Raises:
         UserError: it holds records of another suite, or differently made agents of one of these names.
@@ -150,14 +169,16 @@ def _claim(out: Path, name: str, suite: Suite, entries: Sequence[Entry]) -> None
                 f"another version of it, not of {name} with {suite.matches}; choose another folder"
             )
         about |= known
-    made = dict(about.get("made", {}))
+    made, training = dict(about.get("made", {})), dict(about.get("training", {}))
     for entry in entries:
         if entry.made is not None and made.setdefault(entry.name, entry.made) != entry.made:
             raise UserError(
                 f"results {out}: hold {entry.name!r} with another budget, other hyper-parameters or other "
                 "opponents; say --name to call this one otherwise"
             )
-    write_json(out / ABOUT, about | {"made": made})
+        if entry.training:
+            training.setdefault(entry.name, {})[str(entry.training_seed)] = entry.training
+    write_json(out / ABOUT, about | {"made": made} | ({"training": training} if training else {}))
 
 
 def _about(folder: Path) -> dict[str, Any]:
@@ -168,9 +189,22 @@ def _about(folder: Path) -> dict[str, Any]:
             f"results {folder}: {ABOUT} names no suite, so an older version wrote it; evaluate again into "
             "another folder"
         )
-    if not isinstance(about.get("made", {}), dict):
-        raise UserError(f"results {folder}: {ABOUT}: made: expected a mapping, got {about['made']!r:.40}")
+    for key in ("made", "training"):
+        if not isinstance(about.get(key, {}), dict):
+            raise UserError(f"results {folder}: {ABOUT}: {key}: expected a mapping, got {about[key]!r:.40}")
+    trainings = [cost for by_seed in about.get("training", {}).values() for cost in _values(by_seed)]
+    if not all(_is_number(value) for cost in trainings for value in _values(cost)):
+        raise UserError(f"results {folder}: {ABOUT}: training: expected steps and seconds by entry and seed")
     return about
+
+
+def _values(content: object) -> list[object]:
+    """Return the values of a mapping; of anything else a list that holds no number."""
+    return list(content.values()) if isinstance(content, dict) else [None]
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _missing(entries: Sequence[Entry], suite: Suite, file: RowFile) -> Iterator[tuple[Entry, Rival]]:

@@ -15,6 +15,19 @@ from fpg_bench.evaluation.suite import Suite
 
 
 @dataclass(frozen=True)
+class Training:
+    """What the training of an entry's agents cost.
+
+    Attributes:
+        steps: training budget of each seed.
+        seconds: mean wall time over the training seeds, without evaluations; None where it is unknown.
+    """
+
+    steps: int
+    seconds: float | None
+
+
+@dataclass(frozen=True)
 class Summary:
     """Results of one entry on a suite.
 
@@ -24,6 +37,7 @@ class Summary:
         rewards: ``(training seeds, rivals, matches)`` rewards per step; one training seed for a script.
         trained: true if the first axis is training seeds.
         records: the records that it summarises, in the order of training seed and rival.
+        training: of agents; None where it is unknown.
     """
 
     entry: str
@@ -31,6 +45,7 @@ class Summary:
     rewards: np.ndarray
     trained: bool
     records: tuple[Record, ...]
+    training: Training | None = None
 
     @property
     def training_seeds(self) -> int:

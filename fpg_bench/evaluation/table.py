@@ -21,6 +21,7 @@ from fpg_bench.rendering.canvas import blank_figure, write_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_COSTS = "Steps and minutes: of training, per seed. "
 _TRAINED, _SCRIPT = "#0072b2", "#7f7f7f"
 # Okabe and Ito's colours, told apart by the colour-blind too; each round of them has its marker.
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c8c8c")
@@ -62,6 +63,7 @@ def caption(suite: Suite) -> str:
     return (
         f"Suite {suite.name} ({suite.hash[:12]}): {met}. Return: the {whose}, per step, mean over "
         f"rivals; {suite.scale.description}; worst: the lowest return per step, against one of them. "
+        f"{'' if suite.side == PLANNER else _COSTS}"
         "Intervals: 95 %, over training seeds; for scripts, planners and single training seeds over matches. "
         "† fewer than three training seeds."
     )
@@ -96,6 +98,8 @@ def flat(s: Summary) -> dict[str, Any]:
     line |= _ends("score", s.score) | {"interval_over": s.over} | _ends("return_per_step", s.reward)
     line |= {"worst_rival": s.worst, "lost": s.pooled.lost}
     line |= {f"return_per_step {name}": reward.value for name, reward in s.by_rival.items()}
+    if s.suite.side != PLANNER:
+        line |= {"training_steps": _steps(s), "training_seconds": _seconds(s)}
     if s.suite.side == PLANNER:
         for k, score in enumerate(learning_curve(s), 1):
             line |= _ends(f"round_{k}", score)
@@ -246,6 +250,26 @@ def learning_curve(summary: Summary) -> list[Interval]:
     return [over_rounds(summary, slice(k, k + 1)) for k in range(summary.suite.rounds_per_match)]
 
 
+def _steps(s: Summary) -> int | None:
+    return None if s.training is None else s.training.steps
+
+
+def _seconds(s: Summary) -> float | None:
+    return None if s.training is None else s.training.seconds
+
+
+def short(count: int | None) -> str:
+    """Return a count with three digits, as 2.5M or 400k; a dash if there is none."""
+    if count is None:
+        return "-"
+    factor, unit = next((pair for pair in ((10**6, "M"), (10**3, "k")) if count >= pair[0]), (1, ""))
+    return f"{count / factor:.3g}{unit}"
+
+
+def _minutes(s: Summary) -> str:
+    return number(_seconds(s), 1 / 60)
+
+
 def _measure(name: str, factor: float) -> Callable[[Summary], str]:
     return lambda s: number(s.measures[name], factor)
 
@@ -258,6 +282,8 @@ _FIRST_MEASURE = 3  # what they can be spared for: all but jamming, before the c
 _OF_PLAYERS = (
     Column("player", lambda s: s.entry),
     Column("seeds", lambda s: str(s.training_seeds or "-"), spare=2),
+    Column("steps", lambda s: short(_steps(s)), spare=3),
+    Column("minutes", _minutes, spare=4),
     Column("score", lambda s: number(s.score.value)),
     Column("95 % interval", lambda s: bounds(s.score) + (" †" if 0 < s.training_seeds < FEW_SEEDS else "")),
     Column("return", lambda s: number(s.reward.value, digits=2), spare=2),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,6 +18,7 @@ from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, 
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import Suite, load_suite
 from fpg_bench.players.agent import baselines_folder, load_agent
+from fpg_bench.players.player import SIDES
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.entry import Entry
@@ -140,6 +142,26 @@ class Zoo:
             raise UserError(f"the zoo has no {only!r}{nearest(only, known)}")
         return named
 
+    def mixture(self, env_id: str, path: str | Sequence[str] | None = None) -> dict[str, Any]:
+        """Return the rivals and paths that the zoo's agents of an environment were trained against.
+
+        Args:
+            env_id: the environment id.
+            path: flight path of the opponent; None for that of the id's first group.
+
+        Returns:
+            Options of the games, with ``path`` replaced by the one that is given.
+
+        Raises:
+            UserError: the zoo has no mixture for this environment.
+        """
+        groups = [group for group in self.groups if group.id == env_id and _draws(group)]
+        if not groups:
+            known = dict.fromkeys(group.id for group in self.groups if _draws(group))
+            raise UserError(f"against zoo: the zoo has no mixture for {env_id}, but for {', '.join(known)}")
+        options = next((g.options for g in groups if g.options.get("path") == path), groups[0].options)
+        return options if path is None else {**options, "path": path}
+
     def read_records(self, group: ZooGroup, suite: Suite) -> list[Record]:
         """Return the newest records of a group on a suite, those of the present agents and scripts only."""
         from fpg_bench.evaluation.evaluate import records_of  # needs the extra `evaluate`
@@ -156,6 +178,11 @@ class Zoo:
             if record.suite_hash == suite.hash[:16] and record.fingerprint == prints.get(player):
                 records[*player, record.rival] = record
         return list(records.values())
+
+
+def _draws(group: ZooGroup) -> bool:
+    """Return True if the agents of a group were trained against several players."""
+    return any(isinstance(group.options.get(side), list) for side in SIDES)
 
 
 def load_zoo(folder: Path | None = None) -> Zoo:

@@ -94,8 +94,8 @@ def load_hyperparameters(
     Args:
         algorithm: its name; see :func:`fpg_bench.training.algorithms.find_algorithm`.
         env_id: ``FPG/AllyVsScripted-v0`` and the like.
-        file: a YAML file, or its content for the id; None takes the shipped file, and for a user's own class
-            that class's defaults with 64 games.
+        file: a YAML file, the name of a shipped one (``ppo-fast``), or its content for the id; None takes the
+            shipped file of the algorithm, and for a user's own class that class's defaults with 64 games.
         path: flight path of the opponent; opponents that fly themselves have shipped values of their own.
         actions: action mode; discrete actions have shipped values of their own.
 
@@ -108,13 +108,31 @@ def load_hyperparameters(
         return _parse(algorithm, dict(file), f"hyper-parameters: {env_id}")
     if file is None and algorithm.custom:
         return Hyperparameters(CUSTOM_N_ENVS, 0, None, {"policy": "MlpPolicy"})
-    file = _shipped_file(algorithm, env_id, path, actions) if file is None else Path(file)
+    if file is None:
+        file = _shipped_file(algorithm, env_id, path, actions)
+    else:
+        file = _named_file(Path(file))
     content = read_yaml(file, "hyper-parameters")
     if not isinstance(content.get(env_id), dict):
         raise UserError(
             f"hyper-parameters {file}: no entry for {env_id!r}{nearest(env_id, map(str, content))}"
         )
     return _parse(algorithm, content[env_id], f"hyper-parameters {file}: {env_id}")
+
+
+def _named_file(file: Path) -> Path:
+    """Return a file, or the shipped one of this name where there is no file.
+
+    Raises:
+        UserError: a name, as it has no suffix, that is not shipped.
+    """
+    if file.suffix or file.is_file():
+        return file
+    shipped = {path.stem: path for path in (baselines_folder() / "hyperparams").glob("*.yml")}
+    if str(file) not in shipped:
+        hint = nearest(str(file), shipped)
+        raise UserError(f"hyper-parameters {file}: no such file, and none of this name is shipped{hint}")
+    return shipped[str(file)]
 
 
 def _shipped_file(algorithm: Algorithm, env_id: str, path: str | Sequence[str] | None, actions: str) -> Path:

@@ -6,9 +6,11 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from fpg_bench import cli
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.leaderboard.folders import at_work
@@ -22,6 +24,19 @@ from fpg_bench import cli
 def app(words, standalone_mode):
     os.kill(os.getpid(), signal.{name})
     time.sleep(30)
+cli.app = app
+cli.main()
+"""
+IMPORTS = """
+import os, signal, sys
+from fpg_bench import cli
+def app(words, standalone_mode):
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        sys.stdin.read()
+    except KeyboardInterrupt:
+        raise ImportError("numpy.core.multiarray failed to import")
+signal.signal(signal.SIGINT, signal.default_int_handler)
 cli.app = app
 cli.main()
 """
@@ -56,6 +71,30 @@ def test_a_stopped_command_says_what_is_kept(name, status):
     _, message = stopped.communicate(timeout=60)
     assert message == "fpg-bench: stopped; what was finished is kept\n"
     assert stopped.returncode == status
+
+
+@pytest.mark.process
+def test_an_import_that_ctrl_c_made_fail_is_no_bug():
+    stopped = python(IMPORTS, stderr=subprocess.PIPE)
+    _, message = stopped.communicate(timeout=60)
+    assert message == "fpg-bench: stopped; what was finished is kept\n"
+    assert stopped.returncode == 130
+
+
+def test_no_alarm_is_left_where_nothing_is_left_to_stop(monkeypatch):
+    swallowed = SimpleNamespace(exc_type=KeyboardInterrupt)
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+
+    def app(words, standalone_mode):
+        sys.unraisablehook(swallowed)
+        assert signal.getitimer(signal.ITIMER_REAL)[0] > 0
+
+    monkeypatch.setattr(cli, "app", app)
+    with pytest.raises(SystemExit):
+        cli.main()
+    assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
+    sys.unraisablehook(swallowed)
+    assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
 
 
 @pytest.mark.process

@@ -17,7 +17,9 @@ from fpg_bench.evaluation.entry import Entry, entries_of, player_entry
 from fpg_bench.evaluation.evaluate import evaluate, play_into, read_results
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.evaluation.summary import Training
 from fpg_bench.evaluation.table import write_table
+from fpg_bench.players.agent import load_agent
 from fpg_bench.players.scripted import Scripted
 from tests.training.making import SUITE, make_agent, make_zoo
 
@@ -53,6 +55,21 @@ def test_a_line_per_training_seed_and_rival(suite, agents, tmp_path):
     again, played = read_results(tmp_path / "out")
     assert [s.records for s in again] == [s.records for s in found]
     assert played.hash == load_suite(suite).hash
+
+
+def test_the_cost_of_training_is_kept_beside_the_records(suite, tmp_path):
+    out = tmp_path / "out"
+    evaluate(["ally-scripted/ppo/seed_0", "ally-scripted/ppo/seed_1", "idle"], suite, out, matches=1)
+    summaries = {summary.entry: summary for summary in read_results(out)[0]}
+    costs = [load_agent(f"ally-scripted/ppo/seed_{seed}").about for seed in (0, 1)]
+    mean = sum(about["seconds"] for about in costs) / 2
+    assert summaries["ppo"].training == Training(3_000_000, pytest.approx(mean))
+    assert summaries["idle"].training is None
+    about = json.loads((out / "evaluation.json").read_text())
+    for training in ({"ppo": 3}, {"ppo": {"0": {"steps": "3M"}}}, []):
+        (out / "evaluation.json").write_text(json.dumps(about | {"training": training}))
+        with pytest.raises(UserError, match=r"evaluation\.json: training: expected"):
+            read_results(out)
 
 
 def test_what_is_there_is_not_played_again(suite, tmp_path, monkeypatch):

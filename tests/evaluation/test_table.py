@@ -9,7 +9,7 @@ import pytest
 from fpg_bench.cli.evaluation import print_table
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.suite import Scale, load_suite
-from fpg_bench.evaluation.summary import summarise
+from fpg_bench.evaluation.summary import Training, summarise
 from fpg_bench.evaluation.table import as_csv, caption, lines_of_table, markdown, picture, write_table
 from tests.evaluation.test_summary import records_of
 
@@ -62,7 +62,9 @@ def test_a_column_that_says_nothing_is_left_out():
 def test_the_files_hold_everything(summaries, suite, tmp_path):
     write_table(summaries, suite, tmp_path)
     text = (tmp_path / "table.md").read_text()
-    assert text.startswith("| player | seeds | score | 95 % interval | return | worst | against | jammed % |")
+    assert text.startswith(
+        "| player | seeds | steps | minutes | score | 95 % interval | return | worst | against | jammed % |"
+    )
     by_name = {line.split(" | ")[0].strip("| "): line for line in text.splitlines()}
     assert "†" in by_name["ppo"]
     assert "†" not in by_name["recurrent-ppo"] + by_name["expert-spread"]
@@ -75,6 +77,14 @@ def test_the_files_hold_everything(summaries, suite, tmp_path):
         assert row["interval_over"] == summary.over
         assert float(row["return_per_step adaptive/circle"]) == summary.by_rival["adaptive/circle"].value
     assert (tmp_path / "table.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(("steps", "text"), [(3_000_000, "3M"), (405_000, "405k"), (400, "400"), (None, "-")])
+def test_training_stands_beside_the_score(summaries, suite, steps, text):
+    training = None if steps is None else Training(steps, 90.0)
+    head, line = lines_of_table([dataclasses.replace(summaries[0], training=training)], suite)
+    assert line[head.index("steps")] == text
+    assert line[head.index("minutes")] == ("-" if steps is None else "1.5")
 
 
 def test_a_table_of_nobody_and_names_with_bars(summaries, suite):

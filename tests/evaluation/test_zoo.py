@@ -40,6 +40,18 @@ def test_an_agent_is_shipped_once_it_lies_there_and_whole_while_its_policy_is_th
     assert not member.is_whole()
 
 
+def test_the_mixture_of_rivals_is_that_of_the_agents_of_an_id():
+    groups = {group.name: group for group in load_zoo().groups}
+    for name in ("ally-scripted", "ally-population", "opponent-pursuit", "opponent-population"):
+        assert load_zoo().mixture(groups[name].id) == groups[name].options
+    learned = groups["opponent-learned"]
+    assert load_zoo().mixture(learned.id, "learned") == learned.options
+    options = groups["ally-scripted"].options
+    assert load_zoo().mixture("FPG/AllyVsScripted-v0", "circle") == {**options, "path": "circle"}
+    with pytest.raises(UserError, match="no mixture for FPG/AllyVsPlanner-v0, but for FPG/AllyVsScripted-v0"):
+        load_zoo().mixture("FPG/AllyVsPlanner-v0")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

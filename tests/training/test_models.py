@@ -189,6 +189,16 @@ def test_invalid_hyperparameters_are_refused_before_anything_is_written(tmp_path
     assert not (tmp_path / "run").exists()
 
 
+def test_shipped_hyperparameters_have_names(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    fast = load_hyperparameters("ppo-fast", ALLY)
+    assert load_hyperparameters("ppo", ALLY, "ppo-fast") == fast
+    with pytest.raises(UserError, match="none of this name is shipped; did you mean 'ppo-fast'"):
+        load_hyperparameters("ppo", ALLY, "ppo-fats")
+    (tmp_path / "ppo-fast").write_text(yaml.safe_dump({ALLY: settings("ppo")}))
+    assert load_hyperparameters("ppo", ALLY, "ppo-fast").n_envs == 4  # a file comes first
+
+
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [

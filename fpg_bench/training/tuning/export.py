@@ -179,7 +179,7 @@ def export_values(
     best = confirmed[0]
     if not force and present in intervals and best.score.value < intervals[present].value:
         raise UserError(
-            f"{file}: not written, because on fresh seeds trial {best.trial} scores {best.score.value:.1f}, less "
+            f"{file}: not written, on fresh seeds trial {best.trial} scores {best.score.value:.1f}, less "
             f"than the present values with {intervals[present].value:.1f}; search further, or say --force"
         )
     write_values(Path(file), best)
