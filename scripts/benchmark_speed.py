@@ -73,9 +73,9 @@ def batch_rate(games: GameBatch, steps: int) -> float:
     return games.count * rate(lambda number: games.step(*actions[number % 8]), steps)
 
 
-def vec_env_rate(env: VecEnv, steps: int) -> float:
-    """Return the game steps per second of an SB3 environment at random actions."""
-    actions = random_actions(env.num_envs)
+def vec_env_rate(env: VecEnv, steps: int, actions: np.ndarray | None = None) -> float:
+    """Return the game steps per second of an SB3 environment, at random actions unless eight are given."""
+    actions = random_actions(env.num_envs) if actions is None else actions
     env.reset()
     return env.num_envs * rate(lambda number: env.step(actions[number % 8]), steps)
 
@@ -155,6 +155,27 @@ def learning(quick: bool) -> list[Figure]:
     ]
 
 
+def choosing(quick: bool) -> list[Figure]:
+    """Compare choices from a list with the floats that they stand for, in the same games."""
+    repeats, steps = (1, 5) if quick else (15, 200)
+    figures = []
+    for mode in ("discrete", "multi-discrete"):
+        games = fpg_bench.make_sb3(ENV_ID, n_envs=PPO_GAMES, seed=0, actions=mode)
+        choices, seen = games.core.choices, np.zeros((PPO_GAMES, OBSERVATION_SIZE), np.float32)
+        games.action_space.seed(0)
+        chosen = np.array([[games.action_space.sample() for _ in range(PPO_GAMES)] for _ in range(8)])
+        floats = np.array([choices.decode(each, seen) for each in chosen])
+        plain = fpg_bench.make_sb3(ENV_ID, n_envs=PPO_GAMES, seed=0)
+        rates = interleaved(
+            repeats,
+            choices=partial(vec_env_rate, games, steps, chosen),
+            floats=partial(vec_env_rate, plain, steps, floats),
+        )
+        ratio = float(np.median(rates["choices"] / rates["floats"]))
+        figures.append(Figure(f"make_sb3, {mode} / continuous", ratio, 0.9))
+    return figures
+
+
 def memory() -> list[Figure]:
     """Measure the memory of a game, and what a step of all games allocates."""
     tracemalloc.start()
@@ -182,7 +203,7 @@ def main() -> None:
     quick = parser.parse_args().quick
     warnings.filterwarnings("ignore", module="stable_baselines3")
     torch.set_num_threads(1)
-    for figure in (*stepping(quick), *memory(), *learning(quick)):
+    for figure in (*stepping(quick), *memory(), *learning(quick), *choosing(quick)):
         print(figure, flush=True)
 
 

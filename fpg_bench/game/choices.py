@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -11,6 +12,7 @@ import numpy as np
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import ACTION_MODES
 from fpg_bench.game.batch import ActionError, described
+from fpg_bench.game.compiling import compiled
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import RELATIVE_POSITION
@@ -72,9 +74,9 @@ class Choices:
             lists = [_combined(lists, chosen)]
         self.lists = tuple(lists)
         self.box_m = np.array(scenario.box_m, np.float32)
-        self._all = _combined(lists, list(product(*map(range, self.sizes)))) if self.is_multi else lists[0]
-        self._are_all_allowed = bool(self._all.allowed.all())
-        self.is_homing = bool(self._all.homing.any())
+        every = _combined(lists, list(product(*map(range, self.sizes)))) if self.is_multi else lists[0]
+        self.is_homing = bool(every.homing.any())
+        self._table = (np.array(self.sizes), every.rows, every.allowed, every.homing, self.box_m)
 
     @property
     def is_multi(self) -> bool:
@@ -109,16 +111,14 @@ class Choices:
                 f"{whose}: expected whole numbers of shape {shape}, got {described(choices)} "
                 f"(actions={self.mode!r})"
             )
-        columns = tuple(choices.T) if self.is_multi else (choices,)
-        try:
-            index = np.ravel_multi_index(columns, self.sizes)
-        except ValueError:
-            raise self._error(columns, whose) from None
-        if not self._are_all_allowed and not self._all.allowed[index].all():
-            raise self._error(columns, whose)
-        actions: np.ndarray = self._all.rows.take(index, 0)
-        if self.is_homing:
-            actions[:, _VELOCITY:] += self._all.homing[index, None] * self.towards_ally(observations)
+        columns = np.ascontiguousarray(choices, np.int64).reshape(len(observations), -1)
+        actions = np.empty((len(observations), ACTION_SIZE), np.float32)
+        seen = np.ascontiguousarray(observations, np.float32)
+        every = self._all
+        if not _look_up(
+            columns, self._sizes, every.rows, every.allowed, every.homing, seen, self.box_m, actions
+        ):
+            raise self._error(columns.T, whose)
         return actions
 
     def _error(self, columns: Sequence[np.ndarray], whose: str) -> ActionError:
@@ -132,16 +132,45 @@ class Choices:
                     return ActionError(f"{where} ({of.names[chosen]}) is forbidden by the scenario")
         raise AssertionError("all choices are valid")
 
-    def towards_ally(self, observations: np.ndarray) -> np.ndarray:
-        """Return the ``(N, 3)`` float32 velocity of an opponent that flies at the ally.
 
-        It is of length 1, and less within 10 m of the ally.
-        """
-        root = observations[:, RELATIVE_POSITION : RELATIVE_POSITION + 3]
-        away_m = root * np.abs(root) * self.box_m
-        distance = np.sqrt((away_m * away_m).sum(1, keepdims=True))
-        velocity: np.ndarray = away_m / np.maximum(distance, np.float32(PURSUIT_M))
-        return velocity
+@compiled
+def _look_up(
+    choices: np.ndarray,
+    seen: np.ndarray,
+    actions: np.ndarray,
+    sizes: np.ndarray,
+    rows: np.ndarray,
+    allowed: np.ndarray,
+    homing: np.ndarray,
+    box_m: np.ndarray,
+) -> bool:
+    """Fill the actions of choices ``(N, lists)``; returns False for one out of range or forbidden."""
+    for i in range(choices.shape[0]):
+        index = 0
+        for j in range(choices.shape[1]):
+            if not 0 <= choices[i, j] < sizes[j]:
+                return False
+            index = index * sizes[j] + choices[i, j]
+        if not allowed[index]:
+            return False
+        for j in range(ACTION_SIZE):
+            actions[i, j] = rows[index, j]
+        if homing[index] != 0.0:
+            _home(seen[i], homing[index], box_m, actions[i])
+    return True
+
+
+@compiled
+def _home(seen: np.ndarray, homing: float, box_m: np.ndarray, action: np.ndarray) -> None:
+    """Add the velocity of an opponent that flies at the ally: of length 1, and less within 10 m of it."""
+    squares = 0.0
+    for axis in range(3):
+        root = seen[RELATIVE_POSITION + axis]
+        squares += (root * root * box_m[axis]) ** 2
+    reach = max(math.sqrt(squares), PURSUIT_M)
+    for axis in range(3):
+        root = seen[RELATIVE_POSITION + axis]
+        action[_VELOCITY + axis] += homing * root * abs(root) * box_m[axis] / reach
 
 
 def action_choices(side: str, mode: str, scenario: Scenario) -> Choices | None:

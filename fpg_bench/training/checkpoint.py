@@ -21,7 +21,7 @@ from fpg_bench.common.errors import UserError, one_line
 from fpg_bench.common.files import read_json, write_json
 
 MODEL, NORMALIZE, REPLAY, PROGRESS = "model.zip", "normalize.npz", "replay_buffer.npz", "progress.json"
-_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
+_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_n_calls", "_current_progress_remaining")
 
 
 def save_model(model: BaseAlgorithm, folder: Path) -> None:

@@ -345,7 +345,7 @@ def _chosen(graph: _Graph, actor: Actor, choices: Choices, values: str) -> None:
 
 
 def _velocity(graph: _Graph, choices: Choices, chosen: str) -> str:
-    """Add what a choice adds to the velocity, as a row of nine: see ``Choices.towards_ally``."""
+    """Add what a choice adds to the velocity, as a row of nine: see :mod:`fpg_bench.game.choices`."""
     root = graph.columns("observation", RELATIVE_POSITION, RELATIVE_POSITION + 3)
     away = graph.add("Mul", graph.add("Mul", root, graph.add("Abs", root)), graph.constant(choices.box_m))
     squares = graph.add("ReduceSum", graph.add("Mul", away, away), graph.constant([1]), keepdims=1)

@@ -25,7 +25,7 @@ from fpg_bench.training.checkpoint import newest_checkpoint
 from tests.logged import logged
 from tests.training.tiny import settings, train_tiny
 
-ALGORITHMS = ["sac", "td3", "recurrent-ppo", "ppo-stack3"]
+ALGORITHMS = ["sac", "td3", "dqn", "recurrent-ppo", "ppo-stack3"]
 
 
 class Watched(BaseCallback):
@@ -86,12 +86,14 @@ def stopped(algorithm, out, monkeypatch, at=600, **options):
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_a_resumed_run_continues_from_its_checkpoint_to_its_budget(algorithm, tmp_path, monkeypatch):
     policy = settings(algorithm)["policy_kwargs"] | {"activation_fn": "ELU"}
-    changes = {"learning_rate": "lin_0.001", "policy_kwargs": policy}
-    first = stopped(algorithm, tmp_path / "run", monkeypatch, changes=changes)
+    options = {"changes": {"learning_rate": "lin_0.001", "policy_kwargs": policy}}
+    if algorithm == "dqn":
+        options["actions"] = "discrete"
+    first = stopped(algorithm, tmp_path / "run", monkeypatch, **options)
     with pytest.raises(UserError, match="unfinished; go on with --resume"):
-        train_tiny(algorithm, tmp_path / "run", changes=changes)
+        train_tiny(algorithm, tmp_path / "run", **options)
     second = watched(monkeypatch)
-    train_tiny(algorithm, tmp_path / "run", changes=changes, progress=True, resume=True)
+    train_tiny(algorithm, tmp_path / "run", progress=True, resume=True, **options)
     assert first.seen["steps"] >= 600
     assert second.seen == first.seen
     # The games' first observations are normalised, and counted, at each beginning

@@ -60,6 +60,37 @@ def test_the_options_are_those_of_the_command_line():
     assert config.options() == {"ally": ["a", "b"], "start": "run", "deadline": 3}
 
 
+def test_an_id_of_discrete_actions_is_the_plain_id_with_an_option():
+    config = RunConfig("dqn", "fpg_bench:FPG/AllyVsScriptedDiscrete-v0")
+    assert (config.id, config.actions) == (ALLY, "discrete")
+    assert (
+        config.options() == run_config("dqn", ALLY, actions="discrete").options() == {"actions": "discrete"}
+    )
+    assert config.suites() == ["ally-v1"]
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "actions", "remedy"),
+    [
+        ("dqn", None, "add --actions discrete"),
+        ("stable_baselines3:DQN", "multi-discrete", "add --actions discrete"),
+        ("sac", "discrete", "add --actions continuous"),
+    ],
+)
+def test_an_algorithm_that_does_not_fit_the_actions_is_refused_before_anything_is_written(
+    algorithm, actions, remedy, tmp_path
+):
+    with pytest.raises(UserError, match=remedy):
+        train(algorithm, ALLY, tmp_path / "run", steps=1000, actions=actions)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_teacher_of_floats_is_no_teacher_of_choices(tmp_path):
+    hyperparams = settings("ppo", imitate={"teacher": "expert"})
+    with pytest.raises(UserError, match="the model chooses from a list"):
+        train("ppo", ALLY, tmp_path / "run", hyperparams=hyperparams, actions="discrete")
+
+
 # A run's folder
 
 
