@@ -114,10 +114,7 @@ class Choices:
         columns = np.ascontiguousarray(choices, np.int64).reshape(len(observations), -1)
         actions = np.empty((len(observations), ACTION_SIZE), np.float32)
         seen = np.ascontiguousarray(observations, np.float32)
-        every = self._all
-        if not _look_up(
-            columns, self._sizes, every.rows, every.allowed, every.homing, seen, self.box_m, actions
-        ):
+        if not _look_up(columns, seen, actions, *self._table):
             raise self._error(columns.T, whose)
         return actions
 
