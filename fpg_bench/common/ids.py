@@ -9,6 +9,11 @@ from types import MappingProxyType
 from fpg_bench.common.errors import UserError, nearest
 
 
+def other_side(side: str) -> str:
+    """Return the rivals' side of ``ally``, ``opponent`` or ``planner``."""
+    return "opponent" if side == "ally" else "ally"
+
+
 @dataclass(frozen=True)
 class EnvConfig:
     """Configuration of one id: the learning side, the other side's player, the opponent's path.
@@ -30,7 +35,7 @@ class EnvConfig:
     @property
     def other_side(self) -> str:
         """The keyword of the other side's player: ``opponent`` or ``ally``."""
-        return "opponent" if self.side == "ally" else "ally"
+        return other_side(self.side)
 
 
 ENVS = MappingProxyType(

@@ -18,7 +18,7 @@ import pydantic
 from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_json, read_yaml
-from fpg_bench.common.ids import DUEL, find_env, policy_env
+from fpg_bench.common.ids import DUEL, find_env, other_side, policy_env
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.game.scenario import Scenario, as_scenario
@@ -109,7 +109,7 @@ class Suite:
     @property
     def other_side(self) -> str:
         """The side that the rivals play."""
-        return "opponent" if self.side == "ally" else "ally"
+        return other_side(self.side)
 
     @property
     def return_name(self) -> str:

@@ -11,11 +11,11 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_json
+from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.leaderboard.close_season import ROUNDS, mean_returns, shuffled, train_candidate
 from fpg_bench.leaderboard.season import (
-    OTHER,
     Recipe,
     Season,
     SeasonEntry,
@@ -24,6 +24,7 @@ from fpg_bench.leaderboard.season import (
     read_entries,
     season_seed,
 )
+from fpg_bench.players.player import SIDES
 from fpg_bench.training.run_folder import RunFolder
 
 _TITLES = {"opponent": "Opponents, rivals of allies", "ally": "Allies, rivals of opponents"}
@@ -104,7 +105,7 @@ def _choose_members(
     all_members = list(season.all_members())
     if names is None:
         drawn = shuffled(all_members, season.seed, work.name)
-        return [pair for side in OTHER for pair in [p for p in drawn if p[0] == side][:count]]
+        return [pair for side in SIDES for pair in [p for p in drawn if p[0] == side][:count]]
     by_name = {member.name: (side, member) for side, member in all_members}
     if unknown := [name for name in names if name not in by_name]:
         raise UserError(f"season {season.name}: has no member {unknown[0]!r}{nearest(unknown[0], by_name)}")
@@ -124,7 +125,7 @@ def _training_job(work: Path, recipe: Recipe) -> Job:
 def _compare(
     season: Season, entries: list[SeasonEntry], work: Path, side: str, member: SeasonMember, rounds: int
 ) -> AuditedMember:
-    other = OTHER[side]
+    other = other_side(side)
     published, again = season.agent(side, member), work / side / member.name / "agent"
     returns = np.array(
         [

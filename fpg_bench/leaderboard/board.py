@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from fpg_bench.common.errors import nearest
+from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import outcome_of
 from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey
 from fpg_bench.evaluation.statistics import (
@@ -270,7 +271,7 @@ class BoardTrack:
     @property
     def other_side(self) -> str:
         """The side of the rivals."""
-        return "opponent" if self.side == "ally" else "ally"
+        return other_side(self.side)
 
     def verified(self) -> Iterator[tuple[BoardEntry, Figures]]:
         """Yield the verified entries with their figures, best first."""
@@ -633,7 +634,7 @@ def worst_case(
         summaries: by role; changed rules and public seeds do not count.
         pairs: of cross-play.
     """
-    other = "opponent" if side == "ally" else "ally"
+    other = other_side(side)
     cases: list[tuple[Interval, str, str]] = [
         (summary.by_rival[summary.worst], summary.worst, role)
         for role, summary in summaries.items()

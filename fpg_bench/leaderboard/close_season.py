@@ -22,7 +22,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, read_yaml, write_whole
-from fpg_bench.common.ids import policy_env
+from fpg_bench.common.ids import other_side, policy_env
 from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
@@ -32,7 +32,6 @@ from fpg_bench.evaluation.suite import Rival, Scale, Suite, load_suite
 from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.leaderboard.season import (
     FILE,
-    OTHER,
     Recipe,
     Season,
     SeasonEntry,
@@ -306,7 +305,7 @@ class Closing:
 
     def rival_entries(self, side: str) -> list[SeasonEntry]:
         """Return the entries that play against the candidates of a side."""
-        return entries_of_side(self.entries, OTHER[side])
+        return entries_of_side(self.entries, other_side(side))
 
     def recipes(self, side: str) -> list[Recipe]:
         """Return the recipes of a side's candidates."""
@@ -455,7 +454,7 @@ def _make_candidate(
     played = {row["player"] for row in file.read()}
     for entry, path, player in players:
         if player not in played:
-            returns = mean_returns(player, OTHER[recipe.side], str(folder / "agent"), path, seed, rounds)
+            returns = mean_returns(player, other_side(recipe.side), str(folder / "agent"), path, seed, rounds)
             file.append([{"entry": entry, "player": player, "n": rounds, **returns}])
 
 
@@ -504,7 +503,7 @@ def _scale(side: str) -> Scale:
 def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
     recipes = closing.recipes(side)
     profiles = [RowFile(closing.folder(recipe) / PROFILE).read() for recipe in recipes]
-    returns = np.array([[row[OTHER[side]] for row in profile] for profile in profiles]).T
+    returns = np.array([[row[other_side(side)] for row in profile] for profile in profiles]).T
     select = select_diverse if closing.number is None else select_representative
     members = []
     for index in select(returns, min(closing.size, len(recipes))):

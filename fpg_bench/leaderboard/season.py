@@ -13,6 +13,7 @@ from pydantic import field_validator
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml, write_whole
+from fpg_bench.common.ids import other_side
 from fpg_bench.common.schema import Items, Strict, parse
 from fpg_bench.evaluation.seeds import SeasonKey, seed_from
 from fpg_bench.evaluation.suite import PLANNER
@@ -23,7 +24,6 @@ from fpg_bench.players.agent import baselines_folder, suites_folder
 from fpg_bench.players.player import SIDES
 
 FILE = "season.yml"
-OTHER = {"ally": "opponent", "opponent": "ally"}
 _HEADER = """# The rivals of both sides, how each was trained, and the entries that made the seed.
 # Made by: fpg-bench leaderboard close-season. Members lie beside it, as <side>/<member>/policy.onnx.
 """
@@ -207,7 +207,7 @@ def write_suites(season: Season, number: int) -> None:
     """
     key = SeasonKey(number, season.seed)
     for track in TRACKS.values():
-        side, is_planner = OTHER.get(track.side, "ally"), track.side == PLANNER
+        side, is_planner = other_side(track.side), track.side == PLANNER
         template = read_yaml(suites_folder() / f"{track.public}.yml", "suite")
         content: dict[str, Any] = {name: template[name] for name in _COPIED if name in template}
         content |= {"matches": _PLANNER_MATCHES if is_planner else _MATCHES, "season": season.seed}

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import LEARNERS, SCRIPTED
+from fpg_bench.common.ids import LEARNERS, SCRIPTED, other_side
 from fpg_bench.common.imports import import_object
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.choosing import with_floats
@@ -52,9 +52,8 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         from fpg_bench.players.agent import load_agent
 
         return load_agent(name, side)
-    other_side = "opponent" if side == "ally" else "ally"
-    if name in SCRIPTED[other_side] or (name in LEARNERS and side == "opponent"):
-        raise UserError(f"unknown {side} {name!r}: it plays the {other_side}")
+    if name in SCRIPTED[other_side(side)] or (name in LEARNERS and side == "opponent"):
+        raise UserError(f"unknown {side} {name!r}: it plays the {other_side(side)}")
     known = [*SCRIPTED[side], *(LEARNERS if side == "ally" else ()), *ORACLES]
     raise UserError(f"unknown {side} {name!r}{nearest(name, known)}")
 

@@ -22,7 +22,7 @@ from pydantic import Field as Constraint
 from fpg_bench.common.checks import mapping, whole
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import check_own_folder, read_json, read_yaml, write_json, write_whole
-from fpg_bench.common.ids import SCRIPTED, find_env, policy_env, sides_of
+from fpg_bench.common.ids import SCRIPTED, find_env, other_side, policy_env, sides_of
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.entry import code_fingerprint, player_entry
@@ -98,10 +98,6 @@ def _result_row(summary: Summary) -> Row:
     }
 
 
-def _other_side(side: str) -> str:
-    return SIDES[1 - SIDES.index(side)]
-
-
 def _check_same(file: Path, kind: str, about: Row) -> Row:
     """Return the content of a file; raise UserError where it was made with other settings."""
     content = read_json(file, kind)
@@ -172,7 +168,7 @@ def best_responses(
     if hyperparams is not None and len(algorithms) > 1:
         raise UserError("hyperparams: are those of one algorithm; name one")
     target = _find_target(agent, side, scenario, path)
-    env_id, file = policy_env(_other_side(target.side)).id, Path(out) / RESULT
+    env_id, file = policy_env(other_side(target.side)).id, Path(out) / RESULT
     about = {
         "side": target.side,
         "policy": target.fingerprint,
@@ -185,7 +181,7 @@ def best_responses(
     if file.exists():
         result = _check_same(file, "best responses", about)
     else:
-        scripts = {name: target.evaluate(name) for name in SCRIPTED[_other_side(target.side)]}
+        scripts = {name: target.evaluate(name) for name in SCRIPTED[other_side(target.side)]}
         result = {"agent": agent, **about, "scripts": scripts, "responses": []}
         write_json(file, result | {"lowest": _lowest(result)})  # the folder is taken before any training
     for kind, name, budget, seed in product(starts, algorithms, budgets, range(n_seeds)):
@@ -262,7 +258,7 @@ class _Target:
         row = _result_row(summary)
         del row["returns"]
         tally = summary.pooled.tally
-        return row | {"earned": round(tally[f"{_other_side(self.side)}_return"] / tally["steps"], 4)}
+        return row | {"earned": round(tally[f"{other_side(self.side)}_return"] / tally["steps"], 4)}
 
 
 def _find_target(
@@ -424,7 +420,7 @@ class _SelfPlay:
 
     def others(self, side: str, generation: int) -> dict[str, str]:
         """Return the players that a generation is trained against, by their names in rows."""
-        other = _other_side(side)
+        other = other_side(side)
         if generation == 0:
             return {name: name for name in SCRIPTED[other]}
         past = draw_past(side, generation, self.pool, self.seed)
