@@ -14,6 +14,7 @@ import tracemalloc
 import warnings
 from collections.abc import Callable
 from functools import partial
+from itertools import product
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -159,20 +160,20 @@ def choosing(quick: bool) -> list[Figure]:
     """Compare choices from a list with the floats that they stand for, in the same games."""
     repeats, steps = (1, 5) if quick else (15, 200)
     figures = []
-    for mode in ("discrete", "multi-discrete"):
-        games = fpg_bench.make_sb3(ENV_ID, n_envs=PPO_GAMES, seed=0, actions=mode)
-        choices, seen = games.core.choices, np.zeros((PPO_GAMES, OBSERVATION_SIZE), np.float32)
+    for mode, count in product(("discrete", "multi-discrete"), (PPO_GAMES, 1024)):
+        games = fpg_bench.make_sb3(ENV_ID, n_envs=count, seed=0, actions=mode)
+        choices, seen = games.core.choices, np.zeros((count, OBSERVATION_SIZE), np.float32)
         games.action_space.seed(0)
-        chosen = np.array([[games.action_space.sample() for _ in range(PPO_GAMES)] for _ in range(8)])
+        chosen = np.array([[games.action_space.sample() for _ in range(count)] for _ in range(8)])
         floats = np.array([choices.decode(each, seen) for each in chosen])
-        plain = fpg_bench.make_sb3(ENV_ID, n_envs=PPO_GAMES, seed=0)
+        plain = fpg_bench.make_sb3(ENV_ID, n_envs=count, seed=0)
         rates = interleaved(
             repeats,
             choices=partial(vec_env_rate, games, steps, chosen),
             floats=partial(vec_env_rate, plain, steps, floats),
         )
         ratio = float(np.median(rates["choices"] / rates["floats"]))
-        figures.append(Figure(f"make_sb3, {mode} / continuous", ratio, 0.9))
+        figures.append(Figure(f"{count} games, {mode} / continuous", ratio, 0.9))
     return figures
 
 

@@ -73,6 +73,7 @@ class Choices:
             chosen = _ally_combinations(lists) if side == "ally" else _opponent_combinations(lists)
             lists = [_combined(lists, chosen)]
         self.lists = tuple(lists)
+        self._columns = (len(lists),) if mode == "multi-discrete" else ()
         self.box_m = np.array(scenario.box_m, np.float32)
         every = _combined(lists, list(product(*map(range, self.sizes)))) if self.is_multi else lists[0]
         self.is_homing = bool(every.homing.any())
@@ -105,14 +106,14 @@ class Choices:
             ActionError: another shape or dtype, a number out of range, or a choice that the scenario
                 forbids; the message names the game and the choice.
         """
-        shape = (len(observations), *((len(self.lists),) if self.is_multi else ()))
+        shape = (len(observations), *self._columns)
         if not isinstance(choices, np.ndarray) or choices.dtype.kind not in "iu" or choices.shape != shape:
             raise ActionError(
                 f"{whose}: expected whole numbers of shape {shape}, got {described(choices)} "
                 f"(actions={self.mode!r})"
             )
-        columns = np.ascontiguousarray(choices, np.int64).reshape(len(observations), -1)
-        actions = np.empty((len(observations), ACTION_SIZE), np.float32)
+        columns = np.ascontiguousarray(choices, np.int64).reshape(shape[0], -1)
+        actions = np.empty((shape[0], ACTION_SIZE), np.float32)
         seen = np.ascontiguousarray(observations, np.float32)
         if not _look_up(columns, seen, actions, *self._table):
             raise self._error(columns.T, whose)
