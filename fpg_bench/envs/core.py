@@ -61,7 +61,9 @@ def action_space(choices: Choices | None = None) -> spaces.Space[Any]:
     """
     if choices is None:
         return spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)
-    return spaces.MultiDiscrete(choices.sizes) if choices.is_multi else spaces.Discrete(choices.sizes[0])
+    return (
+        spaces.MultiDiscrete(list(choices.sizes)) if choices.is_multi else spaces.Discrete(choices.sizes[0])
+    )
 
 
 def compute_reward(reward: str, side: str, games: np.ndarray, scenario: Scenario) -> np.ndarray:

@@ -116,12 +116,12 @@ class Choices:
         actions = np.empty((shape[0], ACTION_SIZE), np.float32)
         seen = np.ascontiguousarray(observations, np.float32)
         if not _look_up(columns, seen, actions, *self._table):
-            raise self._error(columns.T, whose)
+            raise self._error(columns, whose)
         return actions
 
-    def _error(self, columns: Sequence[np.ndarray], whose: str) -> ActionError:
+    def _error(self, choices: np.ndarray, whose: str) -> ActionError:
         """Return the error of the first choice that is out of range or forbidden."""
-        for of, column in zip(self.lists, columns, strict=True):
+        for of, column in zip(self.lists, choices.T, strict=True):
             for game, chosen in enumerate(column.tolist()):
                 where = f"{whose}: {of.name} of game {game}: {chosen}"
                 if not 0 <= chosen < len(of):

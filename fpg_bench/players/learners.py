@@ -115,7 +115,8 @@ def _arm(kind: int, means: np.ndarray, counts: np.ndarray, key: np.uint64, step:
     """Return the arm to draw; one that was never drawn has an unbounded index."""
     points = len(means)
     if kind == EPSILON_GREEDY and rng.uniform(key, step, rng.PLAYER_DRAW) < EPSILON:
-        return rng.integer(key, step, rng.PLAYER_DRAW + 1, points)
+        drawn: int = rng.integer(key, step, rng.PLAYER_DRAW + 1, points)
+        return drawn
     best, highest = 0, -math.inf
     for arm in range(points):
         index = means[arm]
@@ -136,15 +137,18 @@ def _gain(seen: np.ndarray, rules: Record) -> float:
     """Return the reward of Eq. 5 before costs, scaled to be 1 at the cap; below 0 in outage."""
     cap = min(rules.snr_cap, 1.0 / rules.per_snr_scale)
     snr = min(seen[SNR] / rules.per_snr_scale, cap)
-    return (snr - rules.threshold) / (cap - rules.threshold)
+    gain: float = (snr - rules.threshold) / (cap - rules.threshold)
+    return gain
 
 
 @compiled
 def _costs(seen: np.ndarray, hopped: bool, rules: Record) -> float:
     """Return what hopping and spreading cost in the last step, on the same scale."""
     cap = min(rules.snr_cap, 1.0 / rules.per_snr_scale)
-    cost = spread_cost(seen[SPREADING_TIME] / rules.per_spreading_scale, rules)
-    return (cost + (rules.hop_cost if hopped else 0.0)) / (cap - rules.threshold)
+    cost: float = spread_cost(seen[SPREADING_TIME] / rules.per_spreading_scale, rules)
+    cost += rules.hop_cost if hopped else 0.0
+    cost /= cap - rules.threshold
+    return cost
 
 
 @compiled

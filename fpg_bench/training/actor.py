@@ -109,7 +109,7 @@ class Actor(nn.Module):
 
     def _chosen(self, values: torch.Tensor, choices: Choices, observation: torch.Tensor) -> torch.Tensor:
         """Return the actions of the choices with the highest values, as ``Choices.decode`` does."""
-        best = [part.argmax(1) for part in values.split(choices.sizes, 1)]
+        best = [part.argmax(1) for part in torch.split(values, list(choices.sizes), 1)]
         action = self.tables[0].index_select(0, best[0])
         for table, chosen in zip(self.tables[1:], best[1:], strict=True):
             action = action + table.index_select(0, chosen)

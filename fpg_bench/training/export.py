@@ -29,8 +29,9 @@ from torch.distributions import Distribution
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_json, write_whole
-from fpg_bench.common.ids import find_env
+from fpg_bench.common.ids import DUEL, find_env
 from fpg_bench.common.imports import reason
+from fpg_bench.envs.core import SingleAgentGame
 from fpg_bench.game.choices import PURSUIT_M, Choices, action_choices
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.sensing import RELATIVE_POSITION
@@ -138,18 +139,22 @@ def export_agent(
         UserError: a policy of another kind, or games of another kind and no ``id``.
     """
     core = core_of(model)
-    config = getattr(core, "config", None) if id is None else find_env(id)
-    if config is None:
-        raise UserError("export: the model has no games of fpg_bench; say which id it is for")
-    choices = action_choices(config.side, config.actions, STANDARD) if core is None else None
+    if id is None:
+        if not isinstance(core, SingleAgentGame):
+            raise UserError("export: the model has no games of fpg_bench; say which id it is for")
+        id = core.config.id
+    choices = None
+    if id != DUEL:
+        config = find_env(id)
+        id, choices = config.id, action_choices(config.side, config.actions, STANDARD)
     description = {
         "algorithm": algorithm or type(model).__name__.lower(),
-        "id": config.id,
-        "scenario": STANDARD.hash if core is None else core.scenario.hash,
+        "id": id,
+        "scenario": STANDARD.hash if core is None else core.duel.scenario.hash,
         "training_seed": training_seed,
         "training_steps": model.num_timesteps,
     }
-    return write_exported(model, Path(folder), description | about, choices)
+    return write_exported(model, Path(folder), description | about, choices if core is None else None)
 
 
 def write_exported(

@@ -108,10 +108,7 @@ def load_hyperparameters(
         return _parse(algorithm, dict(file), f"hyper-parameters: {env_id}")
     if file is None and algorithm.custom:
         return Hyperparameters(CUSTOM_N_ENVS, 0, None, {"policy": "MlpPolicy"})
-    if file is None:
-        file = _shipped_file(algorithm, env_id, path, actions)
-    else:
-        file = _named_file(Path(file))
+    file = _named_file(Path(file)) if file else _shipped_file(algorithm, env_id, path, actions)
     content = read_yaml(file, "hyper-parameters")
     if not isinstance(content.get(env_id), dict):
         raise UserError(
