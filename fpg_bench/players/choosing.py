@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 from gymnasium import spaces
 
@@ -21,6 +23,8 @@ class ChoosingPlayer:
 
     def __init__(self, model: Player, choices: Choices) -> None:
         self.model, self._choices = model, choices
+        takes_masks = "action_masks" in inspect.signature(model.predict).parameters  # as MaskablePPO's
+        self._mask = choices.mask if takes_masks and not choices.mask.all() else None
 
     def predict(
         self,
@@ -30,7 +34,10 @@ class ChoosingPlayer:
         deterministic: bool = True,
     ) -> tuple[np.ndarray, Memory]:
         """Return actions ``(n, 9)`` float32, and the model's next memory."""
-        chosen, state = self.model.predict(observation, state, episode_start, deterministic)
+        masks = {}
+        if self._mask is not None:
+            masks["action_masks"] = np.broadcast_to(self._mask, (len(observation), len(self._mask)))
+        chosen, state = self.model.predict(observation, state, episode_start, deterministic, **masks)
         return self._choices.decode(np.asarray(chosen), observation), state
 
 

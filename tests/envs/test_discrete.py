@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test, parallel_seed_test
+from sb3_contrib import MaskablePPO
 from sb3_contrib.common.maskable.utils import get_action_masks, is_masking_supported
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 from stable_baselines3.common.vec_env import DummyVecEnv
@@ -20,6 +21,7 @@ from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.game.batch import ActionError
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import STANDARD, as_scenario
+from fpg_bench.players.registry import as_player
 from fpg_bench.players.scripted import Scripted
 
 from .playing import SHORT
@@ -116,6 +118,16 @@ def test_maskable_ppo_finds_the_masks(mode):
         assert not masks.all()
     with pytest.raises(UserError, match="actions='discrete'"):
         make_sb3(OPPONENT, 3).env_method("action_masks")
+
+
+def test_a_model_of_choices_is_a_player_that_keeps_to_what_is_allowed():
+    scenario = as_scenario(SHORT, jamming_types=("tone", "comb"))
+    games = make_sb3(OPPONENT, 4, seed=0, scenario=scenario, actions="discrete")
+    player = as_player(MaskablePPO("MlpPolicy", games, n_steps=8, batch_size=8), "opponent", scenario)
+    seen = np.random.default_rng(0).uniform(-1, 1, (300, 15)).astype(np.float32)
+    assert set(player.predict(seen)[0][:, :4].argmax(1)) <= {0, 3}
+    with pytest.raises(UserError, match="chooses from"):
+        as_player(player.model, "ally", scenario)
 
 
 @pytest.mark.slow
