@@ -40,6 +40,7 @@ from fpg_bench.cli.options import (
     whole_number,
 )
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import check_writable
 from fpg_bench.common.output import print_line
 from fpg_bench.common.rows import Row
 
@@ -147,6 +148,7 @@ def train(
 
     Example: fpg-bench train ppo FPG/AllyVsScripted-v0 --steps 2e6 --out runs/ppo_0
     """
+    check_writable(out)  # before the seconds that the imports take
     from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.training.config import GameOptions, RunConfig
     from fpg_bench.training.run_folder import RunFolder
@@ -265,6 +267,7 @@ def selfplay(
 
     Example: fpg-bench selfplay ppo --generations 10 --out runs/selfplay
     """
+    check_writable(out)
     from fpg_bench.training.league import selfplay as play
 
     agents = play(
@@ -337,6 +340,7 @@ def best_response(
 
     Example: fpg-bench best-response runs/ppo_0/agent --steps 500000 --out runs/exploited
     """
+    check_writable(out)
     from fpg_bench.training.league import best_responses as respond
     from fpg_bench.training.league import response_label
 

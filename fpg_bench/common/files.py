@@ -156,6 +156,15 @@ def check_own_folder(folder: Path, description: str, what: str, *others: str) ->
         raise UserError(f"{folder}: is not empty and holds no {what}; choose another folder")
 
 
+def check_writable(folder: Path) -> None:
+    """Raise UserError for a folder that cannot be written to, or cannot be made."""
+    there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    if not there.is_dir():
+        raise UserError(f"out: {there} is a file; name a folder")
+    if not os.access(there, os.W_OK):
+        raise UserError(f"out: {there} cannot be written to; choose another folder")
+
+
 def _begun(path: Path) -> str:
     """Return the prefix of this machine's temporary files for a path."""
     return f".{path.name}.{socket.gethostname()}-"

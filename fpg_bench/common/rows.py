@@ -78,12 +78,20 @@ class RowFile:
         return row
 
     def append(self, rows: Iterable[Row]) -> None:
-        """Append rows in one write; a partial last line is cut off first."""
+        """Append rows in one write; a partial last line is cut off first.
+
+        Raises:
+            OSError: the file cannot be written, with its name also where the disk is full.
+        """
         text = "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._cut_torn_line()
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(text)
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(text)
+        except OSError as error:
+            error.filename = error.filename or str(self.path)  # a full disk names no file
+            raise
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.files import check_writable
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.paper.conditions import ALL, LLM, LONG, SHORT_SEEDS, Condition, conditions_of
 from fpg_bench.paper.experiment import BUDGETS, LEARNERS, Budget, check_learner, run_experiment
@@ -55,8 +56,7 @@ def reproduce(
         UserError: an unknown name, or failed runs (the others are kept).
     """
     budget, out = _budget(budget), Path(out)
-    if out.exists() and not out.is_dir():
-        raise UserError(f"out: {out} is a file; name a folder")
+    check_writable(out)
     check_learner(learner)
     count = whole(budget.seeds if n_seeds is None else n_seeds, "n_seeds")
     file = RunFile(out, scenario, budget.name)

@@ -13,6 +13,7 @@ import pytest
 from fpg_bench import cli
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
+from fpg_bench.common.rows import RowFile
 from fpg_bench.leaderboard.folders import at_work
 from fpg_bench.leaderboard.verification import verify
 from fpg_bench.training.checkpoint import load_checkpoint
@@ -121,6 +122,24 @@ def test_a_full_disk_names_the_file_and_keeps_the_one_before(tmp_path, monkeypat
     with pytest.raises(OSError, match=f"No space left on device: '{file}'"):
         write_whole(file, "next")
     assert (os.listdir(tmp_path), file.read_text()) == (["file"], "whole")
+
+
+def test_a_full_disk_names_the_file_of_rows():
+    with pytest.raises(OSError, match="No space left on device: '/dev/full'"):
+        RowFile(Path("/dev/full")).append([{"return": 1.0}])
+
+
+@pytest.mark.parametrize(
+    "words", ["train ppo FPG/AllyVsScripted-v0", "selfplay ppo", "best-response idle", "reproduce fig7"]
+)
+def test_a_read_only_folder_is_one_line_before_anything_begins(words, tmp_path, monkeypatch, capsys):
+    real = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: path != tmp_path and real(path, mode))
+    monkeypatch.setattr(sys, "argv", ["fpg-bench", *words.split(), "--out", str(tmp_path / "run" / "ppo")])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    line = f"fpg-bench: out: {tmp_path} cannot be written to; choose another folder\n"
+    assert (end.value.code, capsys.readouterr().err) == (2, line)
 
 
 def test_what_another_process_is_writing_stays(tmp_path):
