@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -13,24 +12,19 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.curves import EVALUATIONS, GREY, Styles, draw_curves, styles_of
 from fpg_bench.evaluation.statistics import FEW_SEEDS, performance_profile, probability_of_improvement
 from fpg_bench.evaluation.suite import Suite, load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.evaluation.table import bounds, markdown_table, number
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup
 from fpg_bench.rendering.canvas import blank_figure
-from fpg_bench.training.run_folder import EVALUATIONS
 
 PAGE, CURVES = "README.md", "curves.jsonl"
 PICTURES = ("curves", "profiles", "improvement")
 COMMAND = "python scripts/train_zoo.py --tables"
-_POINTS = 200
-# Colours of Okabe and Ito, for all kinds of colour vision.
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
-_DASHES = ("-", "--", "-.", ":", (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))  # for print without colours
-_GREY = "#7f7f7f"
-_LOWEST = -100.0  # of the learning curves' axis; early policies may score far below
+_BLUE = "#0072b2"
 _MEASURES = (("jammed %", "jamming_success_rate"), ("hops %", "hop_rate"))
 _HEAD = f"""\
 # The zoo
@@ -59,20 +53,8 @@ _CAPTIONS = (
     "(an interval of no width), the interval is too narrow.",
 )
 
-Styles = Mapping[str, Mapping[str, Any]]
-
 
 # Learning curves
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Score of an algorithm over training: ``x`` (p,), mean over seeds and range at each x, (p,)."""
-
-    x: np.ndarray
-    mean: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
 
 
 def keep_curve(zoo: Zoo, agent: ZooAgent, run: Path) -> None:
@@ -89,36 +71,6 @@ def keep_curve(zoo: Zoo, agent: ZooAgent, run: Path) -> None:
 def curve_file(zoo: Zoo, group: ZooGroup) -> RowFile:
     """Return the file of a group's learning curves."""
     return RowFile(zoo.scores(group) / CURVES)
-
-
-def curves(rows: Iterable[Row], over: str) -> dict[str, Curve]:
-    """Return the curve of each algorithm, up to the last step that all of its training seeds have reached.
-
-    Args:
-        rows: rows of a group's curve file.
-        over: unit of x: ``steps``, or ``seconds`` at the speed of the fastest seed, because other work slowed
-            down the others.
-    """
-    points: dict[str, dict[int, list[tuple[float, float]]]] = {}
-    seconds_per_step: dict[str, float] = {}
-    for row in rows:
-        name, steps = row["algorithm"], row["steps"]
-        if steps > 0:  # a logarithmic axis has no zero
-            points.setdefault(name, {}).setdefault(row["training_seed"], []).append((steps, row["score"]))
-            seconds_per_step[name] = min(seconds_per_step.get(name, np.inf), row["seconds"] / steps)
-    units = dict.fromkeys(points, 1.0) if over == "steps" else seconds_per_step
-    return {
-        name: _mean_curve([np.array(sorted(each)).T * [[units[name]], [1]] for each in seeds.values()])
-        for name, seeds in points.items()
-    }
-
-
-def _mean_curve(seeds: list[np.ndarray]) -> Curve:
-    """Interpolate the seeds' ``(2, n)`` points on one grid."""
-    start, end = max(x[0] for x, _ in seeds), min(x[-1] for x, _ in seeds)
-    grid = np.geomspace(start, end, _POINTS)
-    scores = np.array([np.interp(grid, x, y) for x, y in seeds])
-    return Curve(grid, scores.mean(axis=0), scores.min(axis=0), scores.max(axis=0))
 
 
 # The page
@@ -220,42 +172,11 @@ def draw_pictures(zoo: Zoo, group: ZooGroup, summaries: Sequence[Summary]) -> No
     best = next((summary for summary in summaries if not summary.trained), None)  # of the scripts
     scores = {s.entry: s.rewards.mean(axis=2) for s in summaries if s.trained or s is best}
     levels = {best.entry: best.score.value} if best else {}
-    styles = {
-        name: {"color": colour, "ls": dashes}
-        for name, colour, dashes in zip(group.steps, _COLOURS, _DASHES, strict=False)
-    }
+    styles = styles_of(group.steps)
     if rows := curve_file(zoo, group).read():
-        _draw_curves(rows, levels, styles, paths[0])
+        _save(draw_curves(rows, levels=levels, styles=styles, band="range"), paths[0])
     _draw_profiles(scores, styles, paths[1])
     _draw_improvement(scores, styles, paths[2])
-
-
-def _draw_curves(rows: Sequence[Row], levels: Mapping[str, float], styles: Styles, path: Path) -> None:
-    """Draw the scores against steps and against time; scripts are level lines."""
-    from matplotlib.ticker import EngFormatter, LogLocator
-
-    figure = blank_figure(9.5, 3.6)
-    both = figure.subplots(1, 2, sharey=True)
-    kinds = (("steps", "steps", 1, EngFormatter(sep="")), ("seconds", "training time (minutes)", 60, "{x:g}"))
-    for axes, (over, label, unit, form) in zip(both, kinds, strict=True):
-        for name, curve in curves(rows, over).items():
-            style = styles.get(name, {"color": _GREY})
-            axes.plot(curve.x / unit, curve.mean, lw=1.8, label=name, **style)
-            axes.fill_between(curve.x / unit, curve.low, curve.high, color=style["color"], alpha=0.2, lw=0)
-        for name, score in levels.items():
-            axes.axhline(score, color=_GREY, lw=0.9)
-            axes.annotate(
-                name, (0.01, score), xycoords=("axes fraction", "data"), va="bottom", color=_GREY, fontsize=8
-            )
-        axes.set(xscale="log", xlabel=label)
-        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axes.xaxis.set_major_formatter(form)
-        axes.xaxis.set_minor_formatter("")
-    both[0].set_ylabel("score")
-    both[1].legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1), handlelength=4)
-    low, _ = both[0].get_ylim()
-    both[0].set_ylim(bottom=max(low, _LOWEST))
-    _save(figure, path)
 
 
 def _draw_profiles(scores: Mapping[str, np.ndarray], styles: Styles, path: Path) -> None:
@@ -265,7 +186,7 @@ def _draw_profiles(scores: Mapping[str, np.ndarray], styles: Styles, path: Path)
     values = np.concatenate([each.ravel() for each in scores.values()])
     thresholds = np.linspace(values.min() - 1, values.max() + 1, 400)
     for name, each in scores.items():
-        style = styles.get(name, {"color": _GREY})
+        style = styles.get(name, {"color": GREY})
         if len(each) > 1:
             for seed in performance_profile(each[:, None], thresholds):
                 axes.step(thresholds, seed, color=style["color"], lw=0.5, alpha=0.45)
@@ -288,7 +209,7 @@ def _draw_improvement(scores: Mapping[str, np.ndarray], styles: Styles, path: Pa
             estimate = probability_of_improvement(scores[one], scores[other])
         labels.append(f"{one} > {other}")
         bar = [[estimate.value - estimate.low], [estimate.high - estimate.value]]
-        axes.errorbar(estimate.value, height, xerr=bar, fmt="o", color=_COLOURS[0], ms=4, lw=1.6, capsize=4)
+        axes.errorbar(estimate.value, height, xerr=bar, fmt="o", color=_BLUE, ms=4, lw=1.6, capsize=4)
     axes.axvline(0.5, color="0.6", lw=0.8, ls=":")
     axes.set_yticks(range(len(labels)), labels, fontsize=8)
     axes.set(xlim=(-0.02, 1.02), ylim=(-0.6, max(len(labels), 1) - 0.4))

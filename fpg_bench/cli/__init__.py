@@ -28,6 +28,7 @@ for verb in (
     training.train,
     evaluation.evaluate,
     evaluation.table,
+    evaluation.curves,
     training.best_response,
     training.selfplay,
     training.export,

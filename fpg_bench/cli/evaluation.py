@@ -26,6 +26,7 @@ from fpg_bench.cli.options import (
     listed,
 )
 from fpg_bench.common.errors import printable
+from fpg_bench.common.extras import need
 
 
 def play(
@@ -130,6 +131,23 @@ def table(
     head, *lines = tables.lines_of_table(summaries, suite, width)
     print_table(head, lines, tables.caption(suite))
     typer.echo(f"written: {folder}/table.md, table.csv, table.png")
+
+
+def curves(
+    runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or of seed_0, seed_1, ... each.")],
+    out: Annotated[Path, typer.Option(help="The figure: .png, .svg or .pdf.")] = Path("curves.svg"),
+) -> None:
+    """Draw learning curves of several runs: the mean over training seeds, with its 95 % interval.
+
+    Example: fpg-bench curves runs/ppo runs/sac --out curves.svg
+    """
+    need("evaluate", "scipy", "matplotlib")
+    from fpg_bench.evaluation.curves import draw_curves, read_runs
+    from fpg_bench.rendering.canvas import check_figure, write_figure
+
+    check_figure(out)
+    write_figure(draw_curves(read_runs(runs)), out)
+    typer.echo(f"written: {out}")
 
 
 @contextlib.contextmanager

@@ -14,10 +14,10 @@ from typing import Any
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_own_folder, read_json, write_json
 from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.curves import EVALUATIONS
 from fpg_bench.training.checkpoint import MODEL, NORMALIZE, newest_checkpoint
 from fpg_bench.training.language_model import TRANSCRIPT
 
-EVALUATIONS = "evaluations.jsonl"
 # What distinguishes two runs; the command and the versions may change when a run is resumed.
 _IDENTITY = (
     "algorithm",

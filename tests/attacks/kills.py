@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import multiprocessing
 import os
@@ -12,14 +13,22 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench import cli
+from fpg_bench.common.ids import policy_env
+from fpg_bench.paper import reproduce
+from fpg_bench.paper.experiment import Budget
+from fpg_bench.players.player import SIDES
+from tests.training.tiny import settings
 
 VERBS = {
     "evaluate": "evaluate expert idle --suite ally-v1 --matches 2 --out",
     "compare": "plan compare hold hill-climb --suite planner-v1 --matches 2 --out",
     "match": "plan run --planner hill-climb --ally expert --seed 1 --out",
+    "selfplay": "selfplay ppo --generations 2 --steps 800 --hyperparams {scratch}/tiny.yml --out",
+    "reproduce": "reproduce fig4 --n-seeds 1 --n-jobs 1 --out",
 }
+TINY = Budget("tiny", 4_000, 8, 25, 2, 1)
 _MOST_KILLS = 3
-_UNTIMED = "seconds"  # how long planning took
+_TIMES = ("seconds", "steps_per_s")  # how long planning or training took
 
 
 class Killed:
@@ -31,7 +40,9 @@ class Killed:
 
     def __init__(self, verb: str, scratch: Path) -> None:
         self.kills = 0
-        self._words = VERBS[verb].split()
+        values = settings("ppo", normalize={"norm_obs": False})
+        (scratch / "tiny.yml").write_text(json.dumps({policy_env(side).id: values for side in SIDES}))
+        self._words = VERBS[verb].format(scratch=scratch).split()
         for folder in (scratch / f"{verb}-first", scratch / f"{verb}-timed"):  # the first compiles
             start = time.perf_counter()
             self._run(folder, None)
@@ -63,20 +74,26 @@ class Killed:
 
 
 def contents(folder: Path) -> dict[str, Any]:
-    """Return the JSON files of a folder without the seconds that planning took; of other files the name."""
-    files = (path for path in sorted(folder.rglob("*")) if path.is_file())
-    return {str(path.relative_to(folder)): _content(path) for path in files}
+    """Return the JSON files of a folder without its name and times; of other files the name."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and "tfevents" not in path.name)
+    return {str(path.relative_to(folder)): _content(path, folder) for path in files}
 
 
-def _content(path: Path) -> Any:
-    if path.suffix == ".jsonl":
-        return [_untimed(json.loads(record)) for record in path.read_text().splitlines()]
-    return _untimed(json.loads(path.read_text())) if path.suffix == ".json" else None
+def _content(path: Path, folder: Path) -> Any:
+    if path.suffix == ".gz":
+        text = gzip.decompress(path.read_bytes()).decode()
+    elif path.suffix in (".json", ".jsonl"):
+        text = path.read_text().replace(str(folder), "FOLDER")
+    else:
+        return None
+    if path.suffix == ".json":
+        return _untimed(json.loads(text))
+    return [_untimed(json.loads(record)) for record in text.splitlines()]
 
 
 def _untimed(content: Any) -> Any:
     if isinstance(content, dict):
-        return {key: _untimed(value) for key, value in content.items() if key != _UNTIMED}
+        return {key: _untimed(value) for key, value in content.items() if key not in _TIMES}
     return content
 
 
@@ -84,5 +101,6 @@ def _verb(words: list[str]) -> None:
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)
     os.dup2(null, 2)
+    reproduce.BUDGETS = {"quick": TINY}
     sys.argv = ["fpg-bench", *words]
     cli.main()

@@ -14,6 +14,7 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.parallel import run_jobs
+from fpg_bench.evaluation.curves import curves
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
@@ -225,14 +226,14 @@ def test_curves_are_means_and_ranges_over_seeds_as_far_as_all_have_come(zoo):
     for k, agent in enumerate(zoo.members("small/ppo")[:2]):
         keep_curve(zoo, agent, count=5 - k, score=4.0 * k, pace=2.0 + k)
     rows = zoo_page.curve_file(zoo, zoo.groups[0]).read()
-    (curve,) = zoo_page.curves(rows, "steps").values()
+    (curve,) = curves(rows, "steps", "range").values()
     assert (curve.x[0], curve.x[-1]) == pytest.approx((500, 1500))
     assert curve.mean == pytest.approx(curve.x / 50 + 2)  # both rise by 10 in 500 steps, 4 apart
     assert curve.high - curve.low == pytest.approx(np.full(len(curve.x), 4.0))
-    (by_time,) = zoo_page.curves(rows, "seconds").values()
+    (by_time,) = curves(rows, "seconds", "range").values()
     assert by_time.x[-1] == pytest.approx(6.0)  # at the speed of the faster one
     assert by_time.mean == pytest.approx(curve.mean)
-    assert zoo_page.curves(rows[:1], "steps") == {}
+    assert curves(rows[:1], "steps") == {}
 
 
 def test_a_zoo_without_scores_says_so(zoo):

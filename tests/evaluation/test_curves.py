@@ -1,0 +1,71 @@
+"""Learning curves of runs: what is drawn of which folders."""
+
+import json
+
+import numpy as np
+import pytest
+
+from fpg_bench.cli.evaluation import curves as verb
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.curves import curves, read_runs, styles_of
+from fpg_bench.evaluation.statistics import student_half
+
+
+def write_run(folder, algorithm="ppo", seed=0, slope=1.0, suite="ally-v1", steps=(0, 100, 200, 400)):
+    folder.mkdir(parents=True)
+    about = {"algorithm": algorithm, "training_seed": seed, "suite": suite}
+    (folder / "run.json").write_text(json.dumps(about))
+    rows = [{"steps": n, "seconds": n / 50, "side": "ally", "score": slope * n} for n in steps]
+    (folder / "evaluations.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+
+
+@pytest.fixture
+def runs(tmp_path):
+    """Three seeds of PPO, one run of SAC."""
+    for seed in range(3):
+        write_run(tmp_path / "ppo" / f"seed_{seed}", seed=seed, slope=1.0 + seed)
+    write_run(tmp_path / "sac", "sac")
+    return [tmp_path / "ppo", tmp_path / "sac"]
+
+
+def test_a_curve_is_a_mean_with_its_interval_over_seeds(runs):
+    drawn = curves(read_runs(runs), "steps")
+    assert list(drawn) == ["ppo", "sac"]
+    ppo = drawn["ppo"]
+    assert ppo.mean == pytest.approx(2 * ppo.x)
+    assert ppo.high - ppo.mean == pytest.approx(ppo.x * student_half(np.array([1.0, 2.0, 3.0])))
+    assert drawn["sac"].low == pytest.approx(drawn["sac"].high)  # a single seed has no band
+    assert curves(read_runs(runs), "seconds")["ppo"].x[-1] == pytest.approx(8.0)
+
+
+def test_runs_of_one_algorithm_are_named_by_their_folders(runs, tmp_path):
+    write_run(tmp_path / "slow", "ppo")
+    assert set(curves(read_runs([*runs, tmp_path / "slow"]), "steps")) == {
+        str(tmp_path / "ppo"),
+        "sac",
+        str(tmp_path / "slow"),
+    }
+
+
+def test_runs_that_cannot_be_drawn_together_are_refused(runs, tmp_path):
+    write_run(tmp_path / "other", suite="opponent-v1")
+    write_run(tmp_path / "blind", steps=(0,))
+    (tmp_path / "empty").mkdir()
+    for folder, message in (
+        ("other", "was evaluated on ally-v1, .*other on opponent-v1; draw them apart"),
+        ("blind", "blind was not evaluated during its training; see --n-evals"),
+        ("empty", r"empty holds no evaluations\.jsonl; name the folder of a run"),
+    ):
+        with pytest.raises(UserError, match=message):
+            read_runs([*runs, tmp_path / folder])
+
+
+@pytest.mark.parametrize(("suffix", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
+def test_the_verb_writes_a_figure_by_its_suffix(runs, tmp_path, suffix, begins):
+    verb(runs, tmp_path / f"curves.{suffix}")
+    assert (tmp_path / f"curves.{suffix}").read_bytes().startswith(begins)
+
+
+def test_many_curves_differ_in_colour_or_dashes():
+    styles = styles_of(map(str, range(36)))
+    assert len({str(style) for style in styles.values()}) == 36
