@@ -36,7 +36,7 @@ class ChoosingPlayer:
         """Return actions ``(n, 9)`` float32, and the model's next memory."""
         masks = {}
         if self._mask is not None:
-            masks["action_masks"] = np.broadcast_to(self._mask, (len(observation), len(self._mask)))
+            masks["action_masks"] = np.tile(self._mask, (len(observation), 1))
         chosen, state = self.model.predict(observation, state, episode_start, deterministic, **masks)
         return self._choices.decode(np.asarray(chosen), observation), state
 
