@@ -9,7 +9,7 @@ STEPS ?= 2000000
 RESULTS ?= results/benchmark$(if $(filter 2000000,$(STEPS)),,-$(STEPS))
 BIN = .venv/bin
 LOWEST = tests/envs/test_single.py tests/envs/test_vector.py tests/envs/test_multi_agent.py tests/envs/test_sb3.py \
-	tests/players/test_agent.py tests/training/test_export.py
+	tests/envs/test_discrete.py 	tests/players/test_agent.py tests/training/test_export.py
 
 PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 

@@ -19,7 +19,7 @@ from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.state import ACTION_SIZE
 
 OFFSETS = (-2, -1, 0, 1, 2)  # of the jamming from the known frequency, in frequency points
-PURSUIT_M = 10.0  # an opponent that flies at the ally slows down within this distance
+PURSUIT_M = 10.0  # closer than this, an opponent that flies at the ally slows down
 
 # The floats of an action by their place; docs/rules.md has them all.
 _HOP, _SPREAD, _SPEED, _PREFERENCE, _KNOWLEDGE = range(5)

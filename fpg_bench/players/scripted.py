@@ -8,6 +8,7 @@ import numpy as np
 
 from fpg_bench.common.ids import ALLIES, OPPONENTS, SCRIPTED
 from fpg_bench.game import rng
+from fpg_bench.game.choices import PURSUIT_M
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.full_state import ALLY, OPPONENT
 from fpg_bench.game.scenario import Scenario
@@ -36,7 +37,6 @@ SPREAD_S = 8.0
 # Where adaptive finds broadband and comb strong enough.
 BROADBAND_M = 35.0
 COMB_M = 90.0
-PURSUIT_M = 10.0  # closer than this the scripted opponents slow down, where they fly themselves
 
 # Columns of the scales that a script is handed.
 _SNR_SCALE, _THRESHOLD, _SPREADING_SCALE, _POINTS, _BOX = 0, 1, 2, 3, 4
