@@ -63,10 +63,29 @@ _ALPHABETS = frozenset(
     | {"TAMIL", "TELUGU", "THAI"}
 )
 _EAST_ASIAN = frozenset(["CJK", "HANGUL", "HIRAGANA", "IDEOGRAPHIC", "KATAKANA", "KATAKANA-HIRAGANA"])
-_PLAIN_LATIN = re.compile(r"LATIN (?:SMALL|CAPITAL) (?:LETTER|LIGATURE) ([A-Z]{1,2})(?: WITH .*)?")
-# Letters of other alphabets that look like Latin ones in upper or lower case.
-_LATIN_LOOKALIKES = frozenset("авгеєҽғһнікмопрстухьѕјѡѵүӏԁԛԝαγεηικνορστυχϲϝգզհոռսցօסყჿ")
-_ALIKE = str.maketrans({"0": "o", "1": "i", "l": "i", "j": "i", "|": "i", "!": "i", "×": "x"})
+# Latin letters that are no ASCII letter with accents, and the ASCII letters that stand for them.
+_LATIN = {
+    "æ": "ae",
+    "œ": "oe",
+    "ø": "o",
+    "đ": "d",
+    "ð": "d",
+    "ħ": "h",
+    "ı": "i",
+    "ł": "l",
+    "ŋ": "n",
+    "þ": "p",
+}
+_LATIN |= {"ŧ": "t"}
+# Letters of other alphabets, by the Latin one that they look like in Unicode's confusables.txt or in print.
+_LATIN_LOOKALIKES = {
+    "a": "ΑαАа", "b": "ΒВЬв", "c": "СсϹϲ", "d": "ԁ", "e": "ΕεЕеєҽ", "f": "Ϝϝғք", "g": "Ԍց", "h": "ΗНнҺһհ",
+    "i": "ιіӏꙇ", "j": "ͿϳЈј", "k": "ΚκКк", "l": "ΙІӀוןا", "m": "ΜϺМм", "n": "Νηпոռ", "o": "ΟοσОоՕօסهھہەჿ",
+    "p": "ΡρРр", "q": "Ԛԛգզ", "r": "гᴦ", "s": "ЅѕՏ", "t": "ΤτТт", "u": "υՍս", "v": "νѴѵט", "w": "ѠѡԜԝա",
+    "x": "ΧχХх", "y": "ΥγУуҮүყ", "z": "Ζ",
+}  # fmt: skip
+_LATIN_OF = str.maketrans({other: latin for latin, others in _LATIN_LOOKALIKES.items() for other in others})
+_ALIKE = str.maketrans({"0": "o", "1": "i", "l": "i", "j": "i", "|": "i", "!": "i"})
 # Blocks (first, last) of letters and marks that are invisible; others are controls or spaces by category.
 _INVISIBLE = (
     *((0x34F, 0x34F), (0x115F, 0x1160), (0x17B4, 0x17B5), (0x180B, 0x180F), (0x2800, 0x2800)),
@@ -77,21 +96,32 @@ _INVISIBLE = (
 def name_skeleton(name: str) -> str:
     """Return a name without differences that the eye overlooks: case, accents, spaces, punctuation.
 
-    Similar characters become one: 0 is o, 1 and l are i, ``rn`` is ``m``, ``vv`` is ``w``. A name without
-    letters and digits keeps its signs. Letters of other alphabets are not mapped, as :func:`alphabet_problem`
-    refuses names that mix them.
+    Similar characters become one: 0 is o, 1 and l are i, ``rn`` is ``m``, ``vv`` is ``w``, and letters of
+    other alphabets that look like a Latin one are that one. A name without letters and digits keeps its
+    signs.
     """
-    normal = unicodedata.normalize("NFKC", name.translate(_ALIKE)).casefold()
-    kept = [_base(letter) for letter in unicodedata.normalize("NFD", normal) if _is_significant(letter)]
-    reduced = "".join(kept).translate(_ALIKE).replace("rn", "m").replace("vv", "w")
-    return reduced or "".join(unicodedata.normalize("NFKC", name).casefold().split())
+    normal = unicodedata.normalize("NFKC", name)
+    folded = unicodedata.normalize("NFD", normal).translate(_LATIN_OF).casefold()
+    plain = folded.translate(str.maketrans(_LATIN)).translate(_ALIKE)
+    kept = "".join(c for c in plain if unicodedata.category(c)[0] in "LNS" and not _is_invisible(c))
+    return kept.replace("rn", "m").replace("vv", "w") or "".join(folded.split())
 
 
-def alphabet_problem(name: str) -> str | None:
-    """Return why the letters of a name could be taken for other ones; None if they could not."""
-    normal = unicodedata.normalize("NFKC", name).casefold()
-    letters = [letter for letter in normal if unicodedata.category(letter)[0] == "L"]
-    alphabets = sorted({_alphabet(letter) for letter in letters})
+def character_problem(name: str) -> str | None:
+    """Return why the characters of a name could be taken for other ones; None if they could not.
+
+    A name has letters of one alphabet ("single script" of Unicode's UTS 39), in Unicode's normal form NFKC.
+    Digits and signs are those of ASCII, and Latin letters are those of ASCII with or without accents, or one
+    of ``_LATIN``.
+    """
+    composed = unicodedata.normalize("NFC", name)
+    for character in composed:
+        if not character.isascii() and unicodedata.category(character)[0] not in "LM":
+            return f"holds {character!r}; besides letters, use digits and signs of ASCII"
+        if character != (normal := unicodedata.normalize("NFKC", character)):
+            return f"holds {character!r}; write {normal!r}"
+    letters = [letter for letter in composed.casefold() if unicodedata.category(letter)[0] in "LM"]
+    alphabets = sorted({_alphabet(letter) for letter in letters} - {"COMBINING"})
     if set(alphabets) <= _EAST_ASIAN:
         return None
     if len(alphabets) > 1:
@@ -99,28 +129,13 @@ def alphabet_problem(name: str) -> str | None:
         return f"mixes {mixed} letters; use one alphabet"
     if alphabets[0] not in _ALPHABETS:
         return f"is written in {alphabets[0].title()} letters; use Latin ones"
-    if alphabets == ["LATIN"]:
-        odd = [letter for letter in letters if not _PLAIN_LATIN.fullmatch(unicodedata.name(letter))]
-        return f"holds {odd[0]!r}; use plain Latin letters" if odd else None
-    folded = unicodedata.normalize("NFD", "".join(letters))
-    are_lookalikes = all(c in _LATIN_LOOKALIKES for c in folded if unicodedata.category(c)[0] == "L")
-    return "has only letters that look like Latin ones; use those" if are_lookalikes else None
+    bases = unicodedata.normalize("NFD", "".join(letters))
+    odd = [letter for letter in bases if letter.isalpha() and not letter.isascii() and letter not in _LATIN]
+    return f"holds {odd[0]!r}; use plain Latin letters" if odd and alphabets == ["LATIN"] else None
 
 
 def _alphabet(letter: str) -> str:
     return unicodedata.name(letter, "UNKNOWN").split()[0]
-
-
-def _base(letter: str) -> str:
-    """Return the plain Latin letter or ASCII digit of a character, if it has one, else itself."""
-    if unicodedata.category(letter) == "Nd":
-        return str(unicodedata.digit(letter))
-    latin = _PLAIN_LATIN.fullmatch(unicodedata.name(letter, ""))
-    return latin[1].lower() if latin else letter
-
-
-def _is_significant(letter: str) -> bool:
-    return (unicodedata.category(letter)[0] in "LNS" or letter == "!") and not _is_invisible(letter)
 
 
 def _is_invisible(letter: str) -> bool:
@@ -155,7 +170,7 @@ def _named(value: object, most: int) -> str:
 
 def _entry_name(value: object) -> str:
     text = _named(value, 60)
-    if problem := alphabet_problem(text):
+    if problem := character_problem(text):
         raise UserError(f"{quoted(text)} {problem}")
     return text
 

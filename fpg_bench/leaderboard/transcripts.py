@@ -191,11 +191,13 @@ def _check_transcript(file: Path, about: Row, suite: Suite) -> None:
 
 
 def _check_order(attempts: Sequence[Attempt], name: str) -> None:
-    """Check that attempts follow each other as a run makes them, with one limit of tokens.
+    """Check that attempts follow each other as a run makes them, with one limit of tokens and one format.
+
+    A server may refuse a format, which is then left out; so some attempts may have none.
 
     A run asks round by round for all matches, so that only matches of one round may stand in any order.
     """
-    firsts, latest, length = set(), 0, None
+    firsts, latest, length, form = set(), 0, None, None
     for number, attempt in enumerate(attempts, 1):
         where = f"{name}: line {number}"
         if attempt.round < latest:
@@ -209,6 +211,9 @@ def _check_order(attempts: Sequence[Attempt], name: str) -> None:
         length = length or _length(attempt.request)
         if _length(attempt.request) != length:
             raise UserError(f"{where} was asked with another limit of tokens than the lines before it")
+        form = form or attempt.request.get("response_format")
+        if attempt.request.get("response_format", form) != form:
+            raise UserError(f"{where} was asked for another response_format than the lines before it")
 
 
 def _length(request: Row) -> str:

@@ -115,7 +115,7 @@ def _algorithm(budget: Budget) -> Table:
         ["networks", "not given", network, "both sides', actors and critics"],
         ["tau", "not given", str(used["tau"]), ""],
         ["exploration noise", "normal, sigma not given", str(used["noise_sd"]), "on actions in [-1, 1]"],
-        ["reward scale", "not given", str(used["reward_scale"]), "rewards reach 70 a step"],
+        ["reward scale", "not given", str(used["reward_scale"]), "rewards reach 70 per step"],
         ["logit penalty", "not given", penalty, "against actions stuck at their bounds"],
         ["random steps first", "not given", f"{used['learning_starts']:,}", ""],
         ["games at once", "1", str(budget.games), f"{budget.gradient_steps} updates every {every}"],

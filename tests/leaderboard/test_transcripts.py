@@ -12,10 +12,14 @@ import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.game.scenario import as_scenario
 from fpg_bench.leaderboard import transcripts
 from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.leaderboard.transcripts import check_transcripts
+from fpg_bench.planning.llm.answers import answer_schema
+from fpg_bench.planning.llm.client import response_format
 from fpg_bench.planning.llm.transcript import MOST_BYTES, linked
+from fpg_bench.planning.planner import Limits
 
 from .recording import PLANNER_SUITE, PLANS, enter, record, rows_of, write_rows
 
@@ -158,6 +162,10 @@ def answered_twice(rows):
     return [row | {"raw": row["raw"] | {"choices": row["raw"]["choices"] * 2}} for row in rows]
 
 
+FORMATS = [
+    response_format(form, answer_schema(Limits.of(as_scenario("standard", opponent_path="waypoints"))))
+    for form in ("json_object", "json_schema")
+]
 NOT_ASKED = "holds an attempt that nothing asks for"
 
 
@@ -181,6 +189,14 @@ NOT_ASKED = "holds an attempt that nothing asks for"
         (asked(temperature=0.1), "line 1 was asked with another temperature"),
         (asked(response_format={"type": "text"}), "line 1 was asked with another response_format"),
         (lambda rows: [*asked(max_tokens=9)(rows[:1]), *rows[1:]], "line 2 was asked with another limit"),
+        (asked(max_tokens=9, max_completion_tokens=9), "line 1 holds both max_tokens and max_completion"),
+        (
+            lambda rows: [
+                *asked(response_format=FORMATS[0])(rows[:1]),
+                *asked(response_format=FORMATS[1])(rows[1:]),
+            ],
+            "line 2 was asked for another",
+        ),
         (lambda rows: sorted(rows, key=lambda row: -row["round"]), "is of round 1, but stands after round 2"),
         (seconds_first, "is a second attempt before the first one: seed "),
         (answered_twice, "line 1 was answered 2 times at once"),

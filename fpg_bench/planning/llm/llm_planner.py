@@ -280,6 +280,8 @@ def request_problem(attempt: Attempt, header: Mapping[str, Any], limits: Limits)
         "temperature": [header.get("temperature", request.get("temperature"))],
         "response_format": [response_format(form, answer_schema(limits)) for form in RESPONSE_FORMATS],
     }
+    if set(TOKEN_FIELDS) <= request.keys():
+        return f"holds both {' and '.join(TOKEN_FIELDS)}"
     for name, value in request.items():
         if name not in ("model", "messages", *TOKEN_FIELDS, *expected):
             return f"holds {name!r:.40}, which the planner does not send"
