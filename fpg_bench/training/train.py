@@ -300,12 +300,13 @@ class _Run:
         if checkpoint is None or steps_of(checkpoint) == 0:
             self.folder.clear()
             return
-        self._part = state.get("part", 0) + 1
+        has_steps_left = steps_of(checkpoint) < self.about["training_steps"]
+        self._part = state.get("part", 0) + has_steps_left
         seed = self.about["training_seed"]
         self._seconds_before = load_checkpoint(checkpoint, self.model, (seed + self._part * 2**20) % 2**32)
         self._starts_fresh = False
         self._seed_games()
-        if self.model.num_timesteps < self.about["training_steps"]:
+        if has_steps_left:
             _logger.info(
                 f"{self.folder.path}: resumed at {self.model.num_timesteps:,} steps with new matches, so its "
                 "policy differs from that of an uninterrupted run"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import math
 import multiprocessing
 import os
 import random
@@ -17,6 +18,7 @@ from fpg_bench.common.ids import policy_env
 from fpg_bench.paper import reproduce
 from fpg_bench.paper.experiment import Budget
 from fpg_bench.players.player import SIDES
+from fpg_bench.training import callbacks
 from tests.training.tiny import settings
 
 VERBS = {
@@ -102,5 +104,6 @@ def _verb(words: list[str]) -> None:
     os.dup2(null, 1)
     os.dup2(null, 2)
     reproduce.BUDGETS = {"quick": TINY}
+    callbacks.SAVE_EVERY_S = math.inf  # a run that goes on from a step on its way plays other matches
     sys.argv = ["fpg-bench", *words]
     cli.main()

@@ -131,6 +131,21 @@ def test_a_run_that_stopped_before_any_saved_step_ends_as_if_it_had_not(algorith
 
 
 @pytest.mark.slow
+def test_a_run_that_stopped_before_its_export_is_the_same(tmp_path, monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.setattr(train, "write_exported", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            train_tiny("ppo", tmp_path / "stopped")
+    agents = [train_tiny("ppo", tmp_path / name, resume=True) for name in ("stopped", "uninterrupted")]
+    assert load_agent(agents[0]).about["policy_sha256"] == load_agent(agents[1]).about["policy_sha256"]
+    assert json.loads((tmp_path / "stopped" / "run.json").read_text())["part"] == 0
+
+
+def interrupt(*arguments):
+    raise KeyboardInterrupt
+
+
+@pytest.mark.slow
 def test_a_resumed_run_says_that_its_policy_is_another(tmp_path, monkeypatch):
     stopped("ppo", tmp_path / "run", monkeypatch)
     with logged() as messages:
