@@ -64,19 +64,10 @@ _ALPHABETS = frozenset(
 )
 _EAST_ASIAN = frozenset(["CJK", "HANGUL", "HIRAGANA", "IDEOGRAPHIC", "KATAKANA", "KATAKANA-HIRAGANA"])
 # Latin letters that are no ASCII letter with accents, and the ASCII letters that stand for them.
-_LATIN = {
-    "æ": "ae",
-    "œ": "oe",
-    "ø": "o",
-    "đ": "d",
-    "ð": "d",
-    "ħ": "h",
-    "ı": "i",
-    "ł": "l",
-    "ŋ": "n",
-    "þ": "p",
-}
-_LATIN |= {"ŧ": "t"}
+_LATIN = str.maketrans(
+    {"æ": "ae", "œ": "oe", "ø": "o", "đ": "d", "ð": "d", "ħ": "h", "ı": "i", "ł": "l", "ŋ": "n", "þ": "p"}
+    | {"ŧ": "t"}
+)  # fmt: skip
 # Letters of other alphabets, by the Latin one that they look like in Unicode's confusables.txt or in print.
 _LATIN_LOOKALIKES = {
     "a": "ΑαАа", "b": "ΒВЬв", "c": "СсϹϲ", "d": "ԁ", "e": "ΕεЕеєҽ", "f": "Ϝϝғք", "g": "Ԍց", "h": "ΗНнҺһհ",
@@ -102,7 +93,7 @@ def name_skeleton(name: str) -> str:
     """
     normal = unicodedata.normalize("NFKC", name)
     folded = unicodedata.normalize("NFD", normal).translate(_LATIN_OF).casefold()
-    plain = folded.translate(str.maketrans(_LATIN)).translate(_ALIKE)
+    plain = folded.translate(_LATIN).translate(_ALIKE)
     kept = "".join(c for c in plain if unicodedata.category(c)[0] in "LNS" and not _is_invisible(c))
     return kept.replace("rn", "m").replace("vv", "w") or "".join(folded.split())
 
@@ -130,7 +121,7 @@ def character_problem(name: str) -> str | None:
     if alphabets[0] not in _ALPHABETS:
         return f"is written in {alphabets[0].title()} letters; use Latin ones"
     bases = unicodedata.normalize("NFD", "".join(letters))
-    odd = [letter for letter in bases if letter.isalpha() and not letter.isascii() and letter not in _LATIN]
+    odd = [c for c in bases if c.isalpha() and not c.isascii() and ord(c) not in _LATIN]
     return f"holds {odd[0]!r}; use plain Latin letters" if odd and alphabets == ["LATIN"] else None
 
 

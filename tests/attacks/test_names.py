@@ -85,9 +85,7 @@ def test_a_name_is_written_in_one_alphabet(name, problem):
         "Guðrún",
         "Nguyễn Ái",
         "Ștefan",
-        "e\u0301t\u00e9",
-    ]
-    + [
+        "e\u0301te",
         "дельта",
         "Мария",
         "λόγος",

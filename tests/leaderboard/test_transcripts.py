@@ -162,7 +162,7 @@ def answered_twice(rows):
     return [row | {"raw": row["raw"] | {"choices": row["raw"]["choices"] * 2}} for row in rows]
 
 
-FORMATS = [
+JSON, SCHEMA = [
     response_format(form, answer_schema(Limits.of(as_scenario("standard", opponent_path="waypoints"))))
     for form in ("json_object", "json_schema")
 ]
@@ -192,8 +192,8 @@ NOT_ASKED = "holds an attempt that nothing asks for"
         (asked(max_tokens=9, max_completion_tokens=9), "line 1 holds both max_tokens and max_completion"),
         (
             lambda rows: [
-                *asked(response_format=FORMATS[0])(rows[:1]),
-                *asked(response_format=FORMATS[1])(rows[1:]),
+                *asked(response_format=JSON)(rows[:1]),
+                *asked(response_format=SCHEMA)(rows[1:]),
             ],
             "line 2 was asked for another",
         ),
