@@ -15,7 +15,7 @@ import numpy as np
 from fpg_bench.common.errors import UserError, first_line
 from fpg_bench.common.extras import has, need
 from fpg_bench.common.files import read_json, write_json, write_whole
-from fpg_bench.common.ids import DUEL, ENVS, sides_of
+from fpg_bench.common.ids import DUEL, ENVS, find_env, sides_of
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise
 from fpg_bench.players.player import SIDES, Memory
@@ -268,7 +268,8 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
             :class:`fpg_bench.players.agent.OnnxPlayer`. What an exporter notes of this machine is left out.
         **about: what ``agent.json`` says: ``algorithm``, ``id`` (the environment id), ``training_seed`` and
             ``training_steps`` at least; ``scenario`` (its hash) where it was not ``standard``; of
-            ``FPG/duel_v0`` also ``side``.
+            ``FPG/duel_v0`` also ``side``. An id of discrete actions is written as the plain id and
+            ``actions``.
 
     Raises:
         UserError: a field missing, a policy off the contract, or no ONNX.
@@ -277,6 +278,11 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
     data = stripped(model if isinstance(model, bytes) else Path(model).read_bytes())
     sha256 = hashlib.sha256(data).hexdigest()
     content = {"format": AGENT_FORMAT, "scenario": STANDARD.hash, **about, "policy_sha256": sha256}
+    if about.get("id", DUEL) != DUEL:
+        config = find_env(about["id"])
+        content["id"] = config.id
+        if config.actions != "continuous":
+            content["actions"] = config.actions
     check_about(content, where)
     try:
         OnnxPlayer(data, content)

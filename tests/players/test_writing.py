@@ -23,11 +23,17 @@ def test_a_file_of_another_framework_becomes_an_agent(tmp_path):
     assert (agent.predict(seen)[0] == agent.predict(seen)[0]).all()
 
 
+def test_an_id_of_discrete_actions_becomes_the_plain_id_and_an_action_mode(tmp_path):
+    fpg_bench.write_agent(tmp_path, policy(0), **(TOLD | {"id": "FPG/AllyVsScriptedDiscrete-v0"}))
+    about = fpg_bench.load_agent(tmp_path, "ally").about
+    assert (about["id"], about["actions"]) == ("FPG/AllyVsScripted-v0", "discrete")
+
+
 @pytest.mark.parametrize(
     ("model", "change", "message"),
     [
         (b"nonsense", {}, "no ONNX file"),
-        (policy(0), {"id": "FPG/Nothing-v0"}, "does not have"),
+        (policy(0), {"id": "FPG/Nothing-v0"}, "unknown id"),
         (policy(0), {"side": "ally", "id": "FPG/duel_v0", "format": 3}, "format 3"),
     ],
 )
