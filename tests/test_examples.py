@@ -9,18 +9,24 @@ import numpy as np
 import pytest
 
 import fpg_bench
+from fpg_bench.game.choices import Choices
+from fpg_bench.game.scenario import STANDARD
 from tests.pages import Reader, small, small_baselines
 from tests.programs import ROOT, python
 
 NEEDS = {
     "agilerl_ppo": "agilerl",
     "benchmarl_maddpg": "benchmarl",
+    "benchmarl_qmix": "benchmarl",
+    "dqn_single_file": "torch",
     "ppo_single_file": "torch",
     "rllib_ppo": "ormsgpack",  # ray is here without what RLlib needs
     "sbx_ppo": "sbx",
     "tianshou_ppo": "tianshou",
+    "torchrl_dqn": "torchrl",
     "torchrl_ppo": "torchrl",
 }
+DISCRETE = ("benchmarl_qmix", "dqn_single_file", "torchrl_dqn")
 
 
 @pytest.mark.process
@@ -29,12 +35,20 @@ NEEDS = {
 def test_an_example_trains_and_leaves_an_agent(name, needs, tmp_path):
     if importlib.util.find_spec(needs) is None:
         pytest.skip(f"{needs} is not installed")
-    words = ("--steps", 300, "--envs", 4, "--rollout", 64, "--out", tmp_path / "agent")
+    words = ["--steps", 300, "--envs", 4, "--out", tmp_path / "agent"]
+    if name != "dqn_single_file":  # it learns in each step
+        words += ["--rollout", 64]
     run = python(ROOT / "examples" / f"{name}.py", *words)
     assert run.returncode == 0, run.stderr
     assert re.search(r"\d+ steps per CPU second", run.stdout)
-    actions, _ = fpg_bench.load_agent(tmp_path / "agent").predict(np.zeros((3, 15), np.float32))
+    agent = fpg_bench.load_agent(tmp_path / "agent")
+    actions, _ = agent.predict(np.random.default_rng(0).uniform(-1, 1, (3, 15)).astype(np.float32))
     assert actions.shape == (3, 9)
+    if name in DISCRETE:
+        rows = Choices("ally", "discrete", STANDARD).lists[0].rows
+        assert agent.about["actions"] == "discrete"
+        assert agent.row_wise
+        assert (actions[:, None] == rows).all(2).any(1).all()
 
 
 def test_all_examples_are_run_and_short():
