@@ -8,7 +8,9 @@ import sys
 
 import pytest
 
-from fpg_bench.common.ids import DUEL, ENVS
+from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, LEARNERS
+from fpg_bench.game.choices import Choices
+from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.planning import LLM_CONTROLS
 from tests.pages import Reader, blocks, broken_links, small, small_baselines
 from tests.planning.llm.fault_server import FaultServer, answer
@@ -61,6 +63,28 @@ def test_every_page_has_its_place_in_the_site():
     pages = [*RUN, *WRITTEN, *DOCS.glob("reproduction/*.md")]
     names = [name(page).removesuffix(".md") for page in pages if page.name != "index.md"]
     assert [place for place in names if not re.search(rf"(?m)^{place}$", contents)] == []
+
+
+@pytest.mark.parametrize("side", ["ally", "opponent"])
+def test_the_page_of_discrete_actions_has_all_choices_and_sizes(side):
+    text = (DOCS / "how-to/discrete-actions.md").read_text()
+    names = Choices(side, "discrete", STANDARD).lists[0].names
+    table = text.split(f"<!-- {side} chooses -->")[1].split("<!-- end -->")[0]
+    rows, listed = re.findall(r"\| (\d+)-?(\d*) \| (.*?) \| (.*?) ?\|", table), []
+    for first, last, name_of_first, name_of_last in rows:
+        assert names[int(first)] == name_of_first
+        assert names[int(last or first)] == (name_of_last or name_of_first)
+        listed += range(int(first), int(last or first) + 1)
+    assert listed == list(range(len(names)))
+    for scenario in (STANDARD, as_scenario(STANDARD, opponent_path="learned")):
+        for mode in list(ACTION_MODES)[1:]:
+            sizes = Choices(side, mode, scenario).sizes
+            assert f"`{list(sizes)}`" in text if len(sizes) > 1 else f"`Discrete({sizes[0]})`" in text
+
+
+def test_the_page_of_discrete_actions_names_all_modes_and_learners():
+    text = (DOCS / "how-to/discrete-actions.md").read_text()
+    assert [name for name in (*ACTION_MODES, *LEARNERS) if f"`{name}`" not in text] == []
 
 
 def test_the_reference_of_python_names_what_there_is():
