@@ -8,7 +8,9 @@ from tests.attacks.kills import VERBS, Killed
 pytestmark = pytest.mark.process
 
 
-@pytest.mark.parametrize("verb", ["match", "selfplay"] if SCALE == 1 else VERBS)
+@pytest.mark.parametrize(
+    "verb", ["match", pytest.param("selfplay", marks=pytest.mark.slow)] if SCALE == 1 else VERBS
+)
 def test_a_killed_command_resumes_to_the_same_result(verb, tmp_path):
     killed = Killed(verb, tmp_path)
     for seed in range(SEED, SEED + SCALE):
