@@ -198,7 +198,7 @@ def test_a_choice_that_cannot_be_made_is_refused(choice, message):
 @pytest.mark.parametrize(
     ("env_id", "actions", "message"),
     [
-        (ALLY, "discret", "did you mean 'discrete'"),
+        (ALLY, "Discrete", "did you mean 'discrete'"),
         ("FPG/AllyVsScriptedDiscrete-v0", "continuous", "the id says discrete"),
     ],
 )
