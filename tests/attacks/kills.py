@@ -28,7 +28,7 @@ VERBS = {
     "selfplay": "selfplay ppo --generations 2 --steps 800 --hyperparams {scratch}/tiny.yml --out",
     "reproduce": "reproduce fig4 --n-seeds 1 --n-jobs 1 --out",
 }
-TINY = Budget("tiny", 4_000, 8, 25, 2, 1)
+TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
 _MOST_KILLS = 3
 _TIMES = ("seconds", "steps_per_s")  # how long planning or training took
 
@@ -47,7 +47,7 @@ class Killed:
         self._words = VERBS[verb].format(scratch=scratch).split()
         for folder in (scratch / f"{verb}-first", scratch / f"{verb}-timed"):  # the first compiles
             start = time.perf_counter()
-            self._run(folder, None)
+            assert self._run(folder, None)
             self._seconds = time.perf_counter() - start
         self._uninterrupted = contents(folder)
 
@@ -103,7 +103,7 @@ def _verb(words: list[str]) -> None:
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)
     os.dup2(null, 2)
-    reproduce.BUDGETS = {"quick": TINY}
+    reproduce.BUDGETS = {**reproduce.BUDGETS, "quick": TINY}
     callbacks.SAVE_EVERY_S = math.inf  # a run that goes on from a step on its way plays other matches
     sys.argv = ["fpg-bench", *words]
     cli.main()
