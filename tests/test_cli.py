@@ -1,4 +1,3 @@
-import json
 import os
 import re
 import resource
@@ -113,16 +112,6 @@ def test_version(module):
 
 
 @pytest.mark.process
-def test_play_prints_a_round_and_writes_a_page(tmp_path):
-    result = fpg("play", "--ally", "expert-spread", "--opponent", "sweep", "--path", "circle", "--seed", 4)
-    assert result.returncode == 0, result.stderr
-    assert "overlap" in result.stdout.lower()
-    result = fpg("play", "--out", tmp_path / "round.html")
-    assert result.returncode == 0, result.stderr
-    assert "<html" in (tmp_path / "round.html").read_text()
-
-
-@pytest.mark.process
 def test_train_evaluate_table(tmp_path):
     (tmp_path / "tiny.yml").write_text(TINY)
     words = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "run", "--hyperparams", "tiny.yml")
@@ -211,39 +200,6 @@ def test_a_whole_number_may_be_written_with_an_exponent(text, number):
 def test_what_is_no_whole_number_is_refused(text):
     with pytest.raises(typer.BadParameter, match="expected a whole number above 0"):
         whole_number(text)
-
-
-@pytest.mark.process
-def test_what_was_imported_is_not_looked_through_for_waste_as_a_command_ends():
-    code = (
-        "import atexit, gc, sys\n"
-        "atexit.register(lambda: print(gc.get_freeze_count() > 10_000))\n"  # first come, last gone
-        "sys.argv = ['fpg-bench', '--version']\n"
-        "from fpg_bench.cli import main\n"
-        "main()\n"
-    )
-    output = subprocess.check_output([sys.executable, "-c", code], text=True)
-    assert output.split()[-1] == "True"
-
-
-@pytest.mark.process
-def test_a_suite_of_ones_own_needs_a_file_and_no_more(tmp_path):
-    content = "side: opponent\nscenario: standard\nmatches: 3\nrivals: [{ally: idle, path: circle}]\n"
-    (tmp_path / "mine.yml").write_text(content)
-    result = fpg("evaluate", "adaptive", "--suite", "mine.yml", folder=tmp_path)
-    assert result.returncode == 0, result.stderr
-    assert "score: the return per step" in " ".join(result.stdout.split())
-    assert (tmp_path / "results" / "records.jsonl").exists()
-
-
-@pytest.mark.process
-def test_a_player_that_fails_is_named(tmp_path):
-    source = "class Bad:\n    def predict(self, *a, **k):\n        raise RuntimeError('no idea')\n"
-    (tmp_path / "bad.py").write_text(source)
-    result = fpg("evaluate", "bad:Bad", "--out", "results", folder=tmp_path)
-    assert result.returncode == 2
-    where = f"in {tmp_path / 'bad.py'}, line 3"
-    assert result.stderr.strip().endswith(f"ally Bad: its predict failed: RuntimeError: no idea, {where}")
 
 
 @pytest.mark.process
@@ -342,24 +298,6 @@ def test_a_run_that_is_stopped_before_it_saved_says_so(monkeypatch, capsys, tmp_
         with pytest.raises(KeyboardInterrupt):
             training.train("ppo", "FPG/AllyVsScripted-v0", tmp_path)
         assert ("no step is saved yet" in capsys.readouterr().err) == (not saved)
-
-
-@pytest.mark.process
-def test_ctrl_c_while_training_saves_the_model(tmp_path):
-    words = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "run", "--steps", "100000000")
-    process = started(*words, folder=tmp_path)
-    deadline = time.monotonic() + 120
-    while not list(tmp_path.glob("run/events*")) and time.monotonic() < deadline:
-        time.sleep(0.2)
-    time.sleep(1)
-    process.send_signal(signal.SIGINT)
-    error = process.communicate(timeout=60)[1]
-    assert process.returncode == 130, error
-    assert error.splitlines()[-1] == "fpg-bench: stopped; what was finished is kept"
-    assert "steps; go on by the same command with --resume" in error
-    (checkpoint,) = (tmp_path / "run" / "checkpoints").iterdir()
-    assert (checkpoint / "model.zip").stat().st_size > 0
-    assert json.loads((tmp_path / "run" / "run.json").read_text())["finished"] is False
 
 
 @pytest.mark.process

@@ -2,7 +2,6 @@
 
 import json
 import os
-import pty
 import signal
 import subprocess
 import sys
@@ -207,13 +206,6 @@ def test_probe_tells_what_a_server_honours(folder):
     assert seen["json_schema"] == "no"
 
 
-def test_probe_says_that_nothing_answers(folder):
-    with FaultServer([status(401)]) as server:
-        ran = plan("probe", "--deadline", "5", folder=folder, server=server)
-    assert ran.returncode == 2
-    assert error_line(ran).startswith(f"fpg-bench: nothing answers at {server.url}: ")
-
-
 def test_ctrl_c_keeps_what_was_finished_and_the_next_run_goes_on(folder):
     with FaultServer([ok(path_text()), late(60, path_text())]) as server:
         process = subprocess.Popen(
@@ -238,22 +230,3 @@ def test_ctrl_c_keeps_what_was_finished_and_the_next_run_goes_on(folder):
         assert len(server.requests) == 4
     kinds = [row["kind"] for row in lines(folder / "out" / "match.jsonl")]
     assert kinds == ["run"] + ["attempt", "round"] * 3
-
-
-def test_a_terminal_sees_what_is_being_planned(folder):
-    screen, terminal = pty.openpty()
-    arguments = ("run", "--planner", "circle", "--scenario", "short.yml", "--rounds", "8")
-    process = subprocess.Popen(
-        [*COMMAND, *arguments], cwd=folder, stdout=terminal, stderr=subprocess.DEVNULL, env=environment()
-    )
-    os.close(terminal)
-    shown = b""
-    try:
-        while part := os.read(screen, 65536):
-            shown += part
-    except OSError:  # the other end is closed
-        pass
-    os.close(screen)
-    assert process.wait() == 0
-    assert b"planning round" in shown
-    assert b"circle against expert" in shown

@@ -200,19 +200,6 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_train_and_evaluate_from_the_command_line(folder):
-    result = fpg(*TRAIN, "--seeds", "0-1", "--n-jobs", 2, "--out", "runs", folder=folder)
-    assert result.returncode == 0, result.stderr
-    assert result.stderr == ""
-    assert "agents: runs/seed_*/agent" in result.stdout
-    agents = [f"runs/seed_{seed}/agent" for seed in (0, 1)]
-    result = fpg(
-        "evaluate", *agents, "idle", "--matches", 1, "--n-jobs", 2, "--out", "results", folder=folder
-    )
-    assert result.returncode == 0, result.stderr
-    assert len((folder / "results" / "records.jsonl").read_text().splitlines()) == 30
-
-
 def test_ctrl_c_saves_all_runs(folder):
     process = subprocess.Popen(
         [sys.executable, "-m", "fpg_bench.cli", *TRAIN, *LONG],

@@ -20,9 +20,12 @@ HOSTILE = (
 )
 
 
-def verbs(group: Any = None, words: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+COMMAND: Any = typer.main.get_command(cli.app)  # building it for each line would take a tenth of a second
+
+
+def verbs(group: Any = COMMAND, words: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
     """All commands with their words."""
-    for name, command in (group or typer.main.get_command(cli.app)).commands.items():
+    for name, command in group.commands.items():
         if hasattr(command, "commands"):
             yield from verbs(command, (*words, name))
         else:
@@ -62,7 +65,9 @@ LINES += [(value,) for value in HOSTILE]
 )
 def test_a_wrong_command_line_is_one_line(line, monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli, "app", COMMAND)
     monkeypatch.setattr(sys, "argv", ["fpg-bench", *line])
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
     with pytest.raises(SystemExit) as end:
         cli.main()
     printed = capsys.readouterr()

@@ -58,16 +58,6 @@ def both_tapes(games=GAMES):
     return tape(games), np.tile(opponent, (3, 1, 1)), opponent
 
 
-def test_game_i_of_a_batch_is_the_duel_seeded_s_plus_i():
-    ally, opponent, _ = both_tapes()
-    together = played(20, ally, opponent)
-    for game in range(GAMES):
-        part = slice(game, game + 1)
-        alone = played(20 + game, ally[:, part], opponent[:, part])[0]
-        assert same(together[game][0], alone[0])
-        assert same(together[game][1], alone[1])
-
-
 @pytest.mark.parametrize("path", ["pursuit", "learned", ["circle", "learned"]])
 def test_the_single_environments_of_both_sides_show_the_duel(path):
     ally, opponent, round_of_opponent = both_tapes(1)

@@ -15,7 +15,7 @@ with warnings.catch_warnings():  # importing PettingZoo's tests warns of Petting
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.pettingzoo_env import aec_env, parallel_env
 
-from .playing import REST, SHORT, STEPS, tape
+from .playing import SHORT, STEPS, tape
 
 # PettingZoo would like agents to be named player_0 and the like
 pytestmark = pytest.mark.filterwarnings("error", "ignore:We recommend agents to be named")
@@ -38,23 +38,6 @@ def test_aec_api():
 def test_seeds():
     parallel_seed_test(lambda: parallel_env(scenario=SHORT), 2 * STEPS)
     seed_test(lambda: aec_env(scenario=SHORT), 2 * STEPS)
-
-
-def test_a_round_ends_by_truncation_with_the_measures_of_both_sides():
-    env = registered("parallel")
-    env.reset(seed=0)
-    total = {"ally": 0.0, "opponent": 0.0}
-    for k in range(STEPS):
-        assert env.agents == ["ally", "opponent"]
-        _, rewards, terminations, truncations, infos = env.step({"ally": REST, "opponent": REST})
-        assert not any(terminations.values())
-        assert all(truncations.values()) == any(truncations.values()) == (k + 1 == STEPS)
-        total = {side: total[side] + rewards[side] for side in total}
-    assert env.agents == []
-    for side, reward in total.items():
-        assert infos[side]["measures"][f"{side}_return"] == pytest.approx(reward)
-    with pytest.raises(UserError, match="the round is over; call reset first"):
-        env.step({"ally": REST, "opponent": REST})
 
 
 def test_taking_turns_is_the_same_game():
@@ -89,22 +72,6 @@ def test_options_reach_the_game():
     planned = parallel_env(planner="hold")
     planned.reset(seed=0)
     assert planned.duel.plans[0].source == "hold"
-
-
-@pytest.mark.parametrize(
-    ("actions", "message"),
-    [
-        ({"ally": REST}, "opponent: expected a float array"),
-        ({"ally": REST, "opponent": np.append(REST[:8], np.inf)}, "opponent action: index 8 is inf"),
-    ],
-    ids=lambda x: x if isinstance(x, str) else "",
-)
-def test_an_action_that_cannot_be_played_is_refused_by_its_side(actions, message):
-    env = registered("parallel")
-    env.reset(seed=0)
-    with pytest.raises(UserError, match=message) as caught:
-        env.step(actions)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -69,9 +69,8 @@ def test_sb3_finds_nothing_to_warn_of_in_the_single_environment(env_id):
 
 
 @pytest.mark.parametrize("env_id", IDS)
-@pytest.mark.parametrize("games", [1, GAMES])
-def test_game_i_seeded_s_is_the_single_game_seeded_s_plus_i(env_id, games):
-    actions = tape(games)
+def test_game_i_seeded_s_is_the_single_game_seeded_s_plus_i(env_id):
+    actions, games = tape(GAMES), GAMES
     env = make(env_id, games, seed=20)
     shown = [[(observation, None)] for observation in env.reset()]
     for action in actions:
@@ -203,15 +202,6 @@ def test_single_environments_in_processes_play_the_same_game():
 
 
 @pytest.mark.slow
-def test_ppo_learns_a_few_steps():
-    model = PPO("MlpPolicy", make(), n_steps=STEPS, batch_size=32, n_epochs=2, **small())
-    before = [p.clone() for p in model.policy.parameters()]
-    model.learn(3 * STEPS * GAMES)
-    assert any(not torch.equal(x, y) for x, y in zip(before, model.policy.parameters(), strict=True))
-    assert model.ep_info_buffer[0]["l"] == STEPS
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", [SAC, TD3])
 def test_off_policy_algorithms_learn_a_few_steps(algorithm):
     model = algorithm("MlpPolicy", make(), learning_starts=100, batch_size=32, buffer_size=1000, **small())
@@ -221,26 +211,6 @@ def test_off_policy_algorithms_learn_a_few_steps(algorithm):
     assert ends.any()
     # A time limit is no end of the game: it must be bootstrapped through
     assert np.array_equal(model.replay_buffer.timeouts[: model.replay_buffer.pos].astype(bool), ends)
-
-
-@pytest.mark.slow
-def test_rewards_changed_in_place_by_ppo_do_not_reach_the_game():
-    """PPO adds the bootstrapped value to the rewards it is handed, at every truncation."""
-    env = make(seed=0)
-    model = PPO("MlpPolicy", env, n_steps=STEPS, batch_size=32, n_epochs=1, gamma=0.5, **small())
-    seen = []
-    step = env.step_wait
-
-    def recorded():
-        observations, rewards, dones, infos = step()
-        rewards += 1000
-        seen.extend(info["episode"]["r"] for info in infos if info)
-        return observations, rewards, dones, infos
-
-    env.step_wait = recorded
-    model.learn(2 * STEPS * GAMES)
-    assert len(seen) == 2 * GAMES
-    assert all(abs(r) < 100 * STEPS for r in seen)
 
 
 @pytest.mark.parametrize("env_id", [ALLY_POLICY, OPPONENT_POLICY])
@@ -280,13 +250,13 @@ def test_the_first_game_can_be_filmed(tmp_path):
     pytest.importorskip("moviepy", reason="moviepy is in the extra video")
     environment = make_sb3(ALLY, n_envs=2, seed=1, render_mode="rgb_array", scenario=SHORT)
     filmed = VecVideoRecorder(
-        environment, str(tmp_path), record_video_trigger=lambda step: step == 0, video_length=25
+        environment, str(tmp_path), record_video_trigger=lambda step: step == 0, video_length=5
     )
     filmed.reset()
-    for _ in range(26):
+    for _ in range(6):
         filmed.step(np.zeros((2, 9), np.float32))
     filmed.close()
     (film,) = tmp_path.glob("*.mp4")
-    assert film.stat().st_size > 10_000
+    assert film.stat().st_size > 1_000
     with pytest.raises(UserError, match="rgb_array"):
         make_sb3(ALLY, render_mode="human")

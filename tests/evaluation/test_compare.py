@@ -6,7 +6,7 @@ import shutil
 from collections import Counter
 
 import pytest
-from planning.llm.fault_server import FaultServer, answer, html, ok, status
+from planning.llm.fault_server import FaultServer, answer, ok
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
@@ -266,29 +266,6 @@ def test_a_name_that_stands_for_two_is_refused(folder, asks):
         assert len(server.requests) == PLANS
 
 
-def test_a_server_that_is_of_no_use_ends_the_comparison_and_burns_nothing(folder, asks):
-    with FaultServer([html()]) as server:
-        asks(server, model="mistyped")
-        with pytest.raises(UserError, match=r"a web page; .*plan probe"):
-            compare(["llm"], "mine.yml", "out")
-        server.behaviours = [ok(PATH)]
-        asks(server)
-        compare(["llm"], "mine.yml", "out")
-    assert statuses(folder / "out", "llm") == {"ok": PLANS}
-    assert json.loads((folder / "out/transcripts/llm/planner.json").read_text())["model"] == "toy"
-
-
-def test_a_cap_that_is_raised_later_is_told_not_to_change_what_was_flown(folder, asks, caplog):
-    with FaultServer([ok(PATH)]) as server:
-        asks(server)
-        compare(["llm"], "mine.yml", "out", llm={"calls": PLANS - 1})
-        caplog.clear()
-        compare(["llm"], "mine.yml", "out", llm={"calls": 100})
-        assert len(server.requests) == PLANS - 1
-    (said,) = caplog.messages
-    assert "transcripts/llm: plans without an answer: 1 (budget 1)" in said
-
-
 def test_a_model_without_a_valid_plan_against_an_ally_has_no_score(folder, asks):
     with FaultServer([ok("To the north.")]) as server:
         asks(server)
@@ -343,33 +320,7 @@ def test_transcripts_that_were_changed_are_refused(folder, asks, file, old, new,
         compare([], "mine.yml", "again", transcripts="out/transcripts")
 
 
-def test_a_model_without_an_endpoint_is_no_model(folder):
-    with pytest.raises(UserError, match="FPG_LLM_BASE_URL"):
-        compare(["llm"], "mine.yml", "out")
-    assert not (folder / "out").exists()
-
-
-def test_the_key_is_nowhere(folder, asks):
-    with FaultServer([ok(PATH), status(401), ok(PATH)]) as server:
-        asks(server)
-        compare(["llm"], "mine.yml", "out")
-        assert KEY in server.requests[0].headers["authorization"]
-    for path in (folder / "out").rglob("*"):
-        assert path.is_dir() or KEY.encode() not in path.read_bytes()
-
-
 # The command
-
-
-@pytest.mark.process
-def test_the_command_prints_and_writes_the_table(folder):
-    found = fpg(
-        "plan", "compare", "circle", "--suite", "mine.yml", "--matches", 1, "--out", "out", folder=folder
-    )
-    assert found.returncode == 0, found.stderr
-    assert "circle" in found.stdout
-    assert "score last 2" in found.stdout
-    assert {"table.md", "table.csv", "table.png"} <= {path.name for path in (folder / "out").iterdir()}
 
 
 @pytest.mark.process

@@ -239,36 +239,24 @@ def test_a_dataframe_has_a_row_per_entry_and_needs_pandas_alone(suite, monkeypat
 
 
 @pytest.mark.slow
-def test_the_lines_and_the_table_are_the_identical(suite, agents, tmp_path):
-    players = [*agents, "expert", "idle", "expert"]
-    for out, jobs in (("many", 2), ("one", 1)):
-        evaluate(players, suite, tmp_path / out, n_jobs=jobs)
-        write_table(*read_results(tmp_path / out), tmp_path / out)
-    assert rows(tmp_path / "many") == rows(tmp_path / "one")
-    assert (tmp_path / "many" / "table.csv").read_text() == (tmp_path / "one" / "table.csv").read_text()
-
-
-@pytest.mark.slow
-def test_a_player_that_fails_does_not_hold_up_the_others(suite, tmp_path, monkeypatch):
+def test_many_at_once_give_the_same_rows_and_a_player_that_fails_holds_up_nobody(
+    suite, agents, tmp_path, monkeypatch
+):
     source = "class Bad:\n    def predict(self, *a, **k):\n        raise RuntimeError('no idea')\n"
     (tmp_path / "bad.py").write_text(source)
     monkeypatch.syspath_prepend(str(tmp_path))
+    loaded = load_suite(suite)
+    bad, *entries = entries_of(["bad:Bad", *agents, "expert", "idle", "expert"], loaded)
+    play_into(tmp_path / "one", suite, loaded, entries)
+    shutil.rmtree(agents[0])  # its policy travels to the workers
     with pytest.raises(
         UserError, match=r"bad:Bad - adaptive/pursuit: .*no idea, in .*bad.py, line 3 \(and 1 more failed\)"
     ):
-        evaluate(["bad:Bad", "expert"], suite, tmp_path / "out", n_jobs=2)
-    assert {json.loads(row)["entry"] for row in rows(tmp_path / "out")} == {"expert"}
-    assert len(rows(tmp_path / "out")) == 2
-
-
-@pytest.mark.slow
-def test_an_agent_travels_to_the_worker(suite, agents, tmp_path):
-    entries = entries_of(agents[:1], load_suite(suite))
-    expected = play_into(tmp_path / "one", suite, load_suite(suite), entries)
-    shutil.rmtree(agents[0])
-    many = tmp_path / "many"
-    found = play_into(many, suite, load_suite(suite), entries, n_jobs=2)
-    assert found[0].records == expected[0].records
+        play_into(tmp_path / "many", suite, loaded, [bad, *entries], n_jobs=2)
+    assert rows(tmp_path / "many") == rows(tmp_path / "one")
+    for out in ("many", "one"):
+        write_table(*read_results(tmp_path / out), tmp_path / out)
+    assert (tmp_path / "many" / "table.csv").read_text() == (tmp_path / "one" / "table.csv").read_text()
 
 
 def test_entries_of_one_name_and_seed_are_refused_however_they_come(suite, tmp_path):

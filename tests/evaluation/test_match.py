@@ -12,7 +12,7 @@ import pytest
 from fpg_bench import make_duel
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.match import replay_match
-from fpg_bench.evaluation.match_picture import MOST, draw_match
+from fpg_bench.evaluation.match_picture import draw_match
 from fpg_bench.planning import PLANNERS
 from fpg_bench.planning.registry import LLM_CONTROLS
 from fpg_bench.players.policy_runner import PolicyRunner
@@ -58,12 +58,6 @@ def test_the_rounds_are_those_of_the_duel_with_that_planner(file):
     assert [row["kind"] for row in lines(file)] == ["run", "round", "round", "round"]
 
 
-def test_without_a_file_nothing_is_kept(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert len(play(None)) == ROUNDS
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize("torn", ["", '{"kind":"round","se'])
 def test_a_stopped_match_goes_on(torn, file, tmp_path):
     def stop(index, played):
@@ -105,24 +99,6 @@ def test_a_file_of_another_match_is_refused_and_left(changes, word, played):
         play(file, **changes)
     assert "\n" not in str(error.value)
     assert file.read_bytes() == before
-
-
-@pytest.mark.parametrize(
-    ("changes", "word"),
-    [
-        ({"seed": -1}, "seed"),
-        ({"seed": 2.5}, "seed"),
-        ({"rounds": 0}, "rounds_per_match"),
-        ({"planner": "circel"}, "did you mean 'circle'"),
-        ({"ally": "exprt"}, "did you mean 'expert'"),
-        ({"planner": "circle", "llm": {"prompt": "paper"}}, "prompt: is for the planner 'llm'"),
-    ],
-    ids=lambda value: value[:12] if isinstance(value, str) else "",
-)
-def test_a_wrong_word_writes_nothing(changes, word, file):
-    with pytest.raises(UserError, match=word):
-        play(file, **changes)
-    assert not file.exists()
 
 
 def change(number, *keys, value):
@@ -206,22 +182,11 @@ def test_other_files_are_no_matches(content, file):
         assert file.read_text() == content
 
 
-def test_a_folder_is_no_match_but_holds_one(played):
-    file, _ = played
-    with pytest.raises(UserError, match=r"is a folder; name its match\.jsonl"):
-        replay_match(file.parent)
-
-
 def test_a_file_in_which_nothing_was_played_is_begun_anew(played):
     file, rows = played
     write(file, rows[:1])
     play(file, "circle")
     assert [row.get("planner", "") for row in lines(file)] == ["circle"] + [""] * ROUNDS
-
-
-def test_no_file_is_no_match(file):
-    with pytest.raises(UserError, match="no such file"):
-        replay_match(file)
 
 
 def test_a_difference_under_other_versions_says_so(played):
@@ -257,7 +222,7 @@ def test_a_planner_of_ones_own_by_name(file, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("rounds", "rows"), [(1, 1), (5, 1), (6, 2), (MOST + 7, MOST // 5)])
+@pytest.mark.parametrize(("rounds", "rows"), [(1, 1), (6, 2)])
 def test_the_picture_has_a_panel_per_round_and_a_bound(rounds, rows, tmp_path):
     from matplotlib.image import imread
 

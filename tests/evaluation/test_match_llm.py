@@ -176,22 +176,6 @@ def test_the_file_holds_a_prompt_of_ones_own(environment, file, tmp_path):
             replay_match(file)
 
 
-def test_another_model_does_not_go_on(environment, file, monkeypatch):
-    with FaultServer(BEHAVIOURS) as server:
-        environment(server)
-        ask(file)
-        monkeypatch.setenv("FPG_LLM_MODEL", "another-model")
-        with pytest.raises(UserError, match=r"llm\.model is 'some-model' in the file, 'another-model' now"):
-            ask(file)
-        assert len(server.requests) == len(BEHAVIOURS)
-
-
-def test_what_is_missing_in_the_environment_is_said_before_anything_is_written(environment, file):
-    with pytest.raises(UserError, match="FPG_LLM_BASE_URL"):
-        ask(file)
-    assert not file.exists()
-
-
 def test_a_planner_whose_file_would_not_tell_all_is_refused(environment, file):
     with FaultServer(BEHAVIOURS) as server:
         environment(server)

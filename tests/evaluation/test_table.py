@@ -8,7 +8,7 @@ import pytest
 
 from fpg_bench.cli.evaluation import print_table
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.suite import Scale, load_suite
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Training, summarise
 from fpg_bench.evaluation.table import as_csv, caption, lines_of_table, markdown, picture, write_table
 from tests.evaluation.test_summary import records_of
@@ -99,12 +99,6 @@ def test_one_match_has_no_interval(suite):
     (found,) = summarise(records_of(one, "it", 3.0), one)
     head, line = lines_of_table([found], one)
     assert line[head.index("95 % interval")] == "-"
-
-
-def test_the_caption_says_what_a_score_is(suite):
-    assert "Suite ally-v1" in caption(suite)
-    own = dataclasses.replace(suite, scale=Scale())
-    assert "score: the return per step" in caption(own)
 
 
 @pytest.mark.parametrize(("suffix", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])

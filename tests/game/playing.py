@@ -85,7 +85,3 @@ def play(batch: GameBatch, ally_actions: np.ndarray, opponent_actions: np.ndarra
 def loss_db(distance_m: float, frequency_mhz: float) -> float:
     """Eq. 1 of the paper."""
     return 32.44 + 20 * math.log10(distance_m / 1000) + 20 * math.log10(frequency_mhz)
-
-
-def decibel_sum(a: float, b: float) -> float:
-    return 10 * math.log10(10 ** (a / 10) + 10 ** (b / 10))

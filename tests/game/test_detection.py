@@ -9,7 +9,7 @@ import pytest
 
 from fpg_bench.game.scenario import PAPER, STANDARD
 
-from .playing import TONE, ally, at_mhz, begin, opponent, place, still, to_point
+from .playing import ally, begin, opponent, place, still, to_point
 
 
 def heard(distance_m: float, spread=False, point=7, **changes) -> bool:
@@ -46,16 +46,6 @@ def test_fading_makes_the_reach_a_chance():
         assert np.mean(batch.games["last_check"] == 1) == pytest.approx(share, abs=0.05)
 
 
-@pytest.mark.parametrize("spread", [False, True])
-def test_the_link_rule_fails_where_jamming_broke_the_link(spread):
-    batch = begin(still(PAPER, ally=(0, 0, 600), first_check_s=(1, 1)))
-    place(batch, (20, 0, 600))
-    jam = opponent(TONE, tuning=at_mhz(200), in_band=True)
-    batch.step(ally(hop=True, preference=0, spread=spread), jam)
-    assert batch.games["snr_db"][0] < 8
-    assert batch.games["last_check"][0] == -1
-
-
 @pytest.mark.parametrize("base", [STANDARD, PAPER])
 def test_nobody_finds_the_ally_with_the_detector_off(base):
     """The known frequency stays that of the start, however the ally hops and the opponent tunes."""
@@ -83,37 +73,3 @@ def test_the_opponents_observation_tells_nothing_of_an_unheard_ally():
         other.step(ally(hop=k % 4 == 0, preference=0.6, spread=True), action)
         assert (one.opponent_observations == other.opponent_observations).all()
     assert one.games["frequency_mhz"] != other.games["frequency_mhz"]
-
-
-def check_times(scenario, games: int = 300) -> tuple[np.ndarray, list[np.ndarray]]:
-    """First times, and the intervals after each check."""
-    batch = begin(scenario, games=games)
-    times = [[] for _ in range(games)]
-    for k in range(scenario.steps_per_round):
-        batch.step(ally().repeat(games, 0), opponent().repeat(games, 0))
-        for game in np.flatnonzero(batch.games["checked"]):
-            times[game].append(k + 1)
-    return np.array([t[0] for t in times]), [np.diff(t) for t in times]
-
-
-def test_checks_come_at_hidden_times_in_standard():
-    firsts, intervals = check_times(dataclasses.replace(STANDARD, steps_per_round=60))
-    assert set(firsts) == {1, 2, 3, 4, 5}
-    assert np.bincount(firsts)[1:].min() > 300 / 5 * 0.6
-    counted = np.bincount(np.concatenate(intervals))
-    assert set(np.flatnonzero(counted)) == {4, 5, 6}
-    assert counted[4:].min() > 0.9 * counted[4:].max()
-
-
-def test_what_a_check_hears():
-    """The frequency of the step of the check, and an age that begins at 0 and counts the seconds."""
-    batch = begin(still(first_check_s=(3, 3), check_interval_s=(4, 4)))
-    place(batch, (750, 750, 500))
-    game, ages, known = batch.games, [], []
-    for k in range(8):
-        batch.step(ally(hop=True, preference=to_point(k)), opponent())
-        ages.append(int(game["age_s"][0]))
-        known.append(float(game["known_mhz"][0]))
-    assert ages == [1, 2, 0, 1, 2, 3, 0, 1]
-    assert known[2:6] == [pytest.approx(150 + 2 * 100 / 14)] * 4
-    assert known[6:] == [pytest.approx(150 + 6 * 100 / 14)] * 2

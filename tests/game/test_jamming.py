@@ -40,19 +40,6 @@ def test_the_tolerance_takes_in_the_edge_itself(point, side):
     assert batch.games["covered"][0]
 
 
-@pytest.mark.parametrize("jam_point", [0, 3, 7, 14])
-def test_the_combs_teeth_are_every_fourth_point(jam_point):
-    for point in range(15):
-        expected = (point - jam_point) % 4 == 0
-        assert covered(COMB, POINT_MHZ[jam_point], point) == expected, point
-
-
-def test_nothing_wraps_at_the_ends_of_the_band():
-    assert not covered(BROADBAND, 250, 0)
-    assert not covered(TONE, 250, 0)
-    assert not covered(NARROWBAND, 150, 14)
-
-
 @given(
     scores=st.lists(st.sampled_from([-1.0, -0.5, 0.0, 0.25, 1.0, 3.0]), min_size=4, max_size=4),
     allowed=st.sets(st.integers(0, 3), min_size=1),
@@ -66,24 +53,6 @@ def test_the_largest_allowed_score_wins_ties_to_the_lowest(scores, allowed):
     clipped = np.clip(scores, -1, 1)
     best = max(clipped[i] for i in allowed)
     assert batch.games["jamming_type"][0] == min(i for i in allowed if clipped[i] == best)
-
-
-@pytest.mark.parametrize("tuning", [-1.0, -0.3, 0.0, 0.4, 1.0])
-def test_tuning_is_an_offset_from_the_known_frequency(tuning):
-    for seed in range(6):
-        batch = begin(still(), seed)
-        known = batch.games["known_mhz"][0]
-        assert known == batch.games["frequency_mhz"][0]
-        batch.step(ally(), opponent(tuning=tuning))
-        expected = min(max(known + 50 * tuning, 150), 250)
-        assert batch.games["jamming_mhz"][0] == pytest.approx(expected, abs=1e-5)
-
-
-@pytest.mark.parametrize(("tuning", "mhz"), [(-1, 150), (-0.5, 175), (0, 200), (1, 250), (-7, 150), (7, 250)])
-def test_tuning_is_a_place_in_the_band_where_its_gate_is_on(tuning, mhz):
-    batch = begin(still())
-    batch.step(ally(), opponent(tuning=tuning, in_band=True))
-    assert batch.games["jamming_mhz"][0] == pytest.approx(mhz, abs=1e-5)
 
 
 def test_the_tuning_gate_is_on_above_zero():

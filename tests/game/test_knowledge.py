@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 import yaml
 
 from fpg_bench.game.knowledge import EXPERT_FILE
-from fpg_bench.game.scenario import STANDARD, Scenario
 
 from .playing import BROADBAND, COMB, NARROWBAND, TONE, ally, at_mhz, begin, opponent, still, to_point
 
@@ -65,13 +62,6 @@ def test_the_farthest_hop_draws_from_three(jam_mhz, point, expected):
     assert chosen(BROADBAND, jam_mhz, point) == expected
 
 
-def test_points_equally_far_are_candidates_alike():
-    """From 200 MHz points 0 and 14 are 50 MHz away, 1 and 13 both 42.9."""
-    assert chosen(BROADBAND, 200, 0) == {1, 13, 14}
-    found = chosen(BROADBAND, 200, 7)
-    assert found in ({0, 14, 1}, {0, 14, 13})
-
-
 def test_no_candidate_at_all_is_any_other_point():
     found = chosen(BROADBAND, 200, 7, band_low_mhz=180, band_high_mhz=220, frequency_points=15)
     assert found == set(range(15)) - {7}
@@ -87,23 +77,6 @@ def test_the_score_of_the_sensed_type_is_one():
     assert chosen(COMB, 200, 7, scores=(0, 0, 1.0, 0)) == broad, "1 against 1: the lowest index"
 
 
-def test_before_anything_is_sensed_the_scores_decide():
-    games = 400
-    batch = begin(still(), games=games)
-    batch.step(ally(hop=True, expert=True, scores=(0, 0, 1, 0)).repeat(games, 0), opponent().repeat(games, 0))
-    assert set(batch.games["point"]) <= {0, 1, 2, 12, 13, 14}, "farthest from the middle of the band"
-
-
-@pytest.mark.parametrize("changes", [{"knowledge": "none"}, {}])
-def test_without_knowledge_or_its_gate_the_preference_decides(changes):
-    scenario = dataclasses.replace(STANDARD, **changes)
-    batch = begin(scenario)
-    for point in (3, 11, 3):
-        gate = bool(changes)
-        batch.step(ally(hop=True, expert=gate, preference=to_point(point)), opponent())
-        assert batch.games["point"][0] == point
-
-
 def test_a_knowledge_base_of_ones_own(tmp_path):
     """Answer broadband with the single farthest point, and keep 30 MHz from a tone."""
     content = yaml.safe_load(EXPERT_FILE.read_text())
@@ -113,18 +86,3 @@ def test_a_knowledge_base_of_ones_own(tmp_path):
     path.write_text(yaml.safe_dump(content))
     assert chosen(BROADBAND, 150, 0, knowledge=path) == {14}
     assert chosen(TONE, 200, 7, knowledge=path) == outside(2.5 + 27.5, 200, 7)
-
-
-def test_the_package_s_knowledge_base():
-    base = Scenario().knowledge_base
-    assert [entry.strategy for entry in base.entries] == [
-        "fast hop",
-        "pseudo-random hop",
-        "farthest hop",
-        "pseudo-random hop between the teeth",
-    ]
-    assert [entry.half_width_mhz for entry in base.entries] == list(STANDARD.footprint_half_widths_mhz)
-    assert [entry.guard_mhz for entry in base.entries] == [2.5] * 4
-    assert base.entries[3].spacing_mhz == pytest.approx(4 * STANDARD.point_spacing_mhz)
-    assert [entry.spread for entry in base.entries] == [False, False, True, False]
-    assert Scenario(knowledge="none").knowledge_base is None

@@ -9,7 +9,7 @@ import pytest
 
 from fpg_bench.game.scenario import PAPER, STANDARD
 
-from .playing import BROADBAND, EXPERT, HOP, ally, at_mhz, begin, opponent, place, still, to_point, wander
+from .playing import EXPERT, HOP, ally, begin, opponent, still, wander
 from .reference import ReferenceGame
 
 EXACT = [
@@ -84,40 +84,6 @@ def test_the_round_of_the_comparison_has_everything_in_it():
     assert 0 < tally["heard"] < tally["checks"]
 
 
-def test_jamming_aims_at_what_was_known_before_the_step():
-    """A check of this step is of use in the next one only."""
-    scenario = still(first_check_s=(1, 1), check_interval_s=(1, 1))
-    batch = begin(scenario)
-    place(batch, (750, 750, 400))
-    before = batch.games["known_mhz"][0]
-    batch.step(ally(hop=True, preference=to_point(0 if before > 200 else 14)), opponent())
-    heard = batch.games["frequency_mhz"][0]
-    assert batch.games["jamming_mhz"][0] == pytest.approx(before)
-    assert batch.games["known_mhz"][0] == heard != before
-    assert batch.games["age_s"][0] == 0
-    batch.step(ally(), opponent())
-    assert batch.games["jamming_mhz"][0] == pytest.approx(heard)
-
-
-def test_spreading_holds_for_the_step_itself():
-    batch = begin(still())
-    batch.step(ally(), opponent(tuning=1, in_band=True))
-    unspread = batch.games["clean_snr_db"][0]
-    batch.step(ally(spread=True), opponent(tuning=1, in_band=True))
-    assert batch.games["spreading_s"][0] == 1
-    assert unspread - batch.games["clean_snr_db"][0] == pytest.approx(10 * np.log10(480))
-    batch.step(ally(), opponent())
-    assert batch.games["spreading_s"][0] == 0
-
-
-def test_the_expert_reads_the_observation_and_not_the_truth():
-    """What was sensed in the step before: after the first step the jammer is elsewhere already."""
-    batch = begin(still(), seed=4)
-    batch.step(ally(), opponent(BROADBAND, tuning=at_mhz(150), in_band=True))
-    batch.step(ally(hop=True, expert=True), opponent(BROADBAND, tuning=at_mhz(250), in_band=True))
-    assert batch.games["frequency_mhz"][0] >= 230, "one of the three points farthest from 150 MHz"
-
-
 def test_gates_are_on_above_zero():
     batch = begin(still())
     for value, on in ((0.0, False), (-1e-7, False), (1e-7, True)):
@@ -130,41 +96,3 @@ def test_gates_are_on_above_zero():
         action[0, EXPERT] = value
         batch.step(action, opponent())
         assert (batch.games["point"][0] == 0) == (not on)
-
-
-@pytest.mark.parametrize("point", range(15))
-def test_preferences_reach_every_point(point):
-    batch = begin(still())
-    batch.step(ally(hop=True, preference=to_point(point)), opponent())
-    assert batch.games["point"][0] == point
-    assert batch.games["frequency_mhz"][0] == pytest.approx(150 + point * 100 / 14)
-
-
-def test_leaving_spread_keeps_the_frequency_in_standard():
-    batch = begin(still())
-    before = batch.games["point"][0]
-    other = to_point(0 if before > 7 else 14)
-    batch.step(ally(spread=True, preference=other), opponent())
-    batch.step(ally(spread=False, preference=other), opponent())
-    assert batch.games["point"][0] == before
-
-
-def test_leaving_spread_chooses_for_free_in_paper():
-    batch = begin(still(PAPER))
-    before = batch.games["point"][0]
-    other = 0 if before > 7 else 14
-    batch.step(ally(spread=True, preference=to_point(other)), opponent())
-    assert batch.games["point"][0] == before
-    batch.step(ally(spread=False, preference=to_point(other)), opponent())
-    assert batch.games["point"][0] == other
-    assert not batch.games["hopped"][0]
-    assert batch.tallies["hops"][0] == 0
-    snr = batch.games["snr_db"][0]
-    assert batch.games["ally_reward"][0] == pytest.approx(snr - 8), "no H, no D"
-
-
-def test_leaving_spread_with_a_hop_is_charged_in_paper():
-    batch = begin(still(PAPER))
-    batch.step(ally(spread=True), opponent())
-    batch.step(ally(hop=True, spread=False), opponent())
-    assert batch.games["ally_reward"][0] == pytest.approx(batch.games["snr_db"][0] - 8 - 100)

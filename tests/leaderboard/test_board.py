@@ -14,7 +14,6 @@ from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.leaderboard.board import CROSSPLAY, make_board
 from fpg_bench.leaderboard.crossplay import play_missing
 from fpg_bench.leaderboard.folders import result_file
-from fpg_bench.leaderboard.ranking import nash
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.page_data import policy_data, submitted_policies
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
@@ -132,22 +131,6 @@ def test_who_is_left_out_or_not_verified_is_said_with_the_reason(entered, in_pro
     ]
 
 
-def test_a_result_of_an_older_protocol_is_named_and_never_mixed(entered):
-    play_missing(entered)
-    path = entered / "results/ally/wise.jsonl"
-    path.write_text(path.read_text().replace(f'"protocol":"{PROTOCOL}"', '"protocol":"0"', 1))
-    with logged() as messages:
-        board = make_board(entered)
-    assert messages == [
-        f"ally/wise: not verified: result {path}: of another protocol than this version's, {PROTOCOL!r}; "
-        "play it again"
-    ]
-    ally = track_of(board, "ally")
-    assert (ally.entries[-1].slug, ally.entries[-1].figures) == ("wise", None)
-    assert "wise" not in ally.improvement.names
-    assert "wise" not in board.crossplay.allies
-
-
 def refuse_constant(name):
     raise AssertionError(name)  # NaN or Infinity
 
@@ -186,19 +169,6 @@ def assert_mixtures_fit(crossplay):
     assert ally @ returns @ opponent == pytest.approx(value, abs=1e-3)
     assert (returns @ opponent).max() == pytest.approx(value, abs=1e-3)
     assert (ally @ returns).min() == pytest.approx(value, abs=1e-3)
-
-
-def test_hopping_in_every_step_is_not_in_the_mixture_where_hops_cost(board):
-    """It is jammed least: by jamming rate it would be played alone, by its return it is not played."""
-    for slug in ("always-hop", "expert", "reactive"):
-        enter(board, "ally", f"the-{slug}", script=slug)
-    enter(board, "opponent", "the-tone", script="tone")
-    verify(board)
-    play_missing(board)
-    crossplay = make_board(board).crossplay
-    assert crossplay.nash.ally["the-always-hop"] == 0
-    by_rate = nash(np.array(crossplay.jamming_success_rate)).rows
-    assert by_rate[crossplay.allies.index("the-always-hop")] == pytest.approx(1)
 
 
 def test_the_same_player_is_shown_once(board):
@@ -250,17 +220,6 @@ def test_a_closed_season_ranks_by_whom_nobody_had_met(season):
     unseen = [figures.scores[UNSEEN].value for figures in all_figures]
     assert unseen == sorted(unseen, reverse=True)
     assert unseen != sorted((figures.scores[PUBLIC].value for figures in all_figures), reverse=True)
-
-
-def test_results_from_before_a_season_do_not_count_in_it(entered, small_suites):
-    close_season(small_suites)
-    with logged() as messages:
-        board = make_board(entered)
-    assert len(messages) == 6
-    assert all(
-        "not verified: result" in record and "of other suites; make it again" in record for record in messages
-    )
-    assert not [figures for track in board.tracks for figures in track.verified()]
 
 
 def improve_public(board, slug, points):

@@ -6,7 +6,6 @@ import hashlib
 import json
 import logging
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -19,7 +18,7 @@ import yaml
 from fpg_bench import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.leaderboard.audit_season import audit_season, check_entries, describe_season, late_entries
+from fpg_bench.leaderboard.audit_season import audit_season, check_entries, late_entries
 from fpg_bench.leaderboard.close_season import PROFILE, close_season, make_closing, mean_returns
 from fpg_bench.leaderboard.season import FILE, load_season, read_entries, season_seed
 from fpg_bench.players.agent import load_agent
@@ -33,7 +32,6 @@ from tests.leaderboard.making import (
     write_submission,
 )
 from tests.logged import logged
-from tests.programs import fpg
 
 ROOT = Path(__file__).parents[2]
 ENTRIES = (
@@ -264,44 +262,9 @@ def test_a_member_that_answers_nan_is_named(season, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_season_is_described_in_words(season, board):
-    text = "\n".join(describe_season(season.folder, board))
-    assert season.hash in text
-    assert "Opponents, rivals of allies: 2, selected from 2 candidates" in text
-    assert "No entry of the board came after it was closed." in text
-    for _, member in season.all_members():
-        assert re.search(rf"{member.name} +{member.reward} +{member.algorithm} ", text)
-
-
-@pytest.mark.slow
 def test_an_audit_trains_a_member_again(season, board, tmp_path, monkeypatch):
     monkeypatch.setattr("fpg_bench.leaderboard.audit_season.run_jobs", run_here)
     (audited,) = audit_season(season, read_entries(board), tmp_path, ["o00"], rounds=TINY["rounds"])
     assert (audited.side, audited.name, audited.is_same, audited.difference) == ("opponent", "o00", True, 0.0)
     with pytest.raises(UserError, match="has no member 'o99'"):
         audit_season(season, read_entries(board), tmp_path, ["o99"])
-
-
-@pytest.mark.slow
-@pytest.mark.process
-def test_the_verbs_answer_in_lines(closed, board, tmp_path):
-    season, work = closed
-    shown = fpg("suites", season.folder, "--folder", board)
-    assert shown.returncode == 0, shown.stderr
-    assert f"season-1: season 1 of protocol {season.protocol}, hash {season.hash}" in shown.stdout
-    refused = [
-        (
-            ("leaderboard", "close-season", "1", "--folder", board, "--work", work, "--out", season.folder),
-            "is closed already",
-        ),
-        (
-            ("leaderboard", "audit-season", season.folder, "--work", tmp_path, "--folder", tmp_path),
-            "holds no submissions",
-        ),
-        (("suites", "season-99"), "unknown suite 'season-99'"),
-    ]
-    for words, message in refused:
-        run = fpg(*words)
-        assert run.returncode == 2
-        assert message in run.stderr
-        assert run.stderr.count("\n") == 1

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import json
-from types import SimpleNamespace
-
 import pytest
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
-from fpg_bench.leaderboard.result import planner_facts
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from tests.planning.llm.real_server import LlamaServer
 
-from .recording import PLANNER_SUITE, enter, environment, record, rows_of, write_chained
+from .recording import PLANNER_SUITE, enter, environment, record
 
 
 @pytest.fixture(scope="module")
@@ -55,10 +50,6 @@ def of_script(name, suite):
     return list(part_records(Part(name, None, name), matchups_of([suite])))
 
 
-def submitted(folder=None, script=None):
-    return SimpleNamespace(slug="toy", folder=folder, script=script, runs=3)
-
-
 def test_a_recorded_model_scores_what_its_comparison_said_and_nobody_is_asked(toy, suite):
     compared, _, lines = toy
     summary = summary_of(lines, suite)
@@ -74,37 +65,12 @@ def test_a_recorded_model_scores_what_its_comparison_said_and_nobody_is_asked(to
     assert plans.useless == compared.pooled.plans.useless
 
 
-def test_playing_again_gives_the_same_lines(toy, suite):
-    _, entry, lines = toy
-    assert of_transcripts(entry, suite) == lines
-    assert of_script("hill-climb", suite) == of_script("hill-climb", suite)
-
-
 def test_a_planner_of_the_package_scores_what_a_comparison_says(folder, suite):
     summary = compare(["interceptor", "random", "pursuit"], str(folder / "mine.yml"), folder / "plain")
     for compared in summary:
         own = summary_of(of_script(compared.entry, suite), suite)
         assert (own.score, own.measures) == (compared.score, compared.measures)
         assert (own.pooled.plans.valid, own.pooled.plans.tokens) == (None, None)
-
-
-def test_the_fingerprint_tells_the_tier_the_matches_and_the_model(toy, suite):
-    assert planner_facts(submitted(script="pursuit"), suite).model_dump(exclude_unset=True) == {
-        "tier": "ally",
-        "matches": 2,
-    }
-    facts = planner_facts(submitted(toy[1]), suite).model_dump()
-    assert facts | {"prompt_hash": ""} == {
-        "tier": "history",
-        "matches": 2,
-        "runs": 3,
-        "season": json.loads((toy[1] / "transcripts" / "planner.json").read_text())["season"],
-        "model": "toy",
-        "server": "generic",
-        "control": "none",
-        "prompt": "standard",
-        "prompt_hash": "",
-    }
 
 
 @pytest.mark.slow
@@ -118,13 +84,3 @@ def test_a_real_server_is_recorded_and_verified_when_it_is_gone(folder, short):
     plans = summary_of(of_transcripts(entry, suite), suite).pooled.plans
     assert (plans.valid, plans.statuses) == (1, {"ok": suite.rounds})
     assert plans.tokens > 0
-
-
-def test_transcripts_of_another_ally_are_refused(toy, folder, suite):
-    swapped = enter(folder / "out", folder / "swapped", pack=False) / "transcripts"
-    write_chained(swapped / "idle.jsonl", rows_of(swapped / "expert.jsonl"))
-    assert check_transcripts(folder / "swapped", suite) == []
-    with pytest.raises(
-        UserError, match=r"against idle: transcript transcripts/idle.jsonl: .* other messages"
-    ):
-        of_transcripts(folder / "swapped", suite)

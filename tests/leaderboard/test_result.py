@@ -192,16 +192,6 @@ def test_only_a_file_of_its_own_is_read(good, path, refused, tmp_path):
     assert "not a file" in refused()
 
 
-def test_the_worst_of_each_suite_is_named(good, suites):
-    for role, worst in good.totals.worst.items():
-        records = {
-            record.rival: record for record in good.records if record.suite_hash == suites[role].hash[:16]
-        }
-        means = {name: sum(record.returns) / len(record.returns) / 300 for name, record in records.items()}
-        assert worst.rival == min(means, key=means.get)
-        assert worst.return_per_step == pytest.approx(min(means.values()), rel=1e-5)
-
-
 def test_fingerprints_differ_by_name_and_not_by_version(good):
     def changed(**values):
         return good.fingerprint.differences(good.fingerprint.model_copy(update=values))

@@ -203,13 +203,6 @@ def test_the_front_page_shows_the_first_three_and_a_round_and_stays_small(site, 
     assert "film.js" not in without_rounds
 
 
-def test_an_axis_spans_its_scores():
-    axis = views.zoomed_axis([Score(58.6, 58.0, 59.2), Score(38.3, 31.6, 45.1)])
-    assert 30 < axis.low < 31.6
-    assert 59.2 < axis.high < 61
-    assert views.zoomed_axis([]) == views.Axis(0.0, 100.0)
-
-
 @pytest.mark.parametrize(
     ("ends", "marks"),
     [((30.2, 60.6), [40, 50, 60]), ((-6, -5), [-6, -5]), ((0, 100), [0, 20, 40, 60, 80, 100])],

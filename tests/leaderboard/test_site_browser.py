@@ -12,7 +12,7 @@ from scipy import stats
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.serve import make_server
 from tests.leaderboard.browsing import PHONE, WATCHED, build_small_site, expect, rounds
-from tests.leaderboard.example_board import HOSTILE, example_board
+from tests.leaderboard.example_board import example_board
 
 pytestmark = pytest.mark.browser
 
@@ -160,19 +160,6 @@ def test_differences_and_their_intervals_are_those_of_scipy(visit):
     assert difference(("matches", one[:1]), ("matches", two[:1]))[1] is None
 
 
-def test_an_entry_leads_to_its_comparison_whose_rows_differ_and_have_names(visit):
-    page = visit(WATCHED)
-    page.get_by_role("link", name="Compare with another").click()
-    expect(page.locator("#a")).to_have_value("player-3")
-    expect(page.locator("#b")).not_to_have_value("player-3")
-    for section in page.locator("#comparison section").all():
-        rows = section.locator("tbody th").all_inner_texts()
-        assert len(set(rows)) == len(rows)
-        assert not [row for row in rows if "_" in row]
-    difference = page.locator("#comparison section").first.locator("tbody tr").first.inner_text()
-    assert re.search(r"[+−]\d+\.\d\s+\([+−]\d+\.\d to [+−]\d+\.\d\)", difference)
-
-
 def test_a_round_is_played_paused_and_scrubbed(visit):
     page = visit(WATCHED)
     step, button = page.locator("#replay-step"), page.locator("#replay-play")
@@ -197,25 +184,6 @@ def test_a_round_is_played_paused_and_scrubbed(visit):
     expect(page.locator("#replay-figures")).to_contain_text("42 / 300")
 
 
-def test_a_round_is_drawn_and_another_can_be_chosen(visit):
-    page = visit(WATCHED)
-    expect(page.locator("#replay-step")).to_have_attribute("max", "300")
-    page.wait_for_timeout(100)  # until the next frame is painted
-    for name in ("arena", "spectrum", "snr"):
-        colours = page.evaluate(
-            """id => { const c = document.getElementById(id);
-            const d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
-            return new Set(new Uint32Array(d.buffer)).size; }""",
-            f"replay-{name}",
-        )
-        assert colours > 20, name
-    title = page.locator("#replay-title").inner_text()
-    page.locator("button.round").nth(1).click()
-    expect(page.locator("#replay-title")).not_to_have_text(title)
-    assert HOSTILE[0] in page.locator("#replay-title").inner_text()
-    assert page.locator("button.round").nth(1).get_attribute("aria-pressed") == "true"
-
-
 def test_the_theme_follows_the_system_until_it_is_switched_and_is_remembered(visit):
     page = visit(color_scheme="dark")
     scheme = "getComputedStyle(document.documentElement).colorScheme"
@@ -227,16 +195,6 @@ def test_the_theme_follows_the_system_until_it_is_switched_and_is_remembered(vis
     with page.expect_navigation():
         page.get_by_role("link", name="Submit", exact=True).click()
     assert page.evaluate(scheme) == "light"
-
-
-def test_cross_play_is_drawn_with_its_numbers(visit):
-    page = visit("crossplay.html")
-    page.wait_for_selector("#heatmap td")
-    page.locator("#who").select_option(label=page.locator("#who option").last.inner_text())
-    assert page.locator("#row tbody tr").count() == ENTRIES
-    assert page.locator("#value").inner_text() == "−1.50"
-    assert page.locator("#nash-ally tbody tr").count() == 2
-    assert page.locator("#nash-ally tbody td").first.inner_text() == "75.0 %"
 
 
 def test_a_cell_of_cross_play_has_a_label_and_plays_a_round(visit):
@@ -286,16 +244,6 @@ def test_each_matrix_of_cross_play_is_shown_with_the_strongest_first(visit):
         assert page.locator("#who").evaluate("box => box.selectedOptions[0].text") == player
     page.reload()
     assert page.locator("#matrix").input_value() == "jammed"
-
-
-def test_statistics_are_drawn_per_track(visit):
-    page = visit("statistics.html")
-    assert page.locator("#profile svg[role=img] .line").count() == 6
-    assert page.locator("#matrix tbody td b").count() == (ENTRIES - 1) * (ENTRIES - 2)
-    assert page.locator("#row tbody tr").count() == ENTRIES - 2
-    page.locator("#track").select_option("opponent-pursuit")
-    assert page.locator("#row tbody tr").count() == 1
-    assert page.url.endswith("#track=opponent-pursuit")
 
 
 def violations(page, **options) -> list:

@@ -8,7 +8,6 @@ import re
 import shutil
 
 import pytest
-import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.suite import load_suite
@@ -361,14 +360,3 @@ def test_the_last_digit_of_a_reward_may_be_another_on_another_machine(suite, ent
 def records_of(entry, suite):
     """The matches, played again."""
     return list(part_records(Part("toy", None, "transcripts", recorded=entry), matchups_of([suite])))
-
-
-def test_a_prompt_of_one_s_own_is_played(recorded, suite, tmp_path):
-    prompt = {"about": "mine", "user": "Go. $history", "row": "$second $reward $x $y $z"}
-    (tmp_path / "own.yml").write_text(
-        yaml.safe_dump(prompt | {"rounds": dict.fromkeys(("first", "best", "latest"), 1)})
-    )
-    summary = record(tmp_path, recorded / "mine.yml", prompt=str(tmp_path / "own.yml"))
-    entry = enter(tmp_path / "out", tmp_path / "toy")
-    assert check_transcripts(entry, suite) == []
-    assert [line.returns for line in records_of(entry, suite)] == [line.returns for line in summary.records]

@@ -9,9 +9,9 @@ import pytest
 
 import fpg_bench.paper.reproduce as reproducing
 from fpg_bench.common.errors import UserError
-from fpg_bench.game.scenario import PAPER, STANDARD
+from fpg_bench.game.scenario import PAPER
 from fpg_bench.paper.claims import compare
-from fpg_bench.paper.conditions import ALL, BASE, FIXED_PATHS, LONG, TARGETS, conditions_of, sensitivity
+from fpg_bench.paper.conditions import ALL, BASE, FIXED_PATHS, TARGETS, conditions_of, sensitivity
 from fpg_bench.paper.experiment import BUDGETS, Budget, Recorded, run_experiment
 from fpg_bench.paper.report import tables, write_report
 from fpg_bench.paper.reproduce import reproduce
@@ -122,15 +122,6 @@ def test_the_same_seed_gives_the_same_rows(made, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_order_of_adding_runs_does_not_matter(made, tmp_path):
-    out, *_ = made
-    stored, file = RunFile(out, "paper", "tiny").read(), RunFile(tmp_path, "paper", "tiny")
-    for run in reversed(stored.values()):
-        file.add([run])
-    assert file.path.read_bytes() == RunFile(out, "paper", "tiny").path.read_bytes()
-
-
-@pytest.mark.slow
 def test_damaged_files_are_refused(made, tmp_path):
     out, *_ = made
     whole = RunFile(out, "paper", "tiny").path.read_bytes()
@@ -188,22 +179,6 @@ def test_all_targets_have_playable_conditions():
     assert PAPER.hash not in hashes
 
 
-def test_k_as_a_power_factor():
-    k_power = next(c for c in sensitivity("standard") if c.name == "k-power").scenario("standard")
-    levels = np.array(k_power.jamming_coefficients) * k_power.opponent_power_dbm
-    milliwatts = 100 * np.array(STANDARD.jamming_coefficients)  # 20 dBm are 100 mW
-    assert levels == pytest.approx(10 * np.log10(milliwatts), abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("name", "steps", "updates"),
-    [("full", 10**6, 50_000), ("tenth", 10**6, 10**6), ("paper", 10**7, 10**7)],
-)
-def test_budgets(name, steps, updates):
-    budget = BUDGETS[name]
-    assert (budget.steps, budget.games, budget.updates()) == (steps, 64, updates)
-
-
 @pytest.mark.parametrize("preset", ["paper", "standard"])
 def test_stages_consist_of_whole_matches(preset):
     full = BUDGETS["full"]
@@ -213,16 +188,6 @@ def test_stages_consist_of_whole_matches(preset):
         matches = len(windows) * full.steps / WINDOWS / match
         assert round(matches) >= 1
         assert matches == pytest.approx(round(matches), rel=0.05)
-
-
-def test_only_the_scenario_paper_has_a_long_run():
-    longer = {
-        (preset, condition.name)
-        for preset in ("paper", "standard")
-        for condition in conditions_of(ALL, preset, full=True)
-        if condition.budgets > 1
-    }
-    assert longer == {("paper", LONG)}
 
 
 def test_tables_show_the_values_in_use():

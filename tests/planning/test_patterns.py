@@ -48,12 +48,6 @@ def test_a_patrol_is_where_the_patrol_of_the_same_name_would_be(name):
     assert planned(name).waypoints == pytest.approx(flown)
 
 
-def test_the_circle_keeps_to_its_radius():
-    away = planned("circle").waypoints - STANDARD.patrol_centre_m
-    assert np.linalg.norm(away[:, :2], axis=1) == pytest.approx(np.full(16, 300.0))
-    assert away[:, 2] == pytest.approx(np.zeros(16))
-
-
 def test_hold_stays_and_random_goes_where_chance_will():
     assert np.array_equal(planned("hold").waypoints, np.tile(HERE, (16, 1)))
     assert np.array_equal(planned("random", 1).waypoints, planned("random", 1).waypoints)

@@ -39,11 +39,6 @@ def test_waypoints_may_be_a_list_and_come_as_floats(waypoints):
         assert np.array_equal(plan.waypoints, CORNER)
 
 
-def test_seconds_are_measured_where_the_planner_does_not_tell_them():
-    assert all(plan.seconds >= 0 for plan in asked(Saying(Plan(CORNER, "here"))))
-    assert [plan.seconds for plan in asked(Saying(Plan(CORNER, "here", seconds=7)))] == [7, 7]
-
-
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
@@ -76,12 +71,3 @@ def test_a_planner_that_fails_is_named_unless_it_says_what_to_mend(error, messag
 
     with pytest.raises(UserError, match=message):
         asked(Failing(None))
-
-
-def test_a_batch_is_answered_plan_by_plan():
-    class Short(Saying):
-        def plan_batch(self, requests):
-            return [self.answer]
-
-    with pytest.raises(UserError, match=r"^planner saying: 1 plans for 2 games$"):
-        asked(Short(Plan(CORNER, "here")))

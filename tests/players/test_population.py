@@ -128,13 +128,3 @@ def test_a_suite_that_is_not_there_or_is_damaged_is_refused_in_one_line(suite, s
     with pytest.raises(UserError, match=words) as caught:
         SingleAgentGame(ENV_ID, opponent=spec.format(suite=suite))
     assert "\n" not in str(caught.value)
-
-
-def test_one_player_is_no_whole_suite(suite):
-    with pytest.raises(UserError, match="is a whole suite"):
-        as_player(suite, "opponent", STANDARD)
-
-
-def test_an_environment_of_scripts_takes_no_suite(suite):
-    with pytest.raises(UserError, match="is no script"):
-        SingleAgentGame("FPG/AllyVsScripted-v0", opponent=suite)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-import time
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError
@@ -77,19 +76,13 @@ def evaluations(count: int = 5, score: float = 0.0, pace: float = 2.0) -> str:
 
 
 def stand_in(here: Path, config: RunConfig, out: Path, **how: object) -> Path:
-    """ "Train" a run of the zoo in a folder: ``hold_<seed>`` there holds it up, ``break_<seed>`` ends it."""
+    """ "Train" a run of the zoo in a folder, unless ``break_<seed>`` there ends it."""
     out.mkdir(parents=True, exist_ok=True)
     (out / "run.json").write_text('{"finished": false}')
     with (here / "begun").open("a") as file:
         file.write(f"{config.seed}\n")
     if (here / f"break_{config.seed}").exists():
         raise UserError("out of luck")
-    try:
-        while (here / f"hold_{config.seed}").exists():
-            time.sleep(0.02)
-    except KeyboardInterrupt:
-        (out / "saved").touch()
-        raise
     agents = load_zoo(here).members()
     (agent,) = (a for a in agents if (a.algorithm, a.seed) == (config.algorithm, config.seed))
     if not (out / "agent").exists():

@@ -59,16 +59,6 @@ def test_a_run_against_a_replaced_agent_is_another_run(ally, tmp_path):
 
 
 @pytest.mark.slow
-def test_every_named_player_is_met(ally, tmp_path, monkeypatch):
-    met = []
-    monkeypatch.setattr("fpg_bench.training.train.make_games", lambda *a, **k: met.append(k) or 1 / 0)
-    for env_id, other in ((AGAINST_ALLIES, "ally"), (AGAINST_OPPONENTS, "opponent")):
-        with pytest.raises(ZeroDivisionError):
-            respond(tmp_path / "run", ["one", "another"], env_id)
-        assert met.pop()[other] == ["one", "another"]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("env_id", "against", "message"),
     [

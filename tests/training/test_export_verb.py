@@ -6,7 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 import torch
-from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3 import PPO, TD3
 from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
 
 import fpg_bench
@@ -54,9 +54,7 @@ def test_a_live_model_is_an_agent(tmp_path):
 @pytest.mark.parametrize(
     ("kind", "algorithm", "frames", "options"),
     [
-        (PPO, "ppo", 1, {}),
         (PPO, "ppo", 3, {"policy_kwargs": SMALL | {"activation_fn": torch.nn.Mish}}),
-        (SAC, "sac", 1, {"policy_kwargs": SMALL, "buffer_size": 10}),
         (TD3, "td3", 1, {"policy_kwargs": SMALL | {"n_critics": 1}, "buffer_size": 10}),
     ],
 )

@@ -6,8 +6,6 @@ import json
 import pytest
 import yaml
 
-from fpg_bench.cli.training import best_response
-from fpg_bench.cli.training import selfplay as selfplay_verb
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.rows import RowFile
@@ -102,13 +100,6 @@ def test_the_evaluation_equals_that_of_a_suite_with_the_same_players(seeds):
     for name, other in (("mine", "tone/pursuit"), ("yours", "comb/pursuit")):
         record = play(player_entry("idle"), suite, suite.named(other), seeds)
         assert summary.by_rival[name].value == suite.rewards(record.returns).mean()
-
-
-def test_players_of_the_wrong_side_are_refused():
-    with pytest.raises(UserError, match="unknown ally 'tone'"):
-        evaluate_against("tone", {"it": "adaptive"}, "ally", STANDARD, matches=1)
-    with pytest.raises(UserError, match="unknown opponent 'idle'"):
-        evaluate_against("idle", {"it": "idle"}, "ally", STANDARD, matches=1)
 
 
 # Best responses
@@ -286,29 +277,6 @@ def test_a_script_can_be_the_player_if_its_side_is_clear(tmp_path):
     assert respond("random", tmp_path / "out", side="ally")["side"] == "ally"
 
 
-@pytest.mark.slow
-def test_a_response_may_imitate_the_strongest_player_first(ally, tmp_path, monkeypatch):
-    configs = []
-    monkeypatch.setattr(league, "train", lambda config, *a, **k: configs.append(config) or interrupt())
-    with pytest.raises(KeyboardInterrupt):
-        respond(ally, tmp_path, start="strongest")
-    result = json.loads((tmp_path / "best_responses.json").read_text())
-    assert configs[0].hyperparams["imitate"] == {"teacher": result["lowest"]["against"]}
-
-
-@pytest.mark.slow
-def test_best_responses_from_the_command_line(ally, tmp_path, capsys):
-    (tmp_path / "tiny.yml").write_text(yaml.safe_dump({"FPG/OpponentVsPolicy-v0": settings("ppo")}))
-    best_response(str(ally), tmp_path / "out", steps="400", n_seeds=1, hyperparams=tmp_path / "tiny.yml")
-    printed = capsys.readouterr().out
-    result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
-    (response,) = result["responses"]
-    assert f"ppo, 400 steps, seed 0: {response['return']:.2f} per step, jammed" in printed
-    low = result["lowest"]
-    assert f"lowest {low['return']:.2f} per step, against {low['against']}" in printed
-    assert ("they are not best responses yet" in printed) == (low["against"] in result["scripts"])
-
-
 # Self-play
 
 
@@ -436,37 +404,6 @@ def test_self_play_goes_on_wherever_it_was_killed(tmp_path, monkeypatch):
 def test_another_self_play_needs_another_folder(played, changes, message):
     with pytest.raises(UserError, match=f"holds a self-play with {message}"):
         play_selfplay(played, **({"seed": 3} | changes))
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"generations": 0}, "generations"),
-        ({"pool": 0}, "pool"),
-        ({"steps": 0}, "steps"),
-        ({"path": "waypoints"}, "plans no 'waypoints'"),
-        ({"scenario": "papr"}, "did you mean 'paper'"),
-    ],
-)
-def test_invalid_settings_of_self_play_are_refused(tmp_path, changes, message):
-    with pytest.raises(UserError, match=message):
-        play_selfplay(tmp_path, **changes)
-    assert not list(tmp_path.rglob("run.json"))
-
-
-@pytest.mark.slow
-def test_self_play_from_the_command_line(tmp_path, capsys):
-    entries = dict.fromkeys(("FPG/AllyVsPolicy-v0", "FPG/OpponentVsPolicy-v0"), TINY)
-    (tmp_path / "tiny.yml").write_text(yaml.safe_dump(entries))
-    out = tmp_path / "out"
-    with logged() as messages:
-        selfplay_verb(
-            "ppo", out, generations=1, steps=400, path="learned", n_evals=0, hyperparams=tmp_path / "tiny.yml"
-        )
-    assert [line.partition(":")[0] for line in messages if line[-1] == "%"] == ["ally_0", "opponent_0"]
-    assert capsys.readouterr().out == f"agents: {out / 'ally'}, {out / 'opponent'}\n"
-    assert load_agent(out / "opponent").about["options"] == {"path": "learned"}
-    assert read_rows(out)[1]["suite"] == "opponent-learned-v1"
 
 
 # Champions

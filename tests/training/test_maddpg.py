@@ -130,7 +130,7 @@ def test_the_same_seed_learns_the_same():
 @pytest.mark.slow
 def test_maddpg_plays_both_sides_of_the_game():
     games = make_sb3_duel(4, seed=0)
-    model = MADDPG("JointPolicy", games, learning_starts=40, policy_kwargs={"net_arch": [16]}).learn(1240)
-    assert model._n_updates == 300
+    model = MADDPG("JointPolicy", games, learning_starts=1000, policy_kwargs={"net_arch": [16]}).learn(1240)
+    assert model._n_updates == 60
     assert [info["l"] for info in model.ep_info_buffer] == [300] * 4
     assert model.predict(games.reset())[0].shape == (4, 18)

@@ -12,14 +12,13 @@ from stable_baselines3 import PPO, SAC, TD3
 from torch import nn
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import DUEL, ENVS
-from fpg_bench.envs.sb3_vec_env import make_sb3, make_sb3_duel
+from fpg_bench.common.ids import ENVS
+from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.training.algorithms import ALGORITHMS, find_algorithm
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import ACTIVATIONS, as_activation, make_games, make_model
-from fpg_bench.training.tuning.space import from_params, load_space, merge_values, to_params
 from tests.training.own import Mine
 from tests.training.tiny import ALLY, SMALL, settings, train, train_tiny
 
@@ -127,15 +126,6 @@ def test_stacked_frames_come_from_the_name_or_the_file():
         load_hyperparameters("ppo-stack8", ALLY, given)
 
 
-def test_a_variant_has_values_of_its_own_and_else_those_of_its_class():
-    fast = load_hyperparameters("ppo-fast", ALLY).algorithm
-    assert fast["policy_kwargs"]["activation_fn"] == "ReLU"
-    assert fast != load_hyperparameters("ppo", ALLY).algorithm
-    learned = load_hyperparameters("ppo", OPPONENT, path="learned")
-    assert load_hyperparameters("ppo-fast", OPPONENT, path="learned") == learned
-    assert load_space(find_algorithm("ppo-fast").base) == load_space("ppo")
-
-
 @pytest.mark.parametrize("algorithm", ["ppo", "td3", "ppo-stack4"])
 def test_an_opponent_that_flies_itself_has_values_of_its_own(algorithm):
     own = load_hyperparameters(algorithm, OPPONENT, path="learned")
@@ -199,22 +189,6 @@ def test_shipped_hyperparameters_have_names(tmp_path, monkeypatch):
     assert load_hyperparameters("ppo", ALLY, "ppo-fast").n_envs == 4  # a file comes first
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "message"),
-    [
-        ("policy_kwargs", {"net_arc": [3]}, "net_arc"),
-        ("noise_sd", "abc", "noise_sd: expected a number"),
-        ("normalize", {"norm_obs": True}, "knows neither normalize nor frame_stack"),
-        ("frame_stack", 2, "knows neither normalize nor frame_stack"),
-    ],
-)
-def test_invalid_hyperparameters_of_maddpg_are_refused(tmp_path, key, value, message):
-    given = {"policy": "JointPolicy", "n_envs": 2, "n_timesteps": 10, key: value}
-    with pytest.raises(UserError, match=message):
-        train("maddpg", DUEL, tmp_path / "run", hyperparams=given)
-    assert not (tmp_path / "run").exists()
-
-
 # Activations
 
 
@@ -240,14 +214,6 @@ def test_onnx_computes_each_activation_as_torch_does(tmp_path):
     assert len({row.tobytes() for row in values}) == len(ACTIVATIONS) - 1  # CELU's alpha of 1 makes it ELU
 
 
-def test_no_activation_has_weights_or_randomness():
-    x = torch.linspace(-3, 3, 100)
-    for kind in ACTIVATIONS.values():
-        made = kind().train()
-        assert not list(made.parameters())
-        assert torch.equal(made(x), made(x))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["ppo", "td3"])
 def test_the_activation_of_the_hyperparameters_is_trained_and_exported(algorithm, tmp_path):
@@ -257,26 +223,6 @@ def test_the_activation_of_the_hyperparameters_is_trained_and_exported(algorithm
         assert json.loads(file.read_text())["hyperparameters"]["policy_kwargs"] == policy
     assert load_agent(agent).about["largest_difference"] < 1e-5
     assert b"Elu" in (agent / "policy.onnx").read_bytes()
-
-
-def test_a_search_space_may_hold_activations(tmp_path):
-    line = "policy_kwargs.activation_fn: {kind: choice, choices: [Tanh, Mish]}"
-    (tmp_path / "space.yml").write_text(line)
-    space = load_space("ppo", tmp_path / "space.yml")
-    chosen = {"policy_kwargs.activation_fn": "Mish"}
-    assert to_params(space, settings("ppo", policy_kwargs=SMALL | {"activation_fn": "Mish"})) == chosen
-    model = model_of("ppo", merge_values(settings("ppo"), from_params(space, chosen)))
-    assert isinstance(model.policy.mlp_extractor.policy_net[1], nn.Mish)
-
-
-def test_both_sides_of_maddpg_take_the_activation():
-    policy = {"net_arch": [8, 8], "activation_fn": "SiLU"}
-    given = {"policy": "JointPolicy", "n_envs": 2, "n_timesteps": 10, "policy_kwargs": policy}
-    parameters = load_hyperparameters("maddpg", DUEL, given)
-    model = make_model("maddpg", make_sb3_duel(2, 0), parameters, 0)
-    for network in (*model.policy.actors, *model.policy.critics):
-        assert sum(isinstance(layer, nn.SiLU) for layer in network.modules()) >= 1
-        assert not any(isinstance(layer, nn.ReLU) for layer in network.modules())
 
 
 @pytest.mark.parametrize(

@@ -90,17 +90,6 @@ def test_a_path_is_read_in_every_form(form):
     assert (answer.rung, answer.repaired, answer.problem, answer.refused) == (rung, False, None, False)
 
 
-coordinates = st.integers(0, 600) | st.floats(0, 600).map(lambda value: round(value, 3))
-points = st.lists(coordinates, min_size=3, max_size=3)
-
-
-@given(st.sampled_from(sorted(set(FORMS) - {"NumPy"})), st.lists(points, min_size=4, max_size=4))
-def test_any_path_is_read_back_exactly(form, path):
-    answer = read_answer(FORMS[form][0](path), FOUR)
-    assert answer.waypoints.tolist() == path
-    assert not answer.repaired
-
-
 def four(**changed):
     """Four points, some of them another: p0=[1, 2, 3]."""
     return [changed.get(f"p{i}", point) for i, point in enumerate(PATH)]

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import json
-import pickle
 import signal
 import subprocess
 import sys
@@ -17,6 +15,7 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.planning import Plan
 from fpg_bench.planning.llm.background import BackgroundPlanner
+from fpg_bench.planning.llm.llm_planner import LLMPlanner
 
 from .fault_server import FaultServer, answer, ok
 from .playing import BAD, ROUNDS, SHORT, endpoint, path, path_text, planner, play, request
@@ -142,25 +141,6 @@ def test_an_error_of_the_planner_comes_up_at_the_next_round(error):
         with pytest.raises(UserError, match="planner slow failed beside the game") as caught:
             beside.plan_batch([request(1)])
         assert str(error) in str(caught.value)
-
-
-def test_it_has_the_planner_s_tier_and_says_that_it_cannot_be_repeated():
-    beside = BackgroundPlanner(Slow())
-    assert (beside.name, beside.tier, beside.repeatable) == ("slow-beside", "history", False)
-    with pytest.raises(UserError, match="needs the scenario"):
-        BackgroundPlanner(Slow(scenario=None))
-
-
-def test_copies_begin_anew_and_go_on_by_themselves(tmp_path):
-    with FaultServer([ok(path_text())]) as server:
-        first = BackgroundPlanner(planner(server))
-        first.plan_batch([request(0)])
-        settle(first)
-        for beside in (copy.deepcopy(first), pickle.loads(pickle.dumps(first))):
-            assert origin(beside.plan_batch([request(1)])[0]) == ("circle", "held")
-            settle(beside)
-            assert origin(beside.plan_batch([request(2)])[0]) == ("llm", "ok")
-        assert origin(first.plan_batch([request(1)])[0]) == ("llm", "ok")
 
 
 # Transcript
@@ -327,7 +307,9 @@ def test_a_killed_run_flies_what_it_flew_and_goes_on(tmp_path, monkeypatch):
             run.send_signal(signal.SIGKILL)
         go.set()
         before = flown(file)
-        subprocess.run(command, check=True)
+        beside = BackgroundPlanner(LLMPlanner(SHORT, transcript=file))
+        play(Settled(beside), rounds=rounds)
+        settle(beside)
     assert 0 < len(before) < rounds
     assert flown(file)[: len(before)] == before
     assert len(flown(file)) == rounds

@@ -5,17 +5,12 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-import multiprocessing
-import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
 
 import pytest
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.planning.llm.client import BACKOFF_S, LONGEST_BODY, RETRIES, Client, read_reply
 from fpg_bench.planning.llm.servers import Endpoint, load_server
 
@@ -303,12 +298,6 @@ def test_a_key_that_is_a_common_word_does_not_change_the_answer():
     assert read_reply(200, body, "x", ()).text == '{"waypoints": [{"x": 1}]}'
 
 
-def test_without_the_package_one_line_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "openai", None)
-    with pytest.raises(UserError, match=r'pip install "fpg-bench\[llm\]"'):
-        client("http://127.0.0.1:1/v1")
-
-
 # Reading of bodies
 
 
@@ -474,50 +463,6 @@ def test_it_works_beside_a_running_event_loop_in_threads_and_awaited():
         for thread in threads:
             thread.join()
     assert [reply.text for reply in replies] == ["Hello."] * 8
-
-
-@pytest.mark.process
-def test_it_works_in_a_forked_process():
-    with FaultServer([ok("Hello.")]) as fake:
-        asked = client(fake.url, deadline_s=30.0)
-        ask(asked)
-        context = multiprocessing.get_context("fork")
-        theirs, ours = context.Pipe()
-        process = context.Process(target=lambda: theirs.send(ask(asked).text), daemon=True)
-        process.start()
-        assert ours.poll(30)
-        assert ours.recv() == "Hello."
-        process.join()
-
-
-SLOW_CALL = """
-import sys, threading
-from fpg_bench.planning.llm.client import Client
-from fpg_bench.planning.llm.servers import Endpoint
-client = Client(Endpoint(sys.argv[1], "m"), 60)
-bodies = [client.request_body([{"role": "user", "content": "hi"}], 0)] * 3
-"""
-IN_A_THREAD = """
-threading.Thread(target=client.complete_all, args=[bodies], daemon=True).start()
-sys.stdin.readline()
-"""
-
-
-@pytest.mark.process
-@pytest.mark.parametrize(("code", "interrupt"), [("client.complete_all(bodies)", True), (IN_A_THREAD, False)])
-def test_a_process_ends_at_once_while_a_call_is_under_way(code, interrupt):
-    # As in a terminal: a process that is started in the background may not hear the signal
-    hear = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731
-    pipes = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with FaultServer([faults.late(60, "late")]) as fake:
-        command = [sys.executable, "-c", SLOW_CALL + code, fake.url]
-        process = subprocess.Popen(command, **pipes, preexec_fn=hear)
-        wait_for(lambda: fake.requests)
-        if interrupt:
-            process.send_signal(signal.SIGINT)
-        _, errors = process.communicate("go\n", timeout=30)
-    assert ("KeyboardInterrupt" in errors) == interrupt == (process.returncode != 0)
-    assert len(fake.requests) == 1
 
 
 # A real server

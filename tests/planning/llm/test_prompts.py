@@ -13,7 +13,7 @@ from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import Limits, Request
 from fpg_bench.planning.llm.answers import read_answer
-from fpg_bench.planning.llm.prompts import CONTROLS, PROMPT_FOLDER, PROMPTS, load_prompt, reask
+from fpg_bench.planning.llm.prompts import CONTROLS, PROMPTS, load_prompt, reask
 
 LIMITS = Limits.of(STANDARD)
 HERE = np.array([750.0, 12.4, 599.7])
@@ -42,10 +42,6 @@ def text(name, asked, control="none"):
 def tokens(content):
     """More tokens than any tokeniser makes of it: digits and marks one by one."""
     return len(re.findall(r"\d|[^\W\d]{1,5}|[^\w\s]|\n", content))
-
-
-def test_every_profile_in_the_folder_is_named():
-    assert {path.stem for path in PROMPT_FOLDER.iterdir()} == set(PROMPTS)
 
 
 def test_the_paper_s_three_strings_stand_in_their_form():
@@ -142,13 +138,6 @@ def test_the_last_bits_of_a_position_change_nothing(name):
     nudged = history.copy()
     nudged[..., :3] += np.random.default_rng(0).uniform(-1e-9, 1e-9, (2, 16, 3))
     assert text(name, request(history=history)) == text(name, request(history=nudged))
-
-
-@pytest.mark.parametrize("name", PROMPTS)
-def test_small_losses_are_no_negative_zero(name):
-    content = text(name, request(history=history_of([-0.004, -1e-9, -0.0])))
-    assert "0.00" in content
-    assert "-0" not in content
 
 
 @pytest.mark.parametrize("name", PROMPTS)
@@ -250,15 +239,11 @@ def test_the_hash_follows_what_is_asked_alone(own):
     [
         ("about: mine", "", "own.yml: lacks about"),
         ("heading:", "headings:", "unknown key 'headings'; did you mean 'heading'"),
-        ("about: mine", "about: 3", "about: expected text, got 3"),
         ("Go from $x", "Go from $position", r"user: unknown placeholder \$position; known: box_x"),
         ("$reward", "$rewards", r"row: unknown placeholder \$rewards; did you mean 'reward'"),
         ("Costs $$5", "Costs $5", r"user: a \$ without a name behind it; write \$\$"),
         ("{first: 1, best: 0, latest: 1}", "3", "rounds: expected a mapping, got 3"),
-        (", best: 0", "", "rounds: lacks best"),
         ("best: 0", "best: -1", "rounds.best: expected a whole number, 0 or more, got -1"),
-        ("best: 0", "best: yes", "rounds.best: expected a whole number, 0 or more, got True"),
-        (OWN, "[1]", "expected a mapping, got list"),
         (OWN, "about: !!python/object/apply:os.system [id]", "not valid YAML"),
     ],
 )

@@ -144,7 +144,7 @@ def test_a_killed_run_goes_on_and_calls_nothing_twice(tmp_path, monkeypatch):
         go.set()
         answered = [received.body for received in server.requests if received.body not in killed]
         lines = file.read_bytes()
-        subprocess.run(command, check=True)
+        play(LLMPlanner(SHORT, transcript=file, concurrency=games), games=games)
         later = [received.body for received in server.requests[len(answered) + 1 :]]
     assert killed[0] in later
     assert not [body for body in later if body in answered]

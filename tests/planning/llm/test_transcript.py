@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 import gzip
 import json
-import pickle
 
 import pytest
 
@@ -209,37 +207,9 @@ def test_the_first_of_two_answers_to_the_same_counts(recorded):
     assert len(recorded.read_text().splitlines()) == 1
 
 
-def test_live_keeps_nothing():
-    transcript = Transcript()
-    assert transcript.add(ATTEMPT, {}) == ATTEMPT
-    assert transcript.find(ATTEMPT.where, BODY) is None
-
-
-@pytest.mark.parametrize(
-    ("path", "mode", "message"),
-    [
-        ("x.jsonl", "live", "mode live keeps no file"),
-        (None, "record", "mode record needs the transcript's file"),
-        (None, "replay", "mode replay needs the transcript's file"),
-        ("x.jsonl", "again", "choose one of live, record, replay"),
-    ],
-)
-def test_a_mode_that_cannot_be_is_refused(path, mode, message):
-    with pytest.raises(UserError, match=message):
-        Transcript(path, mode)
-
-
 def test_nothing_to_replay_is_said(file):
     with pytest.raises(UserError, match="no such file to replay"):
         Transcript(file, "replay").attempts()
-
-
-def test_a_copy_is_the_same_transcript_and_a_pickle_opens_it_again(recorded):
-    transcript = Transcript(recorded, "record")
-    twin = copy.deepcopy(transcript)
-    transcript.add(changed(round=4), {})
-    assert len(twin.attempts()) == 2
-    assert len(pickle.loads(pickle.dumps(transcript)).attempts()) == 2
 
 
 @pytest.mark.process
@@ -255,22 +225,6 @@ def test_two_processes_do_not_record_into_one_file(recorded):
     assert "another process is writing" in other("record")
     first.close()
     assert other("record") == ""
-
-
-def test_a_full_disk_is_an_error_and_not_a_loss():
-    transcript = Transcript("/dev/full", "record")
-    with pytest.raises(OSError, match="No space"):
-        transcript.add(ATTEMPT, {})
-    assert transcript.attempts() == []
-
-
-@pytest.mark.parametrize("name", ["seed", "plan", "planned_round"])
-def test_a_damaged_line_of_a_round_flown_is_named(file, name):
-    line = {"kind": "flown", "seed": 1, "match": 0, "round": 0, "plan": "held", "planned_round": None}
-    file.parent.mkdir()
-    file.write_text(json.dumps({**line, name: 0.5}) + "\n")
-    with pytest.raises(UserError, match=f"line 1 is no round flown: {name}: expected"):
-        Transcript(file, "replay").flown(request(0))
 
 
 def test_what_was_flown_comes_back(file):

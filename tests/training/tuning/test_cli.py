@@ -1,12 +1,7 @@
-import signal
-import subprocess
-import sys
-
 import pytest
 import yaml
 
 from fpg_bench.cli import main
-from fpg_bench.training.tuning.study import load_study, open_storage
 from tests.programs import fpg as program
 from tests.training.tuning.test_tune import ENV_ID, HYPERPARAMS, SPACE
 
@@ -18,10 +13,6 @@ def folder(tmp_path):
     (tmp_path / "mine.yml").write_text(HYPERPARAMS)
     (tmp_path / "space.yml").write_text(SPACE)
     return tmp_path
-
-
-def command(words):
-    return [sys.executable, "-m", "fpg_bench.cli", *words.split()]
 
 
 @pytest.fixture
@@ -55,27 +46,6 @@ def test_search_look_and_write(folder, fpg):
     text = (folder / "mine.yml").read_text()
     assert "# tuned: study" in text
     assert yaml.safe_load(text)[ENV_ID]["n_timesteps"] == 960
-
-
-@pytest.mark.process
-def test_ctrl_c_leaves_a_study_that_goes_on(folder):
-    process = subprocess.Popen(
-        command(f"{TUNE} --n-trials 2 --steps 100000000"),
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
-    line = process.stdout.readline()
-    assert line.startswith("trial 0: learning_rate 0.001"), process.stderr.read()
-    process.send_signal(signal.SIGINT)
-    error = process.communicate(timeout=60)[1]
-    assert process.returncode == 130
-    assert error.splitlines()[-1] == "fpg-bench: stopped; what was finished is kept"
-    study, task = load_study(open_storage(folder / "study"), None)
-    assert [trial.state.name for trial in study.trials] == ["FAIL", "WAITING"]
-    assert task.steps == 100_000_000
 
 
 @pytest.mark.parametrize(
