@@ -1,6 +1,9 @@
 """Agents of submissions play in a sandbox wherever they are named."""
 
+import gc
+import os
 import pickle
+import warnings
 
 import numpy as np
 import pytest
@@ -46,6 +49,19 @@ def test_what_it_does_wrong_loses_rounds_and_ends_nothing(submission, data):
         game.step(np.zeros((4, 9), np.float32))
     (player,) = game._runner.players
     assert player.invalid.all()
+
+
+def test_its_process_ends_with_the_game_that_it_played_in(submission):
+    player = load_agent(submission / "seed_0", "ally")
+    player.predict(np.zeros((1, 15), np.float32))
+    pid, player.game = player._client.pid, {"player": player}  # a cycle, as games hold their players
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        del player
+        gc.collect()
+    assert caught == []
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
 
 
 def test_a_file_that_breaks_the_contract_is_not_played(submission):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import weakref
 from collections.abc import Iterator
 from typing import Any
 
@@ -72,6 +73,8 @@ class SandboxedAgent(Batched):
     def _running(self) -> PolicyClient:
         if self._client is None:
             self._client = PolicyClient(self._policy, _LIMITS).__enter__()
+            # A ``__del__`` would come too late in a cycle of references, and never at the interpreter's end.
+            weakref.finalize(self, self._client.close)
         return self._client
 
     @contextlib.contextmanager
@@ -81,20 +84,12 @@ class SandboxedAgent(Batched):
             yield
         except PolicyFailed as error:
             self.failure = str(error)
-            self._close()
+            if self._client is not None:
+                self._client.close()
             _logger.warning(f"{self!r}: {error}; its rounds are lost from here on")
 
     def __reduce__(self) -> tuple[type[SandboxedAgent], tuple[bytes, dict[str, Any]]]:
         return type(self), (self.model, self.about)
-
-    def _close(self) -> None:
-        """End the process, if there is one."""
-        client, self._client = getattr(self, "_client", None), None  # none yet if the file was refused
-        if client is not None:
-            client.close()
-
-    def __del__(self) -> None:
-        self._close()
 
     def __repr__(self) -> str:
         return f"SandboxedAgent({self.about.get('id')}, {self.about.get('algorithm')})"
