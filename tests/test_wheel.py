@@ -114,7 +114,7 @@ EXTRAS = {
     "train": Extra(
         (
             "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2).reset()",
-            "train ppo FPG/AllyVsScripted-v0 --steps 2000 --n-evals 1 --out run",
+            "train ppo FPG/AllyVsScripted-v0 --steps 2000 --n-evals 0 --out run",
             "export run --out exported/seed_0",
             "fpg_bench.export_agent(__import__('stable_baselines3').PPO('MlpPolicy', "
             "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2)), 'live', training_seed=0)",

@@ -57,13 +57,6 @@ def test_a_run_is_repeated_from_its_transcript_without_a_server(tmp_path, tiny, 
     assert not (tmp_path / "again" / "transcript.jsonl").exists()
 
 
-def test_a_missing_endpoint_is_one_line(tmp_path, tiny, monkeypatch):
-    monkeypatch.delenv("FPG_LLM_BASE_URL", raising=False)
-    with pytest.raises(UserError, match="FPG_LLM_BASE_URL"):
-        train("ppo", LLM, tmp_path / "run", **tiny)
-    assert not (tmp_path / "run").exists()
-
-
 def test_a_transcript_belongs_to_a_language_model(tmp_path, tiny):
     with pytest.raises(UserError, match="nothing to replay where the planner is 'interceptor'"):
         train("ppo", "FPG/AllyVsPlanner-v0", tmp_path / "run", transcript=tmp_path / "x.jsonl", **tiny)

@@ -21,7 +21,6 @@ pytestmark = pytest.mark.skipif(
     [
         ("ppo", "ppo", "n_envs:2 n_steps:8 batch_size:16"),
         ("recurrent-ppo", "ppo_lstm", "n_envs:2 n_steps:8 batch_size:16"),
-        ("sac", "sac", "n_envs:2 learning_starts:8"),
         ("td3", "td3", "n_envs:2 learning_starts:8"),
     ],
 )
