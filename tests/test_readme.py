@@ -50,7 +50,8 @@ def test_the_table_of_the_readme_has_the_committed_scores_of_the_scripts():
             score, worst = summary.score, summary.by_rival[summary.worst].value
             jammed = 100 * summary.measures["jamming_success_rate"]
             scores = f"{score.value:z.1f} | [{score.low:.1f}, {score.high:.1f}]"
-            row = f"| {summary.entry} | - | {scores} | {summary.reward.value:.2f} | {worst:.2f} | {jammed:.1f} |"
+            returns = f"{summary.reward.value:.2f} | {worst:.2f}"
+            row = f"| {summary.entry} | - | {scores} | {returns} | {jammed:.1f} |"
             assert row in rows
 
 
