@@ -14,7 +14,7 @@ def test_every_figure_is_shown_and_memory_keeps_its_bounds():
     report = python(SCRIPT, "--quick")
     assert report.returncode == 0, report.stderr
     lines = [line for line in report.stdout.splitlines() if line.endswith("reached")]
-    assert len(lines) == 7
+    assert len(lines) == 11
     for line in lines:
         if line.startswith("bytes"):  # which do not depend on the load of the machine
             assert line.endswith(" reached")

@@ -92,6 +92,7 @@ EXTRAS = {
             f"submit check {ROOT}/leaderboard/submissions/opponent/adaptive",
         ),
         (
+            "curves nowhere",
             "submit run nowhere",
             "leaderboard verify --folder nowhere",
             "leaderboard crossplay --folder nowhere",

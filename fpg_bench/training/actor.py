@@ -135,7 +135,7 @@ def _choices(model: BaseAlgorithm, choices: Choices | None) -> Choices | None:
     Raises:
         UserError: a model of another list of choices, or discrete actions and no games.
     """
-    space = model.action_space
+    space = model.policy.action_space
     if isinstance(space, spaces.Box):
         return None
     choices = choices or getattr(core_of(model), "choices", None)
