@@ -103,14 +103,16 @@ def test_a_user_s_own_algorithm_that_cannot_be_trained_is_refused(algorithm, ste
 def test_shipped_hyperparameters_make_a_model_for_every_id(algorithm, monkeypatch):
     monkeypatch.setenv("FPG_LLM_BASE_URL", "http://127.0.0.1:9/v1")  # never asked
     monkeypatch.setenv("FPG_LLM_MODEL", "none")
+    actions = "discrete" if algorithm in ("dqn", "qr-dqn", "maskable-ppo") else "continuous"
     for env_id in ENVS:
-        parameters = load_hyperparameters(algorithm, env_id)
-        make_model(algorithm, make_sb3(env_id, n_envs=2), parameters, seed=0)
+        parameters = load_hyperparameters(algorithm, env_id, actions=actions)
+        make_model(algorithm, make_sb3(env_id, n_envs=2, actions=actions), parameters, seed=0)
 
 
 def test_shipped_files_hold_nothing_to_evaluate():
     """rl-zoo3 evaluates text values."""
-    known = {"MlpPolicy", "JointPolicy", "MlpLstmPolicy", "normal", "auto_0.1", "lin_0.005", "lin_0.0007"}
+    known = {"MlpPolicy", "JointPolicy", "MlpLstmPolicy", "normal", "auto_0.1"}
+    known |= {"lin_0.005", "lin_0.001", "lin_0.0007"}
     for path in (baselines_folder() / "hyperparams").glob("*.yml"):
         values = [value for entry in yaml.safe_load(path.read_text()).values() for value in entry.values()]
         assert {value for value in values if isinstance(value, str)} <= known, path

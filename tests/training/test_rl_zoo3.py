@@ -21,13 +21,14 @@ pytestmark = pytest.mark.skipif(
     [
         ("ppo", "ppo", "n_envs:2 n_steps:8 batch_size:16"),
         ("recurrent-ppo", "ppo_lstm", "n_envs:2 n_steps:8 batch_size:16"),
-        ("td3", "td3", "n_envs:2 learning_starts:8"),
+        ("dqn", "dqn", "n_envs:2 learning_starts:8"),
     ],
 )
 def test_rl_zoo3_trains_with_our_file(name, theirs, small, tmp_path):
     file = baselines_folder() / "hyperparams" / f"{name}.yml"
     words = ["--algo", theirs, "--env", ALLY, "--gym-packages", "fpg_bench", "--conf-file", str(file)]
     words += ["--n-timesteps", "32", "--eval-freq", "-1", "--log-folder", str(tmp_path), "--num-threads", "1"]
+    words += ["--env-kwargs", "actions:'discrete'"] if name == "dqn" else []
     done = python("-m", "rl_zoo3.train", *words, "-params", *small.split(), folder=tmp_path)
     assert done.returncode == 0, done.stderr[-2000:]
     assert list(tmp_path.rglob("best_model.zip")) or list(tmp_path.rglob(f"{theirs}/*/*.zip")), done.stdout
