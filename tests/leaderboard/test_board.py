@@ -272,17 +272,20 @@ def test_the_command_on_an_entry_s_page_plays_it_again(entered, tmp_path, monkey
     assert CliRunner().invoke(app, words).exit_code != 0
 
 
-def test_the_verb_says_who_is_left_out_and_keeps_rounds_that_it_does_not_simulate(board, tmp_path, capsys):
+def test_the_verb_says_who_is_left_out_and_keeps_rounds_that_it_does_not_simulate(
+    board, tmp_path, capsys, messages
+):
     enter(board, "ally", "wise", script="expert")
     verify(board)
     enter(board, "ally", "still", script="idle")
     site = tmp_path / "site"
     capsys.readouterr()
+    messages.clear()
     build(site, board)
-    first, played, line = capsys.readouterr().out.splitlines()
+    first, played = messages
     assert first.startswith("ally/still: left out: has no result")
     assert played == "ally/wise: playing rounds to watch"
-    assert line.startswith("1 entries, 1 rounds to watch")
+    assert capsys.readouterr().out.startswith("1 entries, 1 rounds to watch")
     rounds = sorted(site.glob("replays/ally/wise/*.js"))
     assert len(rounds) == 1
     verify(board)
