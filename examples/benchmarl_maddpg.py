@@ -29,7 +29,7 @@ class TwoPlayerBatch(PettingZooClass):
     """The game as a task: two groups of one agent each."""
 
     def get_env_fun(self, num_envs, continuous_actions, seed, device):
-        """What makes a game; BenchMARL steps several in turn."""
+        """Return a function that makes a game; BenchMARL steps several in turn."""
         group_map = {"ally": ["ally"], "opponent": ["opponent"]}
         return lambda: PettingZooWrapper(parallel_env(), group_map=group_map, device=device, seed=seed)
 

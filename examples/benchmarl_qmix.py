@@ -26,7 +26,7 @@ class DiscreteBatch(TwoPlayerBatch):
     """The game as a task: two groups of one agent each, which choose from lists."""
 
     def get_env_fun(self, num_envs, continuous_actions, seed, device):
-        """What makes a game; BenchMARL steps several in turn."""
+        """Return a function that makes a game; BenchMARL steps several in turn."""
         options = {"return_state": True, "categorical_actions": True, "seed": seed, "device": device}
         group_map = {"ally": ["ally"], "opponent": ["opponent"]}
         return lambda: PettingZooWrapper(parallel_env(actions="discrete"), group_map=group_map, **options)

@@ -37,6 +37,12 @@ class EnvConfig:
         """The keyword of the other side's player: ``opponent`` or ``ally``."""
         return other_side(self.side)
 
+    def action_mode(self, actions: str | None) -> str:
+        """Return the action mode that the caller names, or else the id's; raises UserError if they differ."""
+        if actions not in (None, self.actions) and self.actions != "continuous":
+            raise UserError(f"actions: the id says {self.actions}, got {actions!r}; use {self.id} to choose")
+        return actions or self.actions
+
 
 ENVS = MappingProxyType(
     {

@@ -200,7 +200,7 @@ class SingleAgentGame(Core):
         if "waypoints" in played.paths and config.planner is None:
             raise UserError(f"path: {config.id} plans no 'waypoints'; FPG/AllyVsPlanner-v0 does")
         self.planner = _planner(planner, config, played)
-        modes = {self.side: _mode(actions, config)}
+        modes = {self.side: config.action_mode(actions)}
         self.duel = TwoPlayerBatch(played, games, self.planner, threads, modes)
         self.scenario, self.count = played, self.duel.count
         self.choices = self.duel.choices[self.side]
@@ -385,13 +385,6 @@ def _refuse_unknown(options: Mapping[str, object], known: type) -> None:
         if name not in known.__annotations__:
             hint = nearest(name, known.__annotations__)
             raise UnknownOptionError(f"got an unexpected keyword argument {name!r}{hint}")
-
-
-def _mode(actions: str | None, config: EnvConfig) -> str:
-    """Return the action mode that the caller names, or else the id's; raises UserError if they differ."""
-    if actions not in (None, config.actions) and config.actions != "continuous":
-        raise UserError(f"actions: the id says {config.actions}, got {actions!r}; use {config.id} to choose")
-    return actions or config.actions
 
 
 def _as_list(spec: PlayerSpec | Sequence[PlayerSpec] | None, default: str) -> list[PlayerSpec]:

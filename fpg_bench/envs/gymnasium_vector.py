@@ -24,8 +24,7 @@ class FPGVectorEnv(VectorEnv):
     """N games stepped at once; game i of a batch seeded s plays as a single game seeded s + i.
 
     Observations are ``(N, 15)`` float32, actions ``(N, 9)`` floats in [-1, 1] or ``(N,)`` choices, and
-    rewards ``(N,)`` float64;
-    their meanings are those of :class:`fpg_bench.envs.gymnasium_env.FPGEnv`.
+    rewards ``(N,)`` float64; their meanings are those of :class:`fpg_bench.envs.gymnasium_env.FPGEnv`.
 
     A round's last step has ``truncations`` set, and its infos hold ``measures``. With ``autoreset_mode``
     NEXT_STEP the step after it begins the next round, ignores that game's action and gives reward 0. With

@@ -16,7 +16,7 @@ from fpg_bench.evaluation.suite import Suite
 
 @dataclass(frozen=True)
 class Training:
-    """What the training of an entry's agents cost.
+    """Cost of the training of an entry's agents.
 
     Attributes:
         steps: training budget of each seed.

@@ -86,7 +86,7 @@ class Choices:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """How many choices each list has."""
+        """Number of choices of each list."""
         return tuple(map(len, self.lists))
 
     @property

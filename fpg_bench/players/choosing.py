@@ -11,9 +11,10 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.player import Memory, Player
+from fpg_bench.players.seeded import Batched
 
 
-class ChoosingPlayer:
+class ChoosingPlayer(Batched):
     """Player of a model that predicts choices, as Stable-Baselines3's DQN does.
 
     Args:
@@ -26,19 +27,12 @@ class ChoosingPlayer:
         takes_masks = "action_masks" in inspect.signature(model.predict).parameters  # as MaskablePPO's
         self._mask = choices.mask if takes_masks and not choices.mask.all() else None
 
-    def predict(
-        self,
-        observation: np.ndarray,
-        state: Memory = None,
-        episode_start: np.ndarray | None = None,
-        deterministic: bool = True,
+    def _answer(
+        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
     ) -> tuple[np.ndarray, Memory]:
-        """Return actions ``(n, 9)`` float32, and the model's next memory."""
-        masks = {}
-        if self._mask is not None:
-            masks["action_masks"] = np.tile(self._mask, (len(observation), 1))
-        chosen, state = self.model.predict(observation, state, episode_start, deterministic, **masks)
-        return self._choices.decode(np.asarray(chosen), observation), state
+        masks = {} if self._mask is None else {"action_masks": np.tile(self._mask, (len(seen), 1))}
+        chosen, state = self.model.predict(seen, state, starts, True, **masks)
+        return self._choices.decode(np.asarray(chosen), seen), state
 
 
 def with_floats(player: Player, side: str, scenario: Scenario) -> Player:

@@ -101,9 +101,10 @@ class RunConfig:
 
     @property
     def actions(self) -> str:
-        """The action mode: the one that is set, else that of the id."""
-        mode = "continuous" if len(self.sides) == 2 else find_env(self.env_id).actions
-        return self.game.actions or mode
+        """The action mode: the one that is set, else that of the id; raises UserError if they differ."""
+        if len(self.sides) == 2:
+            return self.game.actions or "continuous"
+        return find_env(self.env_id).action_mode(self.game.actions)
 
     @property
     def sides(self) -> tuple[str, ...]:

@@ -58,7 +58,11 @@ def export_onnx(model: BaseAlgorithm, choices: Choices | None = None) -> bytes:
     Raises:
         UserError: a policy of another kind, or one that the installed versions cannot write as ONNX.
     """
-    actor = Actor(model, choices)
+    return _onnx_of(Actor(model, choices), model)
+
+
+def _onnx_of(actor: Actor, model: BaseAlgorithm) -> bytes:
+    """Return the ONNX of a model's actor, by PyTorch's exporter if it has layers of the user's own."""
     plain = plain_onnx(actor)
     return _torch_export(type(model.policy).__name__, actor) if plain is None else plain
 
@@ -176,7 +180,7 @@ def write_exported(
         UserError: a policy of another kind, or one that plays differently once exported.
     """
     actor = Actor(model, choices)
-    data = export_onnx(model, actor.choices)
+    data = _onnx_of(actor, model)
     mode = {} if actor.choices is None else {"actions": actor.choices.mode}
     about = {"format": AGENT_FORMAT, **about, **mode, "policy_sha256": hashlib.sha256(data).hexdigest()}
     difference = _checked(largest_difference(model, OnnxPlayer(data, about), choices=actor.choices), model)
@@ -187,9 +191,9 @@ def write_exported(
 
 def check_exportable(model: BaseAlgorithm) -> None:
     """Raise UserError if the model's policy cannot be exported."""
-    choices = Actor(model).choices
-    player = OnnxPlayer(export_onnx(model, choices), {})
-    _checked(largest_difference(model, player, steps=20, choices=choices), model)
+    actor = Actor(model)
+    player = OnnxPlayer(_onnx_of(actor, model), {})
+    _checked(largest_difference(model, player, steps=20, choices=actor.choices), model)
 
 
 def _checked(difference: float, model: BaseAlgorithm) -> float:

@@ -58,6 +58,8 @@ def test_an_id_of_discrete_actions_is_the_plain_id_with_an_option():
         config.options() == run_config("dqn", ALLY, actions="discrete").options() == {"actions": "discrete"}
     )
     assert config.suites() == ["ally-v1"]
+    with pytest.raises(UserError, match="the id says discrete, got 'continuous'"):
+        run_config("dqn", "FPG/AllyVsScriptedDiscrete-v0", actions="continuous").options()
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def make_task(
     options = _storable(
         {name: value for name, value in (options or {}).items() if value is not None}, "options"
     )
-    actions = options.get("actions", env.actions)
+    actions = env.action_mode(options.get("actions"))
     if actions != "continuous":
         options["actions"] = actions
     registered = find_algorithm(algorithm)
