@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import pickle
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -247,7 +248,7 @@ def _actions(adapter, steps, first=0):
     return np.stack(rows, axis=1).astype(np.float32)
 
 
-def _play(adapter, seed, rounds=2, first=0):
+def play(adapter, seed, rounds=2, first=0):
     """All observations and rewards of some rounds."""
     shown = [adapter.reset(seed).copy()]
     for actions in _actions(adapter, rounds * adapter.scenario.steps_per_round, first):
@@ -278,9 +279,9 @@ def check_spaces(make):
 
 def check_seeds(make):
     """The same seed gives the same game, another seed another one, and none one by chance."""
-    first = _play(adapt(make()), SEED)
-    require(_same(first, _play(adapt(make()), SEED)), "the same seed gave another game")
-    other = _play(adapt(make()), SEED + 100, rounds=1)
+    first = play(adapt(make()), SEED)
+    require(_same(first, play(adapt(make()), SEED)), "the same seed gave another game")
+    other = play(adapt(make()), SEED + 100, rounds=1)
     require(not _same(first[: len(other)], other), "another seed gave the same game")
     here, there = (adapt(make()).reset() for _ in range(2))
     require(not np.array_equal(here, there), "without a seed two games are the same")
@@ -288,7 +289,7 @@ def check_seeds(make):
 
 def check_batch(make):
     """Game i of a batch seeded s is that of seed s + i, whatever the others do."""
-    first, second = (_play(adapt(make()), SEED + k, first=k) for k in (0, 1))
+    first, second = (play(adapt(make()), SEED + k, first=k) for k in (0, 1))
     same = _same([shown[1:] for shown in first], [shown[:-1] for shown in second])
     require(same, "game i of a batch of seed s is not game i - 1 of seed s + 1")
 
@@ -346,12 +347,12 @@ def _arrays(actions):
 
 
 def check_copies(make):
-    """A copy, made in the middle of a round, plays on alone, into the next round."""
+    """A pickled copy, made in the middle of a round, plays on alone, into the next round."""
     adapter = adapt(make())
     adapter.reset(SEED)
     first, *rest = _actions(adapter, adapter.scenario.steps_per_round + 2)
     adapter.step(adapter.pack(first))
-    twin = adapt(copy.deepcopy(adapter.env))
+    twin = adapt(pickle.loads(pickle.dumps(adapter.env)))
     for actions in rest:
         here, there = (each.step(each.pack(actions)) for each in (adapter, twin))
         require(_same(here.handed, there.handed), "a copy plays another game")

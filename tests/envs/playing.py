@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 
-import gymnasium
 import numpy as np
 
 from fpg_bench.common.ids import ENVS
@@ -35,25 +34,3 @@ class Tape:
         steps = np.zeros(len(observation), int) if state is None else state.copy()
         steps[episode_start] = 0
         return self.actions[steps, np.arange(len(steps))], steps + 1
-
-
-def single_game(env_id: str, seed: int, actions: np.ndarray, **options) -> list[tuple]:
-    """(observation, reward) of every step over the rounds, a round's start with reward None."""
-    env = gymnasium.make(env_id, scenario=SHORT, disable_env_checker=True, **options).unwrapped
-    shown = [(env.reset(seed=seed)[0], None)]
-    for action in actions:
-        observation, reward, terminated, truncated, _ = env.step(action)
-        assert not terminated
-        shown.append((observation, reward))
-        if truncated:
-            shown.append((env.reset()[0], None))
-    return shown
-
-
-def same(first: list[tuple], second: list[tuple]) -> bool:
-    """Whether two games showed the same to the bit (rewards to a float32's)."""
-    assert len(first) == len(second)
-    return all(
-        np.array_equal(x, y) and (r is None) == (s is None) and (r is None or np.float32(r) == np.float32(s))
-        for (x, r), (y, s) in zip(first, second, strict=True)
-    )

@@ -16,7 +16,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 from fpg_bench import make_duel, make_sb3
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import ACTION_MODES, ENVS, id_with
+from fpg_bench.common.ids import ACTION_MODES, id_with
 from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.game.batch import ActionError
 from fpg_bench.game.choices import Choices
@@ -24,11 +24,9 @@ from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.scripted import Scripted
 
-from .playing import SHORT
+from .playing import ALLY, IDS, OPPONENT, SHORT
 
 MODES = tuple(ACTION_MODES)[1:]
-ALLY, OPPONENT = "FPG/AllyVsScripted-v0", "FPG/OpponentVsScripted-v0"
-IDS = [name for name in ENVS if "LLM" not in name]
 LEARNED = as_scenario(SHORT, opponent_path="learned")
 
 
@@ -131,13 +129,15 @@ def test_a_model_of_choices_is_a_player_that_keeps_to_what_is_allowed():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize(
+    ("env_id", "mode"),
+    [*((env_id, "continuous") for env_id in IDS), *((id, mode) for mode in MODES for id in (ALLY, OPPONENT))],
+)
 def test_the_checkers_find_nothing_to_warn_of(env_id, mode):
     env = gymnasium.make(id_with(env_id, mode)).unwrapped
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(env)
+        check_env(env, skip_render_check=(env_id, mode) != (ALLY, "continuous"))
         check_env_sb3(env)
 
 
@@ -205,8 +205,3 @@ def test_a_choice_that_cannot_be_made_is_refused(choice, message):
 def test_an_action_mode_that_cannot_be_is_refused(env_id, actions, message):
     with pytest.raises(UserError, match=message):
         gymnasium.make(env_id, actions=actions)
-
-
-def test_a_duel_names_the_sides_of_its_action_modes():
-    with pytest.raises(UserError, match="did you mean 'opponent'"):
-        make_duel(1, actions={"opponet": "discrete"})

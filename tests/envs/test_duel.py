@@ -9,85 +9,13 @@ import pytest
 
 from fpg_bench import make_duel
 from fpg_bench.common.errors import UserError
-from fpg_bench.envs.core import SingleAgentGame
-from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.planning import Plan
 
 from .playing import (
-    ALLY_POLICY,
-    OPPONENT_POLICY,
-    PLANNED,
     SHORT,
     STEPS,
-    Tape,
-    same,
-    single_game,
     tape,
 )
-
-GAMES = 3
-
-
-def played(seed, ally, opponent, **options):
-    """What each game of a duel shows of the two sides, two lists of (observation, reward) per game."""
-    games = ally.shape[1]
-    duel = make_duel(games, scenario=SHORT, **options)
-    duel.reset(seeds=seed)
-    shown = [([], []) for _ in range(games)]
-
-    def keep(step, begun):
-        for game, (of_ally, of_opponent) in enumerate(shown):
-            of_ally.append((step.ally_observations[game], None if begun else step.ally_rewards[game]))
-            of_opponent.append(
-                (step.opponent_observations[game], None if begun else step.opponent_rewards[game])
-            )
-
-    keep(duel.present(), True)
-    for k in range(len(ally)):
-        step = duel.step(ally[k], opponent[k])
-        keep(step, False)
-        if step.truncated.all():
-            duel.reset()
-            keep(duel.present(), True)
-    return shown
-
-
-def both_tapes(games=GAMES):
-    """Actions of both sides; the opponent's are the same in every round, as ``Tape`` plays them."""
-    opponent = tape(games, STEPS, seed=1)
-    return tape(games), np.tile(opponent, (3, 1, 1)), opponent
-
-
-@pytest.mark.parametrize("path", ["pursuit", "learned", ["circle", "learned"]])
-def test_the_single_environments_of_both_sides_show_the_duel(path):
-    ally, opponent, round_of_opponent = both_tapes(1)
-    of_ally, of_opponent = played(7, ally, opponent, path=path)[0]
-    environment = single_game(ALLY_POLICY, 7, ally[:, 0], opponent=Tape(round_of_opponent), path=path)
-    assert same(of_ally, environment)
-    swapped_ally, swapped = np.tile(ally[:STEPS], (3, 1, 1)), opponent
-    of_opponent = played(7, swapped_ally, swapped, path=path)[0][1]
-    environment = single_game(OPPONENT_POLICY, 7, swapped[:, 0], ally=Tape(ally[:STEPS]), path=path)
-    assert same(of_opponent, environment)
-
-
-def test_the_pettingzoo_environment_shows_the_duel():
-    ally, opponent, _ = both_tapes(1)
-    of_ally, of_opponent = played(7, ally, opponent)[0]
-    env = parallel_env(scenario=SHORT)
-    shown = {"ally": [], "opponent": []}
-
-    def keep(observations, rewards):
-        for side, shown_to in shown.items():
-            shown_to.append((observations[side], rewards and rewards[side]))
-
-    keep(env.reset(seed=7)[0], None)
-    for k in range(len(ally)):
-        observations, rewards, *_ = env.step({"ally": ally[k, 0], "opponent": opponent[k, 0]})
-        keep(observations, rewards)
-        if not env.agents:
-            keep(env.reset()[0], None)
-    assert same(shown["ally"], of_ally)
-    assert same(shown["opponent"], of_opponent)
 
 
 def test_a_round_that_is_over_waits_while_others_go_on():
@@ -147,15 +75,6 @@ def test_a_planner_learns_from_the_rounds_of_its_match_and_forgets_with_the_next
     assert np.array_equal(diary.histories[2][0], diary.histories[1][0])
 
 
-def test_a_history_holds_the_mean_reward_of_each_part():
-    diary = Diary()
-    duel = make_duel(1, scenario=SHORT, planner=diary)
-    duel.reset(seeds=0)
-    rewards = [duel.step(action, action).opponent_rewards[0] for action in tape(1, STEPS)]
-    duel.reset()
-    assert diary.histories[1][0, :, 3] == pytest.approx(np.reshape(rewards, (16, 2)).mean(axis=1))
-
-
 def test_rounds_left_early_are_no_part_of_a_history():
     diary = Diary()
     duel = make_duel(1, scenario=dataclasses.replace(SHORT, rounds_per_match=9), planner=diary)
@@ -179,28 +98,6 @@ def test_plans_are_the_games_own_chance_whatever_the_batch():
     assert flown.min() >= 0
 
 
-def test_the_opponent_flies_the_plan_on_time():
-    duel = make_duel(1, planner="circle")
-    duel.reset(seeds=0)
-    rest = np.zeros((1, 9), np.float32)
-    track = []
-    for _ in range(300):
-        duel.step(rest, rest)
-        track.append(duel.batch.games["opponent_position"][0].copy())
-    plan = duel.plans[0].waypoints
-    due = np.ceil(np.arange(1, 17) * 300 / 16).astype(int) - 1
-    missed = np.linalg.norm(np.array(track)[due] - plan, axis=1)
-    assert plan.std(axis=0)[0] > 100
-    assert missed[8:].max() < 1e-6  # it starts anywhere and catches up with the circle
-
-
-def test_the_planner_environment_plays_ten_rounds_a_match_and_hands_the_plan_over():
-    core = SingleAgentGame(PLANNED)
-    core.reset(seeds=0)
-    assert core.scenario.rounds_per_match == 10
-    assert np.array_equal(core.duel.plans[0].waypoints, core.duel.batch.waypoints[0])
-
-
 def test_a_bad_plan_says_whose_it_is_and_in_which_game_and_round():
     class Shortening(Diary):
         def plan(self, history, *args):
@@ -216,23 +113,6 @@ def test_a_bad_plan_says_whose_it_is_and_in_which_game_and_round():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"path": "waypoints"}, "path 'waypoints' needs a planner"),
-        ({"path": "circle", "planner": "circle"}, "nothing to plan where the path is 'circle'"),
-        ({"planner": "sqare"}, "unknown planner 'sqare'"),
-        ({"games": 0}, "above 0, got 0"),
-        ({"scenario": "papr"}, "did you mean 'paper'"),
-        ({"jamming_types": "combs"}, "did you mean 'comb'"),
-    ],
-    ids=str,
-)
-def test_what_cannot_be_is_refused(options, message):
-    with pytest.raises(UserError, match=message):
-        make_duel(**options)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
         ({"mask": np.array([True])}, r"a mask of shape \(2,\), got \(1,\)"),
         ({"horizons": np.array([5, 301])}, "horizons of 1 to 300 steps"),
         ({"horizons": np.array([0, 300])}, "horizons of 1 to 300 steps"),
@@ -243,8 +123,3 @@ def test_what_cannot_be_is_refused(options, message):
 def test_a_reset_that_cannot_be_is_refused(options, message):
     with pytest.raises(UserError, match=message):
         make_duel(2).reset(**{"seeds": 0, **options})
-
-
-def test_the_first_reset_needs_seeds():
-    with pytest.raises(UserError, match="first reset"):
-        make_duel(1).reset()

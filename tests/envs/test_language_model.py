@@ -6,12 +6,11 @@ import gymnasium
 import numpy as np
 import pytest
 
-import fpg_bench
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.planning import LLM_CONTROLS, Plan, as_planner
 from fpg_bench.planning.llm.background import BackgroundPlanner
-from tests.planning.llm.fault_server import FaultServer, ok, status
+from tests.planning.llm.fault_server import FaultServer, ok
 from tests.planning.llm.playing import path, path_text
 
 LLM = "FPG/AllyVsLLM-v0"
@@ -32,14 +31,15 @@ def no_endpoint(monkeypatch):
         monkeypatch.delenv(f"FPG_LLM_{name}", raising=False)
 
 
-def configure(monkeypatch, server):
-    monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
+def configure(monkeypatch, url):
+    monkeypatch.setenv("FPG_LLM_BASE_URL", url)
     monkeypatch.setenv("FPG_LLM_MODEL", "tiny")
 
 
-@pytest.mark.parametrize(
-    "make", [gymnasium.make, gymnasium.make_vec, make_sb3], ids=lambda make: make.__name__
-)
+every_kind = pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec, make_sb3])
+
+
+@every_kind
 def test_without_an_endpoint_it_says_in_one_line_what_to_set(make):
     with pytest.raises(UserError, match="FPG_LLM_BASE_URL") as caught:
         make(LLM)
@@ -48,7 +48,7 @@ def test_without_an_endpoint_it_says_in_one_line_what_to_set(make):
 
 def test_what_the_model_plans_is_flown(monkeypatch):
     with FaultServer([ok(path_text(shift)) for shift in (0, 40, 80)]) as server:
-        configure(monkeypatch, server)
+        configure(monkeypatch, server.url)
         env = gymnasium.make(LLM)
         env.reset(seed=1)
         for shift in (0, 40):
@@ -61,19 +61,9 @@ def test_what_the_model_plans_is_flown(monkeypatch):
         assert len(server.requests) == 3
 
 
-def test_a_server_that_fails_shows_in_the_status(monkeypatch):
-    with FaultServer([status(500)]) as server:
-        configure(monkeypatch, server)
-        games = fpg_bench.make_sb3(LLM, n_envs=2, seed=0)
-        games.reset()
-        assert [plan.status for plan in games.core.duel.plans] == ["fallback-http"] * 2
-        assert {plan.source for plan in games.core.duel.plans} == {"circle"}
-
-
 @pytest.mark.parametrize("spec", LLM_CONTROLS)
 def test_it_has_ten_rounds_a_match_and_takes_every_planner_that_asks_a_model(monkeypatch, spec):
-    monkeypatch.setenv("FPG_LLM_BASE_URL", "http://127.0.0.1:9/v1")  # never asked
-    monkeypatch.setenv("FPG_LLM_MODEL", "none")
+    configure(monkeypatch, "http://127.0.0.1:9/v1")  # never asked
 
     def beside(scenario):
         return BackgroundPlanner(as_planner(spec, scenario))
@@ -84,9 +74,7 @@ def test_it_has_ten_rounds_a_match_and_takes_every_planner_that_asks_a_model(mon
         assert core.planner.name.removesuffix("-beside") == spec
 
 
-@pytest.mark.parametrize(
-    "make", [gymnasium.make, gymnasium.make_vec, make_sb3], ids=lambda make: make.__name__
-)
+@every_kind
 @pytest.mark.parametrize(
     "spec", ["interceptor", Circling, lambda scenario: BackgroundPlanner(Circling(), scenario)]
 )

@@ -7,14 +7,10 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
-import torch
-from stable_baselines3 import PPO, SAC, TD3
-from stable_baselines3.common.env_checker import check_env
-from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import (
-    SubprocVecEnv,
     VecCheckNan,
     VecFrameStack,
     VecNormalize,
@@ -27,17 +23,14 @@ from fpg_bench.common.errors import UserError
 from .playing import (
     ALLY,
     ALLY_POLICY,
-    IDS,
     OPPONENT_POLICY,
-    PLANNED,
     SHORT,
     STEPS,
-    same,
-    single_game,
     tape,
 )
 
 GAMES = 3
+REST = np.zeros((GAMES, 9), np.float32)
 
 
 def small():
@@ -45,58 +38,19 @@ def small():
     return {"policy_kwargs": {"net_arch": [16]}, "device": "cpu", "seed": 0}
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
-
-
 def make(env_id=ALLY, games=GAMES, **options):
     return make_sb3(env_id, games, **{"scenario": SHORT, **options})
 
 
-def rest(games=GAMES):
-    return np.zeros((games, 9), np.float32)
-
-
-@pytest.mark.parametrize("env_id", IDS)
-def test_sb3_finds_nothing_to_warn_of_in_the_single_environment(env_id):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(gymnasium.make(env_id).unwrapped)
-
-
-@pytest.mark.parametrize("env_id", IDS)
-def test_game_i_seeded_s_is_the_single_game_seeded_s_plus_i(env_id):
-    actions, games = tape(GAMES), GAMES
-    env = make(env_id, games, seed=20)
-    shown = [[(observation, None)] for observation in env.reset()]
-    for action in actions:
-        observations, rewards, dones, infos = env.step(action)
-        for game in range(games):
-            last = infos[game]["terminal_observation"] if dones[game] else observations[game]
-            shown[game].append((last, rewards[game]))
-            if dones[game]:
-                shown[game].append((observations[game], None))
-    for game in range(games):
-        assert same(shown[game], single_game(env_id, 20 + game, actions[:, game]))
-
-
-def test_a_rounds_end_is_a_truncation_with_its_last_observation_and_a_monitors_info():
-    env = make(seed=1)
-    env.reset()
-    total = np.zeros(GAMES)
-    for k in range(STEPS):
-        _, rewards, dones, infos = env.step(rest())
-        total += rewards
-        assert dones.all() == dones.any() == (k + 1 == STEPS)
+def test_a_rounds_end_has_a_monitors_info_behind_wrappers_too():
+    env = VecCheckNan(VecFrameStack(VecNormalize(make(seed=1)), 4))
+    assert env.reset().shape == (GAMES, 60)
+    for _ in range(STEPS):
+        *_, dones, infos = env.step(REST)
         assert all(bool(info) == dones[0] for info in infos)
-    for game, info in enumerate(infos):
+    for info in infos:
         assert info["TimeLimit.truncated"] is True
-        assert info["terminal_observation"] in env.observation_space
-        assert info["episode"]["r"] == pytest.approx(total[game], rel=1e-5)
+        assert info["terminal_observation"].shape == (60,)
         assert info["episode"]["l"] == STEPS
         assert {"t", "outage", "jamming_success_rate", "hop_rate", "snr_db"} <= info["episode"].keys()
 
@@ -106,7 +60,7 @@ def test_a_staggered_batch_mixes_phases_by_truncations_of_its_first_rounds():
     env.reset()
     lengths = [[] for _ in range(4)]
     for _ in range(3 * STEPS):
-        for game, info in enumerate(env.step(rest(4))[3]):
+        for game, info in enumerate(env.step(np.zeros((4, 9), np.float32))[3]):
             if info:
                 assert info["TimeLimit.truncated"]
                 lengths[game].append(info["episode"]["l"])
@@ -130,10 +84,6 @@ def test_a_new_match_can_be_asked_for():
     curves = env.core.duel.batch.games["control_points"]
     env.reset()
     first = curves.copy()
-    env.reset()
-    assert np.array_equal(first, curves)
-    env.seed(5)
-    env.reset()
     env.set_options({"new_match": True})
     env.reset()
     assert not np.array_equal(first, curves)
@@ -144,7 +94,7 @@ def test_a_new_match_can_be_asked_for():
 def test_attributes_and_methods_are_within_reach():
     env = make(seed=0)
     env.reset()
-    env.step(rest())
+    env.step(REST)
     assert env.get_attr("scenario") == [SHORT] * GAMES
     assert env.get_attr("render_mode", indices=[0, 2]) == [None, None]
     assert [found["hop_rate"] for found in env.env_method("measures", indices=[1])] == [0.0]
@@ -172,41 +122,10 @@ def test_evaluate_policy_reads_whole_rounds_behind_normalisation():
     assert evaluate_policy(model, env, n_eval_episodes=3, return_episode_rewards=True)[0] == returns[:3]
 
 
-def test_wrappers_compose():
-    env = VecCheckNan(VecFrameStack(VecNormalize(make(seed=0)), 4))
-    assert env.reset().shape == (GAMES, 60)
-    for _ in range(STEPS):
-        *_, dones, infos = env.step(rest())
-    assert dones.all()
-    assert infos[0]["terminal_observation"].shape == (60,)
-
-
-@pytest.mark.process
-def test_single_environments_in_processes_play_the_same_game():
-    theirs = make_vec_env(
-        ALLY,
-        2,
-        seed=4,
-        env_kwargs={"scenario": SHORT},
-        vec_env_cls=SubprocVecEnv,
-        vec_env_kwargs={"start_method": "fork"},
-    )
-    ours = make(games=2, seed=4)
-    try:
-        assert np.array_equal(theirs.reset(), ours.reset())
-        for action in tape(2, STEPS + 3):
-            for there, here in zip(theirs.step(action)[:3], ours.step(action)[:3], strict=True):
-                assert np.array_equal(there.astype(np.float32), here.astype(np.float32))
-    finally:
-        theirs.close()
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("algorithm", [SAC, TD3])
-def test_off_policy_algorithms_learn_a_few_steps(algorithm):
-    model = algorithm("MlpPolicy", make(), learning_starts=100, batch_size=32, buffer_size=1000, **small())
-    model.learn(300)
-    assert model.num_timesteps >= 300
+def test_an_off_policy_algorithm_learns_a_few_steps():
+    model = SAC("MlpPolicy", make(), learning_starts=100, batch_size=32, buffer_size=1000, **small())
+    model.learn(120)
     ends = model.replay_buffer.dones[: model.replay_buffer.pos].astype(bool)
     assert ends.any()
     # A time limit is no end of the game: it must be bootstrapped through
@@ -228,35 +147,16 @@ def test_a_model_of_sb3_plays_the_other_side(env_id):
     assert dones.all()
 
 
-# Bad input
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"n_envs": 0}, "above 0, got 0"),
-        ({"seed": -1}, "seed: expected"),
-        ({"seed": "3"}, "seed: expected"),
-        ({"planner": "none"}, "unknown planner 'none'"),
-    ],
-)
-def test_what_cannot_be_is_refused(options, message):
-    with pytest.raises(UserError, match=message):
-        make_sb3(PLANNED, **options)
-
-
 @pytest.mark.slow
 def test_the_first_game_can_be_filmed(tmp_path):
     pytest.importorskip("moviepy", reason="moviepy is in the extra video")
     environment = make_sb3(ALLY, n_envs=2, seed=1, render_mode="rgb_array", scenario=SHORT)
     filmed = VecVideoRecorder(
-        environment, str(tmp_path), record_video_trigger=lambda step: step == 0, video_length=5
+        environment, str(tmp_path), record_video_trigger=lambda step: step == 0, video_length=2
     )
     filmed.reset()
-    for _ in range(6):
+    for _ in range(3):
         filmed.step(np.zeros((2, 9), np.float32))
     filmed.close()
     (film,) = tmp_path.glob("*.mp4")
     assert film.stat().st_size > 1_000
-    with pytest.raises(UserError, match="rgb_array"):
-        make_sb3(ALLY, render_mode="human")
