@@ -77,16 +77,3 @@ def test_nobody_leaves_the_box(path):
         for name in ("ally_position", "opponent_position"):
             assert (batch.games[name] >= 0).all()
             assert (batch.games[name] <= scenario.box_m).all()
-
-
-def test_several_paths_are_drawn_per_round():
-    scenario = dataclasses.replace(STANDARD, opponent_path=("circle", "pursuit"), rounds_per_match=50)
-    batch = begin(scenario, games=40)
-    drawn = []
-    for _ in range(10):
-        drawn.append(batch.games["path"].copy())
-        batch.reset()
-    drawn = np.array(drawn)
-    assert set(drawn.ravel()) == {0, 3}
-    assert np.mean(drawn == 0) == pytest.approx(0.5, abs=0.1)
-    assert (drawn != drawn[0]).any(), "anew for every round"

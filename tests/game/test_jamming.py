@@ -53,13 +53,3 @@ def test_the_largest_allowed_score_wins_ties_to_the_lowest(scores, allowed):
     clipped = np.clip(scores, -1, 1)
     best = max(clipped[i] for i in allowed)
     assert batch.games["jamming_type"][0] == min(i for i in allowed if clipped[i] == best)
-
-
-def test_the_tuning_gate_is_on_above_zero():
-    for value, expected in ((0.0, None), (1e-7, 250.0)):
-        batch = begin(still(tuning_span_mhz=0.0))
-        action = opponent(tuning=1.0)
-        action[0, 5] = value
-        batch.step(ally(), action)
-        known = batch.games["frequency_mhz"][0]
-        assert batch.games["jamming_mhz"][0] == pytest.approx(known if expected is None else expected)

@@ -8,10 +8,9 @@ import yaml
 
 from fpg_bench.game.knowledge import EXPERT_FILE
 
-from .playing import BROADBAND, COMB, NARROWBAND, TONE, ally, at_mhz, begin, opponent, still, to_point
+from .playing import BROADBAND, COMB, TONE, ally, at_mhz, begin, opponent, still, to_point
 
 POINT_MHZ = 150 + np.arange(15) * 100 / 14
-TOOTH_MHZ = 400 / 14
 
 
 def chosen(jam_kind: int, jam_mhz: float, point: int, scores=(0, 0, 0, 0), games=400, **changes) -> set[int]:
@@ -30,20 +29,6 @@ def chosen(jam_kind: int, jam_mhz: float, point: int, scores=(0, 0, 0, 0), games
 def outside(half: float, centre: float, point: int) -> set[int]:
     """The points farther than a footprint and its guard of 2.5 MHz, but the present one."""
     return {i for i in range(15) if abs(POINT_MHZ[i] - centre) > half + 2.5 + 1e-6} - {point}
-
-
-@pytest.mark.parametrize("jam_mhz", [150, 173.2, 200, 250])
-@pytest.mark.parametrize("point", [0, 7])
-@pytest.mark.parametrize(("kind", "half"), [(TONE, 2.5), (NARROWBAND, 10)])
-def test_the_hops_away_from_tone_and_narrowband(kind, half, jam_mhz, point):
-    assert chosen(kind, jam_mhz, point) == outside(half, jam_mhz, point)
-
-
-@pytest.mark.parametrize("jam_mhz", [150, 181, 200, 250])
-@pytest.mark.parametrize("point", [2, 8])
-def test_the_hop_between_the_teeth(jam_mhz, point):
-    offset = np.abs(POINT_MHZ[:, None] - jam_mhz - TOOTH_MHZ * np.arange(-4, 5)).min(axis=1)
-    assert chosen(COMB, jam_mhz, point) == set(np.flatnonzero(offset > 5 + 1e-6)) - {point}
 
 
 @pytest.mark.parametrize(

@@ -55,17 +55,6 @@ def test_after_the_last_round_comes_the_seeds_next_match():
     assert (batch.games["control_points"][0] != path).all()
 
 
-def test_neighbouring_games_never_replay_each_others_matches():
-    """Twelve seeds in a row, five matches each: sixty different paths."""
-    single = dataclasses.replace(STANDARD, steps_per_round=16)
-    batch = begin(single, games=12)
-    seen = []
-    for _ in range(5):
-        seen.extend(map(tuple, batch.games["control_points"].reshape(12, 12)))
-        batch.reset()
-    assert len(set(seen)) == 60
-
-
 def test_a_new_match_can_begin_early():
     batch = begin(TEN, games=3)
     before = batch.games["control_points"].copy()
@@ -74,19 +63,6 @@ def test_a_new_match_can_begin_early():
     assert changed.tolist() == [False, True, False]
     assert batch.games["match"].tolist() == [0, 1, 0]
     assert batch.games["round"].tolist() == [0, 0, 0]
-
-
-def test_a_seed_begins_its_first_match_again():
-    batch = begin(TEN, seed=5)
-    first = playthrough(batch)
-    for _ in range(13):
-        batch.reset()
-        playthrough(batch, 3)
-    batch.reset(seeds=5)
-    again = playthrough(batch)
-    for (snr, seen), (snr_again, seen_again) in zip(first, again, strict=True):
-        assert (snr == snr_again).all()
-        assert (seen == seen_again).all()
 
 
 def test_a_mask_begins_some_games_and_leaves_the_others():

@@ -14,7 +14,7 @@ from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import PAPER, STANDARD
 from fpg_bench.game.state import TALLY
 
-from .playing import TONE, ally, at_mhz, begin, opponent, place, play, still, to_point, wander
+from .playing import ally, at_mhz, begin, opponent, play, still, wander
 
 
 def runs_of(flags: list[bool]) -> list[tuple[int, int]]:
@@ -100,40 +100,6 @@ def test_the_measures_of_a_round(scenario, seed):
     assert found.keys() == expected.keys()
     for name, value in expected.items():
         assert found[name] == (None if value is None else pytest.approx(value, rel=1e-9, abs=1e-9)), name
-
-
-def scripted(outages: list[int], hearing: list[int], steps: int) -> dict[str, float | None]:
-    """A round whose outages and checks come where told: the ally hops into a tone to lose its link.
-
-    Checks come every second and hear where the ally does not spread; strong jamming breaks the link.
-    """
-    scenario = still(
-        PAPER, steps_per_round=steps, waypoints=1, first_check_s=(1, 1), check_interval_s=(1, 1),
-        detection="link", snr_model="sinr", reselect_on_despread=False,
-    )  # fmt: skip
-    batch = begin(scenario)
-    place(batch, (750, 750, 595))
-    for k in range(steps):
-        out = k in outages
-        batch.step(
-            ally(hop=True, preference=to_point(7 if out else 0), spread=k not in hearing and not out),
-            opponent(TONE, tuning=at_mhz(200), in_band=True),
-        )
-        assert (batch.games["snr_db"][0] < 8) == out
-    return measures(pool(batch.tallies[0]), batch.histograms[0])
-
-
-def test_the_time_to_recover_is_counted_after_a_check_that_heard():
-    """Heard in step 2, out from 3 to 5; the outage of 8 follows a check that did not hear."""
-    found = scripted([3, 4, 5, 8], [2], 10)
-    assert found["time_to_recover_s"] == 3
-    assert found["recoveries_cut"] == 0
-
-
-def test_a_recovery_that_the_rounds_end_cuts():
-    found = scripted([3, 8, 9], [2, 7], 10)
-    assert found["time_to_recover_s"] == 1.5
-    assert found["recoveries_cut"] == 1
 
 
 def test_before_the_first_step_nothing_exists():

@@ -15,63 +15,10 @@ from .playing import (
     ally,
     at_mhz,
     begin,
-    loss_db,
     opponent,
-    place,
     still,
     to_point,
 )
-
-
-def known_step(**changes):
-    """Two steps: the check of the first hears point 10, the second hops on, spreading, narrowly jammed."""
-    scenario = still(ally=(300, 900, 450), first_check_s=(1, 1), check_interval_s=(4, 4), **changes)
-    batch = begin(scenario)
-    place(batch, (315, 780, 474))
-    batch.step(ally(hop=True, preference=to_point(10)), opponent())
-    batch.step(
-        ally(hop=True, preference=to_point(11), spread=True),
-        opponent(NARROWBAND, tuning=0.1),
-    )
-    return batch
-
-
-def test_the_allys_fifteen_numbers():
-    seen = known_step().ally_observations[0]
-    frequency = 150 + 1100 / 14
-    jam = 150 + 1000 / 14 + 5
-    assert abs(jam - frequency) < 10
-    distance = (15**2 + 120**2 + 24**2) ** 0.5
-    base = (450**2 + 150**2 + 450**2) ** 0.5
-    jamming = 24 - loss_db(distance, frequency)
-    snr = 45 - loss_db(base, frequency) - 10 * np.log10(10 ** (jamming / 10) + 10**-7.61978875829)
-    expected = [
-        *(-0.6, 0.2, 0.5),  # 2 x / L - 1
-        *(0.1, -(0.08**0.5), 0.2),  # signed roots of 15 / 1500, -120 / 1500, 24 / 600
-        (frequency - 200) / 50,
-        1 / 60,  # seconds of spreading
-        snr / 80,
-        (jam - 200) / 50,
-        *(0, 1, 0, 0),
-        1,  # the sensed footprint covers it
-    ]
-    np.testing.assert_allclose(seen, expected, atol=2e-6)
-
-
-def test_the_opponents_fifteen_numbers():
-    seen = known_step().opponent_observations[0]
-    known = 150 + 1000 / 14
-    expected = [
-        *(315 / 750 - 1, 780 / 750 - 1, 474 / 300 - 1),
-        *(-0.1, 0.08**0.5, -0.2),
-        (known - 200) / 50,
-        1 / 60,  # a second since the check
-        3 / 6,  # the check after 1 + 4 steps is 3 steps ahead
-        (known + 5 - 200) / 50,
-        *(0, 1, 0, 0),
-        1,  # heard
-    ]
-    np.testing.assert_allclose(seen, expected, atol=2e-6)
 
 
 def test_the_covering_flag_speaks_of_what_was_sensed():

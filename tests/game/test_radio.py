@@ -61,11 +61,6 @@ def test_the_jammed_snr_by_hand():
     assert snr(STANDARD, 200) == pytest.approx(5.457575, abs=1e-5)
 
 
-def test_a_distance_below_a_metre_counts_as_a_metre():
-    assert snr(STANDARD, 0) == snr(STANDARD, 0.5) == pytest.approx(snr(STANDARD, 1), abs=1e-9)
-    assert snr(STANDARD, 0) < snr(STANDARD, 1.1)
-
-
 @pytest.mark.parametrize(("kind", "metres"), [(TONE, 1420), (NARROWBAND, 712), (BROADBAND, 113), (COMB, 283)])
 def test_in_paper_jamming_from_afar_raises_the_snr(kind, metres):
     """The anomaly of Eq. 2 and 3 taken together: where J < N/2, S - J - (N and J) lies above S - N."""

@@ -10,7 +10,7 @@ import pytest
 from fpg_bench.game.scenario import PAPER, STANDARD
 
 from .playing import EXPERT, HOP, ally, begin, opponent, still, wander
-from .reference import ReferenceGame
+from .reference import ReferenceGame, eq4
 
 EXACT = [
     *("point", "hopped", "spreading", "spreading_s"),
@@ -40,6 +40,9 @@ VARIANTS = {
 }  # fmt: skip
 
 
+OBSERVATIONS = ("ally_observation", "opponent_observation")
+
+
 @pytest.mark.parametrize("name", VARIANTS)
 def test_a_round_is_the_one_that_the_rules_describe(name):
     scenario = VARIANTS[name]
@@ -48,29 +51,32 @@ def test_a_round_is_the_one_that_the_rules_describe(name):
     legs = np.random.default_rng(0).uniform(-100, 100, (scenario.waypoints, 3))  # some within reach, some not
     planned = np.clip(batch.games["opponent_position"] + np.cumsum(legs, axis=0), 0, scenario.box_m)
     batch.set_waypoints(0, planned)
-    expected = ReferenceGame(scenario, seed, waypoints=planned)
-    check_observations(batch, expected)
-    for ally_action, opponent_action in zip(*wander(3, steps), strict=True):
-        batch.step(ally_action, opponent_action)
-        expected.step(ally_action[0], opponent_action[0])
-        check_record(batch.games[0], expected)
-        check_observations(batch, expected)
+    reference = ReferenceGame(scenario, seed, waypoints=planned)
+    played, expected = [], []
+    for actions in [None, *zip(*wander(3, steps), strict=True)]:
+        fields = OBSERVATIONS
+        if actions is not None:
+            batch.step(*actions)
+            reference.step(*(action[0] for action in actions))
+            fields = (*OBSERVATIONS, *EXACT, *CLOSE)
+        observations = (batch.ally_observations[0].copy(), batch.opponent_observations[0].copy())
+        played.append((*observations, *(np.copy(batch.games[0][field]) for field in (*EXACT, *CLOSE))))
+        expected.append([np.copy(getattr(reference, field)) for field in fields])
+    # A learned velocity is computed from actions in single precision
+    tolerance = 1e-6 if reference.path == "learned" else 1e-9
+    for k, field in enumerate((*OBSERVATIONS, *EXACT, *CLOSE)):
+        first = 0 if field in OBSERVATIONS else 1
+        here, there = (np.array([row[k] for row in rows[first:]], float) for rows in (played, expected))
+        if field in OBSERVATIONS:
+            np.testing.assert_allclose(here, there, atol=1e-6, err_msg=field)
+        elif field in EXACT:
+            np.testing.assert_array_equal(here, there, err_msg=field)
+        else:
+            np.testing.assert_allclose(here, there, rtol=tolerance, atol=100 * tolerance, err_msg=field)
 
 
-def check_record(game, expected):
-    for field in EXACT:
-        assert game[field] == getattr(expected, field), (field, expected.step_number)
-    for field in CLOSE:
-        # A learned velocity is computed from actions in single precision.
-        tolerance = 1e-6 if expected.path == "learned" else 1e-9
-        np.testing.assert_allclose(
-            game[field], getattr(expected, field), rtol=tolerance, atol=100 * tolerance, err_msg=field
-        )
-
-
-def check_observations(batch, expected):
-    np.testing.assert_allclose(batch.ally_observations[0], expected.ally_observation, atol=1e-6)
-    np.testing.assert_allclose(batch.opponent_observations[0], expected.opponent_observation, atol=1e-6)
+def test_eq_4_costs_at_its_knots_what_the_paper_says():
+    assert [eq4(seconds) for seconds in (1, 10, 20, 40, 60)] == pytest.approx([0.5, 5, 15, 39, 69])
 
 
 def test_the_round_of_the_comparison_has_everything_in_it():

@@ -55,27 +55,15 @@ def planner():
 # The fit
 
 
-@pytest.mark.parametrize("curve", curves(4), ids=range(4))
+@pytest.mark.parametrize("curve", curves(2), ids=range(2))
 def test_places_on_a_curve_are_measured_along_it_there_and_back(planner, curve):
     seconds = np.linspace(0, 900, 50)
     places = curve_model.trace(curve, seconds, planner._bernstein)
     assert np.abs(places - there_and_back(curve, seconds)).max() < 8  # 32 chords instead of 4000
 
 
-def test_the_regression_finds_the_line_that_made_the_rewards():
-    curve = curves(1)[0]
-    past = history(curve, 5, slope=4.5).reshape(-1, 4)
-    rules = np.array([*BASE, 20.0, 30.0])
-    squares, slope, _, _ = curve_model.regress(there_and_back(curve, MIDDLES_S), past, rules)
-    assert slope == pytest.approx(4.5, rel=0.05)  # distances are blurred by 30 m
-    assert squares / 80 < 0.05
-    past[:, 3] *= -1
-    # The reward never falls as the opponent comes closer
-    assert curve_model.regress(there_and_back(curve, MIDDLES_S), past, rules)[1] == 0
-
-
-@pytest.mark.parametrize("curve", curves(3), ids=range(3))
-def test_the_derivatives_are_those_of_differences(planner, curve):
+def test_the_derivatives_are_those_of_differences(planner):
+    (curve,) = curves(1)
     slopes = curve_model.differentiate(curve, planner._times, planner._bernstein)
     for p in range(13):
         step = np.zeros(13)
@@ -132,10 +120,9 @@ def test_rewards_that_tell_nothing_still_give_a_plan(planner, reward):
 # In the game
 
 
-@pytest.mark.parametrize(("ally", "gain"), [("idle", 8.0), ("expert", 2.5)])
-def test_it_learns_over_a_match_and_leaves_fixed_shapes_far_behind(ally, gain):
-    learned, _ = play(Interceptor(PLANNED), ally, games=40)
-    fixed, _ = play("circle", ally, games=40, rounds=1)
+def test_it_learns_over_a_match_and_leaves_fixed_shapes_far_behind():
+    learned, _ = play(Interceptor(PLANNED), "idle", games=16)
+    fixed, _ = play("circle", "idle", games=16, rounds=1)
     late, early = learned[-3:].mean(axis=0), learned[:3].mean(axis=0)
-    assert (late - fixed[0]).mean() > gain
+    assert (late - fixed[0]).mean() > 8
     assert (late > early).mean() > 0.8

@@ -101,14 +101,14 @@ def test_what_the_ally_flew_is_shown_from_the_second_round_of_a_match_on():
 def test_a_slow_ally_is_met_by_whoever_knows_what_it_flew():
     earned = {}
     for planner in (Optimised(PLANNED), Optimised(PLANNED, flown=True)):
-        duel = make_duel(8, scenario=PLANNED, planner=planner)
-        actions = np.zeros((8, 9), np.float32)
+        duel = make_duel(4, scenario=PLANNED, planner=planner)
+        actions = np.zeros((4, 9), np.float32)
         actions[:, 2] = -1.0
         for number in range(2):
             duel.reset(seeds=5 if number == 0 else None)
-            near = np.zeros(8)
+            near = np.zeros(4)
             for _ in range(300):
-                duel.step(actions, np.zeros((8, 9), np.float32))
+                duel.step(actions, np.zeros((4, 9), np.float32))
                 near += duel.batch.games["distance_m"] < 30
         earned[planner.name] = near.mean() / 300
     assert earned["optimised-flown"] > 0.5

@@ -10,13 +10,14 @@ from hypothesis import strategies as st
 from fpg_bench.evaluation.checkers import check_planner
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import Limits
-from fpg_bench.planning.search import CMAES, HillClimb, first_places, recent, waypoints_through
-from tests.planning.playing import LIMITS, play
+from fpg_bench.planning.search import CMAES, HillClimb, recent, waypoints_through
+from tests.planning.playing import LIMITS
 
 BOX = np.array(LIMITS.box_m)
 START = np.array([300.0, 900.0, 200.0])
 LONGEST = 10 * 300 / 16
 SEARCHES = [HillClimb, CMAES]
+SMALL = dataclasses.replace(STANDARD, waypoints=4, steps_per_round=40, box_m=(1200, 1200, 600))
 
 
 def rng(seed=0):
@@ -61,20 +62,6 @@ def test_places_on_a_straight_line_are_met_in_the_middle_of_their_parts():
     assert (path[1:] + path[:-1]) / 2 == pytest.approx(places)
 
 
-def test_a_place_too_far_for_its_time_is_headed_for_early():
-    start, places = np.zeros(3), np.zeros((16, 3))
-    places[4:] = (1200, 0, 0)  # six legs away
-    path = waypoints_through(places, start, LIMITS)
-    assert path[2, 0] > LONGEST  # long before it is due
-    assert path[-1] == pytest.approx((1200, 0, 0))
-
-
-def test_the_first_round_goes_round_the_middle():
-    away = first_places(LIMITS) - BOX / 2
-    assert np.linalg.norm(away, axis=1) == pytest.approx(np.full(16, 200.0))
-    assert np.linalg.norm(away.mean(axis=0)) < 50  # on all sides
-
-
 def test_long_matches_are_remembered_by_their_last_rounds():
     history = np.arange(70.0).reshape(70, 1, 1)
     assert recent(history)[[0, -1], 0, 0].tolist() == [20, 69]
@@ -84,36 +71,28 @@ def test_long_matches_are_remembered_by_their_last_rounds():
 # Both planners
 
 
-@pytest.mark.parametrize(("search", "scenario"), [(HillClimb, "paper"), (CMAES, "standard")])
-def test_they_keep_to_the_contract(search, scenario):
-    check_planner(search(), scenario)
+@pytest.mark.parametrize("search", SEARCHES)
+def test_they_keep_to_the_contract(search):
+    check_planner(search(), SMALL)
 
 
 @pytest.mark.parametrize(
     ("search", "rounds", "first", "last", "factor"),
-    [(HillClimb, 10, slice(1), slice(-1, None), 4), (CMAES, 20, slice(2), slice(-3, None), 2)],
+    [(HillClimb, 10, slice(1), slice(-1, None), 4), (CMAES, 14, slice(2), slice(-3, None), 1.5)],
 )
-@pytest.mark.parametrize("seed", range(2))
-def test_they_approach_an_ally_known_by_its_rewards_alone(search, rounds, first, last, factor, seed):
-    ally = ally_path(seed)
+def test_they_approach_an_ally_known_by_its_rewards_alone(search, rounds, first, last, factor):
+    ally = ally_path(0)
     away = np.linalg.norm(flown_in_theory(search(), ally, rounds)[..., :3] - ally, axis=2)
     late = slice(6, None)  # the way there from the start takes some parts
     assert away[last, late].mean() < away[first, late].mean() / factor
 
 
-def test_in_the_game_hill_climbing_earns_more_than_its_first_circle():
-    rewards, _ = play(HillClimb(), "idle", 16, seed=2**40 + 40_000)
-    gain = rewards[-3:].mean(axis=0) - rewards[0]
-    assert gain.mean() - 3 * gain.std() / np.sqrt(len(gain)) > 2
-
-
-@pytest.mark.parametrize("rewards", [0.0, -3.0, [-50.0, 0.0, 0.0, 1e6]])
-@pytest.mark.parametrize("rounds", [1, 2, 60])
+@pytest.mark.parametrize("rewards", [0.0, [-50.0, 0.0, 0.0, 1e6]])
+@pytest.mark.parametrize("rounds", [1, 60])
 @pytest.mark.parametrize("still", [False, True])
 @pytest.mark.parametrize("search", SEARCHES)
 def test_any_rewards_and_any_length_of_match_give_a_path_in_the_box(search, rewards, rounds, still):
-    small = dataclasses.replace(STANDARD, waypoints=4, steps_per_round=40, box_m=(1200, 1200, 600))
-    limits = Limits.of(small)
+    limits = Limits.of(SMALL)
     history = rng().uniform(0, 600, (rounds, 4, 4))
     if still:  # the same place in every round: no spread
         history[..., :3] = START

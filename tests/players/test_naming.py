@@ -21,10 +21,6 @@ class Mine:
         return np.zeros((len(observation), 9), np.float32), None
 
 
-class Plain:
-    predict = Mine.predict
-
-
 class NeedsTwo(Mine):
     def __init__(self, scenario, gain):
         self.gain = gain
@@ -59,10 +55,6 @@ def test_an_object_class_or_function_of_a_module(name, scenario):
     assert as_player(f"{__name__}:{name}", "ally", PAPER).scenario == scenario
 
 
-def test_a_class_that_takes_no_argument():
-    assert isinstance(as_player(f"{__name__}:Plain", "ally", PAPER), Plain)
-
-
 @pytest.mark.parametrize(
     ("spec", "message"),
     [
@@ -71,10 +63,7 @@ def test_a_class_that_takes_no_argument():
         (":X", "ally ':X': expected package.module:object"),
         ("../x:y", "ally '../x:y': expected package.module:object"),
         (f"{__name__}:NeedsTwo", "^ally '.*:NeedsTwo': making it failed: TypeError: .*'gain'"),
-        (
-            f"{__name__}:failing",
-            "^ally '.*:failing': making it failed: RuntimeError: cannot open my file, in .*py, line 38",
-        ),
+        (f"{__name__}:failing", r"making it failed: RuntimeError: cannot open my file, in .*py, line \d+$"),
         ("tone", "^unknown ally 'tone': it plays the opponent$"),
         ("no_such_module:x", "No module named 'no_such_module'"),
         (f"{__name__}:nothing", "no attribute 'nothing'"),

@@ -20,7 +20,7 @@ from fpg_bench.players.registry import as_player
 
 from .test_agent import model_bytes
 
-GAMES, ENV_ID = 48, "FPG/AllyVsPolicy-v0"
+GAMES, ENV_ID = 24, "FPG/AllyVsPolicy-v0"
 SHIPPED = [
     "ally-scripted/ppo/seed_0",
     "ally-scripted/ppo-stack8/seed_0",
@@ -43,11 +43,11 @@ def allies():
     return [*named, *noisy, AskedOfAll(as_player("random", "ally", STANDARD)), named[0]]
 
 
-def played(players, steps=700):
+def played(players, steps=400):
     """What a seat answers over rounds that end at different times, and when it asked whom."""
     duel = TwoPlayerBatch(STANDARD, GAMES)
     runner, chance = PolicyRunner("ally", players, duel.batch), np.random.default_rng(0)
-    runner.begin(duel.reset(seeds=3, horizons=300 - np.arange(GAMES) * 6))
+    runner.begin(duel.reset(seeds=3, horizons=300 - np.arange(GAMES) * 12))
     found = []
     for _ in range(steps):
         found.append(runner.act().copy())

@@ -8,16 +8,12 @@ import warnings
 import numpy as np
 import pytest
 
-import fpg_bench
-from fpg_bench import UserError, load_agent
+from fpg_bench import load_agent
 from fpg_bench.envs.core import SingleAgentGame
 from fpg_bench.players.sandbox.agent import SandboxedAgent
 from tests.leaderboard.making import (
     dividing_by_zero,
-    model,
-    node,
     through,
-    weights,
     write_seed,
     write_submission,
 )
@@ -62,15 +58,3 @@ def test_its_process_ends_with_the_game_that_it_played_in(submission):
     assert caught == []
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
-
-
-def test_a_file_that_breaks_the_contract_is_not_played(submission):
-    write_seed(
-        submission / "seed_0", 0, model([node("RandomNormal", [], ["action"], shape=[2, 9])], [weights()])
-    )
-    with pytest.raises(UserError, match="draws at random"):
-        load_agent(submission / "seed_0", "ally")
-
-
-def test_scripts_and_shipped_agents_are_loaded_in_this_process():
-    assert not isinstance(fpg_bench.load_agent("ally-scripted/ppo/seed_0"), SandboxedAgent)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 from itertools import pairwise
 
 import pytest
 
 from fpg_bench.common.ids import ALLIES, OPPONENTS
-from fpg_bench.game.scenario import STANDARD
 
 from .playing import mean
 
@@ -17,14 +15,6 @@ def test_the_trivial_allies_keep_their_order_against_the_adaptive_pursuer():
     order = ["random", "idle", "reactive", "expert", "expert-spread"]
     returns = [mean("ally_return", ally, "adaptive") for ally in order]
     assert all(worse < better for worse, better in pairwise(returns)), dict(zip(order, returns, strict=True))
-
-
-@pytest.mark.parametrize("kind", ["adaptive", "tone", "narrowband", "comb"])
-def test_an_opponent_without_a_detector_finds_nothing(kind):
-    deaf = dataclasses.replace(STANDARD, detection="off")
-    assert mean("heard", "expert", kind, deaf) == 0
-    assert mean("heard", "expert", kind) > 0
-    assert mean("jammed", "expert", kind, deaf) < 0.1 * mean("jammed", "expert", kind)
 
 
 @pytest.mark.parametrize("opponent", ["adaptive", "tone", "comb"])

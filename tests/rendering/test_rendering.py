@@ -4,13 +4,12 @@ import sys
 
 import gymnasium
 import numpy as np
-import pettingzoo.test
 import pytest
 from PIL import Image
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.gymnasium_env import FPGEnv
-from fpg_bench.envs.pettingzoo_env import aec_env, parallel_env
+from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.watching import watch
 from fpg_bench.game.jamming import covers
@@ -66,18 +65,17 @@ def test_the_drawn_footprint_is_the_one_that_the_game_plays(kind):
     assert footprints(frames, STANDARD, rows)[:, 0].tolist() == expected
 
 
-@pytest.mark.parametrize("options", [{"planner": "circle"}, {"scenario": "paper"}], ids=str)
-def test_a_picture_shows_one_step_and_depends_on_the_recording_alone(options):
-    recording = recorded(**options)
+def test_a_picture_shows_one_step_and_depends_on_the_recording_alone():
+    recording = recorded(planner="circle")
     picture = Picture(recording)
-    frames = [picture.draw(step) for step in (0, 1, 20)]
+    frames = [picture.draw(step) for step in (0, 20)]
     assert all(frame.shape == SHAPE and frame.dtype == np.uint8 for frame in frames)
     assert (frames[0] != frames[1]).any()
-    np.testing.assert_array_equal(frames[2], Picture(recording).draw(20))
+    np.testing.assert_array_equal(frames[1], Picture(recording).draw(20))
 
 
 def test_the_snr_axis_grows_with_the_snr():
-    recording = recorded()
+    recording = recorded(scenario="paper")
     recording.frames["snr_db"][-1] = -75
     picture = Picture(recording)
     below, grown = picture.draw(23), picture.draw(24)
@@ -97,19 +95,16 @@ def test_gymnasium_renders_arrays_that_are_the_callers_own():
     np.testing.assert_array_equal(first, kept)
 
 
-def test_pettingzoo_renders(monkeypatch):
+def test_pettingzoo_renders():
     env = parallel_env(render_mode="rgb_array", scenario=SHORT)
     env.reset(seed=1)
     assert env.render().shape == SHAPE
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    pytest.importorskip("pygame", reason="pygame-ce is in the extra video")
-    pettingzoo.test.render_test(lambda **options: aec_env(scenario=SHORT, **options))
 
 
 @pytest.mark.slow
 def test_record_video_writes_a_film_of_every_step(tmp_path):
     pytest.importorskip("moviepy", reason="moviepy is in the extra video")
-    scenario = Scenario(steps_per_round=8, waypoints=4)
+    scenario = Scenario(steps_per_round=2, waypoints=2)
     env = gymnasium.make("FPG/AllyVsScripted-v0", render_mode="rgb_array", scenario=scenario)
     env = gymnasium.wrappers.RecordVideo(env, str(tmp_path / "films"), disable_logger=True)
     env.reset(seed=1)
@@ -117,7 +112,7 @@ def test_record_video_writes_a_film_of_every_step(tmp_path):
         pass
     env.close()
     (film,) = (tmp_path / "films").glob("*.mp4")
-    assert frame_count(film) == 9
+    assert frame_count(film) == 3
 
 
 def frame_count(film):
@@ -129,14 +124,14 @@ def frame_count(film):
 
 @pytest.mark.slow
 def test_films_hold_each_nth_step_and_the_last(tmp_path):
-    rounds = [recorded(5), recorded(4)]
+    rounds = [recorded(3), recorded(2)]
     write_gif(rounds, tmp_path / "film.gif", "two rounds", every=2)
     with Image.open(tmp_path / "film.gif") as film:
         assert film.size == (1120, 640)
-        assert film.n_frames == 4 + 3  # steps 0, 2, 4, 5 and 0, 2, 4
+        assert film.n_frames == 3 + 2  # steps 0, 2, 3 and 0, 2
     pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg comes with the extra video")
-    write_mp4(rounds, tmp_path / "film.mp4", every=2)
-    assert frame_count(tmp_path / "film.mp4") == 7
+    write_mp4(rounds[1:], tmp_path / "film.mp4", every=2)
+    assert frame_count(tmp_path / "film.mp4") == 2
 
 
 @pytest.mark.parametrize(

@@ -93,7 +93,7 @@ def test_watching_writes_files(tmp_path, capsys, suffix, begins):
     if suffix == ".mp4":
         pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg comes with the extra video")
     out = tmp_path / f"game{suffix}"
-    watch("expert", "comb", scenario=SHORT, out=out, every=8)
+    watch("expert", "comb", scenario=SHORT, out=out, every=24)
     assert out.read_bytes().startswith(begins)
     assert capsys.readouterr().out.endswith(f"\nwrote {out}\n")
     assert list(tmp_path.iterdir()) == [out]

@@ -168,19 +168,6 @@ def test_no_refusal_where_there_are_points_or_only_noise():
     assert not read_answer("candid cantilevers", FOUR).refused
 
 
-@pytest.mark.parametrize(
-    "echo",
-    [
-        "Next directions: [[x1, y1, z1], [x2, y2, z2], ..., [x4, y4, z4]]",
-        '{"waypoints": [{"x": x1, "y": y1, "z": z1}, ..., {"x": x4, "y": y4, "z": z4}]}',
-        "Positions and Rewards: [1, 2, 3]: 4.50\n" * 4,
-        "10,1,2,3,4.50\n" * 4,
-    ],
-)
-def test_an_echo_of_the_prompt_is_no_answer(echo):
-    assert read_answer(echo, FOUR).rung == "none"
-
-
 MEGABYTE = 2**20
 BAD_TEXTS = {
     "brackets": "[" * 100_000,
@@ -228,8 +215,7 @@ triples = st.tuples(metres, metres, metres).map(str)
 garbled = st.lists(pieces | triples | st.text(max_size=5), max_size=40).map("".join)
 
 
-@pytest.mark.slow
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(garbled | st.text() | st.lists(triples, min_size=2, max_size=5).map(" ".join))
 def test_no_text_is_a_crash_and_no_waypoint_is_invented(text):
     answer = read_answer(text, TWO)

@@ -41,11 +41,6 @@ def test_a_cap_that_is_reached_ends_the_calls(caps, calls, named):
     assert named in budget.refusal()
 
 
-def test_calls_that_are_decided_on_count_before_they_are_made():
-    assert Budget(calls=3).refusal(2) is None
-    assert Budget(calls=3).refusal(3) is not None
-
-
 @pytest.mark.parametrize(
     ("caps", "attempt", "is_spent"),
     [
@@ -77,15 +72,6 @@ def test_an_answer_of_any_kind_closes_the_row(error):
     for attempt in [*[called("http")] * 4, called(error), *[called("http")] * 4]:
         budget.spend(attempt)
     assert budget.refusal() is None
-
-
-def test_the_end_is_logged_once(caplog):
-    budget = Budget(calls=1)
-    budget.spend(CALLED)
-    for _ in range(3):
-        budget.refusal()
-    assert [record.levelname for record in caplog.records] == ["WARNING"]
-    assert "the cap on calls, 1, is reached; the rest of the run is flown without calls" in caplog.text
 
 
 def test_what_was_spent_before_a_run_was_stopped_counts_once_and_its_failures_do_not():

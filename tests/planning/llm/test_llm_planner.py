@@ -63,7 +63,6 @@ def test_a_valid_answer_is_flown():
     ("behaviours", "calls", "expected"),
     [
         ([ok(BAD)], 2, "fallback-invalid"),
-        ([ok(f"<think>{path_text()}</think>I do not know.")], 2, "fallback-invalid"),
         ([ok("\ud800")], 2, "fallback-invalid"),
         ([cut_json()], 1, "fallback-invalid"),
         ([ok("I'm sorry, I can't help with that.")], 2, "fallback-refused"),
@@ -111,15 +110,6 @@ def test_a_match_that_is_played_again_begins_with_the_circle():
     assert [plan.source for plan in plans] == ["llm", "held", "circle", "circle"]
 
 
-def test_what_is_done_with_a_plan_does_not_change_the_next():
-    with FaultServer([GOOD, ok(BAD)]) as server:
-        asking = planner(server)
-        asking.plan_batch([request(0)])[0].waypoints[:] = 0
-        asking.plan_batch([request(1)])[0].waypoints[:] = 0
-        (plan,) = asking.plan_batch([request(2)])
-    assert np.array_equal(plan.waypoints, path())
-
-
 # What is asked
 
 
@@ -131,22 +121,10 @@ def test_a_seed_for_the_server_is_its_attempt_s_own_and_fits_31_bits():
     assert server_seed((5, 0, 0, 0)) == 1237686955  # transcripts of other versions hold it
 
 
-@pytest.mark.parametrize("control", ["none", "shuffled-rewards", "no-history"])
-def test_a_control_is_part_of_the_name(control):
-    with FaultServer([GOOD]) as server:
-        asking = planner(server, control=control)
-        asking.plan_batch([request(3)])
-        (text,) = asked(server)
-    assert asking.name == ("llm" if control == "none" else f"llm-{control}")
-    assert asking.tier == "history"
-    assert ("0.50" in text) == (control != "no-history")
-
-
 def test_it_keeps_to_the_contract_of_planners():
-    with FaultServer([GOOD]) as server:
-        check_planner(planner(server), SHORT)
-    with FaultServer([ok(BAD)]) as server:
-        check_planner(planner(server), SHORT)
+    for behaviour in (GOOD, ok(BAD)):
+        with FaultServer([behaviour]) as server:
+            check_planner(planner(server), SHORT)
 
 
 def test_plans_do_not_depend_on_how_many_games_are_asked_for_at_once(tmp_path):
@@ -203,8 +181,6 @@ HOPELESS = {
     ),
     "no access": (status(403), "HTTP 403"),
     "no such address": (status(404), "FPG_LLM_BASE_URL"),
-    "another kind of address": (status(405), "HTTP 405"),
-    "moved": (status(301, {"Location": "https://example.invalid/v1"}), "HTTP 301"),
     "a web page": (html(), "a web page"),
     "nobody listens": (None, "ConnectError"),
 }
@@ -234,9 +210,8 @@ def test_what_asking_again_cannot_mend_ends_the_run_and_is_not_kept(tmp_path, na
     assert statuses(plans) == ["ok"] * 6
 
 
-@pytest.mark.parametrize("name", ["the key is refused", "a web page"])
-def test_after_a_first_answer_the_same_is_a_status(name):
-    with FaultServer([GOOD, HOPELESS[name][0]]) as server:
+def test_after_a_first_answer_the_same_is_a_status():
+    with FaultServer([GOOD, HOPELESS["a web page"][0]]) as server:
         plans, _ = play(planner(server))
     assert [plan.status.split("-")[0] for plan in plans] == ["ok"] + ["fallback"] * (ROUNDS - 1)
 

