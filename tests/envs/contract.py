@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import gymnasium
 import numpy as np
 import pettingzoo
+import pytest
 from stable_baselines3.common.vec_env import VecEnv
 
 from fpg_bench.common.errors import UserError
@@ -236,11 +237,6 @@ def adapt(env):
     return next(adapter(env) for kind, adapter in _ADAPTERS.items() if isinstance(env, kind))
 
 
-def require(holds, message):
-    if not holds:
-        raise AssertionError(message)
-
-
 def _actions(adapter, steps, first=0):
     """Uniform actions ``(steps, games, width)``, a stream for each game; ``first``: the first game's."""
     streams = [np.random.default_rng(first + game) for game in range(adapter.games)]
@@ -272,26 +268,19 @@ def check_spaces(make):
     adapter = adapt(make())
     shown = [adapter.reset(SEED), *(step.observations for step in _round(adapter))]
     outside = next((k for k, observations in enumerate(shown) if not adapter.holds(observations)), None)
-    require(outside is None, f"the observations of step {outside} are not in their space")
+    assert outside is None, f"the observations of step {outside} are not in their space"
     same = all(x is y for x, y in zip(adapter.spaces(), adapter.spaces(), strict=True))
-    require(same, "a space is made anew where it is asked for; keep it")
+    assert same, "a space is made anew where it is asked for; keep it"
 
 
 def check_seeds(make):
     """The same seed gives the same game, another seed another one, and none one by chance."""
     first = play(adapt(make()), SEED)
-    require(_same(first, play(adapt(make()), SEED)), "the same seed gave another game")
+    assert _same(first, play(adapt(make()), SEED)), "the same seed gave another game"
     other = play(adapt(make()), SEED + 100, rounds=1)
-    require(not _same(first[: len(other)], other), "another seed gave the same game")
+    assert not _same(first[: len(other)], other), "another seed gave the same game"
     here, there = (adapt(make()).reset() for _ in range(2))
-    require(not np.array_equal(here, there), "without a seed two games are the same")
-
-
-def check_batch(make):
-    """Game i of a batch seeded s is that of seed s + i, whatever the others do."""
-    first, second = (play(adapt(make()), SEED + k, first=k) for k in (0, 1))
-    same = _same([shown[1:] for shown in first], [shown[:-1] for shown in second])
-    require(same, "game i of a batch of seed s is not game i - 1 of seed s + 1")
+    assert not np.array_equal(here, there), "without a seed two games are the same"
 
 
 def check_rounds(make):
@@ -303,11 +292,11 @@ def check_rounds(make):
         for k, step in enumerate(_round(adapter), start=1):
             last = k == adapter.scenario.steps_per_round
             earned = earned + step.rewards.astype(float)
-            require(not step.terminated, f"a game was terminated in step {k}; rounds are truncated")
-            require(step.over.all() == step.over.any() == last, f"not all rounds end at once in step {k}")
-            require((step.returns is not None) == last, f"measures belong to a round's last step, {k=}")
+            assert not step.terminated, f"a game was terminated in step {k}; rounds are truncated"
+            assert step.over.all() == step.over.any() == last, f"not all rounds end at once in step {k}"
+            assert (step.returns is not None) == last, f"measures belong to a round's last step, {k=}"
         near = np.allclose(np.asarray(step.returns, float), earned, rtol=1e-4, atol=1e-3)
-        require(near, f"a round earned {earned.tolist()}, but its measures say {step.returns}")
+        assert near, f"a round earned {earned.tolist()}, but its measures say {step.returns}"
         adapter.next_round()
 
 
@@ -319,16 +308,14 @@ def check_arrays(make):
     kept = []
     for actions in _actions(clean, clean.scenario.steps_per_round + 2):
         here, there = spoilt.step(spoilt.pack(actions)), clean.step(clean.pack(actions))
-        require(
-            _same(here.handed, there.handed), "writing into what was handed out changed it; hand out copies"
-        )
+        assert _same(here.handed, there.handed), "writing into what was handed out changed it"
         kept += [(array, array.copy()) for array in there.handed]
         for array in here.handed:
             array[...] = 1
         if there.over.all():
             spoilt.next_round()
             clean.next_round()
-    require(all(np.array_equal(*pair) for pair in kept), "an array was written again; hand out copies")
+    assert all(np.array_equal(*pair) for pair in kept), "an array was written again; hand out copies"
 
 
 def check_actions(make):
@@ -338,7 +325,7 @@ def check_actions(make):
     actions = adapter.pack(np.full((adapter.games, adapter.width), 3.0, np.float32))
     before = copy.deepcopy(actions)
     adapter.step(actions)
-    require(_same(_arrays(actions), _arrays(before)), "it changed its actions; work on a copy")
+    assert _same(_arrays(actions), _arrays(before)), "it changed its actions; work on a copy"
 
 
 def _arrays(actions):
@@ -355,23 +342,19 @@ def check_copies(make):
     twin = adapt(pickle.loads(pickle.dumps(adapter.env)))
     for actions in rest:
         here, there = (each.step(each.pack(actions)) for each in (adapter, twin))
-        require(_same(here.handed, there.handed), "a copy plays another game")
+        assert _same(here.handed, there.handed), "a copy plays another game"
         if here.over.all():
             adapter.next_round()
             twin.next_round()
 
 
-def _refused(call, *words):
-    """Require a refusal in one line that holds these words."""
-    try:
+def _refused(call, *parts):
+    """Assert that a call is refused in one line that holds these parts."""
+    with pytest.raises(UserError) as refused:
         call()
-    except UserError as error:
-        message = str(error)
-        require("\n" not in message, f"a refusal takes more than one line: {message!r}")
-        missing = [word for word in words if word not in message]
-        require(not missing, f"the refusal {message!r} does not say {missing}")
-    else:
-        require(False, f"nothing was refused; expected a UserError that says {' and '.join(words)}")
+    message = str(refused.value)
+    assert "\n" not in message
+    assert all(part in message for part in parts), (message, parts)
 
 
 def check_first_reset(make):
@@ -414,7 +397,6 @@ def check_bad_seeds(make):
 CHECKS = {
     "spaces": check_spaces,
     "seeds": check_seeds,
-    "batch": check_batch,
     "rounds": check_rounds,
     "arrays": check_arrays,
     "actions": check_actions,

@@ -63,6 +63,7 @@ def test_all_environments_of_both_sides_show_the_same_games():
     )
     assert all(map(np.array_equal, duel, sb3))
     assert_game(duel, pettingzoo, 0)
+    assert_game(duel, shown_by(BOTH_SIDES["pettingzoo"], 2), 2)
 
 
 @pytest.mark.parametrize("path", ["pursuit", "learned", ["circle", "learned"]])
@@ -99,11 +100,7 @@ MISTAKES = [
     (parallel_env, {"path": "waypoints"}, "needs a planner"),
     (supersuit_vec_env, {"n_envs": 1.5}, "n_envs: expected a whole number above 0"),
     (supersuit_vec_env, {"n_envs": 2, "seed": -1}, "seed: expected"),
-    (
-        make_sb3_duel,
-        {"n_envs": 1, "paht": "circle"},
-        "'paht'; did you mean 'path'",
-    ),
+    (make_sb3_duel, {"n_envs": 1, "paht": "circle"}, "'paht'; did you mean 'path'"),
     (make_sb3, {"env_id": PLANNED, "n_envs": 0}, "above 0, got 0"),
     (make_sb3, {"env_id": PLANNED, "seed": "3"}, "seed: expected"),
     (make_sb3, {"env_id": ALLY, "render_mode": "human"}, "rgb_array"),

@@ -193,15 +193,3 @@ def test_a_choice_that_cannot_be_made_is_refused(choice, message):
     env.reset(seed=0)
     with pytest.raises(ActionError, match=message):
         env.unwrapped.step(choice)
-
-
-@pytest.mark.parametrize(
-    ("env_id", "actions", "message"),
-    [
-        (ALLY, "Discrete", "did you mean 'discrete'"),
-        ("FPG/AllyVsScriptedDiscrete-v0", "continuous", "the id says discrete"),
-    ],
-)
-def test_an_action_mode_that_cannot_be_is_refused(env_id, actions, message):
-    with pytest.raises(UserError, match=message):
-        gymnasium.make(env_id, actions=actions)

@@ -11,27 +11,7 @@ from fpg_bench import make_duel
 from fpg_bench.common.errors import UserError
 from fpg_bench.planning import Plan
 
-from .playing import (
-    SHORT,
-    STEPS,
-    tape,
-)
-
-
-def test_a_round_that_is_over_waits_while_others_go_on():
-    duel = make_duel(2, scenario=SHORT)
-    duel.reset(seeds=0, horizons=np.array([4, STEPS]))
-    rest = np.zeros((2, 9), np.float32)
-    for _ in range(4):
-        step = duel.step(rest, rest)
-    assert step.truncated.tolist() == [True, False]
-    later = duel.step(rest, rest)
-    assert np.array_equal(later.ally_observations[0], step.ally_observations[0])
-    assert not np.array_equal(later.ally_observations[1], step.ally_observations[1])
-    mask = duel.reset(step.truncated)
-    assert mask.tolist() == [True, False]
-    assert duel.batch.games["step"].tolist() == [0, 5]
-
+from .playing import SHORT, STEPS, tape
 
 # Plans between rounds
 

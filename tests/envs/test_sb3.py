@@ -10,24 +10,12 @@ import pytest
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import (
-    VecCheckNan,
-    VecFrameStack,
-    VecNormalize,
-    VecVideoRecorder,
-)
+from stable_baselines3.common.vec_env import VecCheckNan, VecFrameStack, VecNormalize, VecVideoRecorder
 
 from fpg_bench import make_sb3
 from fpg_bench.common.errors import UserError
 
-from .playing import (
-    ALLY,
-    ALLY_POLICY,
-    OPPONENT_POLICY,
-    SHORT,
-    STEPS,
-    tape,
-)
+from .playing import ALLY, ALLY_POLICY, OPPONENT_POLICY, SHORT, STEPS, tape
 
 GAMES = 3
 REST = np.zeros((GAMES, 9), np.float32)
@@ -53,19 +41,6 @@ def test_a_rounds_end_has_a_monitors_info_behind_wrappers_too():
         assert info["terminal_observation"].shape == (60,)
         assert info["episode"]["l"] == STEPS
         assert {"t", "outage", "jamming_success_rate", "hop_rate", "snr_db"} <= info["episode"].keys()
-
-
-def test_a_staggered_batch_mixes_phases_by_truncations_of_its_first_rounds():
-    env = make(games=4, seed=0, stagger=True)
-    env.reset()
-    lengths = [[] for _ in range(4)]
-    for _ in range(3 * STEPS):
-        for game, info in enumerate(env.step(np.zeros((4, 9), np.float32))[3]):
-            if info:
-                assert info["TimeLimit.truncated"]
-                lengths[game].append(info["episode"]["l"])
-    assert [first for first, *_ in lengths] == [STEPS, STEPS * 3 // 4, STEPS // 2, STEPS // 4]
-    assert {length for _, *later in lengths for length in later} == {STEPS}
 
 
 def test_seeds_are_for_the_next_reset():
@@ -107,9 +82,6 @@ def test_attributes_and_methods_are_within_reach():
         env.get_attr("nothing_like_it")
     assert env.env_is_wrapped(Monitor) == [True] * GAMES
     assert env.env_is_wrapped(gymnasium.wrappers.TimeLimit, indices=0) == [False]
-
-
-# SB3's own wrappers and helpers
 
 
 @pytest.mark.slow

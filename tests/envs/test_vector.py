@@ -6,7 +6,6 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 
 from fpg_bench.common.errors import UserError
 
@@ -99,18 +98,6 @@ def test_players_and_paths_of_a_list_are_drawn_per_round_from_the_games_own_stre
     assert (choices[:, 0] != choices[0, 0]).any(), "rounds of one game never differ"
     assert np.array_equal(choices, drawn(16))
     assert np.array_equal(choices[:, :, 5:6], drawn(1, seed=5))
-
-
-def test_gymnasiums_vector_wrappers_take_it():
-    env = RecordEpisodeStatistics(NormalizeObservation(make()))
-    env.reset(seed=0)
-    for action in tape(GAMES, STEPS):
-        infos = env.step(action)[4]
-    assert infos["episode"]["l"].tolist() == [STEPS] * GAMES
-    assert infos["episode"]["r"] == pytest.approx(infos["measures"]["ally_return"], rel=1e-5)
-
-
-# Bad input
 
 
 @pytest.mark.parametrize("seed", [[1, 2], [1, 2, "3"], [1, 2, None], 2**63 - 1])

@@ -23,8 +23,7 @@ def heard(distance_m: float, spread=False, point=7, **changes) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("point", "spread", "metres"),
-    [(0, False, 2251), (14, False, 1351), (0, True, 103), (14, True, 62)],
+    ("point", "spread", "metres"), [(0, False, 2251), (14, False, 1351), (0, True, 103), (14, True, 62)]
 )
 def test_how_far_an_emission_is_heard_without_fading(point, spread, metres):
     """-12 dBm - L - N = 8 dB; with fading of mean 0 that is where half the checks hear."""

@@ -19,22 +19,6 @@ def test_a_path_of_less_than_a_second_is_refused():
     dataclasses.replace(STANDARD, ally_path_m=(*short[:3], (10.1, 0, 0)))
 
 
-def test_standard_draws_its_curves_in_the_box():
-    batch = begin(STANDARD, games=4000)
-    points = batch.games["control_points"]
-    for axis, (low, high) in enumerate([(0, 1500), (0, 1500), (50, 550)]):
-        drawn = points[:, :, axis]
-        assert drawn.min() >= low
-        assert drawn.max() <= high
-        assert drawn.mean() == pytest.approx((low + high) / 2, rel=0.02)
-        assert drawn.std() == pytest.approx((high - low) / 12**0.5, rel=0.03)
-    assert abs(np.corrcoef(points.reshape(4000, 12).T) - np.eye(12)).max() < 0.08
-    np.testing.assert_allclose(batch.games["ally_position"], points[:, 0], atol=1e-9)
-    starts = batch.games["opponent_position"]
-    np.testing.assert_allclose(starts.mean(axis=0), [750, 750, 300], rtol=0.03)
-    np.testing.assert_allclose(starts.std(axis=0), np.array([1500, 1500, 600]) / 12**0.5, rtol=0.03)
-
-
 @pytest.mark.parametrize(("steps", "count"), [(300, 16), (100, 16), (20, 4), (17, 5), (10, 10)])
 def test_waypoints_within_reach_are_met_when_due(steps, count):
     """Point i at ceil((i + 1) T / n): the first whole second at or after the time at which it is due."""

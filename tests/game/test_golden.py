@@ -13,47 +13,32 @@ from fpg_bench.game.scenario import preset
 
 from .playing import begin, wander
 
+FIELDS = (
+    *("ally_return", "opponent_return", "snr_db", "capacity_mbit_s"),
+    *("overlap", "jammed", "outage", "heard", "hops", "spread", "near", "comb", "recovery_steps"),
+)
 GOLDEN = {
     "standard": {
-        "ally_return": -11803.615106433132,
-        "opponent_return": 26313.915106433134,
-        "snr_db": 56565.0315351921,
-        "capacity_mbit_s": 97621.41138802399,
-        "overlap": 265,
-        "jammed": 201,
-        "outage": 201,
-        "heard": 218,
-        "hops": 600,
-        "spread": 675,
-        "near": 895,
-        "comb": 311,
-        "recovery_steps": 153,
+        "tallies": [
+            *(-11803.615106433132, 26313.915106433134, 56565.0315351921, 97621.41138802399),
+            *(265, 201, 201, 218, 600, 675, 895, 311, 153),
+        ],
         "positions_m": 13900.743965193242,
-        "ally_observations": 6350.507203797184,
-        "opponent_observations": 6172.839637169825,
+        "observations": [6350.507203797184, 6172.839637169825],
     },
     "paper": {
-        "ally_return": -2096.5829794590773,
-        "opponent_return": 8669.91779619635,
-        "snr_db": 22942.11702054092,
-        "capacity_mbit_s": 8650306.055679921,
-        "overlap": 89,
-        "jammed": 10,
-        "outage": 10,
-        "heard": 34,
-        "hops": 200,
-        "spread": 223,
-        "near": 151,
-        "comb": 102,
-        "recovery_steps": 6,
+        "tallies": [
+            *(-2096.5829794590773, 8669.91779619635, 22942.11702054092, 8650306.055679921),
+            *(89, 10, 10, 34, 200, 223, 151, 102, 6),
+        ],
         "positions_m": 12888.929704916784,
-        "ally_observations": 2407.8239508396364,
-        "opponent_observations": 2338.8105085375355,
+        "observations": [2407.8239508396364, 2338.8105085375355],
     },
 }
 
 
-def played(name: str) -> dict[str, float]:
+@pytest.mark.parametrize("name", GOLDEN)
+def test_a_match_is_the_one_it_was(name):
     """Sums over one round of four games of a preset, played by sines."""
     scenario = preset(name)
     batch = begin(scenario, seed=2025, games=4)
@@ -62,21 +47,9 @@ def played(name: str) -> dict[str, float]:
         batch.step(*actions)
         observations = (batch.ally_observations, batch.opponent_observations)
         seen += [np.abs(o.astype(float)).sum() for o in observations]
-    tallies = batch.tallies
-    names = ("ally_return", "opponent_return", "snr_db", "capacity_mbit_s")
-    counts = ("overlap", "jammed", "outage", "heard", "hops", "spread", "near", "comb", "recovery_steps")
-    return {
-        **{field: float(tallies[field].sum()) for field in names},
-        **{field: int(tallies[field].sum()) for field in counts},
-        "positions_m": float(batch.games["ally_position"].sum() + batch.games["opponent_position"].sum()),
-        "ally_observations": float(seen[0]),
-        "opponent_observations": float(seen[1]),
-    }
-
-
-@pytest.mark.parametrize("name", GOLDEN)
-def test_a_match_is_the_one_it_was(name):
-    found = played(name)
-    for field, value in GOLDEN[name].items():
-        tolerance = 1e-6 if field.endswith("observations") else 1e-9  # observations: single precision
-        assert found[field] == pytest.approx(value, rel=tolerance), f"{field} of {found}"
+    positions = batch.games["ally_position"].sum() + batch.games["opponent_position"].sum()
+    assert [batch.tallies[field].sum() for field in FIELDS] == pytest.approx(
+        GOLDEN[name]["tallies"], rel=1e-9
+    )
+    assert positions == pytest.approx(GOLDEN[name]["positions_m"], rel=1e-9)
+    assert seen == pytest.approx(GOLDEN[name]["observations"], rel=1e-6)  # of single precision

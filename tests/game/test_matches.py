@@ -55,16 +55,6 @@ def test_after_the_last_round_comes_the_seeds_next_match():
     assert (batch.games["control_points"][0] != path).all()
 
 
-def test_a_new_match_can_begin_early():
-    batch = begin(TEN, games=3)
-    before = batch.games["control_points"].copy()
-    batch.reset(np.array([False, True, False]), new_match=True)
-    changed = (batch.games["control_points"] != before).any(axis=(1, 2))
-    assert changed.tolist() == [False, True, False]
-    assert batch.games["match"].tolist() == [0, 1, 0]
-    assert batch.games["round"].tolist() == [0, 0, 0]
-
-
 def test_a_mask_begins_some_games_and_leaves_the_others():
     batch = begin(TEN, games=4)
     playthrough(batch, 5)
@@ -98,29 +88,12 @@ def test_a_round_lasts_its_steps_and_is_not_played_on():
     assert batch.games["step"].tolist() == [20, 1]
 
 
-def test_a_first_round_can_be_cut():
-    batch = GameBatch(TEN, 3)
-    batch.reset(seeds=0, horizons=np.array([5, 10, 20]))
-    lengths = np.zeros(3, int)
-    for _ in range(20):
-        lengths += ~batch.games["truncated"]
-        batch.step(ally().repeat(3, 0), opponent().repeat(3, 0))
-    assert lengths.tolist() == [5, 10, 20]
-    batch.reset()
-    assert (batch.games["horizon"] == 20).all()
-
-
 @pytest.mark.parametrize(
     "seeds", [-1, 2**63, 1.5, "7", True, None, [1, 2], [1, 2, -3], np.array([1.0, 2.0, 3.0]), [[1, 2, 3]]]
 )
 def test_bad_seeds_are_refused(seeds):
     with pytest.raises(UserError, match="seed"):
         GameBatch(TEN, 3).reset(seeds=seeds)
-
-
-@pytest.mark.parametrize("seeds", [7, np.int64(7), [7, 8, 9], (7, 8, 9), np.array([7, 8, 9])])
-def test_seeds_of_a_batch(seeds):
-    assert begin(TEN, seeds, games=3).games["seed"].tolist() == [7, 8, 9]
 
 
 def test_a_batch_is_reset_before_its_first_step():

@@ -9,12 +9,12 @@ import math
 import numpy as np
 import pytest
 
-from fpg_bench.game.metrics import measures, pool, spectrum_overlap
+from fpg_bench.game.metrics import measures, pool
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import PAPER, STANDARD
 from fpg_bench.game.state import TALLY
 
-from .playing import ally, at_mhz, begin, opponent, play, still, wander
+from .playing import begin, play, wander
 
 
 def runs_of(flags: list[bool]) -> list[tuple[int, int]]:
@@ -127,28 +127,6 @@ def test_rounds_are_pooled_and_never_averaged():
     assert found["ally_return"] == 6.0
     assert found["spectrum_overlap"] == 0.25
     assert found["detection_rate"] is None
-
-
-@pytest.mark.parametrize(
-    ("ours", "theirs", "overlap"),
-    [
-        ([4, 0, 0], [0, 0, 9], 0),
-        ([1, 1, 2], [2, 2, 4], 1),
-        ([3, 1, 0], [1, 1, 2], 0.5),
-        ([0, 0], [1, 1], None),
-    ],
-)
-def test_spectrum_overlap_by_hand(ours, theirs, overlap):
-    assert spectrum_overlap(np.array([ours, theirs])) == (None if overlap is None else pytest.approx(overlap))
-
-
-def test_the_jammers_histogram_is_by_the_nearest_point():
-    batch = begin(still())
-    spacing = 100 / 14
-    for offset in (-0.49, 0.0, 0.49, 0.51):
-        batch.step(ally(), opponent(tuning=at_mhz(150 + (3 + offset) * spacing), in_band=True))
-    assert batch.histograms[0, 1].nonzero()[0].tolist() == [3, 4]
-    assert batch.histograms[0, 1, 3:5].tolist() == [3, 1]
 
 
 def test_parts_of_a_round_for_the_planner():

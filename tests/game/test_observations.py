@@ -7,18 +7,7 @@ import pytest
 
 from fpg_bench.game.scenario import STANDARD
 
-from .playing import (
-    BROADBAND,
-    COMB,
-    NARROWBAND,
-    TONE,
-    ally,
-    at_mhz,
-    begin,
-    opponent,
-    still,
-    to_point,
-)
+from .playing import BROADBAND, COMB, NARROWBAND, TONE, ally, at_mhz, begin, opponent, still, to_point
 
 
 def test_the_covering_flag_speaks_of_what_was_sensed():

@@ -6,7 +6,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-import yaml
 
 from fpg_bench.game.knowledge import EXPERT_FILE
 from fpg_bench.game.scenario import PAPER, STANDARD, Scenario
@@ -114,35 +113,6 @@ def test_an_option_changes_the_game(name, outcomes):
         if scenario not in outcomes:
             outcomes[scenario] = outcome(scenario)
     assert outcomes[base] != outcomes[changed]
-
-
-@pytest.mark.parametrize(
-    ("changes", "base"),
-    [
-        ({"patrol_radius_m": 290}, STANDARD),
-        ({"waypoints": 15}, LEARNED),
-        ({"ally_path_altitude_m": (60, 540)}, FIXED),
-        ({"comb_spacing_points": 3}, dataclasses.replace(STANDARD, jamming_types=("tone",), knowledge="none",
-                                                        sensing_type_error=0)),
-    ],
-)  # fmt: skip
-def test_an_option_without_a_part_changes_nothing(changes, base):
-    assert outcome(base) == outcome(dataclasses.replace(base, **changes))
-
-
-@pytest.mark.parametrize("entry", ["tone", "narrowband", "broadband", "comb"])
-@pytest.mark.parametrize("change", ["half_width_mhz", "guard_mhz", "candidates"])
-def test_every_number_of_a_knowledge_base_changes_the_game(tmp_path, entry, change, outcomes):
-    content = yaml.safe_load(EXPERT_FILE.read_text())
-    if change == "half_width_mhz":
-        content[entry]["spectrum"][change] += 60
-    else:
-        content[entry][change] = 2 if change == "candidates" else 60.0
-    path = tmp_path / "mine.yml"
-    path.write_text(yaml.safe_dump(content))
-    base = dataclasses.replace(STANDARD, sensing_type_error=0.7)
-    outcomes.setdefault(base, outcome(base))
-    assert outcomes[base] != outcome(dataclasses.replace(base, knowledge=path))
 
 
 def test_a_knowledge_base_cannot_be_told_to_spread(tmp_path):

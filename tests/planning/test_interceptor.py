@@ -52,9 +52,6 @@ def planner():
     return Interceptor(PLANNED)
 
 
-# The fit
-
-
 @pytest.mark.parametrize("curve", curves(2), ids=range(2))
 def test_places_on_a_curve_are_measured_along_it_there_and_back(planner, curve):
     seconds = np.linspace(0, 900, 50)
@@ -78,9 +75,6 @@ def test_a_fit_finds_the_curve_where_rewards_hold_no_noise(planner):
     missed = [np.median(errors_m(planner, curve, history(curve, 6))) for curve in curves(8)]
     assert np.median(missed) < 15
     assert (np.array(missed) < 60).sum() >= 6
-
-
-# The plans
 
 
 def test_the_first_round_flies_the_circle(planner):
@@ -115,9 +109,6 @@ def test_rewards_that_tell_nothing_still_give_a_plan(planner, reward):
     past[..., 3] = reward
     waypoints = planner.plan_batch([request(past)])[0].waypoints
     assert np.isfinite(waypoints).all()
-
-
-# In the game
 
 
 def test_it_learns_over_a_match_and_leaves_fixed_shapes_far_behind():

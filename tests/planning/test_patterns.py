@@ -26,14 +26,17 @@ def test_waypoints_are_due_evenly_and_the_last_at_the_end():
     assert set(np.diff(LIMITS.due_s())) == {18, 19}
 
 
+SMALL = dataclasses.replace(STANDARD, waypoints=4, steps_per_round=40, box_m=(1200, 1200, 600))
+
+
+@pytest.mark.parametrize("scenario", [STANDARD, SMALL], ids=["standard", "small"])
 @pytest.mark.parametrize("name", PATTERNS)
-def test_a_plan_says_where_it_came_from_and_stays_in_the_box(name):
-    plan = planned(name)
+def test_a_plan_says_where_it_came_from_and_stays_in_the_box(name, scenario):
+    plan = planned(name, limits=Limits.of(scenario), scenario=scenario)
     assert (plan.source, plan.status) == (name, "ok")
-    assert plan.waypoints.shape == (16, 3)
-    assert (plan.waypoints >= 0).all()
-    assert (plan.waypoints <= STANDARD.box_m).all()
-    assert as_planner(name, STANDARD).tier == "none"
+    assert plan.waypoints.shape == (scenario.waypoints, 3)
+    assert ((plan.waypoints >= 0) & (plan.waypoints <= scenario.box_m)).all()
+    assert as_planner(name, scenario).tier == "none"
 
 
 @pytest.mark.parametrize("name", PATROLS)
@@ -52,11 +55,3 @@ def test_hold_stays_and_random_goes_where_chance_will():
     assert np.array_equal(planned("hold").waypoints, np.tile(HERE, (16, 1)))
     assert np.array_equal(planned("random", 1).waypoints, planned("random", 1).waypoints)
     assert not np.array_equal(planned("random", 1).waypoints, planned("random", 2).waypoints)
-
-
-@pytest.mark.parametrize("name", PATTERNS)
-def test_plans_follow_the_scenario(name):
-    small = dataclasses.replace(STANDARD, waypoints=4, steps_per_round=40, box_m=(1200, 1200, 600))
-    plan = planned(name, limits=Limits.of(small), scenario=small)
-    assert plan.waypoints.shape == (4, 3)
-    assert (plan.waypoints <= small.box_m).all()

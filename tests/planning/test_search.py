@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from fpg_bench.evaluation.checkers import check_planner
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import Limits
-from fpg_bench.planning.search import CMAES, HillClimb, recent, waypoints_through
+from fpg_bench.planning.search import CMAES, HillClimb, waypoints_through
 from tests.planning.playing import LIMITS
 
 BOX = np.array(LIMITS.box_m)
@@ -42,9 +42,6 @@ def ally_path(seed):
     return np.clip(a + direction * 90 * np.arange(16)[:, None], 0, BOX)
 
 
-# Paths through places
-
-
 @given(st.integers(0, 2**32), st.sampled_from([1, 2, 4, 16]))
 def test_every_waypoint_is_in_the_box_and_in_reach_of_the_one_before(seed, count):
     limits = dataclasses.replace(LIMITS, waypoints=count, round_s=300 * count // 16)
@@ -60,15 +57,6 @@ def test_places_on_a_straight_line_are_met_in_the_middle_of_their_parts():
     places = start + np.array([60.0, 30.0, 10.0]) * (np.arange(16) + 0.5)[:, None]
     path = np.vstack([start, waypoints_through(places, start, LIMITS)])
     assert (path[1:] + path[:-1]) / 2 == pytest.approx(places)
-
-
-def test_long_matches_are_remembered_by_their_last_rounds():
-    history = np.arange(70.0).reshape(70, 1, 1)
-    assert recent(history)[[0, -1], 0, 0].tolist() == [20, 69]
-    assert len(recent(history[:7])) == 7
-
-
-# Both planners
 
 
 @pytest.mark.parametrize("search", SEARCHES)
@@ -109,9 +97,6 @@ def test_hill_climbing_is_deterministic_and_cma_es_draws_from_the_generator(sear
     plans = [search().plan(history, START, LIMITS, rng(seed)) for seed in (1, 2)]
     assert np.array_equal(plans[0].waypoints, plans[1].waypoints) != random
     assert plans[0].source == search.name
-
-
-# Each alone
 
 
 def test_hill_climbing_keeps_a_part_that_went_well_whatever_the_others_did():

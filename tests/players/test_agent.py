@@ -1,6 +1,5 @@
 import hashlib
 import json
-import pickle
 import subprocess
 import sys
 
@@ -85,12 +84,6 @@ def test_same_bits_whatever_the_batch():
     whole = player.predict(seen)[0]
     assert (np.concatenate([player.predict(row[None])[0] for row in seen]) == whole).all()
     assert (player.predict(seen[3])[0] == whole[3]).all()
-
-
-def test_players_can_be_sent_to_other_processes():
-    player = pickle.loads(pickle.dumps(OnnxPlayer(model_bytes(), {"id": "x"})))
-    assert player.about == {"id": "x"}
-    assert player.predict(np.ones((1, 15), np.float32))[0][0, 1] == 1
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,11 @@ from __future__ import annotations
 import pickle
 
 import numpy as np
-import pytest
 
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.policy_runner import PolicyRunner
-from fpg_bench.players.population import as_member, flight_of
+from fpg_bench.players.population import as_member
 from fpg_bench.players.registry import as_player
 
 PURSUER = "opponent-pursuit/ppo/seed_0"
@@ -55,17 +54,3 @@ def test_both_kinds_are_drawn_in_one_game():
 
 def test_a_member_that_travels_to_a_worker_flies_as_before():
     assert pickle.loads(pickle.dumps(as_member(PURSUER))).flies == "pursuit"
-
-
-@pytest.mark.parametrize(
-    ("suites", "expected"),
-    [
-        ({"scenario_fields": {"opponent_path": "learned"}}, "learned"),
-        ({"scenario_fields": {"opponent_path": ["pursuit", "learned"]}}, "learned"),
-        ({"scenario_fields": {}}, "pursuit"),
-        ({}, "pursuit"),
-        ({"scenario_fields": None}, "pursuit"),
-    ],
-)
-def test_how_an_agent_flew_stands_in_its_folder(suites, expected):
-    assert flight_of(suites) == expected

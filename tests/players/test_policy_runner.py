@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.policy_runner import PolicyRunner
@@ -74,9 +72,3 @@ def test_an_oracle_is_handed_the_full_state_and_others_their_observation():
     runner.act()
     assert np.array_equal(player.seen[0], duel.batch.opponent_observations)
     assert np.array_equal(oracle.seen[0], duel.state())
-
-
-def test_an_answer_of_another_shape_is_refused():
-    _, runner = begun(Listener(size=3))
-    with pytest.raises(UserError, match=r"answered with actions of shape \(4, 3\), expected \(4, 9\)"):
-        runner.act()

@@ -11,12 +11,7 @@ import pytest
 from fpg_bench import load_agent
 from fpg_bench.envs.core import SingleAgentGame
 from fpg_bench.players.sandbox.agent import SandboxedAgent
-from tests.leaderboard.making import (
-    dividing_by_zero,
-    through,
-    write_seed,
-    write_submission,
-)
+from tests.leaderboard.making import dividing_by_zero, through, write_seed, write_submission
 
 
 @pytest.fixture

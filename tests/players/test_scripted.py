@@ -9,7 +9,7 @@ from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.player import Player
-from fpg_bench.players.scripted import Scripted, player_seeds
+from fpg_bench.players.scripted import Scripted
 
 from .playing import ally_sees, opponent_sees
 
@@ -163,8 +163,3 @@ def test_only_the_games_that_begin_take_new_seeds():
     after = player.predict(seen)[0]
     assert not np.array_equal(before[0], after[0])
     assert np.array_equal(before[1], after[1])
-
-
-def test_the_two_sides_of_a_game_draw_apart():
-    keys = np.arange(5, dtype=np.uint64)
-    assert not set(player_seeds(keys, "ally")) & set(player_seeds(keys, "opponent"))

@@ -93,12 +93,9 @@ def test_gymnasium_renders_arrays_that_are_the_callers_own():
     assert first.shape == second.shape == SHAPE
     assert (first != second).any()
     np.testing.assert_array_equal(first, kept)
-
-
-def test_pettingzoo_renders():
-    env = parallel_env(render_mode="rgb_array", scenario=SHORT)
-    env.reset(seed=1)
-    assert env.render().shape == SHAPE
+    both = parallel_env(render_mode="rgb_array", scenario=SHORT)
+    both.reset(seed=1)
+    assert both.render().shape == SHAPE
 
 
 @pytest.mark.slow

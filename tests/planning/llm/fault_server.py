@@ -134,27 +134,10 @@ def answer(function: Callable[[dict[str, Any]], str]) -> Behaviour:
     return lambda handler, request: handler.send(200, json.dumps(completion(function(request))))
 
 
-def bare(text: str) -> Behaviour:
-    """A good answer as iFLYTEK Spark gives it: no id, no model, no finish_reason."""
-    choice = {"index": 0, "message": {"role": "assistant", "content": text}}
-    return json_body({"code": 0, "message": "Success", "sid": "cha000", "choices": [choice]})
-
-
-def think(text: str, thought: str = "maybe (1, 2, 3)?") -> Behaviour:
-    """A good answer after a think block."""
-    return ok(f"<think>{thought}</think>\n{text}")
-
-
 def refusal(text: str = "I'm sorry, but I can't help with that.") -> Behaviour:
     """A refusal in the field that is there for it, the content empty."""
     message = {"role": "assistant", "content": None, "refusal": text}
     return ok(None, choices=[{"index": 0, "message": message, "finish_reason": "stop"}])
-
-
-def content_filter() -> Behaviour:
-    """An answer that the server's filter withheld."""
-    message = {"role": "assistant", "content": ""}
-    return ok(None, choices=[{"index": 0, "message": message, "finish_reason": "content_filter"}])
 
 
 def status(code: int, headers: dict[str, str] | None = None, body: Any = None) -> Behaviour:

@@ -17,6 +17,11 @@ from fpg_bench.planning.llm.local_server import LocalServer
 
 WIDTH, LAYERS, HEAD, FORWARD = 64, 2, 16, 128
 CONTEXT = 32768
+SHAPE = {
+    **{"context_length": CONTEXT, "embedding_length": WIDTH, "block_count": LAYERS},
+    **{"feed_forward_length": FORWARD, "head_count": 1, "head_count_kv": 1, "key_length": HEAD},
+    **{"value_length": HEAD, "rope_dimension_count": HEAD, "layer_norm_rms_eps": 1e-5},
+}
 
 
 class LlamaServer:
@@ -42,7 +47,8 @@ def write_model(path: Path) -> None:
     import numpy as np
 
     writer = gguf.GGUFWriter(path, "llama")
-    _describe(writer)
+    for name, value in SHAPE.items():
+        getattr(writer, f"add_{name}")(value)
     pieces = _add_vocabulary(writer, gguf.TokenType)
     rng = np.random.default_rng(0)
     for name, shape in _tensors(pieces).items():
@@ -52,19 +58,6 @@ def write_model(path: Path) -> None:
     writer.write_kv_data_to_file()
     writer.write_tensors_to_file()
     writer.close()
-
-
-def _describe(writer) -> None:
-    writer.add_context_length(CONTEXT)
-    writer.add_embedding_length(WIDTH)
-    writer.add_block_count(LAYERS)
-    writer.add_feed_forward_length(FORWARD)
-    writer.add_head_count(1)
-    writer.add_head_count_kv(1)
-    writer.add_key_length(HEAD)
-    writer.add_value_length(HEAD)
-    writer.add_rope_dimension_count(HEAD)
-    writer.add_layer_norm_rms_eps(1e-5)
 
 
 def _add_vocabulary(writer, kinds) -> int:

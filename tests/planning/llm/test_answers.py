@@ -58,17 +58,13 @@ FORMS = {
     "lists": (lambda p: f"  {json.dumps(p)}\n", "json"),
     "fenced": (lambda p: f"```json\n{json.dumps({'waypoints': p})}\n```", "json"),
     "thought": (lambda p: f"<think>[1, 2, 3] or so</think>{json.dumps(p)}", "json"),
-    "thought before the text began": (lambda p: f"[1, 2, 3] or so</think>\n{json.dumps(p)}", "json"),
     "directions": (lambda p: f"Next directions: {p}", "directions"),
     "directions after others": (
         lambda p: f"Next directions: [[1, 2, 3]]? No.\n**next directions:** {p}",
         "directions",
     ),
     "directions as a key": (lambda p: json.dumps({"Next directions": p}), "directions"),
-    "echoed history": (
-        lambda p: f"Positions and Rewards: [1, 2, 3]: 4.5\nNext directions: {p}",
-        "directions",
-    ),
+    "echoed history": (lambda p: f"Rewards: [1, 2, 3]: 4.5\nNext directions: {p}", "directions"),
     "prose": (lambda p: f"I suggest {p[0]}, then {'; '.join(map(str, p[1:]))}. Good luck!", "triples"),
     "tuples": (lambda p: str([tuple(point) for point in p]), "triples"),
     "units": (lambda p: "\n".join("[{} m, {}m, {} metres]".format(*point) for point in p), "triples"),
@@ -99,7 +95,6 @@ def four(**changed):
     ("text", "problem"),
     [
         (str(PATH[:3]), "expected 4 points, got 3"),
-        (f"Next directions: {PATH[:2]}", "expected 4 points, got 2"),
         ('{"waypoints": []}', "expected 4 points, got 0"),
         (str(four(p2=[0, -76, 0])), "point 3: y = -76 lies outside the box, 0 to 1500"),
         (str(four(p3=[0, 0, 631])), "point 4: z = 631 lies outside the box, 0 to 600"),
@@ -112,10 +107,8 @@ def four(**changed):
         (json.dumps(four(p3={"x": 1, "y": 2})), "point 4: expected x, y and z, each a number"),
         (json.dumps([[PATH] * 3] * 4), "point 1: expected x, y and z, each a number"),
         ("", "no points found, expected 4"),
-        ("null", "no points found, expected 4"),
         ("<html><body>502 Bad Gateway</body></html>", "no points found, expected 4"),
         (f"<think>{PATH}", "no points found, expected 4"),
-        (f"<think>{PATH}</think>", "no points found, expected 4"),
         ("[1<think></think>2, 3, 4]" * 4, "no points found, expected 4"),
         (" ".join(f"{x}, {y}, {z}" for x, y, z in PATH), "no points found, expected 4"),
         ("[1-2-3] [1.2.3.4] [1,200, 300, 400] [0x1, 2, 3] [1, 2km, 3]", "no points found, expected 4"),
@@ -129,21 +122,18 @@ def test_a_broken_answer_names_the_rule(text, problem):
     assert not answer.refused
 
 
-@pytest.mark.parametrize("form", ["lists", "directions", "tuples"])
-def test_points_too_many_are_left_out(form):
-    answer = read_answer(FORMS[form][0]([*PATH, [99999, 1, 1]]), FOUR)
-    assert answer.waypoints.tolist() == PATH
-    assert answer.repaired
-
-
 @pytest.mark.parametrize(
-    ("point", "inside"),
-    [([1575, 0, 0], [1500, 0, 0]), ([0, -75, 0], [0, 0, 0]), ([-0.1, 3, 630], [0, 3, 600])],
+    ("points", "read"),
+    [
+        ([*PATH, [99999, 1, 1]], PATH),
+        (four(p1=[1575, 0, 0]), four(p1=[1500, 0, 0])),
+        (four(p1=[-0.1, -75, 630]), four(p1=[0, 0, 600])),
+    ],
 )
-def test_points_just_outside_the_box_are_moved_in(point, inside):
-    answer = read_answer(str(four(p1=point)), FOUR)
-    assert answer.waypoints[1].tolist() == inside
-    assert answer.waypoints[[0, 2, 3]].tolist() == [PATH[0], PATH[2], PATH[3]]
+@pytest.mark.parametrize("form", ["lists", "directions", "tuples"])
+def test_points_too_many_or_just_outside_the_box_are_repaired(form, points, read):
+    answer = read_answer(FORMS[form][0](points), FOUR)
+    assert answer.waypoints.tolist() == read
     assert answer.repaired
 
 
@@ -242,8 +232,6 @@ def test_the_schema_asks_for_what_is_read():
     assert (answer.rung, answer.repaired) == ("json", False)
     assert json.loads(json.dumps(schema)) == schema
 
-
-# Valid paths of no use
 
 EXAMPLE_POINTS = points_in("Go by [873, 412, 288], then [519, 934, 141].")
 FLOWN = np.linspace([690, 790, 90], [600, 700, 120], 16)

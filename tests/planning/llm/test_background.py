@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import subprocess
 import sys
@@ -81,8 +82,9 @@ def test_the_plan_that_is_ready_is_flown_and_until_then_the_present_path():
     slow.go.release()
 
 
-def test_only_the_newest_request_of_a_game_waits_and_the_game_that_waited_longest_is_first():
-    slow = Slow(concurrency=1)
+@pytest.mark.parametrize("attributes", [{"concurrency": 1}, {}])
+def test_only_the_newest_request_of_a_game_waits_and_the_game_that_waited_longest_is_first(attributes):
+    slow = Slow(**attributes)
     beside = BackgroundPlanner(slow)
     beside.plan_batch([request(0, game=0)])
     begin(slow)
@@ -90,18 +92,10 @@ def test_only_the_newest_request_of_a_game_waits_and_the_game_that_waited_longes
     for index in (1, 2):
         beside.plan_batch([request(index, game=0), request(index, game=1)])
     finish(beside, slow, 3)
-    assert slow.batches == [[(0, 1, 0, 0)], [(1, 1, 0, 2)], [(0, 1, 0, 2)]]
-
-
-@pytest.mark.parametrize(("attributes", "sizes"), [({}, [1, 4]), ({"concurrency": 3}, [1, 3, 1])])
-def test_a_planner_gets_as_many_games_as_it_plans_at_once(attributes, sizes):
-    slow = Slow(**attributes)
-    beside = BackgroundPlanner(slow)
-    beside.plan_batch([request(0)])
-    begin(slow)
-    beside.plan_batch([request(0, game=game) for game in range(1, 5)])
-    finish(beside, slow, 3)
-    assert [len(batch) for batch in slow.batches] == sizes
+    first, *later = slow.batches
+    assert first == [(0, 1, 0, 0)]
+    assert [*itertools.chain(*later)] == [(1, 1, 0, 2), (0, 1, 0, 2)]
+    assert len(later) == (2 if attributes else 1)  # a planner without a limit gets all games at once
 
 
 @pytest.mark.parametrize("change", [{"match": 1}, {"seed": 2}])
@@ -121,27 +115,19 @@ def test_what_was_planned_for_a_match_that_has_ended_is_not_flown(change):
     slow.go.release()
 
 
-def test_nothing_is_asked_for_after_a_match_s_last_round():
-    slow = Slow()
-    beside = BackgroundPlanner(slow)
-    beside.plan_batch([request(ROUNDS - 1)])
-    settle(beside)
-    assert slow.batches == []
-
-
 @pytest.mark.parametrize("error", [UserError("no such thing"), OSError("disk full"), KeyError("a bug")])
 def test_an_error_of_the_planner_comes_up_at_the_next_round(error):
     slow = Slow(error)
     beside = BackgroundPlanner(slow)
+    beside.plan_batch([request(ROUNDS - 1)])  # nothing is asked for after a match's last round
+    settle(beside)
+    assert slow.batches == []
     beside.plan_batch([request(0)])
     finish(beside, slow)
     for _ in range(2):
         with pytest.raises(UserError, match="planner slow failed beside the game") as caught:
             beside.plan_batch([request(1)])
         assert str(error) in str(caught.value)
-
-
-# Transcript
 
 
 class Uneven:
@@ -193,29 +179,6 @@ def test_a_replay_flies_the_same_without_a_server_or_a_thread(tmp_path):
         assert (x.source, x.status, x.tokens) == (y.source, y.status, y.tokens)
     assert file.read_bytes() == before
     assert any(line["planned_round"] is not None for line in flown(file))
-
-
-def test_a_plan_that_was_never_flown_may_be_held(tmp_path):
-    file, go, texts = tmp_path / "transcript.jsonl", threading.Event(), iter([path_text(9)])
-
-    def reply(body):
-        go.wait(30)
-        return next(texts, BAD)
-
-    class Third(Settled):  # two rounds start before the first answer comes
-        def plan_batch(self, requests):
-            self.share = requests[0].round // 2
-            if self.share:
-                go.set()
-            return super().plan_batch(requests)
-
-    with FaultServer([answer(reply)]) as server:
-        played = play(Third(BackgroundPlanner(planner(server, transcript=file))), rounds=3)
-    assert [plan.source for plan in played[0]] == ["circle", "circle", "held"]
-    assert np.array_equal(played[0][2].waypoints, path(9))
-    assert [line["planned_round"] for line in flown(file)] == [None, None, 1]
-    replayed = play(BackgroundPlanner(planner(transcript=file, mode="replay")), rounds=3)
-    assert np.array_equal(played[1], replayed[1])
 
 
 @pytest.fixture

@@ -116,7 +116,7 @@ def test_a_match_is_flown_by_it_shown_and_kept_as_a_page(shared, tmp_path, monke
     assert fpg(monkeypatch, "plan", "run", "--planner=llm", "--rounds=1", "--talk", "--out", tmp_path) == 0
     rows = [json.loads(line) for line in (tmp_path / "match.jsonl").read_text().splitlines()]
     asked = [row for row in rows if row["kind"] == "attempt"]
-    assert {row["model"] for row in asked} == {"tiny"}
+    assert {(row["model"], row["rung"], row["status"]) for row in asked} == {("tiny", "json", "ok")}
     output = capfd.readouterr().out
     assert re.search(r"round 0: [-+.\d]+ per step, ", output)
     assert "--- user" in output
@@ -151,8 +151,6 @@ def test_it_takes_the_cores_that_are_free_and_half_of_them_at_least(monkeypatch,
     monkeypatch.setattr("os.getloadavg", lambda: (load, 0.0, 0.0))
     assert free_cores() == free
 
-
-# The file
 
 DATA = b"GGUF and so on"
 

@@ -86,7 +86,7 @@ def test_json_that_breaks_the_schema_is_not_enforced(text):
 
 
 def test_a_bare_server_counts_no_tokens():
-    assert probed(faults.bare("hello"))["tokens"] == (False, "not reported: a cap on tokens has no effect")
+    assert probed(ok("hello", usage=None))["tokens"] == (False, "not reported: a cap on tokens has no effect")
 
 
 @pytest.mark.parametrize(

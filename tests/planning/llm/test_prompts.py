@@ -121,20 +121,12 @@ def test_each_line_says_when_in_the_round_the_opponent_was_there():
 
 
 @pytest.mark.parametrize("name", PROMPTS)
-def test_the_last_bits_of_a_position_change_nothing(name):
-    history = history_of([1.0, 2.0])
-    history[..., :3] += 187.5
-    nudged = history.copy()
-    nudged[..., :3] += np.random.default_rng(0).uniform(-1e-9, 1e-9, (2, 16, 3))
-    assert text(name, request(history=history)) == text(name, request(history=nudged))
-
-
-@pytest.mark.parametrize("name", PROMPTS)
 @pytest.mark.parametrize("control", CONTROLS)
 def test_the_same_request_gets_the_same_words_and_is_left_as_it_is(name, control):
-    asked = request()
+    asked = request(history=history_of([1.0, 2.0]) + np.array([187.5, 187.5, 187.5, 0]))
     history, state = asked.history.copy(), asked.rng.bit_generator.state
-    assert text(name, asked, control) == text(name, asked, control)
+    nudged = request(history=history + np.array([1e-9, -1e-9, 1e-9, 0]))  # in its last bits
+    assert text(name, asked, control) == text(name, asked, control) == text(name, nudged, control)
     assert np.array_equal(asked.history, history)
     assert asked.rng.bit_generator.state == state
 
@@ -179,8 +171,6 @@ def test_any_reply_can_be_sent_again(reply):
     assert 0 < len(content.encode()) <= 4000
 
 
-# A user's own profile
-
 OWN = """
 about: mine
 rounds: {first: 1, best: 0, latest: 1}
@@ -195,16 +185,18 @@ user: |
 
 @pytest.fixture
 def own(tmp_path):
-    def write(content):
+    """Loads a profile of one's own from its text."""
+
+    def load(content):
         path = tmp_path / "own.yml"
         path.write_text(content, encoding="utf-8")
-        return str(path)
+        return load_prompt(str(path))
 
-    return write
+    return load
 
 
 def test_a_profile_of_one_s_own(own):
-    prompt = load_prompt(own(OWN))
+    prompt = own(OWN)
     system, user = prompt.messages(request(history=history_of([1, 2, 3])))
     assert prompt.name == "own"
     assert system == {"role": "system", "content": "You fly in a box of 1500 m."}
@@ -216,10 +208,10 @@ def test_a_profile_of_one_s_own(own):
 
 
 def test_the_hash_follows_what_is_asked_alone(own):
-    own_hash = load_prompt(own(OWN)).hash
-    assert own_hash == load_prompt(own(OWN.replace("about: mine", "about: still mine"))).hash
+    own_hash = own(OWN).hash
+    assert own_hash == own(OWN.replace("about: mine", "about: still mine")).hash
     for old, new in (("Go from", "Start at"), ("best: 0", "best: 1"), ("-- ", "== ")):
-        assert own_hash != load_prompt(own(OWN.replace(old, new))).hash
+        assert own_hash != own(OWN.replace(old, new)).hash
     assert len({load_prompt(name).hash for name in PROMPTS} | {own_hash}) == len(PROMPTS) + 1
 
 
@@ -238,17 +230,12 @@ def test_the_hash_follows_what_is_asked_alone(own):
 )
 def test_a_broken_profile_is_refused_in_one_line(own, old, new, message):
     with pytest.raises(UserError, match=message) as caught:
-        load_prompt(own(OWN.replace(old, new, 1)))
+        own(OWN.replace(old, new, 1))
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("standrad", "prompt 'standrad' is neither a profile nor a YAML file; did you mean 'standard'"),
-        ("nowhere.yml", "prompt nowhere.yml: cannot be read"),
-    ],
-)
-def test_an_unknown_profile_is_refused(name, message):
-    with pytest.raises(UserError, match=message):
-        load_prompt(name)
+def test_an_unknown_profile_is_refused():
+    with pytest.raises(UserError, match="is neither a profile nor a YAML file; did you mean 'standard'"):
+        load_prompt("standrad")
+    with pytest.raises(UserError, match=r"prompt nowhere\.yml: cannot be read"):
+        load_prompt("nowhere.yml")

@@ -14,18 +14,7 @@ from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.prompts import load_prompt
 
 from .fault_server import FaultServer, ok, refusal, status
-from .playing import (
-    BAD,
-    GOOD,
-    SHORT,
-    assert_same,
-    endpoint,
-    path_text,
-    planner,
-    play,
-    request,
-    statuses,
-)
+from .playing import BAD, GOOD, SHORT, assert_same, endpoint, path_text, planner, play, request, statuses
 
 
 @pytest.fixture

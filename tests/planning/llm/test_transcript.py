@@ -59,15 +59,6 @@ def test_an_attempt_comes_back_to_the_last_bit(recorded, mode):
     assert Transcript(recorded, mode).find(ATTEMPT.where, BODY) == ATTEMPT
 
 
-def test_a_line_holds_what_a_reader_wants_to_know(recorded):
-    (line,) = map(json.loads, recorded.read_text().splitlines())
-    assert line["kind"] == "attempt"
-    assert line["key"] == ATTEMPT.key
-    assert (line["request"], line["tokens_in"], line["tokens_out"]) == (BODY, 10, None)
-    assert line["raw"] == RAW
-    assert line["versions"] == {"openai": "3"}
-
-
 def test_a_chain_goes_on_after_a_stop_and_finds_what_was_changed(file):
     start = chain_start({"begun": "now"}, file.name)
     others = [changed(round=number) for number in (4, 5)]
@@ -167,16 +158,6 @@ def test_a_damaged_line_is_named(recorded, name):
         recorded.write_text("{}\n" + json.dumps(damaged) + "\n")
         with pytest.raises(UserError, match=f"line 2 is no attempt: {problem}"):
             Transcript(recorded, "replay").find(ATTEMPT.where, BODY)
-
-
-def test_lines_of_another_kind_stay(recorded):
-    other = '{"kind": "round", "round":0}\n'
-    with recorded.open("a") as out:
-        out.write(other)
-    transcript = Transcript(recorded, "record")
-    transcript.add(changed(round=4), {})
-    assert recorded.read_text().splitlines()[1] + "\n" == other
-    assert [attempt.round for attempt in Transcript(recorded, "replay").attempts()] == [3, 4]
 
 
 def test_the_first_of_two_answers_to_the_same_counts(recorded):
