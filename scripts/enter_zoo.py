@@ -14,7 +14,7 @@ import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_whole
-from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.ids import NAMED
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.submission import seed_folders
 from fpg_bench.players.agent import baselines_folder
@@ -54,22 +54,35 @@ GROUPS = {
         "opponent that flies itself",
         "four scripted allies (reactive, expert, expert-spread, always-hop), and idle where PPO learned",
     ),
+    "ally-discrete": (
+        "ally, discrete actions",
+        "seven scripted opponents and those of the public population training-1, drawn anew every round",
+    ),
+    "opponent-discrete": (
+        "opponent, discrete actions",
+        "five scripted allies, and every sixteenth round those of the public population training-1",
+    ),
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),
 }
 # Track and path by the champion's folder.
 CHAMPIONS: dict[str, Place] = {"ally-champion": ("ally", None), "opponent-champion": ("opponent", "learned")}
+NO_MEMORY = "It has no memory: it acts on the present observation alone."
+SMALL_BUDGET = "It has no memory, and its budget of steps is much smaller than PPO's."
 # Title, paper on arXiv, and limitations.
 ALGORITHMS = {
-    "ppo": ("PPO", "1707.06347", "It has no memory: it acts on the present observation alone."),
+    "ppo": ("PPO", "1707.06347", NO_MEMORY),
     "ppo-stack8": ("PPO, 8 stacked frames", "1707.06347", "It remembers the last eight steps only."),
     "recurrent-ppo": (
         "Recurrent PPO",
         "1707.06347",
         "Its recurrent memory makes it slow to train, so its budget is smaller.",
     ),
-    "sac": ("SAC", "1801.01290", "It has no memory, and its budget of steps is much smaller than PPO's."),
-    "td3": ("TD3", "1802.09477", "It has no memory, and its budget of steps is much smaller than PPO's."),
+    "maskable-ppo": ("MaskablePPO", "2006.14171", NO_MEMORY),
+    "dqn": ("DQN", "1312.5602", SMALL_BUDGET),
+    "qr-dqn": ("QR-DQN", "1710.10044", SMALL_BUDGET),
+    "sac": ("SAC", "1801.01290", SMALL_BUDGET),
+    "td3": ("TD3", "1802.09477", SMALL_BUDGET),
     "maddpg": ("MADDPG", "1706.02275", "It has no memory, and met nobody but its own opponent."),
 }
 SCRIPTS = {
@@ -86,6 +99,17 @@ SCRIPTS = {
     "adaptive": "jams a tone after a check, later broadband from near, a comb from farther, else narrowband",
     "watchful": "jams a tone while the ally stays where it was found, else as adaptive does",
     "random": "draws every action at random",
+    "epsilon-greedy": "hops in an outage to the best point so far, or one time in ten to any",
+    "ucb": "hops in an outage to the point with the highest upper confidence bound on its mean reward",
+    "thompson": "hops in an outage to the point whose mean reward, drawn by Thompson sampling, is highest",
+    "q-learning": "learns by a table when to stay, to spread, and to hop at random or by the knowledge base",
+}
+# Papers of the scripts that learn within a round.
+PAPERS = {
+    "epsilon-greedy": "http://incompleteideas.net/book/the-book-2nd.html",
+    "ucb": "https://doi.org/10.1023/A:1013689704352",
+    "thompson": "https://arxiv.org/abs/1209.3353",
+    "q-learning": "https://researchportal.rma.ac.be/en/publications/jamming-mitigation-in-cognitive-radio-networks-using-a-modified-q",
 }
 
 
@@ -101,15 +125,18 @@ def scripts() -> dict[str, str]:
     """Return the submissions of all scripts by track and name; opponents are entered with both paths."""
     entries = {}
     for track, path in (("ally", None), ("opponent", "pursuit"), ("opponent", "learned")):
-        for script in SCRIPTED[track]:
-            is_learned = path == "learned"
+        for script in NAMED[track]:
+            is_learned, paper = path == "learned", PAPERS.get(script)
             entries[f"{track}/{script}{'-learned' if is_learned else ''}"] = entry(
                 f"{script} (flies itself)" if is_learned else script,
                 "script",
                 (track, path),
+                reference=paper,
                 training=None,
-                saw="Nothing: it is a script, written by hand.",
-                unable="It does not learn.",
+                saw="Nothing: it learns within a round."
+                if paper
+                else "Nothing: it is a script, written by hand.",
+                unable="It forgets what it learned when a round ends." if paper else "It does not learn.",
                 description=f"A scripted {track}: it {SCRIPTS[script]}.",
                 script=script,
             )

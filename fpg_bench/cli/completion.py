@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from fpg_bench.common.ids import ACTION_MODES, ENVS, LEARNERS, SCRIPTED, id_with
+from fpg_bench.common.ids import ACTION_MODES, ENVS, NAMED, id_with
 
 
 def complete_player(incomplete: str) -> list[str]:
@@ -17,7 +17,7 @@ def complete_player(incomplete: str) -> list[str]:
     agents = baselines_folder() / "agents"
     groups = [path.relative_to(agents).as_posix() for path in agents.glob("*/*")]
     seeds = [f"{group}/{seed.name}" for group in groups for seed in (agents / group).glob("seed_*")]
-    names = [*SCRIPTED["ally"], *LEARNERS, *SCRIPTED["opponent"], "oracle", "all-scripted"]
+    names = [*NAMED["ally"], *NAMED["opponent"], "oracle", "all-scripted"]
     begun = _beginning(incomplete, [*names, *groups, *seeds])
     return [name for name in begun if name.count("/") < 2] or begun
 

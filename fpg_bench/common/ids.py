@@ -99,6 +99,7 @@ ALLIES = ("idle", "random", "reactive", "expert", "expert-spread", "always-hop")
 OPPONENTS = ("tone", "narrowband", "broadband", "comb", "random", "sweep", "adaptive", "watchful")
 LEARNERS = ("epsilon-greedy", "ucb", "thompson", "q-learning")  # allies that learn within a round
 SCRIPTED = {"ally": ALLIES, "opponent": OPPONENTS}
+NAMED = {"ally": (*ALLIES, *LEARNERS), "opponent": OPPONENTS}  # all players of the package without a policy
 
 
 def policy_env(side: str) -> EnvConfig:

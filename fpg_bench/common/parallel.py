@@ -220,7 +220,8 @@ def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
         )
     with _interrupts_passed_on() as stopped:
         try:
-            results = parallel(delayed(_in_worker)(*call, os.getpid()) for call in calls)
+            with _interrupts_held():
+                results = parallel(delayed(_in_worker)(*call, os.getpid()) for call in calls)
             yield from ((index, outcome) for index, outcome in results if outcome is not None)
         except concurrent.futures.BrokenExecutor:
             if not stopped.is_set():
@@ -229,6 +230,16 @@ def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
             get_reusable_executor().shutdown(kill_workers=True)
     if stopped.is_set():
         raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Hold back Ctrl-C, also in processes started meanwhile: until their first job, for those of joblib."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager
@@ -285,6 +296,7 @@ def _in_worker(index: int, call: _Call, driver: int) -> tuple[int, Outcome | Non
 
     try:
         signal.signal(signal.SIGINT, interrupt)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         outcome = None if _interrupted.is_set() else call()
         # Modules in C that are interrupted while they are imported raise an ImportError instead
         failed = outcome is not None and outcome.error is not None

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.ids import NAMED, SCRIPTED
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.suite import Rival, Suite
@@ -94,7 +94,7 @@ def entries_of(
     if name is not None and len(agents) > 1:
         called = " and ".join(_label(members) for members in agents)
         raise UserError(f"name {name!r}: {called} were made differently, so they are several entries")
-    if name in SCRIPTED[suite.side]:
+    if name in NAMED[suite.side]:
         raise UserError(f"name {name!r}: is a script's; call the agents otherwise")
     names = _names(groups, players, name)
     entries = [_entry(spec, players[spec], names[spec]) for spec in players]
@@ -107,7 +107,7 @@ def _each(spec: PlayerSpec, side: str) -> Sequence[PlayerSpec]:
     if spec == ALL_SCRIPTED:
         return SCRIPTED[side]
     name = os.fspath(spec) if isinstance(spec, str | os.PathLike) else ""
-    named = agents_named(name, side) if name and ":" not in name and name not in SCRIPTED[side] else [name]
+    named = agents_named(name, side) if name and ":" not in name and name not in NAMED[side] else [name]
     return [spec] if named == [name] else named
 
 

@@ -22,7 +22,7 @@ from fpg_bench.common.checks import is_whole
 from fpg_bench.common.errors import UserError, meant, nearest
 from fpg_bench.common.extras import need
 from fpg_bench.common.files import read_json, read_yaml
-from fpg_bench.common.ids import ACTION_MODES, SCRIPTED
+from fpg_bench.common.ids import ACTION_MODES, NAMED
 from fpg_bench.common.schema import Expected, Items, Strict, problems_of
 from fpg_bench.evaluation.statistics import FEW_SEEDS
 from fpg_bench.leaderboard.folders import (
@@ -457,7 +457,7 @@ def _wrong_names(folder: Path, about: SubmissionFile) -> Iterator[str]:
 def _scripts(track: str) -> tuple[str, ...]:
     if track == "planner":
         return tuple(name for name in PLANNERS if name not in LLM_CONTROLS)
-    return SCRIPTED[track]
+    return NAMED[track]
 
 
 @functools.cache
@@ -479,7 +479,7 @@ def _policies(folder: Path, about: SubmissionFile, contract: bool) -> tuple[tupl
     if not has_own and about.zoo not in _zoo():
         return (), lines
     home = folder if has_own else baselines_folder() / "agents" / str(about.zoo)
-    policies, wrong = read_policies(home, about.track if about.track in SCRIPTED else None, contract)
+    policies, wrong = read_policies(home, about.track if about.track in NAMED else None, contract)
     lines += wrong
     if about.training is not None:
         wrong = list(_wrong_training(about.training, seed_folders(home), policies))

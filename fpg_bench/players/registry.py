@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import LEARNERS, SCRIPTED, other_side
+from fpg_bench.common.ids import NAMED, SCRIPTED, other_side
 from fpg_bench.common.imports import import_object
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.choosing import with_floats
@@ -37,7 +37,7 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
     name = os.fspath(spec)
     if name in SCRIPTED[side]:
         return Scripted(side, name, scenario)
-    if name in LEARNERS and side == "ally":
+    if name in NAMED[side]:
         return Learner(name, scenario)
     if name in ORACLES:
         return OracleAlly(scenario) if side == "ally" else OracleOpponent(scenario)
@@ -52,10 +52,9 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         from fpg_bench.players.agent import load_agent
 
         return load_agent(name, side)
-    if name in SCRIPTED[other_side(side)] or (name in LEARNERS and side == "opponent"):
+    if name in NAMED[other_side(side)]:
         raise UserError(f"unknown {side} {name!r}: it plays the {other_side(side)}")
-    known = [*SCRIPTED[side], *(LEARNERS if side == "ally" else ()), *ORACLES]
-    raise UserError(f"unknown {side} {name!r}{nearest(name, known)}")
+    raise UserError(f"unknown {side} {name!r}{nearest(name, [*NAMED[side], *ORACLES])}")
 
 
 def policy_hash(player: object) -> str | None:

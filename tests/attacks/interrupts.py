@@ -72,8 +72,7 @@ class InterruptedStudy:
             problems.append(f"it hung after {moment:.2f} s")
         elif status not in (130, -signal.SIGINT):
             problems.append(f"status {status}")
-        # Python itself may print a traceback of a worker that is interrupted while its interpreter starts
-        said = [line for line in lines if line.startswith("fpg-bench: ")]
+        said = [line for line in lines if line.startswith("fpg-bench: ") or "Traceback" in line]
         if status == 130 and said != [STOPPED]:
             problems.append(f"it said {lines}")
         return [f"seed {seed}, {moment:.2f} s: {problem}" for problem in problems + self._not_given_back()]
