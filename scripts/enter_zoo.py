@@ -106,7 +106,7 @@ SCRIPTS = {
 }
 # Papers of the scripts that learn within a round.
 PAPERS = {
-    "epsilon-greedy": "http://incompleteideas.net/book/the-book-2nd.html",
+    "epsilon-greedy": "https://mitpress.mit.edu/9780262039246/reinforcement-learning/",
     "ucb": "https://doi.org/10.1023/A:1013689704352",
     "thompson": "https://arxiv.org/abs/1209.3353",
     "q-learning": "https://researchportal.rma.ac.be/en/publications/jamming-mitigation-in-cognitive-radio-networks-using-a-modified-q",

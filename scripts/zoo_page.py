@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
@@ -122,7 +123,8 @@ def _description(group: ZooGroup, suites: Sequence[Suite]) -> str:
 
 
 def _option(value: Any) -> str:
-    names = [f"`{name}`" for name in (value if isinstance(value, list) else [value])]
+    counts = Counter(value if isinstance(value, list) else [value])
+    names = [f"`{name}`" + (f" ({count} times)" if count > 1 else "") for name, count in counts.items()]
     return names[0] if len(names) == 1 else f"one of {', '.join(names)}"
 
 
