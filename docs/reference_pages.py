@@ -20,7 +20,7 @@ from fpg_bench.game.scenario import preset
 from fpg_bench.planning import LLM_CONTROLS
 
 GENERATED = Path(__file__).parent / "reference/generated"
-ELSEWHERE = {"../baselines/README.md": "reference/zoo.md"}  # pages that lie outside of this folder
+ELSEWHERE = {"../baselines/README.md": "results/zoo.md"}  # pages that lie outside of this folder
 _VIEW = """\
 # {id}
 
@@ -39,27 +39,27 @@ _VIEW = """\
 | steps a round | {steps}, one second each; a round ends by truncation |
 | observation space | `{observations}` |
 | action space | `{actions}` |
-| version | v{version}; [what may change](../environments.md#versions) |
+| version | v{version}; [what may change](../../environments/index.md#versions) |
 
 {example}
 
 ## What you see
 
-```{{include}} ../../rules.md
+```{{include}} ../rules.md
 :start-after: "<!-- {side} sees -->"
 :end-before: "<!-- end -->"
 ```
 
 ## What you do
 
-```{{include}} ../../rules.md
+```{{include}} ../rules.md
 :start-after: "<!-- {side} acts -->"
 :end-before: "<!-- end -->"
 ```
 
 ## Rewards and options
 
-[The rules](../../rules.md#10-rewards) have the rewards. `gymnasium.make("{id}", ...)` takes
+[The rules](../rules.md#10-rewards) have the rewards. `gymnasium.make("{id}", ...)` takes
 `render_mode` (`rgb_array`, `human`) and
 
 {options}
@@ -76,7 +76,7 @@ observation, info = env.reset(seed=1)
 observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 ```"""
 _NEEDS_MODEL = (
-    "It needs [a language model](../../planners.md) that answers; `FPG/AllyVsPlanner-v0` needs none."
+    "It needs [a language model](../../guides/planners.md) that answers; `FPG/AllyVsPlanner-v0` needs none."
 )
 _DUEL = """\
 # FPG/duel_v0
@@ -91,7 +91,7 @@ turns (`aec`).
 | action space of each | `{actions}` |
 | state space | 54 numbers, for centralised critics |
 | steps a round | {steps} |
-| version | v0; [what may change](../environments.md#versions) |
+| version | v0; [what may change](../../environments/index.md#versions) |
 
 ```python
 import pettingzoo

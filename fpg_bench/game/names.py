@@ -10,7 +10,7 @@ MOST_PATHS = 16  # that a round may draw from
 DETECTIONS = ("emission", "link", "off")
 HOPPING = ("gated", "always")
 
-# The numbers that a side sees and chooses, in their order; docs/rules.md has their scales.
+# The numbers that a side sees and chooses, in their order; docs/reference/rules.md has their scales.
 _PLACES = tuple(f"{of} {axis}" for of in ("own position", "relative position") for axis in "xyz")
 OBSERVED = {
     "ally": (

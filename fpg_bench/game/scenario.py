@@ -373,7 +373,7 @@ PAPER = Scenario(
     distance_reward=50.0,
 )
 # The interpretation of the paper under which most patterns of its figures appear between scripted players
-# (docs/reproduction/screen.md). Differences from the paper as printed:
+# (docs/results/paper/screen.md). Differences from the paper as printed:
 FIGURES = dataclasses.replace(
     PAPER,
     snr_model="sinr",  # interference counts once; Eq. 2 and 3 count it twice

@@ -26,7 +26,7 @@ from fpg_bench.training.algorithms import find_algorithm
 
 Lines = list[list[str]]  # of a table; the first holds the headings
 Table = tuple[str, Lines]  # with its title
-_RULES = "docs/rules.md"
+_RULES = "docs/reference/rules.md"
 
 
 def tables(budget: Budget = BUDGETS["full"]) -> list[Table]:

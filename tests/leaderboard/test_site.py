@@ -22,6 +22,7 @@ from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.board import Improvement, Profiles, Score
 from fpg_bench.leaderboard.site import page_data, views
 from fpg_bench.leaderboard.site.build import build_site
+from fpg_bench.leaderboard.site.reading_pages import PAGES
 from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.leaderboard.site.serve import make_server
 from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN
@@ -31,7 +32,6 @@ ROOT = Path(__file__).parents[2]
 ROUND = Replay("replays/ally/player-1/ab.js", HOSTILE[0], HOSTILE[1], 'fpgRound({"label":"x"});\n')
 LOADING = {"src", "srcset", "poster", "action", "formaction", "data", "background", "ping"}
 SHARED_PAGES = {"index", "ranking", "play", "crossplay", "statistics", "compare", "submit"}
-DOC_PAGES = {"rules", "protocol", "measures", "glossary"}
 
 
 class Page(HTMLParser):
@@ -100,7 +100,7 @@ def entry_file(number, track="ally"):
 
 def test_every_entry_has_a_page(pages):
     entries = {entry_file(k) for k in range(7)} | {entry_file(k, "opponent-pursuit") for k in range(2)}
-    assert pages.keys() == {f"{name}.html" for name in SHARED_PAGES | DOC_PAGES} | entries
+    assert pages.keys() == {f"{name}.html" for name in SHARED_PAGES | PAGES.keys()} | entries
 
 
 def test_no_text_of_a_submission_becomes_markup(site, pages):
@@ -246,25 +246,25 @@ def test_styles_and_scripts_load_nothing(site):
 
 
 def test_the_page_on_submitting_shows_the_commands_of_the_docs(pages):
-    docs = (ROOT / "docs/submitting.md").read_text()
+    docs = (ROOT / "docs/benchmark/submitting.md").read_text()
     lines = [line for text in pages["submit.html"].texts for line in text.splitlines()]
     commands = [line for line in lines if line.startswith("fpg-bench ") and line in docs]
     assert [command.split()[1] for command in commands] == ["train", "export", "submit", "submit"]
 
 
 def test_pages_link_to_the_documentation_where_its_address_is_known(plain_site, pages):
-    links = re.findall(r'<a href="../site/([\w-]+)\.html[^"]*">', (plain_site / "submit.html").read_text())
+    links = re.findall(r'<a href="../site/([\w/-]+)\.html[^"]*">', (plain_site / "submit.html").read_text())
     assert len(links) == 9  # three of them in the footer
     assert [page for page in links if not (ROOT / "docs" / f"{page}.md").is_file()] == []
-    assert "../../../site/rules.html" in Page(plain_site / entry_file(0)).values("href")
+    assert "../../../site/reference/rules.html" in Page(plain_site / entry_file(0)).values("href")
     assert not (plain_site / "rules.html").exists()
-    assert "docs/submitting.md" in pages["submit.html"].texts
+    assert "docs/benchmark/submitting.md" in pages["submit.html"].texts
 
 
-@pytest.mark.parametrize("name", sorted(DOC_PAGES))
+@pytest.mark.parametrize("name", PAGES)
 def test_pages_of_the_docs_are_in_the_site_with_working_links(pages, name):
     page, text = pages[f"{name}.html"], "".join(pages[f"{name}.html"].texts)
-    source = (ROOT / "docs" / f"{name}.md").read_text()
+    source = (ROOT / "docs" / PAGES[name][0]).read_text()
     titles = [line.lstrip("# ") for line in source.splitlines() if re.match(r"##? \S", line)]
     assert [title for title in titles if title.replace("`", "") not in text] == []
     assert not re.search(r":::|<!--|\]\(|\*\*", text)
@@ -274,7 +274,7 @@ def test_pages_of_the_docs_are_in_the_site_with_working_links(pages, name):
 
 
 def test_the_docs_example_of_ranks_holds_and_its_table_agrees(capsys):
-    text = (ROOT / "docs/leaderboard.md").read_text()
+    text = (ROOT / "docs/benchmark/leaderboard.md").read_text()
     code, output = re.search(r"```python\n(.*?)# (.*?)\n```", text, re.DOTALL).groups()
     exec(code)
     assert capsys.readouterr().out.strip() == output

@@ -15,7 +15,7 @@ from fpg_bench.paper.figures import FIGURES
 from fpg_bench.paper.report import write_report
 from fpg_bench.paper.runs import Results, RunFile, read_results
 
-COMMITTED = Path(__file__).parents[2] / "docs/reproduction"
+COMMITTED = Path(__file__).parents[2] / "docs/results/paper"
 RUNS = Path(__file__).parents[2] / "results/reproduction"
 FULL = BUDGETS["full"]
 BOTH = ("paper", "standard")

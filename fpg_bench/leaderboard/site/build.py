@@ -117,7 +117,7 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
         ("crossplay.html", "crossplay.html", {"crossplay": views.crossplay_view(board)}),
         ("submit.html", "submit.html", {}),
     ]
-    for name, title in reading_pages.PAGES.items() if not docs else ():
+    for name, (_, title) in reading_pages.PAGES.items() if not docs else ():
         text = Markup(reading_pages.render_page(name))
         pages.append((f"{name}.html", "reading.html", {"title": title, "text": text}))
     for track in board.tracks:
@@ -166,14 +166,17 @@ def _environment(board: Board, docs: str) -> Environment:
 
 
 def _doc_link(docs: str, page: str, text: str, heading: str = "", root: str = "") -> Markup:
-    """Return a link to a page of the documentation; its text and file where there is no such page."""
+    """Return a link to a page of the documentation, ``folder/name``, or of this site without one.
+
+    Its text and file where there is no such page.
+    """
     from markupsafe import Markup
 
-    if not docs and page not in reading_pages.PAGES:
+    name, anchor = page.rpartition("/")[2], f"#{heading}" if heading else ""
+    if not docs and name not in reading_pages.PAGES:
         return Markup("{} (<code>docs/{}.md</code>)").format(text, page)
-    anchor = f"#{heading}" if heading else ""
-    folder = docs if "://" in docs else root + (docs or ".")
-    return Markup('<a href="{}/{}.html{}">{}</a>').format(folder, page, anchor, text)
+    place = f"{docs if '://' in docs else root + docs}/{page}" if docs else f"{root or './'}{name}"
+    return Markup('<a href="{}.html{}">{}</a>').format(place, anchor, text)
 
 
 def _static_files() -> dict[str, str]:

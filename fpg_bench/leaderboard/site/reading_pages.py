@@ -15,12 +15,17 @@ if TYPE_CHECKING:
     from markdown_it import MarkdownIt
     from markdown_it.token import Token
 
-PAGES = {"rules": "Rules", "protocol": "Protocol", "measures": "Measures", "glossary": "Glossary"}
+PAGES = {  # file of the documentation and title, by the name in the site
+    "rules": ("reference/rules.md", "Rules"),
+    "protocol": ("benchmark/protocol.md", "Protocol"),
+    "measures": ("reference/measures.md", "Measures"),
+    "glossary": ("reference/glossary.md", "Glossary"),
+}
 
 
 def render_page(name: str) -> str:
     """Render one of ``PAGES`` as HTML; links lead only to others of them."""
-    text = re.sub(r"<!--.*?-->\n?", "", (_folder() / f"{name}.md").read_text("utf-8"))
+    text = re.sub(r"<!--.*?-->\n?", "", (_folder() / PAGES[name][0]).read_text("utf-8"))
     parts = re.split(r"^:::(?:\{glossary\})?\n", text, flags=re.MULTILINE)  # outside, inside, outside
     return "".join(_render_terms(part) if k % 2 else _render(part) for k, part in enumerate(parts))
 
@@ -62,7 +67,7 @@ def _restrict_links(tokens: Sequence[Token]) -> None:
     for token in tokens:
         if token.type == "link_open":
             name, mark, anchor = str(token.attrs.pop("href")).partition("#")
-            page = name.removesuffix(".md")
+            page = Path(name).stem
             tag = "a" if page in PAGES or not name else "span"
             if tag == "a":
                 token.attrs["href"] = (f"{page}.html" if name else "") + mark + anchor

@@ -29,7 +29,7 @@ def test_the_transcripts_give_the_table(tmp_path):
 
 
 def test_the_page_says_what_the_table_says():
-    page = (ROOT / "docs/explanation/language-model.md").read_text()
+    page = (ROOT / "docs/results/language-model.md").read_text()
     committed = rows((COMMITTED / "table.md").read_text())
     assert committed
     assert not [row for row in committed.values() if f" {row['score last 3']} [" not in page]
