@@ -103,7 +103,8 @@ def init(
 
     start_board(folder)
     print_line(
-        f"started: {folder}; an entry is a folder in {folder}/submissions/<track>, see docs/benchmark/submitting.md"
+        f"started: {folder}; an entry is a folder in {folder}/submissions/<track>, "
+        "see docs/benchmark/submitting.md"
     )
 
 

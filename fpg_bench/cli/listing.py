@@ -49,7 +49,7 @@ def envs(
             f"rounds a match: {group.rounds_per_match}"
         )
     typer.echo("Both sides at once: fpg_bench.make_duel(n), and FPG/duel_v0 in PettingZoo's registry.")
-    typer.echo("A round: 300 steps of 1 s. All numbers lie in [-1, 1]; docs/reference/rules.md has their scales.")
+    typer.echo("A round: 300 steps of 1 s. All numbers lie in [-1, 1]; scales: docs/reference/rules.md")
     for side in SIDES:
         name_all(f"{side} sees", (f"{k} {name}" for k, name in enumerate(OBSERVED[side])))
         name_all(f"{side} chooses", (f"{k} {name}" for k, name in enumerate(CHOSEN[side])))
