@@ -169,7 +169,7 @@ def test_importing_the_package_registers_the_ids():
 
 @pytest.mark.parametrize("name", [spec.name for spec in dataclasses.fields(Scenario)])
 def test_the_rules_document_every_field(name):
-    assert f"`{name}`" in (DOCS / "rules.md").read_text(encoding="utf-8")
+    assert f"`{name}`" in (DOCS / "reference/rules.md").read_text(encoding="utf-8")
 
 
 def test_the_measures_are_all_documented():
@@ -179,7 +179,7 @@ def test_the_measures_are_all_documented():
     from fpg_bench.game.state import TALLY
 
     names = measures(dict.fromkeys(TALLY.names, 0), np.zeros((2, 3)))
-    text = (DOCS / "measures.md").read_text(encoding="utf-8")
+    text = (DOCS / "reference/measures.md").read_text(encoding="utf-8")
     assert not [name for name in names if f"`{name}`" not in text]
 
 

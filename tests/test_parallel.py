@@ -27,7 +27,7 @@ pytestmark = pytest.mark.process
 
 TRAIN = ("train", "ppo", "FPG/AllyVsScripted-v0", "--hyperparams", "tiny.yml", "--n-evals", "0")
 LONG = ("--seeds", "0-2", "--n-jobs", "2", "--out", "runs", "--steps", "100000000")
-PAGE = (Path(__file__).parents[1] / "docs" / "cluster.md").read_text()
+PAGE = (Path(__file__).parents[1] / "docs/guides/cluster.md").read_text()
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL)
 
 

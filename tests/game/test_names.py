@@ -8,7 +8,7 @@ import pytest
 from fpg_bench.game.names import CHOSEN, OBSERVED
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 
-RULES = Path(__file__).parents[2] / "docs" / "rules.md"
+RULES = Path(__file__).parents[2] / "docs/reference/rules.md"
 
 
 def told(heading, side):

@@ -17,7 +17,7 @@ from tests.programs import ROOT
 from .entering import make_suites
 from .recording import toy
 
-FILE = ROOT / "docs" / "submitting-planners.md"
+FILE = ROOT / "docs/benchmark/submitting-planners.md"
 PAGE = FILE.read_text()
 ENTRY = "leaderboard/submissions/planner/my-model"
 

@@ -11,7 +11,7 @@ from fpg_bench.players.sandbox.client import Limits
 from tests.pages import Reader, blocks, small, small_baselines
 from tests.programs import ROOT
 
-FILE = ROOT / "docs" / "submitting.md"
+FILE = ROOT / "docs/benchmark/submitting.md"
 PAGE = FILE.read_text()
 ENTRY = "leaderboard/submissions/ally/my-agent"
 

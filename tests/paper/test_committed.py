@@ -85,7 +85,7 @@ def test_page_quotes_runs_with_more_updates(preset, name, seeds, tmp_path):
             assert heading["budget"].startswith(f"{name}, {budget.steps} steps, ")
     made, _ = write_report(results, preset, budget, ["fig5"], tmp_path, "fpg-bench reproduce fig4")
     lines = [line for line in made.read_text().splitlines() if line.startswith("| planned |")]
-    page = (COMMITTED.parent / "reproduction.md").read_text()
+    page = (COMMITTED.parent / "paper.md").read_text()
     assert len(fifths := [line for line in lines if "to" in line.split("|")[2]]) == 5
     assert [line for line in fifths if line not in page] == []
 
@@ -202,7 +202,7 @@ def test_page_on_paths_quotes_the_tests_of_frozen_pairs(name, again, tmp_path):
 
 
 def test_docs_quote_the_verdicts(again):
-    page = (COMMITTED.parent / "reproduction.md").read_text()
+    page = (COMMITTED.parent / "paper.md").read_text()
     for place, preset, name in ((-2, "paper", "as-printed"), (-1, "standard", "standard")):
         report = (COMMITTED / f"report-{preset}.md").read_text()
         verdicts, stated = _verdicts(report, -1), _verdicts(page, place)
@@ -226,7 +226,7 @@ def test_committed_page_of_the_screen_matches_its_rows():
         assert f"| {claim} | {statement} | {held} of 768 | {reverse} |" in page
     table = page.partition("## Effect of each point\n\n")[2].partition("\n\n")[0]
     assert table.startswith("| point")
-    assert table in (COMMITTED.parent / "open_points.md").read_text()
+    assert table in (COMMITTED.parents[1] / "reference/open-points.md").read_text()
     for form in ("png", "svg"):
         assert (COMMITTED / f"figures/screen.{form}").is_file()
 

@@ -8,7 +8,7 @@ from fpg_bench.training.tuning.space import load_space
 from fpg_bench.training.tuning.study import open_storage, open_study
 from tests.training.tuning.fake import fake_task, highest_x
 
-TEXT = (Path(__file__).parents[3] / "docs" / "tuning.md").read_text()
+TEXT = (Path(__file__).parents[3] / "docs/guides/tuning.md").read_text()
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", TEXT, re.DOTALL)
 OPTIONS = {
     command.callback.__name__: {f"--{name.replace('_', '-')}" for name in command.callback.__annotations__}
