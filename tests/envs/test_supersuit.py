@@ -12,7 +12,7 @@ from fpg_bench import make_duel, supersuit_vec_env
 from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.players.player import SIDES
 
-from .playing import REST, SHORT, STEPS, tape
+from .playing import SHORT, STEPS, tape
 
 GAMES = 3
 
@@ -31,27 +31,19 @@ def test_a_slot_is_an_agent_and_copy_i_is_the_duel_seeded_s_plus_i():
         present = duel.present()
         assert np.array_equal(observations[0::2], present.ally_observations)
         assert np.array_equal(observations[1::2], present.opponent_observations)
-        observations, rewards, dones, _ = env.step(action)
+        observations, rewards, dones, infos = env.step(action)
         step = duel.step(action[0::2], action[1::2])
         assert np.array_equal(rewards[0::2], step.ally_rewards.astype(np.float32))
         assert np.array_equal(rewards[1::2], step.opponent_rewards.astype(np.float32))
         assert dones.all() == dones.any() == ((k + 1) % STEPS == 0)
         if dones.all():
+            for slot, info in enumerate(infos):
+                assert info["TimeLimit.truncated"] is True
+                assert np.array_equal(info["terminal_observation"], step[slot % 2][slot // 2])
+                returns = info["measures"][f"{SIDES[slot % 2]}_return"]
+                assert info["episode"]["r"] == pytest.approx(returns, rel=1e-4)
+                assert info["episode"]["l"] == STEPS
             duel.reset()
-
-
-def test_a_rounds_end_is_a_truncation_with_its_last_observation():
-    env = make(seed=0)
-    env.reset()
-    for _ in range(STEPS):
-        observations, _, dones, infos = env.step(np.tile(REST, (2 * GAMES, 1)))
-    for slot, info in enumerate(infos):
-        assert dones[slot]
-        assert info["TimeLimit.truncated"] is True
-        assert not np.array_equal(info["terminal_observation"], observations[slot])
-        side = ("ally", "opponent")[slot % 2]
-        assert info["episode"]["r"] == pytest.approx(info["measures"][f"{side}_return"], rel=1e-4)
-        assert info["episode"]["l"] == STEPS
 
 
 def test_seeds_are_for_the_next_reset():
@@ -60,6 +52,9 @@ def test_seeds_are_for_the_next_reset():
     first = env.reset()
     assert len({row.tobytes() for row in first}) == 2 * GAMES
     assert env.get_attr("render_mode") == [None] * 2 * GAMES
+    assert np.array_equal(*env.env_method("state", indices=[0, 1]))
+    env.set_attr("note", "mine", indices=[2])
+    assert env.get_attr("note", indices=3) == ["mine"]
     assert env.env_is_wrapped(VecNormalize) == [False] * 2 * GAMES
     assert not np.array_equal(first, env.reset())
     env.seed(5)

@@ -11,18 +11,10 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.scenario import STANDARD
 
-from .playing import ally, begin, opponent, wander
+from .playing import ally, begin, opponent, play, wander
 
 TEN = dataclasses.replace(STANDARD, rounds_per_match=10, steps_per_round=20)
 MATCH = ("control_points", "opponent_start")
-
-
-def playthrough(batch, steps=20, seed=1):
-    return [
-        (batch.games["snr_db"].copy(), batch.ally_observations.copy())
-        for actions in zip(*wander(seed, steps, batch.count), strict=True)
-        if batch.step(*actions) is None
-    ]
 
 
 def test_a_match_keeps_its_path_and_start_and_draws_the_rest_anew():
@@ -57,7 +49,7 @@ def test_after_the_last_round_comes_the_seeds_next_match():
 
 def test_a_mask_begins_some_games_and_leaves_the_others():
     batch = begin(TEN, games=4)
-    playthrough(batch, 5)
+    play(batch, *wander(1, 5, 4))
     before = batch.games.copy(), batch.tallies.copy(), batch.ally_observations.copy()
     mask = np.array([True, False, True, False])
     batch.reset(mask)

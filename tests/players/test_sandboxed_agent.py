@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 import pytest
 
-from fpg_bench import load_agent
+from fpg_bench import UserError, load_agent
 from fpg_bench.envs.core import SingleAgentGame
 from fpg_bench.players.sandbox.agent import SandboxedAgent
 from tests.leaderboard.making import dividing_by_zero, through, write_seed, write_submission
@@ -27,6 +27,9 @@ def test_an_agent_of_a_submission_plays_as_it_would_in_this_process(submission, 
     observation = np.random.default_rng(0).uniform(-1, 1, (5, 15)).astype(np.float32)
     for player in (sandboxed, pickle.loads(pickle.dumps(sandboxed))):
         np.testing.assert_array_equal(player.predict(observation)[0], own.predict(observation)[0])
+    write_seed(submission / "seed_0", 0, through("RandomNormalLike"))
+    with pytest.raises(UserError, match=r"seed_0: policy.onnx: .*draws at random"):
+        load_agent(submission / "seed_0", "ally")
 
 
 @pytest.mark.parametrize(
