@@ -48,10 +48,16 @@ def test_seeds_are_for_the_next_reset():
     assert env.seed(5) == [5, 6, 7]
     first = env.reset()
     assert not np.array_equal(first, env.reset())
-    env.seed(5)
-    assert np.array_equal(first, env.reset())
     assert np.array_equal(first, make(seed=5).reset())
     assert len(env.seed()) == GAMES
+
+
+def test_a_staggered_batch_cuts_its_first_rounds_alone():
+    env = make(games=4, seed=0, stagger=True)
+    lengths = env.core.duel.batch.games["horizon"]
+    for expected in ([STEPS, STEPS * 3 // 4, STEPS // 2, STEPS // 4], [STEPS] * 4):
+        env.reset()
+        assert lengths.tolist() == expected
 
 
 def test_a_new_match_can_be_asked_for():

@@ -117,7 +117,6 @@ def test_an_option_changes_the_game(name, outcomes):
 
 def test_a_knowledge_base_cannot_be_told_to_spread(tmp_path):
     """The advice to spread is shown, never followed."""
-    text = EXPERT_FILE.read_text().replace("spread: false", "spread: true")
     path = tmp_path / "mine.yml"
-    path.write_text(text)
+    path.write_text(EXPERT_FILE.read_text().replace("spread: false", "spread: true"))
     assert outcome(STANDARD) == outcome(dataclasses.replace(STANDARD, knowledge=path))
