@@ -11,13 +11,7 @@ KINDS = ("deep", "digits", "surrogate", "twice", "constant", "endless", "cut", "
 
 
 def hostile_texts(count: int, seed: int = 0, base: Any = None) -> Iterator[tuple[str, bytes]]:
-    """So many texts, each with its kind; of every kind the same share.
-
-    Args:
-        count: how many.
-        seed: of the draw.
-        base: an object that each text is at its root, but for what is wrong with it; None: small ones.
-    """
+    """So many texts, each with its kind, of this object or a small one; of every kind the same share."""
     rng = random.Random(seed)
     for number in range(count):
         kind = KINDS[number % len(KINDS)]
@@ -25,7 +19,7 @@ def hostile_texts(count: int, seed: int = 0, base: Any = None) -> Iterator[tuple
 
 
 def hostile_text(base: dict[str, Any], rng: random.Random) -> bytes:
-    """Return one text of a random kind; see :func:`hostile_texts`."""
+    """Return one text of a random kind."""
     *_, (_, text) = hostile_texts(1 + rng.randrange(len(KINDS)), rng.randrange(10**6), base)
     return text
 

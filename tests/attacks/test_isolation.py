@@ -84,14 +84,11 @@ def test_each_layer_stands_where_the_others_cannot_be_had(open_doors, kept, laye
     assert {name for name, result in results.items() if result == "out"} <= open_still
 
 
-def test_what_could_not_be_had_is_named():
+def test_what_could_not_be_had_is_in_the_verdict(board, in_process, monkeypatch):
+    monkeypatch.setattr("fpg_bench.leaderboard.playing.missing_here", lambda: ["files", "the network"])
     assert missing(Layer(0)) == ["files", "the network", "other processes"]
     assert missing(Layer.LANDLOCK) == ["the network"]
     assert missing(Layer.CALLS) == missing(Layer.NAMESPACES | Layer.EMPTY_ROOT) == []
-
-
-def test_what_could_not_be_had_is_in_the_verdict(board, in_process, monkeypatch):
-    monkeypatch.setattr("fpg_bench.leaderboard.playing.missing_here", lambda: ["files", "the network"])
     enter(board, "ally", "linear", seeds=(0,))
     enter(board, "ally", "wise", script="expert")
     lines = {verdict.name: verdict.line for verdict in verify(board)}

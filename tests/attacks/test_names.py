@@ -1,5 +1,10 @@
 """No name on the board can be taken for another one, and every name is visible."""
 
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+
 import pytest
 
 from fpg_bench.common.ids import SCRIPTED
@@ -13,18 +18,48 @@ from fpg_bench.leaderboard.submission import (
 )
 from fpg_bench.planning import PLANNERS
 from tests.attacks import SCALE, SEED
-from tests.attacks.names import BLANK, LETTERS, UNSEEN, lookalikes
 from tests.leaderboard.making import FIELDS, write_submission
+
+# What looks like each character in either case: Unicode's confusables.txt (in NFKC) and a few more
+LETTERS = {
+    "a": "ɑΑαАаᎪᗅ⍺ꓮ𐊠𖽀", "b": "ƄΒВЬᏏᏴᑲᖯᗷꓐꞴ𐊂𐊡𐌁", "c": "СсᏟᴄⲤⲥꓚꮯ𐊢𐌂𐐕𐐽𐔜𑣩𑣲🝌", "d": "ԁᎠᏧᑯᗞᗪꓒꓓ",
+    "e": "ΕЕеҽᎬ℮⋿ⴹꓰꬲ𐊆𑢦𑢮ё", "f": "ϜքᖴẝꓝꞘꞙꬵ𐊇𐊥𐔥𑢢𑣂𝈓", "g": "ƍɡԌցᏀᏳᶃꓖ", "h": "ΗНһհᎻᏂᕼⲎꓧ𐋏",
+    "i": "ıɩɪιіӏᎥ⍳ꙇꭵ𑣃l1|", "j": "ͿϳЈјᎫᒍꓙꞲ", "k": "ΚКᏦᛕⲔꓗ𐔘", "l": "ƖǀΙІӀ׀וןا١۱ߊᏞᒪᛁ∣⏽ⲒⳐⵏꓡꓲ𐊊𐌉𐌠𐐛𐔦𑢣𑢲𖼖𖼨𝈪𞣇",
+    "m": "ΜϺМᎷᗰᛖⲘꓟ𐊰𐌑мᴍ", "n": "ΝոռⲚꓠ𐔓",
+    "o": "ΟοσОоՕօסه٥ھہە۵߀०০੦૦ଠ୦௦ం౦ಂ೦ംഠ൦ං๐໐ဝ၀ჿዐᴏᴑⲞⲟⵔ〇ꓳꬽ𐊒𐊫𐐄𐐬𐓂𐓪𐔖𑓐𑢵𑣈𑣗𑣠0ö", "p": "ΡρРрᏢᑭ⍴Ⲣⲣꓑ𐊕", "q": "ԛգզⵕ",
+    "r": "ƦгᎡᏒᖇᴦⲅꓣꭇꭈꮁ𐒴𖼵𝈖", "s": "ƽЅѕՏᏕᏚꓢꜱꮪ𐊖𐐠𐑈𑣁𖼺", "t": "ΤТᎢ⊤⟙Ⲧꓔ𐊗𐊱𐌕𑢼𖼊🝨тτꭲ", "u": "ʋυՍսሀᑌᴜ∪⋃ꓴꞟꭎꭒ𐓎𐓶𑢸𑣘𖽂",
+    "v": "νѴѵט٧۷Ꮩᐯᴠ∨⋁ⴸꓦꛟꮩ𐔝𑜆𑢠𑣀𖼈𝈍", "w": "ɯѡԜԝաᎳᏔᴡꓪꮃ𑜊𑜎𑜏𑣦𑣯", "x": "×ΧХхᕁᕽ᙭᙮ᚷ╳⤫⤬⨯ⲬⵝꓫꞳ𐊐𐊴𐌗𐌢𐔧𑣬",
+    "y": "ɣʏΥγУуҮүყᎩᎽᶌỿⲨꓬꭚ𐊲𑢤𑣜𖽃", "z": "ΖᏃᴢꓜꮓ𐋵𑢩𑣄𑣥", "2": "ƧϨᒿꙄꛯꝚ", "3": "ƷȜЗӠⳌꝪꞫ𑣊𖼻𝈆", "4": "Ꮞ𑢯",
+    "5": "Ƽ𑢻", "6": "бᏮⳒ𑣕", "7": "𐓒𑣆𝈒", "8": "Ȣȣ৪੪ଃ𐌚𞣋", "9": "৭੧୨൭ⳊꝮ𑢬𑣌𑣖", "-": "˗۔‐‒–⁃−➖Ⲻ",
+}  # fmt: skip
+UNSEEN = ("\u200b", "\u2060", "\u00ad", "\u3164", "\uffa0", "\u115f", "\u2800", "\ufe0f", "\u034f", "\u200d")
+BLANK = (" ", "\u00a0", "\u2003", "\u3000", *UNSEEN, "\u0301", "---", "...", "\u2800\u2800", "\U000e0041")
+
+
+def lookalikes(name: str, count: int, seed: int = 0) -> Iterator[str]:
+    """So many names that the eye takes for this one."""
+    rng = random.Random(seed)
+    for _ in range(count):
+        letters = list(name)
+        for place in rng.sample(range(len(letters)), rng.randrange(1, len(letters))):
+            letters[place] = _changed(letters[place], rng)
+        yield "".join(letters)
+
+
+def _changed(letter: str, rng: random.Random) -> str:
+    wide = chr(ord(letter) + 0xFEE0) if "!" <= letter <= "~" else letter
+    ways = [letter.upper(), letter + "\u0301", wide, f"{letter} ", f"{letter}.", letter + rng.choice(UNSEEN)]
+    return rng.choice([*ways, *LETTERS.get(letter.lower(), "")])
 
 
 def problems_of_name(name):
     return read_about(FIELDS | {"name": name})[1]
 
 
-@pytest.mark.parametrize("name", ["expert-spread", "My agent", "Population PPO", "carpoist"])
+@pytest.mark.parametrize("name", ["expert-spread", "Population PPO"])
 def test_a_lookalike_is_the_same_name_or_refused(name):
     assert problems_of_name(name) == []
-    for other in lookalikes(name, 200 * SCALE, seed=SEED):
+    for other in lookalikes(name, 60 * SCALE, seed=SEED):
         assert name_skeleton(other) == name_skeleton(name) or len(problems_of_name(other)) == 1, ascii(other)
 
 
@@ -73,34 +108,15 @@ def test_a_name_is_written_in_one_alphabet(name, problem):
     assert problem in line
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "Łukasz",
-        "Mønster 2",
-        "Straße",
-        "Zoë Núñez",
-        "Erdős",
-        "Işık",
-        "Guðrún",
-        "Nguyễn Ái",
-        "Ștefan",
-        "e\u0301te",
-        "дельта",
-        "Мария",
-        "λόγος",
-        "Μαρία",
-        "エージェント1号",
-        "小鹿",
-        "한국",
-        "سارة",
-        "שרה",
-        "नेहा",
-        "PPO (ally), 8+",
-    ],
-)
-def test_names_in_other_alphabets_and_with_accents_are_allowed(name):
-    assert problems_of_name(name) == []
+ALLOWED = (
+    "Łukasz", "Mønster 2", "Straße", "Zoë Núñez", "Erdős", "Işık", "Guðrún", "Nguyễn Ái", "Ștefan",
+    "e\u0301te", "дельта", "Мария", "λόγος", "Μαρία", "エージェント1号", "小鹿", "한국", "سارة", "שרה",
+    "नेहा", "PPO (ally), 8+",
+)  # fmt: skip
+
+
+def test_names_in_other_alphabets_and_with_accents_are_allowed():
+    assert [name for name in ALLOWED if problems_of_name(name)] == []
 
 
 def test_names_that_differ_stay_different():
@@ -121,19 +137,18 @@ def test_names_that_differ_stay_different():
     assert len({name_skeleton(name) for name in names}) == len(set(names))
 
 
-@pytest.mark.parametrize("blank", BLANK, ids=ascii)
 @pytest.mark.parametrize("key", ["name", "authors"])
-def test_a_name_that_cannot_be_seen_is_refused(blank, key):
-    about, lines = read_about(FIELDS | {key: [blank] if key == "authors" else blank})
-    assert len(lines) == 1
-    assert not getattr(about, key)
+def test_a_name_that_cannot_be_seen_is_refused(key):
+    for blank in BLANK:
+        about, lines = read_about(FIELDS | {key: [blank] if key == "authors" else blank})
+        assert (len(lines), bool(getattr(about, key))) == (1, False), ascii(blank)
 
 
-@pytest.mark.parametrize("letter", UNSEEN, ids=ascii)
-def test_no_invisible_letter_stands_in_a_text(letter):
-    for key in ("name", "licence", "algorithm", "saw"):
+@pytest.mark.parametrize("key", ["name", "licence", "algorithm", "saw"])
+def test_no_invisible_letter_stands_in_a_text(key):
+    for letter in UNSEEN:
         _, (line,) = read_about(FIELDS | {key: f"a{letter}b"})
-        assert line.startswith(f"{key}: holds")
+        assert line.startswith(f"{key}: holds"), ascii(letter)
 
 
 @pytest.mark.parametrize("name", ["expert.", "e x p e r t", "Éxpert", "ехреrt", "ЕХРЕRТ"])

@@ -1,17 +1,276 @@
-"""Generated policies: what must not get in does not, and what is broken is refused in short lines."""
+"""Generated policies: what is broken is refused in short lines, and what passes can be played."""
 
-from fpg_bench.players.agent import OnnxPlayer
-from fpg_bench.players.sandbox.client import check_policies
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import onnxruntime
+import pytest
+from onnx import ModelProto, TensorProto, numpy_helper
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.players.agent import OnnxPlayer, _read
+from fpg_bench.players.sandbox.client import check_policies, check_policy
+from fpg_bench.players.sandbox.onnx_checks import OPERATORS
 from tests.attacks import SCALE, SEED
-from tests.attacks.onnx_files import hostile_files
+from tests.leaderboard.making import model, node, value, weights, whole
+from tests.training.making import policy
 
-FILES = list(hostile_files(150 * SCALE, seed=1 + SEED))
+
+def broken_files(count: int, seed: int = 0) -> Iterator[tuple[str, bytes]]:
+    """So many files, each with its kind; some of them are still sound."""
+    rng = random.Random(seed)
+    for _ in range(count):
+        way: Callable[[random.Random], bytes] = rng.choice(_WAYS)
+        yield way.__name__.removeprefix("_"), way(rng)
 
 
-def test_what_must_not_get_in_is_refused_in_short_lines():
-    problems = check_policies([data for _, data, _ in FILES])
-    for (kind, data, must), lines in zip(FILES, problems, strict=True):
-        assert lines or not must or (kind == "reader" and not OnnxPlayer(data, {}).row_wise), kind
+def _flipped(rng: random.Random) -> bytes:
+    data = bytearray(policy(rng.randrange(1000)))
+    for _ in range(rng.randrange(1, 20)):
+        data[rng.randrange(len(data))] = rng.randrange(256)
+    return bytes(data)
+
+
+def _cut(rng: random.Random) -> bytes:
+    data = policy(rng.randrange(1000))
+    return data[: rng.randrange(len(data))]
+
+
+def _inserted(rng: random.Random) -> bytes:
+    data, place = policy(rng.randrange(1000)), rng.randrange(600)
+    noise = rng.randbytes(rng.randrange(1, 2000))
+    inserted = rng.choice([noise, b"\xff" * 5000, b"\x0b" * 50_000, b"\x7a\x7f" + b"x" * 127])
+    return data[:place] + inserted + data[place:]
+
+
+def _disguised(rng: random.Random) -> bytes:
+    """A policy after bytes that another reader takes for its own format."""
+    mark = rng.choice([b"ORTM", b"PK\x03\x04", b"\x1f\x8b", b"\x80\x04", b"%PDF", b"\x7fELF"])
+    return b"\x7a\x0a" + b"\0\0" + mark[:4].ljust(4, b"\0") + b"\0" * 4 + policy(rng.randrange(1000))
+
+
+def _wired(rng: random.Random) -> bytes:
+    """Operators at random, with attributes at random."""
+    kinds = rng.choices(sorted(OPERATORS), k=rng.randrange(1, 8))
+    nodes, names = [node("MatMul", ["observation", "w"], ["x"])], ["observation", "w", "x"]
+    for number, kind in enumerate(kinds):
+        inputs = rng.choices(names, k=rng.randrange(1, 4))
+        nodes.append(node(kind, inputs, [f"y{number}"], **_attributes(rng)))
+        names.append(f"y{number}")
+    return model([*nodes, node("Tanh", [names[-1]], ["action"])], [weights()])
+
+
+def _attributes(rng: random.Random) -> dict[str, Any]:
+    names = ["axis", "axes", "keepdims", "kernel_shape", "hidden_size", "to", "alpha", "perm"]
+    values = [0, 1, -1, 2**40, [0], [1, 0], [2**30], 0.5, "x"]
+    return {name: rng.choice(values) for name in rng.sample(names, 2)}
+
+
+def _rubbish(rng: random.Random) -> bytes:
+    return rng.randbytes(rng.choice([0, 1, 8, 1000, 100_000]))
+
+
+_WAYS = [_flipped, _cut, _inserted, _disguised, _wired, _rubbish]
+
+
+SEEN = np.random.default_rng(0).uniform(-1, 1, (4, 15)).astype(np.float32)
+UNKNOWN = b"\x7a\x0a" + b"\0\0ORTM\0\0\0\0"  # a field that ONNX does not have; ORTM comes at byte 4
+
+
+def in_own_format(data, folder):
+    """The same policy in onnxruntime's own format, which it knows by ORTM at byte 4."""
+    options, file = onnxruntime.SessionOptions(), folder / "policy.ort"
+    options.optimized_model_filepath, options.log_severity_level = str(file), 4
+    options.add_session_config_entry("session.save_model_format", "ORT")
+    onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+    return file.read_bytes()
+
+
+def annotated(proto):
+    proto.producer_name, proto.doc_string = "ORTM" * 9, "ORTM"
+    proto.graph.value_info.append(value("raw", 9000))
+    proto.metadata_props.add(key="ort_config", value="{}")
+    return proto.SerializeToString()
+
+
+def test_a_file_of_onnxruntimes_own_format_is_never_played(tmp_path):
+    data = in_own_format(policy(0), tmp_path)
+    assert data[4:8] == b"ORTM"
+    with pytest.raises(UserError, match="is no ONNX file"):
+        OnnxPlayer(data, {})
+    assert check_policy(data) != []
+
+
+@pytest.mark.parametrize("data", [UNKNOWN + policy(0), annotated(ModelProto.FromString(policy(0)))])
+def test_what_nobody_checks_does_not_reach_who_plays(data):
+    assert _read(data) == _read(policy(0))
+    assert b"ORTM" not in _read(data)[0]
+    assert (OnnxPlayer(data, {}).predict(SEEN)[0] == OnnxPlayer(policy(0), {}).predict(SEEN)[0]).all()
+
+
+def test_a_session_takes_no_other_format_whatever_the_bytes_say(monkeypatch, tmp_path):
+    other = in_own_format(policy(1), tmp_path)
+    read = SimpleNamespace(
+        SerializeToString=lambda deterministic: other, opset_import=[SimpleNamespace(version=1)]
+    )
+    monkeypatch.setattr("fpg_bench.players.agent.plain_model", lambda data: read)
+    with pytest.raises(UserError, match="onnxruntime cannot read it"):
+        OnnxPlayer(policy(0), {})
+
+
+FIRST = [node("MatMul", ["observation", "w"], ["x"])]
+END = [node("ReduceSum", ["much"], ["sum"], keepdims=0), node("Mul", ["sum", "nothing"], ["zero"])]
+END += [node("Add", ["x", "zero"], ["y"]), node("Tanh", ["y"], ["action"])]
+CONSTANTS = [weights(), numpy_helper.from_array(np.array(0, np.float32), "nothing")]
+
+
+def _made(nodes: list, *constants, opset: int = 18) -> bytes:
+    return model([*FIRST, *nodes, *END], [*CONSTANTS, *constants], opsets=[("", opset)])
+
+
+def _but_rows(fewer: int) -> bytes:
+    """A tensor that has so many rows less than the batch, and nothing at all in a small one."""
+    nodes = [node("Slice", ["x", "from", "to", "axis"], ["rest"]), node("Tile", ["rest", "times"], ["much"])]
+    sizes = [whole([fewer], "from"), whole([10**6], "to"), whole([0], "axis"), whole([1, 400_000], "times")]
+    return _made(nodes, *sizes)
+
+
+def _rows_times_rows() -> bytes:
+    """Every row costs as much as there are rows."""
+    nodes = [
+        node("Transpose", ["x"], ["t"], perm=[1, 0]),
+        node("MatMul", ["x", "t"], ["square"]),
+        node("Tile", ["square", "times"], ["much"]),
+    ]
+    return _made(nodes, whole([300, 300], "times"))
+
+
+def _squared_rows() -> bytes:
+    """As many numbers as (rows - 1) squared, by arithmetic on sizes."""
+    nodes = [
+        node("Shape", ["x"], ["shape"], start=0, end=1),
+        node("Sub", ["shape", "one"], ["less"]),
+        node("Mul", ["less", "less"], ["square"]),
+        node("Mul", ["square", "many"], ["size"]),
+        node("ConstantOfShape", ["size"], ["much"]),
+    ]
+    return _made(nodes, whole([1], "one"), whole([10_000], "many"))
+
+
+def _pooled(kind: str) -> bytes:
+    """Few numbers in, few out, and very large windows."""
+    nodes = [
+        node("Unsqueeze", ["x", "first"], ["u"]),
+        node("Tile", ["u", "times"], ["row"]),
+        node(kind, ["row"], ["much"], kernel_shape=[40_000]),
+    ]
+    return _made(nodes, whole([1], "first"), whole([1, 1, 10_000], "times"))
+
+
+def _convolved() -> bytes:
+    kernel = numpy_helper.from_array(np.ones((8, 1, 5000), np.float32), "kernel")
+    nodes = [
+        node("Unsqueeze", ["x", "first"], ["u"]),
+        node("Tile", ["u", "times"], ["row"]),
+        node("Conv", ["row", "kernel"], ["much"]),
+    ]
+    return _made(nodes, kernel, whole([1], "first"), whole([1, 1, 1000], "times"))
+
+
+def _variadic(kind: str) -> bytes:
+    """One large tensor, and hundreds of single numbers that are added to it."""
+    nodes = [node("Tile", ["x", "times"], ["large"]), node(kind, ["large", *["nothing"] * 500], ["much"])]
+    return _made(nodes, whole([1, 5000], "times"))
+
+
+def _many(kind: str) -> bytes:
+    """A tensor that is within the limit, hundreds of times."""
+    nodes = [node("Tile", ["x", "times"], ["a0"])]
+    nodes += [node(kind, [f"a{k}"], [f"a{k + 1}"]) for k in range(300)]
+    return _made([*nodes, node("Identity", ["a300"], ["much"])], whole([1, 10_000], "times"))
+
+
+def _recurrent(kind: str, gates: int) -> bytes:
+    """A round of its own in each step: a sequence of thousands."""
+    sizes = {"W": (1, gates * 32, 9), "R": (1, gates * 32, 32)}
+    constants = [numpy_helper.from_array(np.zeros(size, np.float32), name) for name, size in sizes.items()]
+    nodes = [
+        node("Unsqueeze", ["x", "first"], ["u"]),
+        node("Tile", ["u", "times"], ["sequence"]),
+        node(kind, ["sequence", "W", "R"], ["much"], hidden_size=32),
+    ]
+    return _made(nodes, *constants, whole([0], "first"), whole([5000, 1, 1], "times"))
+
+
+def _cast(kind: int) -> bytes:
+    """A size of 1 if a cast to another kind of number and back changes nothing."""
+    nodes = [
+        node("Cast", ["less"], ["other"], to=kind),
+        node("Cast", ["other"], ["back"], to=TensorProto.INT64),
+        node("Sub", ["size", "back"], ["times"]),
+        node("Tile", ["x", "times"], ["much"]),
+    ]
+    return _made(nodes, whole([1, 100_000], "size"), whole([0, 99_999], "less"))
+
+
+def _ranged(start: int, limit: int, step: int) -> bytes:
+    """A range whose length overflows, or follows from nothing."""
+    nodes = [node("Range", ["start", "limit", "step"], ["range"]), node("Cast", ["range"], ["much"], to=1)]
+    return _made(nodes, whole(start, "start"), whole(limit, "limit"), whole(step, "step"))
+
+
+def _overflowing() -> bytes:
+    """A size that is small if 9 times the repeats is counted modulo 2^64."""
+    repeats = min(pow(9, -1, 2**64) * size % 2**64 for size in range(3, 20) if size % 9)
+    return _made([node("Tile", ["x", "times"], ["much"])], whole([1, repeats], "times"))
+
+
+def unsized() -> dict[str, bytes]:
+    """Return policies whose sizes other arithmetic than that of ONNX's inference would give."""
+    kinds = {"bool": TensorProto.BOOL, "float16": TensorProto.FLOAT16, "int32": TensorProto.INT32}
+    kinds |= {"float": TensorProto.FLOAT, "double": TensorProto.DOUBLE}
+    return {
+        **{f"cast to {name}": _cast(kind) for name, kind in kinds.items()},
+        "range from the lowest integer": _ranged(-(2**63), 2**62, 2**62),
+        "range over all integers": _ranged(-(2**63), 2**63 - 1, 2**40),
+        "overflow": _overflowing(),
+    }
+
+
+def costly() -> dict[str, bytes]:
+    """All of them by name; each costs more than two million multiply-adds a row in some batch."""
+    return {
+        **{f"all but {fewer} rows": _but_rows(fewer) for fewer in (1, 2, 6, 19, 49, 99)},
+        "rows times rows": _rows_times_rows(),
+        "rows squared": _squared_rows(),
+        "convolved": _convolved(),
+        **{kind: _pooled(kind) for kind in ("AveragePool", "MaxPool")},
+        **{kind: _variadic(kind) for kind in ("Sum", "Max", "Min", "Mean")},
+        **{f"{kind}s": _many(kind) for kind in ("Tanh", "Identity", "Softmax", "Neg")},
+        **{kind: _recurrent(kind, gates) for kind, gates in (("LSTM", 4), ("GRU", 3), ("RNN", 1))},
+    }
+
+
+def test_a_policy_that_costs_too_much_is_refused():
+    policies = costly()
+    for name, lines in zip(policies, check_policies(list(policies.values())), strict=True):
+        (line,) = lines
+        assert "multiply-adds a row, at most 2,000,000 are allowed" in line, name
+
+
+def test_a_size_that_does_not_follow_exactly_is_refused():
+    assert all(check_policies(list(unsized().values())))
+
+
+FILES = list(broken_files(60 * SCALE, seed=1 + SEED))
+
+
+def test_broken_files_are_refused_in_short_lines_or_can_be_played():
+    for (kind, data), lines in zip(FILES, check_policies([data for _, data in FILES]), strict=True):
         assert all(line.isprintable() and len(line) <= 400 for line in lines), kind
-        if not lines:
-            assert OnnxPlayer(data, {}).noise_size == 0  # what passes can be played
+        assert lines or OnnxPlayer(data, {}).noise_size == 0, kind

@@ -1,16 +1,108 @@
 """A command that is killed and run again gives the same result as an uninterrupted one."""
 
+from __future__ import annotations
+
+import gzip
+import json
+import math
+import multiprocessing
+import os
+import random
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
 import pytest
 
+from fpg_bench import cli
+from fpg_bench.common.ids import policy_env
+from fpg_bench.paper import reproduce
+from fpg_bench.paper.experiment import Budget
+from fpg_bench.players.player import SIDES
+from fpg_bench.training import callbacks
 from tests.attacks import SCALE, SEED
-from tests.attacks.kills import VERBS, Killed
+from tests.training.tiny import settings
 
-pytestmark = pytest.mark.process
+VERBS = {
+    "evaluate": "evaluate expert idle --suite ally-v1 --matches 2 --out",
+    "compare": "plan compare hold hill-climb --suite planner-v1 --matches 2 --out",
+    "match": "plan run --planner hill-climb --ally expert --seed 1 --rounds 6 --out",
+    "selfplay": "selfplay ppo --generations 2 --steps 800 --hyperparams {scratch}/tiny.yml --out",
+    "reproduce": "reproduce fig4 --n-seeds 1 --n-jobs 1 --out",
+}
+TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
+_MOST_KILLS = 3
+_TIMES = ("seconds", "steps_per_s")  # how long planning or training took
 
 
-@pytest.mark.parametrize(
-    "verb", ["match", pytest.param("selfplay", marks=pytest.mark.slow)] if SCALE == 1 else VERBS
-)
+class Killed:
+    """A verb that was run to its end once, to be killed as often as one likes."""
+
+    def __init__(self, verb: str, scratch: Path) -> None:
+        values = settings("ppo", normalize={"norm_obs": False})
+        (scratch / "tiny.yml").write_text(json.dumps({policy_env(side).id: values for side in SIDES}))
+        self._words = VERBS[verb].format(scratch=scratch).split()
+        folder, start = scratch / verb, time.perf_counter()
+        assert self._run(folder, None)
+        self._seconds = time.perf_counter() - start
+        self._uninterrupted = contents(folder)
+
+    def same(self, folder: Path, seed: int) -> bool:
+        """Whether a run that is killed up to three times comes to what the uninterrupted one did."""
+        rng = random.Random(seed)
+        for _ in range(rng.randrange(1, _MOST_KILLS + 1)):
+            self._run(folder, rng.uniform(0, self._seconds))
+        return self._run(folder, None) and contents(folder) == self._uninterrupted
+
+    def _run(self, folder: Path, moment_s: float | None) -> bool:
+        """Run the verb, for so many seconds at most; whether it ended well by itself."""
+        process = multiprocessing.get_context("fork").Process(
+            target=_verb, args=([*self._words, str(folder)],)
+        )
+        process.start()
+        process.join(moment_s)
+        process.kill()
+        process.join()
+        return process.exitcode == 0
+
+
+def contents(folder: Path) -> dict[str, Any]:
+    """Return the JSON files of a folder without its name and times; of other files the name."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and "tfevents" not in path.name)
+    return {str(path.relative_to(folder)): _content(path, folder) for path in files}
+
+
+def _content(path: Path, folder: Path) -> Any:
+    if path.suffix == ".gz":
+        text = gzip.decompress(path.read_bytes()).decode()
+    elif path.suffix in (".json", ".jsonl"):
+        text = path.read_text().replace(str(folder), "FOLDER")
+    else:
+        return None
+    if path.suffix == ".json":
+        return _untimed(json.loads(text))
+    return [_untimed(json.loads(record)) for record in text.splitlines()]
+
+
+def _untimed(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: _untimed(value) for key, value in content.items() if key not in _TIMES}
+    return content
+
+
+def _verb(words: list[str]) -> None:
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 1)
+    os.dup2(null, 2)
+    reproduce.BUDGETS = {**reproduce.BUDGETS, "quick": TINY}
+    callbacks.SAVE_EVERY_S = math.inf  # a run that goes on from a step on its way plays other matches
+    sys.argv = ["fpg-bench", *words]
+    cli.main()
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("verb", ["match"] if SCALE == 1 else VERBS)  # the others' own tests interrupt them
 def test_a_killed_command_resumes_to_the_same_result(verb, tmp_path):
     killed = Killed(verb, tmp_path)
     for seed in range(SEED, SEED + SCALE):

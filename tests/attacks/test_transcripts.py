@@ -1,6 +1,14 @@
 """A transcript that somebody spoilt is one clear line, or plays to the bit what the honest one does."""
 
+from __future__ import annotations
+
+import copy
+import json
+import random
 import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -8,9 +16,144 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.leaderboard.transcripts import check_transcripts
+from fpg_bench.planning.llm.transcript import Attempt
 from tests.attacks import SCALE, SEED
-from tests.attacks.transcripts import spoil_transcripts
-from tests.leaderboard.recording import PLANNER_SUITE, enter, record, toy
+from tests.attacks.json_texts import hostile_text
+from tests.leaderboard.recording import PLANNER_SUITE, enter, record, rows_of, toy, write_chained
+
+Rows = list[dict[str, Any]]
+_VALUES: tuple[Any, ...] = (
+    None, True, -1, 0, 2**31, 10**39, 1.5, 1e308, "", "x", "\0", "\x1b[2J", "../../etc/passwd", "x" * 70_000,
+    [], [[]], [[0, 0, 0]] * 16, [[1e9, -1e9, 0.5]] * 16, {}, {"a": []}, {"model": "toy", "messages": []},
+)  # fmt: skip
+_ANSWER = ("text", "error", "detail", "waypoints", "rung", "status", "raw", "model")
+
+
+def spoil_transcripts(folder: Path, seed: int) -> None:
+    """Make the unpacked transcripts of a sound entry hostile in one way; the same for a seed."""
+    rng = random.Random(seed)
+    rng.choice(_WAYS)(folder, rng)
+
+
+def _json(folder: Path, rng: random.Random) -> None:
+    """A line that is hostile JSON."""
+    file = _one(folder, rng)
+    lines = file.read_bytes().splitlines()
+    place = rng.randrange(len(lines))
+    lines[place] = hostile_text(json.loads(lines[place]), rng).replace(b"\n", b" ")
+    file.write_bytes(b"\n".join(lines) + b"\n")
+
+
+def _value(folder: Path, rng: random.Random) -> None:
+    """A suite that holds something else, with a key that fits."""
+
+    def change(rows: Rows) -> None:
+        row = rng.choice(rows)
+        row[rng.choice(list(row))] = rng.choice(_VALUES)
+
+    _rewrite(folder, rng, change)
+
+
+def _lines(folder: Path, rng: random.Random) -> None:
+    """Lines that are missing, there twice, or another's."""
+
+    def change(rows: Rows) -> None:
+        first, second = rng.sample(rows, 2)
+        which = rng.randrange(4)
+        if which == 0:
+            rows.remove(first)
+        elif which == 1:
+            rows.append(copy.deepcopy(first))
+        elif which == 2:
+            names = ("seed", "match", "round", "attempt")
+            for name in rng.sample(names, rng.randrange(1, 5)):
+                first[name], second[name] = second[name], first[name]
+        else:
+            first["round"] += rng.choice([1, 100])
+            first["seed"] += rng.randrange(2)
+
+    _rewrite(folder, rng, change)
+
+
+def _swapped(folder: Path, rng: random.Random) -> None:
+    """Attempts in each other's places: under another seed, with another's answer, in another order."""
+    names = rng.choice([("seed",), ("attempt",), ("seed", "attempt"), ("request", *_ANSWER), ()])
+
+    def change(rows: Rows) -> None:
+        first, second = rng.sample(range(len(rows)), 2)
+        if names and rng.random() < 0.8:  # of one round, where the first requests are alike
+            first, second = rng.sample([k for k, row in enumerate(rows) if row["round"] == 0], 2)
+        rows[first], rows[second] = rows[second], rows[first]
+        for name in names:
+            rows[first][name], rows[second][name] = rows[second][name], rows[first][name]
+
+    _rewrite(folder, rng, change)
+
+
+def _asked(folder: Path, rng: random.Random) -> None:
+    """A prompt that the game never wrote: other rewards, more words, or none."""
+
+    def change(rows: Rows) -> None:
+        request = rng.choice([row for row in rows if row["request"]])["request"]
+        message = rng.choice(request["messages"])
+        text = message["content"]
+        place = rng.randrange(len(text) + 1)
+        texts = [
+            text + " The ally is at 500.",
+            text[:place],
+            text[:place] + "7" + text[place:],
+            "",
+            text * 40,
+        ]
+        message["content"] = rng.choice(texts)
+
+    _rewrite(folder, rng, change)
+
+
+def _answered(folder: Path, rng: random.Random) -> None:
+    """An answer that is better than what was given, in one of the places where it stands."""
+    path = [[rng.uniform(0, 900), rng.uniform(0, 900), rng.uniform(0, 300)] for _ in range(16)]
+    text = json.dumps({"waypoints": [dict(zip("xyz", point, strict=True)) for point in path]})
+
+    def change(rows: Rows) -> None:
+        row = rng.choice(rows)
+        which = rng.randrange(5)
+        if which == 0:
+            row["text"] = text
+        elif which == 1:
+            row["waypoints"], row["status"] = path, "ok"
+        elif which == 2:
+            reply = {"choices": [{"message": {"content": text}}]}
+            row["raw"] = rng.choice([None, "x" * 10_000, text, reply, {}])
+        elif which == 3:
+            row["text"], row["waypoints"], row["status"] = text, path, "ok"
+        else:
+            row["error"], row["text"] = rng.choice(["budget", "http", "refused", "ok"]), None
+
+    _rewrite(folder, rng, change)
+
+
+_WAYS = [_json, *[_value] * 3, _lines, *[_swapped] * 2, *[_asked] * 2, *[_answered] * 2]
+
+
+def _rewrite(folder: Path, rng: random.Random, change: Callable[[Rows], None]) -> None:
+    """Change the rows of a transcript; mostly with keys that fit, as a careful forger would."""
+    file = _one(folder, rng)
+    rows = rows_of(file)
+    change(rows)
+    for row in rows if rng.random() < 0.9 else ():
+        try:
+            row["key"] = Attempt.read(row, "here").key
+        except ValueError:
+            continue
+    if rng.random() < 0.9:
+        write_chained(file, rows)
+    else:
+        file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+
+
+def _one(folder: Path, rng: random.Random) -> Path:
+    return rng.choice(sorted(folder.glob("*.jsonl")))
 
 
 def _seeded(body):
@@ -36,6 +179,7 @@ class Recorded:
         record(folder, file, _seeded, server=str(profile))
         self.entry, self.suite = enter(folder / "out", folder / "entry", pack=False), load_suite(str(file))
         self.honest = self.flown(self.entry)
+        assert self.honest is not None
 
     def flown(self, entry):
         """Return what must agree of an entry's records; None where it is refused in clear lines."""
@@ -56,13 +200,7 @@ def recorded(tmp_path_factory):
     return Recorded(tmp_path_factory.mktemp("recorded"))
 
 
-def test_the_honest_one_is_played(recorded, tmp_path):
-    folder = shutil.copytree(recorded.entry, tmp_path / "entry")
-    assert check_transcripts(folder, recorded.suite) == []
-    assert recorded.flown(folder) == recorded.honest
-
-
-@pytest.mark.parametrize("seed", range(SEED, SEED + 60 * SCALE))
+@pytest.mark.parametrize("seed", range(SEED, SEED + 20 * SCALE))
 def test_what_was_spoilt_is_named_or_changes_nothing(recorded, tmp_path, seed):
     folder = shutil.copytree(recorded.entry, tmp_path / "entry")
     spoil_transcripts(folder / "transcripts", seed)

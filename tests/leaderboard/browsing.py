@@ -7,17 +7,15 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import islice
 from pathlib import Path
 
 import pytest
 
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.leaderboard.site import page_data
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.replays import Replay, simulate_round
 from fpg_bench.leaderboard.submission import Submission
-from tests.leaderboard.example_board import HOSTILE, example_board
+from tests.leaderboard.example_board import HOSTILE, example_board, small_zoo
 
 CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium")
 if CHROMIUM is None and not os.environ.get("CI"):
@@ -25,7 +23,7 @@ if CHROMIUM is None and not os.environ.get("CI"):
 
 from playwright.sync_api import Browser, Page, expect, sync_playwright  # noqa: E402
 
-WATCHED = "entries/ally/player-3.html"
+WATCHED, FOLDER = "entries/ally/player-3.html", "replays/ally/player-3"
 PATIENCE_MS = 60_000  # a browser on a busy machine is slow
 PHONE = {"width": 390, "height": 844}
 DESKTOP = {"width": 1280, "height": 900}
@@ -50,23 +48,14 @@ def rounds() -> list[Replay]:
     )
     suite = load_suite("ally-v1")
     return [
-        simulate_round(
-            submission,
-            "expert-spread",
-            suite,
-            rival,
-            f"against {rival.name}",
-            f"replays/ally/player-3/{k}.js",
-        )
+        simulate_round(submission, "expert-spread", suite, rival, f"against {rival.name}", f"{FOLDER}/{k}.js")
         for k, rival in enumerate(suite.rivals[:2])
     ]
 
 
 def build_small_site(folder: Path, entries: int) -> None:
     """Build a site with two agents of the zoo, and two rounds of one entry."""
-    agents = dict(islice(page_data.zoo_policies().items(), 2))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(page_data, "zoo_policies", lambda: agents)
+    with small_zoo():
         build_site(example_board(entries, hostile=True), folder, {("ally", "player-3"): rounds()})
 
 

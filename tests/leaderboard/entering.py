@@ -122,6 +122,9 @@ class InProcess:
         return self
 
     def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
         pass
 
     def reset(self, mask: np.ndarray, seeds: np.ndarray) -> None:

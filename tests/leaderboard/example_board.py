@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import islice
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -25,6 +28,7 @@ from fpg_bench.leaderboard.board import (
     Units,
     WorstCase,
 )
+from fpg_bench.leaderboard.site import page_data
 from fpg_bench.leaderboard.submission import Training
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
 
@@ -42,6 +46,14 @@ TRACKS = {
 }
 CHANGED_RULES = ("checks every 3 s", "slower ally")
 SEEDS = "training seeds"
+
+
+@contextmanager
+def small_zoo() -> Iterator[None]:
+    """Two agents of the zoo, so that sites are built quickly."""
+    agents = dict(islice(page_data.zoo_policies().items(), 2))
+    with mock.patch.object(page_data, "zoo_policies", return_value=agents):
+        yield
 
 
 def example_board(
@@ -79,21 +91,17 @@ def example_board(
     return Board("0.1.0", "2", season, "2026-01-01", tuple(tracks), _crossplay(rng, tracks))
 
 
-def changed(board: Board, change: Callable[[BoardEntry], BoardEntry], slug: str, track: int = 0) -> Board:
-    """Return a board with another version of one entry."""
-    entries = tuple(change(e) if e.slug == slug else e for e in board.tracks[track].entries)
-    tracks = list(board.tracks)
-    tracks[track] = dataclasses.replace(tracks[track], entries=entries)
-    return dataclasses.replace(board, tracks=tuple(tracks))
+def with_entry(board: Board, name: str, **changes: Any) -> Board:
+    """Return a board with another version of one entry of the first track."""
+    first, *others = board.tracks
+    entries = tuple(dataclasses.replace(e, **changes) if e.slug == name else e for e in first.entries)
+    return dataclasses.replace(board, tracks=(dataclasses.replace(first, entries=entries), *others))
 
 
-def with_figures(board: Board, slug: str, track: int = 0, **figures: Any) -> Board:
-    """Return a board with other figures of one entry."""
-
-    def change(entry: BoardEntry) -> BoardEntry:
-        return dataclasses.replace(entry, figures=dataclasses.replace(entry.figures, **figures))
-
-    return changed(board, change, slug, track)
+def with_figures(board: Board, slug: str, **figures: Any) -> Board:
+    """Return a board with other figures of one entry of the first track."""
+    (entry,) = (entry for entry in board.tracks[0].entries if entry.slug == slug)
+    return with_entry(board, slug, figures=dataclasses.replace(entry.figures, **figures))
 
 
 def _suites(side: str, public: list[str], season: int | None) -> tuple[BoardSuite, ...]:

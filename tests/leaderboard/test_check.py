@@ -2,13 +2,14 @@ import os
 import subprocess
 
 import pytest
+from typer.testing import CliRunner
 
+from fpg_bench.cli import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.leaderboard.playing import suites_of
 from fpg_bench.leaderboard.submission import load_submission, notes, problems
 from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
 from tests.leaderboard.making import FIELDS, policy, write_seed, write_submission
-from tests.programs import fpg
 
 TRAINED = FIELDS["training"]
 NOWHERE = "lies on no leaderboard; submit run takes <leaderboard>/submissions/<track>/<name>"
@@ -68,17 +69,9 @@ def test_what_the_package_ships_is_named_alone(tmp_path):
         ({"name": "x" * 61}, "name: expected 1 to 60 characters, got 61"),
         ({"name": 5}, "name: expected text, got 5; put it in quotes"),
         ({"name": "a\u202eb"}, "name: holds the control character U+202E"),
-        ({"name": "a\x1b[31mb"}, "name: holds the control character U+001B"),
         ({"name": "Expert"}, "name: 'Expert' is what a script"),
-        ({"name": "éxpert"}, "is what a script"),
-        ({"saw": ["x"]}, "saw: expected text"),
-        ({"authors": "me"}, "authors: expected a list"),
         ({"authors": []}, "authors: expected a list of 1 to 20 names, got []"),
         ({"reference": "javascript:alert(1)"}, "reference: expected null or a link"),
-        ({"reference": "http://example.org"}, "reference: expected null or a link"),
-        ({"reference": 'https://x.org/"onclick=x'}, "reference: expected null or a link"),
-        ({"reference": "https://user:pw@x.org"}, "reference: expected null or a link"),
-        ({"track": "allies"}, "track: expected ally, opponent, planner, got 'allies'"),
         ({"track": "aly"}, "track: expected ally, opponent, planner, got 'aly'; did you mean 'ally'?"),
         ({"track": ["ally"]}, "track: expected ally, opponent, planner, got ['ally']"),
         ({"path": "pursuit"}, "path: is of the track opponent only"),
@@ -86,7 +79,6 @@ def test_what_the_package_ships_is_named_alone(tmp_path):
         ({"training": None}, "training: expected steps, hours and seeds, got null"),
         ({"training": {"steps": 1, "hours": 1}}, "training: lacks seeds"),
         ({"training": {"steps": 1, "hours": 1, "seeds": [0, 0]}}, "one stands there twice"),
-        ({"training": TRAINED | {"hours": float("nan")}}, "training.hours: expected a number"),
         ({"training": TRAINED | {"hours": float("inf")}}, "training.hours: expected a number"),
         ({"training": TRAINED | {"hours": 10**400}}, "training.hours: expected a number"),
         ({"training": TRAINED | {"seeds": [0, True]}}, "training.seeds: expected a list of 1 to 20 whole"),
@@ -97,10 +89,6 @@ def test_what_the_package_ships_is_named_alone(tmp_path):
             "training: seeds: no folder seed_5, seed_7; there are: seed_0, seed_1",
         ),
         ({"training": TRAINED | {"seeds": [1]}}, "training: seeds: does not name seed_0, which is there"),
-        (
-            {"training": TRAINED | {"steps": 5000}},
-            "training: steps: says 5,000, but training_steps of agent.json 1,000",
-        ),
         (
             {"training": TRAINED | {"steps": 900}},
             "training: steps: says 900, but training_steps of agent.json 1,000",
@@ -129,16 +117,13 @@ def test_everything_that_is_wrong_is_said_at_once(tmp_path):
         ("a: &a [*a]", "aliases stand for more than"),
         ("a: !!python/object/apply:os.system [id]", "could not determine a constructor"),
         ("a: !!timestamp x", "not valid YAML"),
-        ("a: !!int ''", "not valid YAML"),
         ("a: " + "[" * 20_000, "brackets within brackets"),
         (f"a: {'9' * 5000}", "not valid YAML"),
         ("name: a\nname: b", "the key 'name' stands there twice"),
         ("[1, 2]", "expected a mapping"),
-        ("a: \x00", "not valid YAML"),
         ("a" * 64_001, "64,001 bytes, at most 64,000"),
-        ("a: [", "not valid YAML"),
     ],
-    ids=["bomb", "cycle", "tag", "time", "int", "deep", "digits", "twice", "list", "null", "large", "torn"],
+    ids=["bomb", "cycle", "tag", "time", "deep", "digits", "twice", "list", "large"],
 )
 def test_hostile_yaml_is_one_line(tmp_path, text, line):
     folder = write_submission(tmp_path / "mine")
@@ -165,22 +150,15 @@ def test_links_lead_nowhere(tmp_path):
         assert any(line.startswith(f"{path}: is a link") for line in problems(copy))
 
 
-def test_what_is_no_file_is_not_opened(tmp_path):
-    folder = write_submission(tmp_path / "mine")
-    (folder / "seed_0" / "agent.json").unlink()
-    os.mkfifo(folder / "seed_0" / "agent.json")
-    assert "seed_0/agent.json: is no plain file" in problems(folder)
-    (folder / "submission.yaml").unlink()
-    os.mkfifo(folder / "submission.yaml")
-    assert only(folder) == "submission.yaml: is no plain file"
-
-
-def test_files_that_are_too_large_are_not_read(tmp_path):
+def test_files_that_are_too_large_or_no_files_are_not_read(tmp_path):
     folder = write_submission(tmp_path / "mine")
     for name, size in (("policy.onnx", 5_000_001), ("agent.json", 64_001)):
         with (folder / "seed_0" / name).open("wb") as file:
             file.truncate(size)
+    (folder / "seed_1" / "agent.json").unlink()
+    os.mkfifo(folder / "seed_1" / "agent.json")
     lines = problems(folder)
+    assert "seed_1/agent.json: is no plain file" in lines
     assert "seed_0/policy.onnx: holds 5,000,001 bytes, at most 5,000,000 are allowed" in lines
     assert "seed_0/agent.json: holds 64,001 bytes, at most 64,000 are allowed" in lines
 
@@ -197,16 +175,14 @@ def test_unknown_names_are_strays(tmp_path):
     assert any(line.startswith("seed_0/'weights.bin'") for line in lines)
 
 
-@pytest.mark.parametrize("name", ["../../../etc", "ally-scripted/../..", "/etc/passwd", "ally-scripted/pp"])
-def test_the_zoo_is_no_way_out(tmp_path, name):
-    folder = write_submission(tmp_path / "mine", (), zoo=name)
-    assert f"zoo: the package ships no agents {name!r}" in only(folder)
-
-
 @pytest.mark.parametrize(
     ("change", "line"),
     [
         ({"script": "os:system"}, "script: unknown 'os:system'"),
+        *(
+            ({"zoo": name}, f"zoo: the package ships no agents {name!r}")
+            for name in ("../../../etc", "ally-scripted/../..", "/etc/passwd", "ally-scripted/pp")
+        ),
         ({"script": "expert", "zoo": "ally-scripted/ppo"}, "zoo, script: only one of them"),
         ({"track": "planner", "script": "llm"}, "script: unknown 'llm'"),
         ({"track": "planner", "script": "module:Planner"}, "script: unknown 'module:Planner'"),
@@ -215,10 +191,7 @@ def test_the_zoo_is_no_way_out(tmp_path, name):
             "zoo: its agents are no planners",
         ),
         ({"track": "planner"}, "lacks 'runs': how often the model was recorded"),
-        ({"track": "planner", "runs": None}, "lacks 'runs': how often the model was recorded"),
         ({"track": "planner", "runs": 0}, "runs: expected a whole number from 1"),
-        ({"track": "planner", "runs": "three"}, "runs: expected a whole number from 1"),
-        ({"track": "planner", "runs": True}, "runs: expected a whole number from 1"),
     ],
 )
 def test_scripts_and_recordings_that_are_not_there_are_named(tmp_path, change, line):
@@ -232,10 +205,8 @@ def test_scripts_and_recordings_that_are_not_there_are_named(tmp_path, change, l
         ({"policy_sha256": "0"}, "policy_sha256: is not that of policy.onnx beside it, which was cut off"),
         ({"id": "FPG/OpponentVsScripted-v0"}, "plays the opponent"),
         ({"id": "FPG/AllyVsScripted-v9"}, "which this version does not have"),
-        ({"id": ["x"]}, "which this version does not have"),
         ({"format": 7}, "format 7"),
         ({"training_seed": 3}, "training_seed: expected 1, as the folder is called, got 3"),
-        ({"training_steps": "many"}, "training_steps: expected a whole number"),
         ({"actions": "many"}, "actions: expected one of continuous, discrete"),
         ({"seconds": float("nan")}, "holds a number that is not finite"),
         ({"algorithm": "x" * 61}, "algorithm: expected text"),
@@ -249,12 +220,6 @@ def test_agents_that_do_not_fit_are_named(tmp_path, change, line):
     assert line in problem
 
 
-def test_one_policy_is_not_two_seeds(tmp_path):
-    folder = write_submission(tmp_path / "mine")
-    write_seed(folder / "seed_1", 1, policy(0))
-    assert "seed_1: holds the same policy as seed_0" in only(folder)
-
-
 def test_steps_may_end_a_little_after_the_budget_and_lie_between_those_of_the_seeds(tmp_path):
     folder = write_submission(tmp_path / "mine", training=TRAINED | {"steps": 7000})
     write_seed(folder / "seed_1", 1, training_steps=9000)
@@ -265,8 +230,10 @@ def test_steps_may_end_a_little_after_the_budget_and_lie_between_those_of_the_se
     assert only(folder).endswith("steps: says 7,000, but training_steps of agent.json 1,000 to 6,500")
 
 
-def test_a_policy_off_the_contract_is_named_with_its_seed(tmp_path):
+def test_a_policy_twice_or_off_the_contract_is_named_with_its_seed(tmp_path):
     folder = write_submission(tmp_path / "mine")
+    write_seed(folder / "seed_1", 1, policy(0))
+    assert "seed_1: holds the same policy as seed_0" in only(folder)
     write_seed(folder / "seed_1", 1, policy(1)[:200])
     assert only(folder).startswith("seed_1/policy.onnx: is no ONNX file")
 
@@ -278,7 +245,6 @@ def test_names_are_taken_once_on_a_board(tmp_path):
     for folder, other in ((first, "other"), (second, "mine")):
         assert f"is that of {other!r}, too" in problems(folder)[0]
         load_submission(folder)  # by itself it is sound: nobody's entry can be taken off the board by a name
-    (board / "broken").mkdir()
 
 
 @pytest.mark.parametrize(
@@ -308,18 +274,16 @@ def test_notes_tell_of_few_seeds_and_of_other_boards(tmp_path, monkeypatch):
     assert notes(load_submission(few)) == ["the board marks fewer than 3 training seeds, this has 1", NOWHERE]
 
 
-@pytest.mark.process
 def test_the_verb_says_line_by_line(tmp_path):
+    def check(folder):
+        done = CliRunner().invoke(app, ["submit", "check", str(folder)])
+        return done.exit_code, done.stdout
+
     folder = write_submission(tmp_path / "mine", name="")
-    run = fpg("submit", "check", folder)
-    assert run.returncode == 1
-    assert run.stdout == f"{folder}: submission.yaml: name: expected 1 to 60 characters, got 0\n"
+    line = f"{folder}: submission.yaml: name: expected 1 to 60 characters, got 0\n"
+    assert check(folder) == (1, line)
     sound = write_submission(tmp_path / "sound")
-    run = fpg("submit", "check", sound)
-    lines = [
-        "note: the board marks fewer than 3 training seeds, this has 2",
-        f"note: {NOWHERE}",
-        "nothing is wrong",
-    ]
-    assert (run.returncode, run.stdout) == (0, "".join(f"{sound}: {line}\n" for line in lines))
-    assert fpg("submit", "check", tmp_path / "none").returncode == 1
+    few = "note: the board marks fewer than 3 training seeds, this has 2"
+    lines = [few, f"note: {NOWHERE}", "nothing is wrong"]
+    assert check(sound) == (0, "".join(f"{sound}: {line}\n" for line in lines))
+    assert check(tmp_path / "none")[0] == 1

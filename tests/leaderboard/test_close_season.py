@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import os
+import multiprocessing
+import re
 import shutil
-import subprocess
-import sys
+from collections import Counter
 from pathlib import Path
 from unittest.mock import patch
 
+import numpy as np
 import pytest
 import yaml
 
@@ -19,8 +20,24 @@ from fpg_bench import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.audit_season import audit_season, check_entries, late_entries
-from fpg_bench.leaderboard.close_season import PROFILE, close_season, make_closing, mean_returns
-from fpg_bench.leaderboard.season import FILE, load_season, read_entries, season_seed
+from fpg_bench.leaderboard.close_season import (
+    ALGORITHMS,
+    PROFILE,
+    REWARDS,
+    STEPS,
+    _at_work,
+    close_season,
+    dealt,
+    draw_number,
+    draw_recipes,
+    hyperparameters,
+    make_closing,
+    mean_returns,
+    select_diverse,
+    select_representative,
+    shuffled,
+)
+from fpg_bench.leaderboard.season import FILE, SeasonEntry, load_season, read_entries, season_seed
 from fpg_bench.players.agent import load_agent
 from tests.leaderboard.making import (
     dividing_by_zero,
@@ -32,6 +49,100 @@ from tests.leaderboard.making import (
     write_submission,
 )
 from tests.logged import logged
+
+ALLIES = [
+    SeasonEntry(f"ally/{name}", "ally", None, tuple(f"{name}/seed_{k}" for k in range(5))) for name in "abcd"
+]
+ALLIES += [SeasonEntry(f"ally/{name}", "ally", None, (name,)) for name in ("expert", "idle")]
+OPPONENTS = [
+    SeasonEntry("opponent/pursuer", "opponent", "pursuit", ("p/seed_0", "p/seed_1")),
+    SeasonEntry("opponent/flyer", "opponent", "learned", ("f/seed_0", "f/seed_1")),
+    SeasonEntry("opponent/tone", "opponent", "pursuit", ("tone",)),
+]
+
+# Three entries against five candidates: 0 is weak, 1 to 3 hurt one entry each, 4 is the strongest.
+RETURNS = np.array([[20.0, 0, 9, 9, 1], [20.0, 9, 0, 9, 1], [20.0, 9, 9, 0, 1]])
+both_selections = pytest.mark.parametrize("select", [select_diverse, select_representative])
+
+
+def test_draws_are_the_same_everywhere_and_levels_are_dealt_evenly():
+    assert shuffled("abcdef", "seed") == list("edbfca")
+    assert [draw_number(100, "seed", i) for i in range(5)] == [79, 20, 87, 63, 35]
+    assert Counter(dealt("abc", 8, "seed")) == {"a": 3, "b": 3, "c": 2}
+    assert dealt("abc", 8, "seed") != dealt("abc", 8, "other")
+
+
+@pytest.mark.parametrize(("side", "entries"), [("opponent", ALLIES), ("ally", OPPONENTS)])
+def test_seeds_change_only_how_properties_are_combined(side, entries):
+    a, b = (draw_recipes(seed, side, 24, entries) for seed in ("a", "b"))
+    for kind in ("algorithm", "reward", "gamma"):
+        counts = Counter(getattr(recipe, kind) for recipe in a)
+        assert counts == Counter(getattr(recipe, kind) for recipe in b)
+        assert kind == "algorithm" or max(counts.values()) - min(counts.values()) <= 3
+    assert {recipe.reward for recipe in a} == set(REWARDS[side])
+    assert all(recipe.steps in STEPS[recipe.algorithm] for recipe in a)
+    assert [(r.reward, r.targets) for r in a] != [(r.reward, r.targets) for r in b]
+    assert not {r.training_seed for r in a} & {r.training_seed for r in b}
+    assert draw_recipes("a", side, 24, entries) == a
+
+
+def test_every_trained_entry_is_the_first_target_equally_often_and_paths_are_never_mixed():
+    recipes = draw_recipes("a", "opponent", 24, ALLIES)
+    firsts = Counter(recipe.targets[0].partition("/")[0] for recipe in recipes)
+    assert firsts == dict.fromkeys("abcd", 6)
+    assert {len(recipe.targets) for recipe in recipes} == {1, 3, 5}
+    assert all(len({t.partition("/")[0] for t in r.targets}) == len(r.targets) for r in recipes)
+
+    for recipe in draw_recipes("a", "ally", 24, OPPONENTS):
+        paths = {"p": "pursuit", "f": "learned"}
+        assert {paths[t[0]] for t in recipe.targets if "/" in t} == {recipe.path}
+
+
+def test_scripts_are_targets_where_nobody_was_trained():
+    recipes = draw_recipes("a", "opponent", 4, ALLIES[-2:])
+    assert {recipe.targets[0] for recipe in recipes} == {"expert", "idle"}
+    with pytest.raises(UserError, match="no entry that candidates of the ally"):
+        draw_recipes("a", "ally", 4, [])
+
+
+@pytest.mark.parametrize("algorithm", sorted(set(ALGORITHMS)))
+def test_hyperparameters_follow_the_recipe(algorithm):
+    recipe = next(r for r in draw_recipes("a", "opponent", 24, ALLIES) if r.algorithm == algorithm)
+    values = hyperparameters(recipe)
+    assert (values["gamma"], values["n_timesteps"]) == (recipe.gamma, recipe.steps)
+    assert values["policy_kwargs"].get("log_std_init") == recipe.log_std
+
+
+@both_selections
+def test_the_strongest_candidate_is_selected_first_and_invalid_returns_are_refused(select):
+    assert select(RETURNS, 1) == [4]
+    assert sorted(select(RETURNS, 5)) == list(range(5))
+    with pytest.raises(UserError, match="a suite of 6 needs as many candidates, got 5"):
+        select(RETURNS, 6)
+    invalid = RETURNS.copy()
+    invalid[1, 2] = np.nan
+    with pytest.raises(UserError, match="season: a return of an entry is not a number"):
+        select(invalid, 2)
+
+
+def test_a_diverse_selection_has_the_most_different_candidates():
+    assert select_diverse(RETURNS, 2) == [4, 0]
+    copied = np.concatenate((RETURNS, RETURNS[:, 1:2] + 0.1), axis=1)
+    assert select_diverse(copied, 6)[-1] in (1, 5)
+
+
+def test_a_representative_selection_has_the_mean_of_all_candidates():
+    rng = np.random.default_rng(0)
+    returns = rng.normal(0, 8, (10, 24))
+
+    def distance(selected):
+        return np.linalg.norm(returns[:, selected].mean(axis=1) - returns.mean(axis=1))
+
+    representative = distance(select_representative(returns, 12))
+    assert representative < 0.5 * distance(select_diverse(returns, 12))
+    random = [distance(rng.choice(24, 12, replace=False)) for _ in range(50)]
+    assert representative < 0.5 * np.median(random)
+
 
 ROOT = Path(__file__).parents[2]
 ENTRIES = (
@@ -63,10 +174,13 @@ def close_tiny(board, work, out, name="1", **options):
 
 @pytest.fixture(scope="module")
 def board(tmp_path_factory):
-    """A leaderboard of a few shipped entries."""
+    """A leaderboard of a few shipped entries, and one that answers NaN or dies."""
     folder = tmp_path_factory.mktemp("board")
     for name in ENTRIES:
         shutil.copytree(ROOT / "leaderboard/submissions" / name, folder / "submissions" / name)
+    broken = write_submission(folder / "submissions/ally/broken", seeds=(0, 1), name="Broken")
+    write_seed(broken / "seed_0", 0, through("Abs", "Neg", "Log"))  # NaN or infinity
+    write_seed(broken / "seed_1", 1, dividing_by_zero())
     return folder
 
 
@@ -108,14 +222,6 @@ def test_a_season_has_members_of_both_sides_with_their_recipes(season):
 
 
 @pytest.mark.slow
-def test_finished_candidates_are_not_trained_again(season, board, copied):
-    shutil.rmtree(copied / "season-1")
-    again, messages = close_tiny(board, copied / "work", copied / "season-1")
-    assert policies(again) == policies(season)
-    assert messages == [f"season-1, seed {season.seed[:16]}: 4 candidates, 4 of them done"]
-
-
-@pytest.mark.slow
 def test_a_killed_candidate_is_trained_again_with_the_same_result(season, board, copied):
     (copied / "season-1" / FILE).unlink()  # killed while it was published
     run = copied / "work/opponent/o00"
@@ -128,26 +234,23 @@ def test_a_killed_candidate_is_trained_again_with_the_same_result(season, board,
     again, messages = close_tiny(board, copied / "work", copied / "season-1")
     assert policies(again) == policies(season)
     assert (again.folder / FILE).read_text() == (season.folder / FILE).read_text()
-    assert {line.split(":")[0] for line in messages[1:]} == {"opponent/o00", "ally/a01"}
+    assert messages[0] == f"season-1, seed {season.seed[:16]}: 4 candidates, 2 of them done"
+    begun = [line for line in messages if line.endswith(": begins")]
+    assert begun == ["ally/a01: begins", "opponent/o00: begins"]
 
 
 @pytest.mark.slow
-def test_an_entry_that_answers_nan_or_dies_holds_up_no_closing(board, tmp_path):
-    shutil.copytree(board, tmp_path / "board")
-    ally = tmp_path / "board/submissions/ally/broken"
-    write_submission(ally, seeds=(0, 1), name="Broken")
-    write_seed(ally / "seed_0", 0, through("Abs", "Neg", "Log"))  # NaN or infinity
-    write_seed(ally / "seed_1", 1, dividing_by_zero())
-    season, _ = close_tiny(tmp_path / "board", tmp_path / "work", tmp_path / "season-1")
+def test_an_entry_that_answers_nan_or_dies_holds_up_no_closing(closed):
+    season, work = closed
     assert season.entries["ally/broken"]
-    profile = RowFile(tmp_path / "work/opponent/o00" / PROFILE).read()
+    profile = RowFile(work / "opponent/o00" / PROFILE).read()
     lost = [row["ally"] for row in profile if row["entry"] == "ally/broken"]
     assert lost == [pytest.approx(load_suite("ally-v1").scale.reward(-100), rel=0.01)] * 2
 
 
 @pytest.mark.slow
 def test_one_side_can_be_trained_first(board, copied):
-    (copied / "season-1" / FILE).unlink()
+    shutil.rmtree(copied / "season-1")
     shutil.rmtree(copied / "work/ally")
     season, messages = close_tiny(board, copied / "work", copied / "season-1", sides=["opponent"])
     assert season is None
@@ -165,19 +268,21 @@ def test_a_season_is_closed_once_and_in_a_folder_of_its_own(closed, board, tmp_p
 
 @pytest.mark.process
 def test_two_closings_at_once_in_one_folder_are_told(board, tmp_path):
-    code = (
-        "import sys; from pathlib import Path; from fpg_bench.leaderboard.close_season import _at_work\n"
-        "with _at_work(Path(sys.argv[1]), ['opponent']): print('held', flush=True); sys.stdin.read()"
-    )
-    env = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    command = [sys.executable, "-c", code, str(tmp_path)]
-    with subprocess.Popen(
-        command, env=env, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as other:
-        assert other.stdout.readline() == "held\n"
-        with pytest.raises(UserError, match="another process trains candidates of the opponent in"):
-            close_tiny(board, tmp_path, tmp_path / "season")
-        other.stdin.close()
+    fork = multiprocessing.get_context("fork")
+    held, refused = fork.Event(), fork.Event()
+
+    def hold():
+        with _at_work(tmp_path, ["opponent"]):
+            held.set()
+            refused.wait(60)
+
+    other = fork.Process(target=hold)
+    other.start()
+    assert held.wait(60)
+    with pytest.raises(UserError, match="another process trains candidates of the opponent in"):
+        close_tiny(board, tmp_path, tmp_path / "season")
+    refused.set()
+    other.join()
     assert not (tmp_path / "season").exists()
 
 
@@ -197,8 +302,6 @@ def test_the_seed_depends_on_all_entries_in_any_order(board):
 
 
 def test_missing_and_invalid_entries_are_refused(board, tmp_path):
-    with pytest.raises(UserError, match="holds no submissions"):
-        read_entries(tmp_path)
     shutil.copytree(board, tmp_path / "board")
     (tmp_path / "board/submissions/opponent/tone/submission.yaml").write_text("name: x\n")
     with pytest.raises(UserError, match=r"entry opponent/tone: submission.yaml: lacks"):
@@ -220,33 +323,27 @@ def test_missing_and_late_entries_are_named(season, board):
 
 
 @pytest.mark.slow
-def test_changed_and_missing_policies_are_named(copied):
-    policy = copied / "season-1/opponent/o00/policy.onnx"
+def test_what_is_wrong_in_a_season_s_folder_is_one_line(copied):
+    def problem():
+        with pytest.raises(UserError) as error:
+            load_season(copied / "season-1")
+        assert "\n" not in str(error.value)
+        return str(error.value)
+
+    policy, file = copied / "season-1/opponent/o00/policy.onnx", copied / "season-1" / FILE
     policy.write_bytes(policy.read_bytes()[:-1])
-    with pytest.raises(UserError, match=r"member o00: .*policy.onnx is not the file of season.yml"):
-        load_season(copied / "season-1")
+    assert re.search(r"member o00: .*policy.onnx is not the file of season.yml", problem())
     policy.unlink()
-    with pytest.raises(UserError, match=r"member o00: .*policy.onnx is missing"):
-        load_season(copied / "season-1")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda content: content.pop("seed"), "season.yml: lacks seed"),
+    assert re.search(r"member o00: .*policy.onnx is missing", problem())
+    for change, message in (
+        (lambda c: c["members"]["ally"][0].update(more=1), "members.ally[0]: unknown key 'more'"),
         (lambda c: c["members"].pop("ally"), "members: expected members of ally and opponent, got opponent"),
-        (lambda c: c["members"]["ally"][0].update(more=1), r"members.ally\[0\]: unknown key 'more'"),
-    ],
-)
-def test_an_invalid_season_file_is_one_line(copied, change, message):
-    file = copied / "season-1" / FILE
-    content = yaml.safe_load(file.read_text())
-    change(content)
-    file.write_text(yaml.safe_dump(content))
-    with pytest.raises(UserError, match=message) as error:
-        load_season(copied / "season-1")
-    assert "\n" not in str(error.value)
+        (lambda c: c.pop("seed"), "season.yml: lacks seed"),
+    ):
+        content = yaml.safe_load(file.read_text())
+        change(content)
+        file.write_text(yaml.safe_dump(content))
+        assert message in problem()
 
 
 @pytest.mark.slow

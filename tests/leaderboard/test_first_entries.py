@@ -1,23 +1,57 @@
 """The board as it is committed: who stands on it, and what a small sample of it says when played again."""
 
+import importlib.util
 import re
 import shutil
 from pathlib import Path
 
 import pytest
+import torch
+from typer.testing import CliRunner
 
+from fpg_bench.cli import app
 from fpg_bench.cli.leaderboard import build
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.folders import start_board, submission_folders
-from fpg_bench.leaderboard.submission import load_submission
+from fpg_bench.leaderboard.submission import load_submission, problems
 from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN, TrackSuites
 from fpg_bench.leaderboard.verification import load_case
-from fpg_bench.players.sandbox.client import check_policies
+from fpg_bench.players.agent import load_agent
+from fpg_bench.players.sandbox.client import check_policies, check_policy
 from fpg_bench.version import __version__
-from tests.programs import fpg, python
+from tests.programs import python
+
+ROOT = Path(__file__).parents[2]
+ENTRY = ROOT / "leaderboard" / "submissions" / "ally" / "plain-torch"
+
+
+def test_the_script_makes_agents_as_the_submission_s(tmp_path, monkeypatch):
+    spec = importlib.util.spec_from_file_location("plain", ROOT / "scripts" / "train_plain_torch.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    for name, small in (("TURNS", 2), ("GAMES", 4), ("STEPS", 40)):
+        monkeypatch.setattr(script, name, small)
+    monkeypatch.setattr(script.learn, "__defaults__", (20,))
+    policy = script.train(7)
+    script.export(policy, tmp_path / "seed_7", 7)
+    agent = load_agent(tmp_path / "seed_7", "ally")
+    seen = torch.rand(5, 15) * 2 - 1
+    difference = policy(seen).detach().numpy() - agent.predict(seen.numpy())[0]
+    assert abs(difference).max() < 1e-6
+    assert check_policy(agent.model) == []
+    shipped = load_submission(ENTRY)
+    assert {p.about["algorithm"] for p in shipped.policies} == {agent.about["algorithm"]}
+
+
+def test_its_submission_is_sound_and_no_path_is_left_in_it():
+    assert problems(ENTRY) == []
+    for policy in load_submission(ENTRY).policies:
+        assert b"site-packages" not in policy.model
+        assert b"train_plain_torch" not in policy.model
+
 
 pytestmark = pytest.mark.slow
 
@@ -96,47 +130,50 @@ def test_crossplay_has_all_pairs(board):
     assert missing == {"ally": (), "opponent": ()}, "pairs are missing; run fpg-bench leaderboard crossplay"
 
 
-@pytest.mark.process
+def fpg(*words):
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    return done.exit_code, done.stdout
+
+
 def test_the_verbs_play_compare_and_say_so(tmp_path):
     folder = tmp_path / "submissions" / "ally" / "expert"
     shutil.copytree(BOARD / "submissions/ally/expert", folder)
     shutil.copytree(BOARD / "submissions/opponent/tone", tmp_path / "submissions/opponent/tone")
-    run = fpg("submit", "run", str(folder))
-    assert (run.returncode, run.stderr) == (0, "")
-    assert run.stdout.startswith("ally/expert: verified: ")
+    status, output = fpg("submit", "run", folder)
+    assert status == 0
+    assert output.startswith("ally/expert: verified: ")
     written = tmp_path / "results/ally/expert.jsonl"
     committed = (BOARD / "results/ally/expert.jsonl").read_bytes()
     (then,) = re.findall(b'"version":"(.+?)"', committed)
     assert written.read_bytes() == committed.replace(then, __version__.encode(), 1)
     written.write_text(written.read_text().replace('"public":{"value":', '"public":{"value":9', 1))
-    verified = fpg("leaderboard", "verify", "--folder", str(tmp_path), "--sample", "5%", "--sample-seed", "3")
-    assert verified.returncode == 1
-    assert "edited by hand" in verified.stdout
-    assert verified.stdout.endswith("2 verdicts, 1 bad\n")
-    crossed = fpg("leaderboard", "crossplay", "--folder", str(tmp_path))
-    assert (crossed.returncode, crossed.stdout) == (0, "crossplay: 0 of 0 pairs to play\n")
+    status, output = fpg(
+        "leaderboard", "verify", "--folder", tmp_path, "--sample", "5%", "--sample-seed", "3"
+    )
+    assert status == 1
+    assert "edited by hand" in output
+    assert output.endswith("2 verdicts, 1 bad\n")
+    assert fpg("leaderboard", "crossplay", "--folder", tmp_path) == (0, "crossplay: 0 of 0 pairs to play\n")
 
 
-@pytest.mark.process
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("verify", "--sample", "much"), "expected a percentage as 5%, got 'much'"),
-        (
-            ("verify", "--folder", "nowhere"),
-            "leaderboard nowhere: has no folder submissions; fpg-bench leaderboard init nowhere starts one",
-        ),
+        ("--sample much", "expected a percentage as 5%, got 'much'"),
+        ("--folder nowhere", "leaderboard nowhere: has no folder submissions; fpg-bench leaderboard init "),
     ],
 )
 def test_bad_words_are_one_line(words, message):
-    found = fpg("leaderboard", *words)
-    assert found.returncode == 2
-    assert found.stderr.strip() == f"fpg-bench: {message}"
+    done = CliRunner().invoke(app, ["leaderboard", "verify", *words.split()])
+    assert isinstance(done.exception, UserError)
+    assert str(done.exception).startswith(message)
 
 
 def test_a_leaderboard_starts_empty_and_is_built_with_the_game(tmp_path):
     start_board(tmp_path / "own")
     build(tmp_path / "site", tmp_path / "own", replays=False)
     assert (tmp_path / "site" / "play.html").is_file()
+    assert "No entries yet" in (tmp_path / "site" / "index.html").read_text()
+    assert "has not been played" in (tmp_path / "site" / "crossplay.html").read_text()
     with pytest.raises(UserError, match="holds files already"):
         start_board(tmp_path / "own")

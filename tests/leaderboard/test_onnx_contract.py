@@ -16,6 +16,18 @@ DEEP = model(
 )
 
 
+PRODUCT = node("MatMul", ["observation", "w"], ["action"])
+DOUBLE, W = TensorProto.DOUBLE, [1.0] * 135
+ALPHA = [helper.make_attribute("alpha", number) for number in (1.0, 5.0)]
+SPARSE = helper.make_sparse_tensor(numpy_helper.from_array(np.ones(1, np.float32), "s"), whole([0], "i"), [9])
+
+
+def one(kind, given=None, made=None, **attributes):
+    """One operator from an input to an output."""
+    given, made = given or value("observation"), made or value("action", 9)
+    return model([node(kind, [given.name], [made.name], **attributes)], inputs=[given], outputs=[made])
+
+
 def external(**where):
     proto = ModelProto.FromString(policy(0))
     tensor = proto.graph.initializer[0]
@@ -41,10 +53,10 @@ def own_function():
     return model(nodes, [weights()], opsets=[("", 18), ("mine", 1)], functions=[function])
 
 
-def sparse():
+def changed(change):
+    """A sound policy, but for this change."""
     proto = ModelProto.FromString(policy(0))
-    values = numpy_helper.from_array(np.ones(1, np.float32), "s")
-    proto.graph.sparse_initializer.append(helper.make_sparse_tensor(values, whole([0], "i"), [9]))
+    change(proto)
     return proto.SerializeToString()
 
 
@@ -82,40 +94,31 @@ HOSTILE = {
     "empty": (b"", "no ONNX file"),
     "truncated": (policy(0)[:300], "truncated"),
     "oversized": (b"0" * 5_000_001, "5,000,001 bytes, at most 5,000,000"),
-    "custom domain": (
-        model([node("Magic", ["observation"], ["action"], domain="com.microsoft")]),
-        "'Magic' of the domain 'com.microsoft'",
-    ),
+    "custom domain": (one("Magic", domain="com.microsoft"), "'Magic' of the domain 'com.microsoft'"),
     "if": (with_graph("If"), "control flow"),
     "loop": (with_graph("Loop"), "control flow"),
-    "scan": (with_graph("Scan"), "control flow"),
     "smuggled graph": (with_graph("Identity"), "holds a graph of its own"),
     "own function": (own_function(), "functions of its own"),
     "random": (through("RandomNormalLike"), "draws at random"),
-    "bernoulli": (through("Bernoulli"), "draws at random"),
     "dropout": (through("Dropout"), "draws at random"),
     "unknown": (through("NonZero"), "not on the list"),
     "external": (external(location="../../../etc/passwd"), "in another file"),
     "external in place": (external(location="weights.bin", length="100"), "in another file"),
-    "sparse": (sparse(), "sparse"),
-    "observation": (
-        model([node("Tanh", ["observation"], ["action"])], inputs=[value("observation", 16)]),
-        "16",
-    ),
-    "one game": (
-        model([node("Tanh", ["observation"], ["action"])], inputs=[value("observation", 15, batch=1)]),
-        r"\[1, 15\]",
-    ),
-    "float64": (
-        model(
-            [node("Cast", ["observation"], ["action"], to=TensorProto.DOUBLE)],
-            outputs=[value("action", 9, TensorProto.DOUBLE)],
-        ),
-        "expected float32",
-    ),
-    "input": (model([node("Tanh", ["seen"], ["action"])], inputs=[value("seen")]), "unknown input 'seen'"),
-    "output": (model([node("Tanh", ["observation"], ["x"])], outputs=[value("x")]), "unknown output 'x'"),
-    "shapes": (model([node("Tanh", ["observation"], ["action"])]), "no valid ONNX"),
+    "sparse": (changed(lambda proto: proto.graph.sparse_initializer.append(SPARSE)), "sparse"),
+    "observation": (one("Tanh", value("observation", 16)), "16"),
+    "one game": (one("Tanh", value("observation", 15, batch=1)), r"\[1, 15\]"),
+    "float64": (one("Cast", None, value("action", 9, DOUBLE), to=DOUBLE), "expected float32"),
+    "input": (one("Tanh", value("seen")), "unknown input 'seen'"),
+    "output": (one("Tanh", None, value("x")), "unknown output 'x'"),
+    "shapes": (one("Tanh"), "no valid ONNX"),
+    "two sets": (model([PRODUCT], [weights()], opsets=[("", 18), ("ai.onnx", 11)]), "imports 2 sets of ONNX"),
+    "two tensors": (model([PRODUCT], [weights(), weights(scale=2.0)]), "two tensors 'w'"),
+    "two alphas": (changed(lambda proto: proto.graph.node[0].attribute.extend(ALPHA)), "stands there twice"),
+    "two values": (changed(lambda proto: proto.graph.initializer[0].float_data.extend(W)), "in two ways"),
+    "too many": (through(*["Neg"] * 2001), "holds 2002 operators, at most 2000"),
+    "overload": (changed(lambda proto: setattr(proto.graph.node[0], "overload", "x")), "overload"),
+    "huge size": (changed(lambda proto: proto.graph.initializer[0].dims.insert(0, 2**40)), "no valid"),
+    "few bytes": (changed(lambda proto: setattr(proto.graph.initializer[0], "raw_data", b"x")), "no valid"),
     "costly": (DEEP, r"3,0\d\d,\d+ multiply-adds a row, at most 2,000,000"),
     "huge": (huge(), r"needs 2,000,000,\d+ multiply-adds"),
     "many axes": (many_axes(), "cannot be read|no valid ONNX|more than 8 axes|memory|worked out"),

@@ -40,7 +40,7 @@ def entered(board, recorded):
     return board
 
 
-def test_a_board_of_planners_is_verified_and_holds(entered):
+def test_a_board_of_planners_holds_and_tells_tier_model_and_valid_answers(entered):
     first = verdicts_of(entered)
     assert list(first) == NAMES
     assert all(good and line.startswith("verified: public ") for good, line in first.values())
@@ -48,10 +48,6 @@ def test_a_board_of_planners_is_verified_and_holds(entered):
     again = verdicts_of(entered, sample=0.01, sample_seed=1)
     assert all(good and line.startswith("holds: 1 of 1 records") for good, line in again.values())
     assert {path: path.read_bytes() for path in kept} == kept
-
-
-def test_the_board_tells_tier_model_and_valid_answers(entered):
-    verdicts_of(entered)
     track = next(track for track in make_board(entered).tracks if track.key == "planner")
     assert track.suites[0].rivals == ("idle", "expert")
     figures = {entry.slug: of for entry, of in track.verified()}

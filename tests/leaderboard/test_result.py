@@ -7,6 +7,7 @@ import math
 import os
 
 import pytest
+import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.seeds import PROTOCOL
@@ -20,16 +21,19 @@ from fpg_bench.leaderboard.result import (
     totals,
     write_result,
 )
+from tests.leaderboard.entering import SUITE
 
 
-@pytest.fixture
-def suites(small_suites):
+@pytest.fixture(scope="module")
+def suites(tmp_path_factory):
     """Two suites, as a track has them; the second one is played on other seeds."""
-    public = load_suite("ally-v1")
+    file = tmp_path_factory.mktemp("suites") / "ally-v1.yml"
+    file.write_text(yaml.safe_dump(SUITE))
+    public = load_suite(str(file))
     return {"public": public, "shifted": dataclasses.replace(public, season="5eed")}
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def good(suites):
     played = {role: [suite.name, suite.hash] for role, suite in suites.items()}
     printed = Fingerprint(version="0", protocol=PROTOCOL, suites=played, policies={}, submission="0")
@@ -86,6 +90,7 @@ def test_what_is_written_is_read(good, suites, path):
 NO_LINE = "wise.jsonl: line 2: "
 NOT_ALL = "its records are not one per training seed and rival"
 OTHER = "holds a record of another suite, or of another number of rounds"
+OLDER = f"of another protocol than this version's, '{PROTOCOL}'"
 NO_SUM = "edited by hand: its summary does not follow from its records"
 
 
@@ -94,13 +99,11 @@ NO_SUM = "edited by hand: its summary does not follow from its records"
     [
         (lambda records: records[0].update(training_seed="0"), NO_LINE),
         (lambda records: records[0].update(more=1), NO_LINE),
-        (lambda records: records[0].pop("entry"), NO_LINE),
         (lambda records: records.pop(), NOT_ALL),
         (lambda records: records.append(records[0]), NOT_ALL),
         (lambda records: records[1].update(rival=records[0]["rival"]), NOT_ALL),
         (lambda records: records[0].update(training_seed=0), NOT_ALL),
         (lambda records: records[0].update(entry="somebody-else"), NOT_ALL),
-        (lambda records: records[0].update(suite="another-name"), NOT_ALL),
         (lambda records: records[0].update(suite_hash=records[-1]["suite_hash"]), NOT_ALL),
         (lambda records: records[0].update(suite_hash="0" * 16), OTHER),
         (lambda records: records[0]["returns"].pop(), OTHER),
@@ -137,18 +140,9 @@ def test_an_edited_number_of_the_summary_is_refused(good, forge, refused, key):
         ({"more": 1}, "line 1: unknown key 'more'"),
         ({"slug": "wiser"}, "is the result of ally/wiser"),
         ({"fingerprint": 3}, "its first line is not that of a result"),
-        (
-            {"fingerprint": {"protocol": "0", "suites": {}}},
-            f"of another protocol than this version's, '{PROTOCOL}'",
-        ),
-        (
-            {"fingerprint": {"protocol": PROTOCOL, "suite": "ally-v1"}},
-            "of another protocol than this version's",
-        ),
-        (
-            {"fingerprint": {"protocol": PROTOCOL, "suites": {}}},
-            "fingerprint: lacks version, policies, submission",
-        ),
+        ({"fingerprint": {"protocol": "0", "suites": {}}}, OLDER),
+        ({"fingerprint": {"protocol": PROTOCOL, "suite": "ally-v1"}}, OLDER),
+        ({"fingerprint": {"protocol": PROTOCOL, "suites": {}}}, "lacks version, policies, submission"),
     ],
 )
 def test_a_head_that_was_edited_or_is_older_is_refused(forge, refused, head, message):
@@ -170,7 +164,6 @@ def test_a_last_digit_that_another_machine_rounds_otherwise_is_no_edit(good, sui
     ("content", "message"),
     [
         ("", "not lines of JSON"),
-        ("[1]\n", "not lines of JSON"),
         ("{\n", "not lines of JSON"),
         ("[" * 100_000 + "\n", "not lines of JSON"),
         ("\udcff", "not lines of JSON"),

@@ -1,5 +1,6 @@
 """The site in headless Chromium, from the disk and from a local server."""
 
+import json
 import re
 import threading
 from itertools import pairwise
@@ -9,34 +10,20 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from scipy import stats
 
-from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.serve import make_server
 from tests.leaderboard.browsing import PHONE, WATCHED, build_small_site, expect, rounds
-from tests.leaderboard.example_board import example_board
 
 pytestmark = pytest.mark.browser
 
 ENTRIES = 27
-PAGES = (
-    "index.html",
-    "ranking.html",
-    "play.html",
-    WATCHED,
-    "crossplay.html",
-    "statistics.html",
-    "compare.html",
-    "submit.html",
-    "rules.html",
-    "measures.html",
-    "glossary.html",
-)
-MATRICES = ("crossplay.html", "statistics.html")  # axe looks at each pair of entries: fewer will do
+NAMES = ("index", "ranking", "play", "crossplay", "statistics", "compare", "submit", "rules")
+PAGES = (WATCHED, *(f"{name}.html" for name in NAMES))
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site") / "a b#c"  # a path that addresses must escape
-    build_site(example_board(ENTRIES, hostile=True), folder, {("ally", "player-3"): rounds()})
+    build_small_site(folder, ENTRIES)
     return folder
 
 
@@ -45,6 +32,11 @@ def small_site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("small")
     build_small_site(folder, 6)
     return folder
+
+
+FRAMES = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+# Where the page stands as it did a frame before.
+AT_REST = "() => { const before = window.stoodAt; window.stoodAt = scrollY; return before === scrollY; }"
 
 
 def column(page, index):
@@ -172,7 +164,7 @@ def test_a_round_is_played_paused_and_scrubbed(visit):
     expect(step).not_to_have_value(re.compile("^[0-2]$"))
     button.click()
     at = int(step.input_value())
-    page.wait_for_timeout(250)
+    page.evaluate(FRAMES)
     assert int(step.input_value()) == at
     step.focus()
     page.keyboard.press("End")
@@ -182,6 +174,120 @@ def test_a_round_is_played_paused_and_scrubbed(visit):
     assert "290 / 300" in page.locator("#replay-figures").inner_text()
     step.fill("42")
     expect(page.locator("#replay-figures")).to_contain_text("42 / 300")
+
+
+@pytest.fixture
+def watched(visit):
+    page = visit(WATCHED)
+    expect(page.locator("#replay-step")).to_have_attribute("max", "300")
+    return page
+
+
+def starts(happens):
+    """The steps in which something begins; none is in the round's start."""
+    return [k for k in range(1, len(happens)) if happens[k] and not happens[k - 1]]
+
+
+def test_events_are_those_of_the_data(watched):
+    data = json.loads(rounds()[0].script.removeprefix("fpgRound(").removesuffix(");\n"))["replay"]
+    scenario, steps = data["scenario"], data["rounds"][0]["steps"]
+    events = watched.evaluate("replay => fpgEvents(replay.rounds[0], replay.scenario)", data)
+    count = len(steps["snr"])
+    jammed = [steps["covered"][k] and steps["snr"][k] < scenario["threshold_db"] for k in range(count)]
+    near = [metres < scenario["distance_reward_m"] for metres in steps["distance"]]
+    hopped = [k for k in range(1, count) if steps["hopped"][k]]
+    expected = {"jammed": starts(jammed), "near": starts(near), "spread": starts(steps["spreading"])}
+    for kind, begun in (expected | {"hopped": hopped}).items():
+        assert [one["step"] for one in events if one["kind"] == kind] == begun, kind
+    assert [one["step"] for one in events] == sorted(one["step"] for one in events)
+    heard = [one["step"] for one in events if one["kind"] == "found"]
+    assert heard
+    assert all(steps["check"][k] == 1 for k in heard)
+    assert watched.locator("#replay-story li").count() == len(events)
+
+
+def test_an_event_is_announced_only_once_it_has_happened(watched):
+    item = watched.locator("#replay-story li button").nth(3)
+    step, text = re.fullmatch(r"(\d+) s: (.*)", item.text_content()).groups()
+    marks = watched.locator("#replay-marks i:not([hidden])")
+    watched.locator("#replay-step").fill(str(int(step) - 1))
+    expect(watched.locator("#replay-event")).not_to_have_text(f"{step} s: {text}")
+    before = marks.count()
+    assert before <= 3
+    watched.locator("#replay-step").fill(step)
+    expect(marks.nth(before)).to_be_attached()
+
+
+def test_labels_keep_clear_of_each_other(watched):
+    for step in range(0, 301, 50):
+        boxes = watched.evaluate(
+            f"""async step => {{ const input = document.getElementById("replay-step"); input.value = step;
+            input.dispatchEvent(new Event("input")); await {FRAMES};
+            return document.getElementById("replay").fpgLabels(); }}""",
+            step,
+        )
+        assert {box["text"].split(",")[0] for box in boxes} >= {"ally", "opponent"}
+        for i, a in enumerate(boxes):
+            for b in boxes[i + 1 :]:
+                apart = a["right"] <= b["left"] or b["right"] <= a["left"]
+                assert apart or a["bottom"] <= b["top"] or b["bottom"] <= a["top"], (step, a, b)
+
+
+def test_the_address_keeps_the_round_and_the_step(watched):
+    watched.locator("button.round").nth(1).click()
+    expect(watched.locator("button.round").nth(1)).to_have_attribute("aria-pressed", "true")
+    watched.locator("#replay-step").fill("77")
+    watched.wait_for_url("**#round=1&step=77")
+    address = watched.url
+    watched.goto("about:blank")
+    watched.goto(address)
+    expect(watched.locator("#replay-step")).to_have_value("77")
+    expect(watched.locator("button.round").nth(1)).to_have_attribute("aria-pressed", "true")
+
+
+def test_the_arena_turns_by_keys_and_lets_the_wheel_scroll_the_page(watched):
+    picture = "document.getElementById('replay-arena').toDataURL()"
+    watched.locator("#replay-arena").focus()
+    before = watched.evaluate(picture)
+    watched.keyboard.press("ArrowLeft")
+    watched.wait_for_function(f"before => {picture} !== before", arg=before)
+    assert watched.locator("#replay-step").input_value() == "0"
+    box = watched.locator("#replay-arena").bounding_box()
+    watched.mouse.move(box["x"] + 50, box["y"] + 50)
+    at = watched.evaluate("scrollY")
+    watched.mouse.wheel(0, 200)
+    watched.wait_for_function("at => scrollY > at", arg=at)
+
+
+def test_one_finger_on_the_arena_scrolls_the_page_and_two_turn_it(visit):
+    page = visit(WATCHED, viewport=PHONE, has_touch=True, is_mobile=True)
+    expect(page.locator("#replay-step")).to_have_attribute("max", "300")
+    page.evaluate("document.querySelector('.plots').scrollIntoView()")
+    box = page.locator("#replay-arena").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    picture = "document.getElementById('replay-arena').toDataURL()"
+    before, at = page.evaluate(picture), page.evaluate("scrollY")
+    fingers = page.context.new_cdp_session(page)
+
+    def touch(kind, *points):
+        event = {"type": kind, "touchPoints": [{"x": across, "y": down} for across, down in points]}
+        fingers.send("Input.dispatchTouchEvent", event)
+
+    touch("touchStart", (x, y))
+    for moved in range(10, 100, 10):
+        touch("touchMove", (x, y - moved))
+    touch("touchEnd")
+    page.wait_for_function("at => scrollY >= at + 40", arg=at)
+    assert page.evaluate(picture) == before
+    page.wait_for_function(AT_REST)  # it may glide on
+    at, middle = page.evaluate("scrollY"), page.locator("#replay-arena").bounding_box()
+    y = middle["y"] + middle["height"] / 2
+    touch("touchStart", (x - 40, y), (x + 40, y))
+    for moved in (30, 60):
+        touch("touchMove", (x - 40 + moved, y), (x + 40 + moved, y))
+    touch("touchEnd")
+    page.wait_for_function(f"before => {picture} !== before", arg=before)
+    assert page.evaluate("scrollY") == at
 
 
 def test_the_theme_follows_the_system_until_it_is_switched_and_is_remembered(visit):
@@ -260,14 +366,13 @@ def violations(page, **options) -> list:
 
 @pytest.mark.parametrize("name", PAGES)
 def test_axe_finds_nothing_serious(visit, small_site, name):
-    page = visit(name, origin=small_site.as_uri() if name in MATRICES else None, color_scheme="light")
+    page = visit(name, origin=small_site.as_uri(), color_scheme="light")  # axe looks at each of the cells
     assert not violations(page)
     page.emulate_media(color_scheme="dark")  # the same but for its colours
     assert not violations(page, runOnly={"type": "rule", "values": ["color-contrast"]})
-    if name in MATRICES:  # a large one scrolls
-        assert not violations(
-            visit(name), runOnly={"type": "rule", "values": ["scrollable-region-focusable"]}
-        )
+    if name in ("crossplay.html", "statistics.html"):  # a large one scrolls
+        focus = {"type": "rule", "values": ["scrollable-region-focusable"]}
+        assert not violations(visit(name), runOnly=focus)
 
 
 def test_no_page_scrolls_sideways_on_a_phone(visit, site):
@@ -341,6 +446,10 @@ def test_the_round_moves_until_it_is_stopped_or_where_motion_is_wanted(visit, mo
         assert page.evaluate(MOVED)
 
 
+PRESSED = """() => { for (let k = 1; k < 300; k++)
+document.activeElement.dispatchEvent(new KeyboardEvent("keydown", { key: "n", bubbles: true })); }"""
+
+
 # The example's board has no table of opponents that fly themselves, and so no scale for a visitor who is one.
 @pytest.mark.parametrize(("side", "ending"), [("ally", r", a score of [\d.−]+; 0"), ("opponent", r"\.$")])
 def test_the_keyboard_plays_a_round(visit, side, ending):
@@ -349,8 +458,8 @@ def test_the_keyboard_plays_a_round(visit, side, ending):
     page.locator("#seed").press("Enter")
     expect(page.locator("#one")).to_be_enabled()
     page.locator("#one").focus()
-    for _ in range(300):
-        page.keyboard.press("n")
+    page.keyboard.press("n")
+    page.evaluate(PRESSED)
     expect(page.locator("#event")).to_have_text(re.compile(r"The round is over: [\d.−]+ per step" + ending))
     expect(page.locator("#clock")).to_have_text("300 / 300")
     expect(page.locator("#one")).to_be_disabled()

@@ -1,18 +1,28 @@
-"""The page on entering a player: its snippets are run in their order, with small budgets."""
+"""The pages on entering players and planners: their snippets are run in their order, on small suites."""
 
 from __future__ import annotations
+
+import json
 
 import pytest
 
 from fpg_bench.leaderboard import submission
 from fpg_bench.leaderboard.submission import problems, read_about
+from fpg_bench.leaderboard.tracks import TRANSCRIPT_MATCHES
+from fpg_bench.leaderboard.transcripts import LARGEST_FOLDER
+from fpg_bench.planning.llm.transcript import MOST_BYTES
 from fpg_bench.players.sandbox import client, onnx_checks
 from fpg_bench.players.sandbox.client import Limits
 from tests.pages import Reader, blocks, small, small_baselines
+from tests.planning.llm.fault_server import FaultServer, answer
 from tests.programs import ROOT
 
-FILE = ROOT / "docs/benchmark/submitting.md"
-PAGE = FILE.read_text()
+from .entering import make_suites
+from .recording import toy
+
+PAGE = (ROOT / "docs/benchmark/submitting.md").read_text()
+PLANNERS = (ROOT / "docs/benchmark/submitting-planners.md").read_text()
+PLANNER_ENTRY = "leaderboard/submissions/planner/my-model"
 ENTRY = "leaderboard/submissions/ally/my-agent"
 
 
@@ -59,3 +69,28 @@ def test_the_page_s_limits_are_the_code_s():
     assert f"| {limits.memory_bytes >> 30} GB |" in PAGE
     each = f"{limits.call_s:g} s an answer and {limits.row_s:g} s a game in it"
     assert f"| {each}, {limits.total_s / 60:g} minutes in all" in PAGE
+
+
+@pytest.mark.process
+def test_every_command_of_the_page_on_planners_works_in_its_order(tmp_path):
+    with FaultServer([answer(toy)]) as server:
+        reader = Reader(tmp_path, make_suites(tmp_path / "baselines"), FPG_LLM_BASE_URL=server.url)
+        for language, code in blocks(PLANNERS):
+            if language == "yaml":
+                reader.writes(f"{PLANNER_ENTRY}/submission.yaml", code)
+            short = code.replace(f"--matches {TRANSCRIPT_MATCHES}", "")
+            for _ in range(2 if "gzip" in code else 1):  # what was recorded anew is taken in, too
+                reader.does(language, short)
+    assert len(reader.ran) == 10
+    result = (tmp_path / "leaderboard/results/planner/my-model.jsonl").read_text()
+    head, *kept = map(json.loads, result.splitlines())
+    assert (head["status"], head["fingerprint"]["planner"]["model"]) == ("verified", "my-model")
+    records = (tmp_path / "runs/again/records.jsonl").read_text().splitlines()
+    again = [record for record in map(json.loads, records) if record["entry"] == "transcripts"]
+    assert [record["rounds_sha256"] for record in again] == [record["rounds_sha256"] for record in kept]
+
+
+def test_the_numbers_of_the_page_on_planners_are_the_code_s():
+    assert f"--matches {TRANSCRIPT_MATCHES}" in PLANNERS
+    assert f"first {TRANSCRIPT_MATCHES} matches" in PLANNERS
+    assert f"{LARGEST_FOLDER // 10**6} MB in all, {MOST_BYTES // 10**6} MB a transcript" in PLANNERS

@@ -10,27 +10,34 @@ import shutil
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.leaderboard import transcripts
 from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
-from fpg_bench.leaderboard.transcripts import check_transcripts
+from fpg_bench.leaderboard.transcripts import LARGEST_FOLDER, check_transcripts
 from fpg_bench.planning.llm.answers import answer_schema
 from fpg_bench.planning.llm.client import response_format
 from fpg_bench.planning.llm.transcript import MOST_BYTES, linked
 from fpg_bench.planning.planner import Limits
+from tests.planning.llm.real_server import LlamaServer
 
-from .recording import PLANNER_SUITE, PLANS, enter, record, rows_of, write_rows
+from .recording import PLANNER_SUITE, PLANS, enter, environment, record, rows_of, write_rows
 
-_REWARD = re.compile(r"^(\d+,\d+,\d+,\d+,)(-?\d+\.\d\d)$")
+_REWARD = re.compile(r"^(\d+,\d+,\d+,\d+,)(-?\d+\.\d\d)$", re.MULTILINE)
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "mine.yml").write_text(PLANNER_SUITE)
-    record(folder, folder / "mine.yml")
     return folder
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compared(recorded):
+    """What a comparison says of the recorded model."""
+    return record(recorded, recorded / "mine.yml")
 
 
 @pytest.fixture(scope="module")
@@ -72,26 +79,17 @@ def test_what_was_recorded_may_be_run_packed_or_not(recorded, suite, entry, chec
         (lambda f: (f / "more").mkdir(), "transcripts/'more': is a folder; the files lie in transcripts"),
         (lambda f: (f / "idle.jsonl.gz").write_bytes(b""), "lies there packed and unpacked"),
         (lambda f: (f / "prompt.yml").write_text("#" * 20_000), "prompt.yml: 20,000 bytes, more than 16,000"),
+        (lambda f: f.symlink_to(f.rename(f.with_name("all"))), "transcripts: no such folder"),
+        (
+            lambda f: (f / "idle.jsonl").symlink_to((f / "idle.jsonl").rename(f.parent / "elsewhere.jsonl")),
+            "transcripts/'idle.jsonl': not a plain file",
+        ),
+        (lambda f: (f / "expert.jsonl").write_bytes(bytes(LARGEST_FOLDER)), "pack transcripts by gzip -9"),
     ],
 )
 def test_files_that_lack_or_do_not_belong(entry, check, spoil, message):
     spoil(entry / "transcripts")
-    assert message in only(check())
-
-
-def test_links_are_not_followed(entry, check, tmp_path):
-    file = entry / "transcripts" / "idle.jsonl"
-    shutil.move(file, tmp_path / "elsewhere.jsonl")
-    file.symlink_to(tmp_path / "elsewhere.jsonl")
-    assert only(check()) == "transcripts/'idle.jsonl': not a plain file"
-    shutil.move(entry / "transcripts", tmp_path / "all")
-    (entry / "transcripts").symlink_to(tmp_path / "all")
-    assert "no such folder" in only(check())
-
-
-def test_a_folder_that_is_too_large_for_the_repository(entry, check, monkeypatch):
-    monkeypatch.setattr(transcripts, "LARGEST_FOLDER", 30_000)
-    assert "pack transcripts by gzip -9" in check()[0]
+    assert message in check()[0]
 
 
 # The prompt, and what is told of all
@@ -102,12 +100,9 @@ def test_a_folder_that_is_too_large_for_the_repository(entry, check, monkeypatch
     [
         ("suite_hash", "0" * 64, "record those of plan compare --suite mine --matches 2"),
         ("control", "magic", "control: expected one of none"),
-        ("model", "two\nlines", "model: expected a line"),
         ("server", ["generic"], "server: expected a line"),
         ("prompt_hash", "0" * 64, "is not the prompt that planner.json tells the hash of"),
         ("model", "another", "nonce: does not follow from the seed of season 1"),
-        ("nonce", None, "nonce: does not follow"),
-        ("season", 99, "season: expected the number of a closed one, got 99"),
         ("season", None, "season: expected the number of a closed one, got None"),  # beside a nonce
         ("begun", "2026-01-01T00:00:00+00:00", "line 1 does not follow from the lines before it"),
     ],
@@ -123,9 +118,7 @@ def test_what_is_told_of_all_must_be_so(entry, check, key, value, message):
     [
         ("a: &a [1]\nb: [*a, *a]\n", "holds an alias"),
         ("about: !!python/object/apply:os.system [echo]\n", "prompt.yml: not valid YAML"),
-        ("user: [unclosed\n", "prompt.yml: not valid YAML"),
         (f"user: '{'$history' * 3}'\n", "$history stands there more than 2 times"),
-        (f"history: '{'${rounds}' * 3}'\n", "$rounds stands there more than 2 times"),
     ],
 )
 def test_a_prompt_that_would_do_harm(entry, check, text, message):
@@ -165,6 +158,12 @@ JSON, SCHEMA = [
     response_format(form, answer_schema(Limits.of(as_scenario("standard", opponent_path="waypoints"))))
     for form in ("json_object", "json_schema")
 ]
+
+
+def in_two_formats(rows):
+    return [*asked(response_format=JSON)(rows[:1]), *asked(response_format=SCHEMA)(rows[1:])]
+
+
 NOT_ASKED = "holds an attempt that nothing asks for"
 
 
@@ -178,24 +177,15 @@ NOT_ASKED = "holds an attempt that nothing asks for"
         (more(match=1), NOT_ASKED),
         (answered_again, NOT_ASKED),
         (more(attempt=2), NOT_ASKED),
-        (lambda rows: [], f"lacks {PLANS} of {PLANS} plans"),
         (each(request=None), "line 1 does not show what was asked"),
         (each(request={"model": "toy"}), "line 1 does not show the model and messages of its request"),
         (asked(tools=[]), "line 1 holds 'tools', which the planner does not send"),
-        (asked(extra_body={}), "line 1 holds 'extra_body'"),
-        (asked(n=2), "line 1 holds 'n'"),
         (asked(seed=1), "line 1 was asked with another seed than the run's"),
         (asked(temperature=0.1), "line 1 was asked with another temperature"),
         (asked(response_format={"type": "text"}), "line 1 was asked with another response_format"),
         (lambda rows: [*asked(max_tokens=9)(rows[:1]), *rows[1:]], "line 2 was asked with another limit"),
         (asked(max_tokens=9, max_completion_tokens=9), "line 1 holds both max_tokens and max_completion"),
-        (
-            lambda rows: [
-                *asked(response_format=JSON)(rows[:1]),
-                *asked(response_format=SCHEMA)(rows[1:]),
-            ],
-            "line 2 was asked for another",
-        ),
+        (lambda rows: in_two_formats(rows), "line 2 was asked for another"),
         (lambda rows: sorted(rows, key=lambda row: -row["round"]), "is of round 1, but stands after round 2"),
         (seconds_first, "is a second attempt before the first one: seed "),
         (answered_twice, "line 1 was answered 2 times at once"),
@@ -205,7 +195,6 @@ NOT_ASKED = "holds an attempt that nothing asks for"
             "line 1 is changed: its text is not what its raw reply says",
         ),
         (each(seconds=1e300), "seconds: 1e+300 cannot be"),
-        (each(tokens_in=-5), "tokens_in: -5 cannot be"),
         (each(seed="1"), "is no attempt: seed: expected a whole number, got '1'"),
         (each(kind="flown"), "is no attempt; a transcript of plan compare holds nothing else"),
         (each(control="no-history"), "was made with control 'no-history', and not 'none'"),
@@ -233,12 +222,10 @@ def test_a_key_that_is_not_its_request_s(entry, check):
     ("spoil", "message"),
     [
         (lambda data: data[:-1], "is cut off in its last line"),
-        (lambda data: data + b"no row\n", "is no row"),
         (lambda data: data + b"[1]\n", "is no row"),
         (lambda data: data + b'{"kind": NaN}\n', "NaN is no number"),
         (lambda data: data + b'{"a":' + b"[" * 100_000 + b"\n", "is no row"),
         (lambda data: data + b'{"a":"' + b"x" * 1_000_001 + b'"}\n', "is longer than 1,000,000 bytes"),
-        (lambda data: data + b"\xff\n", "is no row"),
         (lambda data: data + b"\n" * 20_001, "has more than 20,000 lines"),
     ],
 )
@@ -258,7 +245,6 @@ def test_bytes_that_are_no_transcript(entry, check, spoil, message, pack):
     ("spoil", "message"),
     [
         (lambda data: data[:-20], "cannot be unpacked"),
-        (lambda data: b"text " + data, "cannot be unpacked"),
         (lambda data: data[:50] + b"????" + data[54:], "cannot be unpacked"),
         (lambda data: gzip.compress(bytes(MOST_BYTES + 1), 9), "is longer than 16,000,000 bytes"),
     ],
@@ -276,23 +262,15 @@ def test_packed_files_that_are_broken_or_blow_up(entry, check, spoil, message):
 
 def in_the_prompt(old, new):
     def change(row):
-        messages = row["request"]["messages"]
-        messages[0]["content"] = messages[0]["content"].replace(old, new)
+        message = row["request"]["messages"][0]
+        message["content"] = re.sub(old, new, message["content"])
 
     return change
 
 
 def a_reward(by):
     """All rewards of the history, which stand at the end of its lines."""
-
-    def change(row):
-        for message in row["request"]["messages"][:1]:
-            lines = message["content"].split("\n")
-            message["content"] = "\n".join(
-                _REWARD.sub(lambda of: f"{of[1]}{float(of[2]) + by:.2f}", x) for x in lines
-            )
-
-    return change
+    return in_the_prompt(_REWARD, lambda of: f"{of[1]}{float(of[2]) + by:.2f}")
 
 
 def a_path(row):
@@ -323,11 +301,7 @@ def test_lines_that_are_not_of_one_run_are_found_without_playing(entry, check, s
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            in_the_prompt("Where the reward was high", "Where the ally was"),
-            "was recorded with other messages",
-        ),
-        (in_the_prompt("at most 10 m/s", "at most 11 m/s"), "was recorded with other messages"),
+        (in_the_prompt("Where the reward was", "Where the ally was"), "was recorded with other messages"),
         (in_the_prompt("\n10,", "\n11,"), "was recorded with other messages"),
         (a_reward(0.03), "was recorded with other messages"),
         (a_path, "is changed: its waypoints are not what its text says"),
@@ -360,3 +334,38 @@ def test_the_last_digit_of_a_reward_may_be_another_on_another_machine(suite, ent
 def records_of(entry, suite):
     """The matches, played again."""
     return list(part_records(Part("toy", None, "transcripts", recorded=entry), matchups_of([suite])))
+
+
+def test_a_recorded_model_scores_what_its_comparison_said_and_nobody_is_asked(compared, suite, entry):
+    lines = records_of(entry, suite)
+    summary = summary_of(lines, suite)
+    for name in ("score", "by_rival", "measures"):
+        assert getattr(summary, name) == getattr(compared, name)
+    assert [line.rounds_sha256 for line in lines] == [line.rounds_sha256 for line in compared.records]
+    plans, expected = summary.pooled.plans, compared.pooled.plans
+    assert (plans.valid, plans.tokens, plans.useless) == (expected.valid, expected.tokens, expected.useless)
+    assert plans.statuses == {"fallback-invalid": 4, "ok": 4, "reasked": 4}
+
+
+def test_a_planner_of_the_package_scores_what_a_comparison_says(recorded, suite):
+    for compared in compare(["interceptor", "random"], str(recorded / "mine.yml"), recorded / "plain"):
+        part = Part(compared.entry, None, compared.entry)
+        own = summary_of(list(part_records(part, matchups_of([suite]))), suite)
+        assert (own.score, own.measures) == (compared.score, compared.measures)
+        assert (own.pooled.plans.valid, own.pooled.plans.tokens) == (None, None)
+
+
+@pytest.mark.slow
+def test_a_real_server_is_recorded_and_verified_when_it_is_gone(tmp_path):
+    """One match of two rounds against one ally."""
+    file, text = tmp_path / "short.yml", PLANNER_SUITE.replace("  - {ally: expert}\n", "")
+    file.write_text(text.replace("match: 3", "match: 2").replace("matches: 2", "matches: 1"))
+    profile = tmp_path / "server.yml"
+    profile.write_text("about: short\nresponse_format: json_schema\nseed: true\n")
+    with LlamaServer() as server, environment(server.url, server.model):
+        compare(["llm"], str(file), tmp_path / "real", llm={"server": str(profile)})
+    entry, suite = enter(tmp_path / "real", tmp_path / "tiny"), load_suite(str(file))
+    assert check_transcripts(entry, suite) == []
+    plans = summary_of(records_of(entry, suite), suite).pooled.plans
+    assert (plans.valid, plans.statuses) == (1, {"ok": suite.rounds})
+    assert plans.tokens > 0

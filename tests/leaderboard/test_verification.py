@@ -14,15 +14,13 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.evaluate import evaluate
-from fpg_bench.evaluation.play import LOST_SCORE, play
+from fpg_bench.evaluation.play import LOST_SCORE
 from fpg_bench.evaluation.record import TALLIES
-from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.folders import work_folder
-from fpg_bench.leaderboard.playing import Part, matchups_of, part_records, parts_of, suites_of
+from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.leaderboard.result import summaries_of
-from fpg_bench.leaderboard.submission import load_submission
-from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
+from fpg_bench.leaderboard.tracks import PUBLIC
 from fpg_bench.leaderboard.verification import (
     count_identical,
     disagreements,
@@ -31,7 +29,6 @@ from fpg_bench.leaderboard.verification import (
     run_one,
     verify,
 )
-from fpg_bench.players.agent import OnnxPlayer
 from tests.leaderboard.entering import SUITE, close_season, enter, verdicts_of, write_suite, write_verified
 from tests.logged import logged
 
@@ -49,6 +46,15 @@ def edit(path, old, new):
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
+
+
+@pytest.fixture
+def two(board):
+    """A board with the results of two scripts."""
+    enter(board, "ally", "still", script="idle")
+    enter(board, "ally", "wise", script="expert")
+    verdicts_of(board)
+    return board
 
 
 # Verdicts
@@ -85,14 +91,6 @@ def test_a_verdict_says_what_an_evaluation_says_to_the_digit(board, in_process, 
     assert (score.value, score.low) == pytest.approx((evaluated.score.value, evaluated.score.low), rel=1e-5)
 
 
-def test_a_shipped_agent_plays_in_its_process_as_it_does_without(board):
-    submission = load_submission(BOARD / "submissions/ally/ally-scripted-ppo")
-    part, public = parts_of(submission)[0], suites_of(submission, TrackSuites())[PUBLIC]
-    (hosted,) = part_records(part, [(public, public.rivals[0])])
-    player = OnnxPlayer(part.plays.model, part.plays.about)
-    assert hosted == play(part.entry(player, public), public, public.rivals[0])
-
-
 def test_all_suites_of_the_track_are_played(board, small_suites):
     """Before a season all on public seeds, and then on the season's."""
     write_suite(small_suites, "ally-shifted-v1", SUITE | {"matches": 2})
@@ -127,10 +125,8 @@ def test_lost_rounds_count_as_the_lowest_return(board, in_process):
         assert [line.returns[k] for k in (1, 3)] == pytest.approx([lowest] * 2, abs=1e-3)
         assert line.lost == 2
 
-
-def test_who_loses_all_rounds_is_not_verified(board, in_process):
     in_process.loses = (0, 1, 2, 3)
-    enter(board, "ally", "linear", seeds=(0, 1))
+    result(board, "ally/linear").unlink()
     why = "all of its rounds are lost by rule: its answers are no valid actions"
     assert verdicts_of(board)["ally/linear"] == (False, f"not verified: {why}")
     assert verdicts_of(board)["ally/linear"] == (True, f"not verified, as before: {why}")
@@ -162,37 +158,29 @@ def test_a_policy_that_fails_is_not_verified_and_stops_nobody(board, in_process)
 @pytest.mark.parametrize(
     ("old", "new", "line"),
     [
-        ('"returns":[', '"returns":[9', "its records are not those it was written with"),
         (
             '"scores":{"public":{"value":',
             '"scores":{"public":{"value":9',
             "its summary does not follow",
         ),
         ('"suites":{"public":["ally-v1","', '"suites":{"public":["ally-v1","0', "of other suites; make"),
-        (f'"protocol":"{PROTOCOL}"', '"protocol":"0"', "of another protocol than this version's"),
-        ('{"kind"', '[{"kind"', "not lines of JSON"),
     ],
-    ids=["return", "score", "suites", "protocol", "json"],
+    ids=["score", "suites"],  # tests of results try all others
 )
-def test_a_result_that_was_edited_is_told_in_a_line(board, old, new, line):
-    enter(board, "ally", "wise", script="expert")
-    enter(board, "ally", "still", script="idle")
-    verdicts_of(board)
-    edit(result(board, "ally/wise"), old, new)
-    verdicts = verdicts_of(board)
+def test_a_result_that_was_edited_is_told_in_a_line(two, old, new, line):
+    edit(result(two, "ally/wise"), old, new)
+    verdicts = verdicts_of(two)
     assert not verdicts["ally/wise"][0]
     assert line in verdicts["ally/wise"][1]
     assert "\n" not in verdicts["ally/wise"][1]
     assert verdicts["ally/still"][0]
-    assert verdicts_of(board, update=True)["ally/wise"][1].startswith("verified: public ")
-    assert verdicts_of(board)["ally/wise"][0]
+    assert verdicts_of(two, update=True)["ally/wise"][1].startswith("verified: public ")
+    assert verdicts_of(two)["ally/wise"][0]
 
 
-def test_a_forged_result_is_found_by_playing_again(board):
+def test_a_forged_result_is_found_by_playing_again(two):
     """Records, hash and summary fit each other; only the rounds were never played."""
-    enter(board, "ally", "still", script="idle")
-    enter(board, "ally", "wise", script="expert")
-    verdicts_of(board)
+    board = two
     still, wise = (load_case(board, board / "submissions/ally" / slug) for slug in ("still", "wise"))
     write_verified(still, [dataclasses.replace(record, entry="still") for record in wise.result.records])
     good, line = verdicts_of(board, sample=0.5)["ally/still"]
@@ -217,18 +205,14 @@ def test_a_submission_that_has_changed_wants_a_new_result(board, in_process, mon
     assert verdicts_of(board)["ally/linear"][1].startswith("submission.yaml or a policy changed since")
 
 
-def test_a_bad_submission_and_a_stray_result_stop_nobody(board):
-    for slug in ("torn", "wise", "gone"):
-        enter(board, "ally", slug, script="expert")
-    verdicts_of(board)
-    result(board, "ally/torn").unlink()
-    (board / "submissions/ally/torn/submission.yaml").write_text("{")
-    (board / "submissions/ally/gone").rename(board / "submissions/ally/wiser")
-    verdicts = verdicts_of(board)
-    assert {name for name, (good, _) in verdicts.items() if not good} == {"ally/torn", "ally/gone"}
+def test_a_bad_submission_and_a_stray_result_stop_nobody(two):
+    (enter(two, "ally", "torn", script="expert") / "submission.yaml").write_text("{")
+    (two / "submissions/ally/still").rename(two / "submissions/ally/stiller")
+    verdicts = verdicts_of(two)
+    assert {name for name, (good, _) in verdicts.items() if not good} == {"ally/torn", "ally/still"}
     assert "not valid YAML" in verdicts["ally/torn"][1]
-    assert verdicts["ally/gone"][1].endswith("no such submission")
-    assert not result(board, "ally/torn").exists()
+    assert verdicts["ally/still"][1].endswith("no such submission")
+    assert not result(two, "ally/torn").exists()
 
 
 # Samples and names
@@ -261,15 +245,13 @@ def test_a_sample_holds_a_line_of_each_and_can_be_drawn_again(board, in_process)
 def test_names_and_shares_are_checked(board, tmp_path):
     enter(board, "ally", "wise", script="expert")
     assert list(verdicts_of(board, "ally/wise")) == ["ally/wise"]
-    for name, message in (
-        ("ally/wide", r"no submission 'ally/wide'.*did you mean 'ally/wise'"),
-        ("opponent/wise", r"no submission 'opponent/wise'.*did you mean 'ally/wise'"),
-        ("ally/tone", r"no submission 'ally/tone'.*; known: ally/wise$"),
+    for name, rest in (
+        ("ally/wide", "did you mean 'ally/wise'"),
+        ("opponent/wise", "did you mean 'ally/wise'"),
+        ("ally/tone", "; known: ally/wise$"),
     ):
-        with pytest.raises(UserError, match=message):
+        with pytest.raises(UserError, match=f"no submission '{name}'.*{rest}"):
             verdicts_of(board, name)
-    with pytest.raises(UserError, match="has no folder submissions"):
-        verdicts_of(tmp_path)
     for share in (0, -0.1, 1.5):
         with pytest.raises(UserError, match="sample: expected a share above 0 and at most 100 %"):
             verdicts_of(board, sample=share)
@@ -289,15 +271,12 @@ def test_one_folder_is_run_where_it_lies(board, tmp_path):
 # Several at once, and interrupted ones
 
 
-def test_several_at_once_give_the_same_results(board):
-    for slug in ("idle", "expert", "reactive"):
-        enter(board, "ally", f"the-{slug}", script=slug)
-    verdicts_of(board)
-    alone = {path.name: path.read_bytes() for path in (board / "results/ally").iterdir()}
-    for path in (board / "results/ally").iterdir():
+def test_several_at_once_give_the_same_results(two):
+    alone = {path: path.read_bytes() for path in (two / "results/ally").iterdir()}
+    for path in alone:
         path.unlink()
-    assert all(good for good, _ in verdicts_of(board, n_jobs=2).values())
-    assert {path.name: path.read_bytes() for path in (board / "results/ally").iterdir()} == alone
+    assert all(good for good, _ in verdicts_of(two, n_jobs=2).values())
+    assert {path: path.read_bytes() for path in alone} == alone
 
 
 VERIFY = """
@@ -314,7 +293,7 @@ verify(Path(sys.argv[3]))
 
 @pytest.mark.process
 def test_what_is_killed_goes_on_and_gives_the_same(board, small_suites, tmp_path):
-    write_suite(small_suites, "ally-v1", SUITE | {"matches": 400})
+    write_suite(small_suites, "ally-v1", SUITE | {"matches": 100})
     for slug in ("expert", "reactive"):
         enter(board, "ally", f"the-{slug}", script=slug)
     command = [sys.executable, "-c", VERIFY, small_suites, tmp_path / "cache", board]
@@ -322,8 +301,7 @@ def test_what_is_killed_goes_on_and_gives_the_same(board, small_suites, tmp_path
     while not _lines_under_way(board) and killed.poll() is None:
         time.sleep(0.005)
     killed.kill()
-    killed.wait()
-    assert killed.returncode == -signal.SIGKILL
+    assert killed.wait() == -signal.SIGKILL
     assert all(good for good, _ in verdicts_of(board).values())
     assert _lines_under_way(board) == []
     files = {path: path.read_bytes() for path in (board / "results/ally").iterdir()}
@@ -421,8 +399,7 @@ def test_sums_are_compared_by_what_they_are_worth(records, suites, name, share):
         assert (disagreements(records, kept, suites) == []) is agrees
 
 
-def test_lines_of_two_suites_are_kept_apart(records, suites):
-    """The same rival's name in another suite is another meeting."""
+def test_records_of_two_suites_are_kept_apart(records, suites):
     other = dataclasses.replace(suites["public"], season="5eed", matches=2)
     both = suites | {"unseen": other}
     played = list(part_records(Part("wise", None, "expert-spread"), matchups_of([other])[:2]))
