@@ -1,11 +1,12 @@
 """Lists of jobs on a Ray cluster: two machines on loopback, one of which is lost."""
 
+import contextlib
 import os
 import re
 import signal
 import threading
-import time
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -54,14 +55,20 @@ def held(folder, name, **options):
     )
 
 
+def is_running(file):
+    with contextlib.suppress(OSError):
+        return bool(Path(f"/proc/{file.read_text()}/cmdline").read_bytes())  # a zombie's is empty
+    return False
+
+
 def test_jobs_of_a_lost_machine_run_elsewhere(cluster, run, tmp_path):
     other = cluster.add_node(num_cpus=1)
     kept = []
 
     def lose():
-        wait_for(lambda: len(begun(tmp_path)) == 2)
+        wait_for(lambda: len(list(tmp_path.glob("process_*"))) == 2)
         cluster.remove_node(other, allow_graceful=False)
-        time.sleep(2)  # until its worker has gone, too
+        wait_for(lambda: not all(map(is_running, tmp_path.glob("process_*"))))
         (tmp_path / "go").touch()
 
     loss = threading.Thread(target=lose)

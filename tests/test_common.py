@@ -1,31 +1,25 @@
 """Checks, errors and row files."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
 from fpg_bench.common.checks import check_keys, flag, mapping, whole
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.rows import RowFile
+from tests.programs import python
 
 
-@pytest.mark.parametrize("value", [1, 7, np.int64(3)])
-def test_whole_numbers_are_taken(value):
-    assert whole(value, "here") == value
+def test_whole_numbers_are_taken():
+    assert [whole(value, "here") for value in (1, 7, np.int64(3))] == [1, 7, 3]
+    assert whole(0, "here", least=0) == 0
+    with pytest.raises(UserError, match="a whole number, 0 or more, got -1"):
+        whole(-1, "here", least=0)
 
 
 @pytest.mark.parametrize("value", [0, -1, 1.0, 1.5, "2", True, None, [1]])
 def test_what_is_no_whole_number_above_0_is_refused(value):
     with pytest.raises(UserError, match=r"^here: expected a whole number above 0, got "):
         whole(value, "here")
-
-
-def test_0_is_a_number_where_it_may_be_one():
-    assert whole(0, "here", least=0) == 0
-    with pytest.raises(UserError, match="a whole number, 0 or more, got -1"):
-        whole(-1, "here", least=0)
 
 
 def test_an_unknown_key_is_told_with_the_nearest_and_a_lacking_one_by_its_name():
@@ -61,12 +55,15 @@ def test_a_hint_names_what_is_near_in_all_parts_or_else_everything_once(word, hi
     assert nearest(word, KNOWN * 2) == hint
 
 
-def test_rows_come_back_in_order(tmp_path):
+def test_rows_come_back_in_order_and_a_broken_one_is_named(tmp_path):
     file = RowFile(tmp_path / "deep" / "rows.jsonl")
     assert file.read() == []
     file.append([{"a": 1}, {"a": 2}])
     file.append([{"a": 3}])
     assert [row["a"] for row in file.read()] == [1, 2, 3]
+    file.path.write_bytes(b'{"a":1}\nnonsense\n{"a":2}\n')
+    with pytest.raises(UserError, match="line 2"):
+        file.read()
 
 
 @pytest.mark.parametrize("torn", [b'{"a": 3, "b', b'{"a": 3}'])
@@ -84,6 +81,7 @@ import sys
 from pathlib import Path
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
+from tests.programs import python
 file = RowFile(Path(sys.argv[1]))
 try:
     with file.locked():
@@ -94,20 +92,11 @@ except UserError as error:
 
 
 def in_another_process(path):
-    return subprocess.check_output([sys.executable, "-c", OTHER, str(path)], text=True)
+    return python("-c", OTHER, path).stdout
 
 
 @pytest.mark.process
-def test_one_process_at_a_time(tmp_path):
-    file, other = RowFile(tmp_path / "rows.jsonl"), RowFile(tmp_path / "rows.jsonl")
-    with file.locked(), other.locked():
-        assert "another process" in in_another_process(file.path)
-    assert in_another_process(file.path) == ""
-    assert file.read() == [{"a": 1}]
-
-
-@pytest.mark.process
-def test_a_file_stays_held_until_the_last_part_of_a_process_lets_go(tmp_path):
+def test_a_file_is_held_by_one_process_until_the_last_part_of_it_lets_go(tmp_path):
     first, second = RowFile(tmp_path / "rows.jsonl").locked(), RowFile(tmp_path / "rows.jsonl").locked()
     first.__enter__()
     second.__enter__()
@@ -115,10 +104,4 @@ def test_a_file_stays_held_until_the_last_part_of_a_process_lets_go(tmp_path):
     assert "another process" in in_another_process(tmp_path / "rows.jsonl")
     second.__exit__(None, None, None)
     assert in_another_process(tmp_path / "rows.jsonl") == ""
-
-
-def test_a_broken_line_in_the_middle_is_an_error_that_names_it(tmp_path):
-    path = tmp_path / "rows.jsonl"
-    path.write_bytes(b'{"a":1}\nnonsense\n{"a":2}\n')
-    with pytest.raises(UserError, match="line 2"):
-        RowFile(path).read()
+    assert RowFile(tmp_path / "rows.jsonl").read() == [{"a": 1}]

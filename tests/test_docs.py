@@ -7,7 +7,9 @@ import subprocess
 import sys
 
 import pytest
+import typer
 
+from fpg_bench.cli import app
 from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, LEARNERS
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import STANDARD, as_scenario
@@ -141,3 +143,23 @@ def test_a_page_elsewhere_is_led_to_its_place_inside():
 def test_make_docs():
     done = subprocess.run(["make", "-n", "docs"], cwd=ROOT, capture_output=True, text=True)
     assert "sphinx -W" in done.stdout
+
+
+COMMANDS = typer.main.get_command(app)
+
+
+def command_of(words):
+    """The command that words begin with."""
+    command = COMMANDS
+    while words and words[0] in getattr(command, "commands", {}):
+        command = command.commands[words.pop(0)]
+    return command
+
+
+@pytest.mark.parametrize("page", [*RUN, *WRITTEN, ROOT / "README.md"], ids=lambda page: page.name)
+def test_commands_of_a_page_have_their_options(page):
+    code = "\n".join(code for language, code in blocks(page.read_text()) if language != "python")
+    for command in re.findall(r"(?m)^[^#\n]*?\bfpg-bench (.*)$", code.replace("\\\n", " ")):
+        words = command.partition(" #")[0].split()
+        known = {option for parameter in command_of(words).params for option in parameter.opts}
+        assert {word.partition("=")[0] for word in words if word.startswith("--")} <= known, command

@@ -52,6 +52,10 @@ def test_types_that_are_no_models_are_validated_too():
     assert parse(list[int], [1, 2], "here") == [1, 2]
     assert parse(TypeAdapter(int | None), None, "here") is None
     assert parse(Plain, {"length": 2}, "here") == Plain(2)
+    with pytest.raises(UserError, match=r"^here: unknown key 'widht'; did you mean 'width'"):
+        parse(Plain, {"length": 1, "widht": 2}, "here")
+    with pytest.raises(UserError, match=r"^here: lacks length$"):
+        parse(Plain, {}, "here")
 
 
 @pytest.mark.parametrize(
@@ -97,20 +101,6 @@ def test_types_that_are_no_models_are_validated_too():
 def test_the_first_problem_is_told_in_one_line(data, message):
     with pytest.raises(UserError, match=f"^{message.replace('?', '[?]')}"):
         parse(Search, data, "here")
-
-
-def test_all_missing_keys_of_one_mapping_are_told_together():
-    class Box(Strict):
-        length: int
-        width: int
-
-    with pytest.raises(UserError, match=r"^box: lacks length, width$"):
-        parse(Box, {}, "box")
-
-
-def test_a_dataclass_has_its_unknown_keys_told():
-    with pytest.raises(UserError, match=r"^here: unknown key 'widht'; did you mean 'width'"):
-        parse(Plain, {"length": 1, "widht": 2}, "here")
 
 
 def test_a_type_words_what_it_expects():

@@ -26,14 +26,10 @@ def test_every_script_and_oracle_passes(side, name):
     check_player(name, side, "paper" if name == "oracle" else "standard")
 
 
-@pytest.mark.parametrize("path", PATHS)
-def test_every_path_can_be_played(path):
-    check_scenario(dataclasses.replace(preset("standard"), opponent_path=path, steps_per_round=50))
-
-
-@pytest.mark.parametrize("name", ["standard", "paper"])
-def test_presets_can_be_played(name):
-    check_scenario(name)
+@pytest.mark.parametrize("scenario", ["standard", "paper", *PATHS])
+def test_every_preset_and_path_can_be_played(scenario):
+    short = {"opponent_path": scenario, "steps_per_round": 50}
+    check_scenario(dataclasses.replace(preset("standard"), **short) if scenario in PATHS else scenario)
 
 
 class Sound:
@@ -105,17 +101,21 @@ BROKEN_PLAYERS = [
 ]
 
 
-@pytest.mark.parametrize("side", ["ally", "opponent"])
-def test_a_sound_player_of_ones_own_passes(side, capsys):
-    check_player(Sound(), side)
-    assert capsys.readouterr().out.endswith("Sound: keeps to the contract of players\n")
-
-
-@pytest.mark.parametrize(("kind", "message"), BROKEN_PLAYERS)
-def test_each_broken_player_is_caught_by_its_own_message(kind, message):
-    with pytest.raises(AssertionError, match=message) as caught:
-        check_player(kind(), "ally")
-    assert "\n" not in str(caught.value)
+@pytest.mark.parametrize(
+    ("check", "kind"),
+    [
+        (lambda: check_player(Sound(), "ally"), "players"),
+        (lambda: check_player(Sound(), "opponent"), "players"),
+        (lambda: check_planner(Fixed()), "planners"),
+        (lambda: check_env(gymnasium.make(ALLY, scenario=SHORT)), "environments"),
+        (lambda: check_env(FPGEnv("FPG/OpponentVsScripted-v0", scenario=SHORT)), "environments"),
+        (lambda: check_env(parallel_env(scenario=SHORT)), "environments"),
+    ],
+    ids=["ally", "opponent", "planner", "wrapped", "bare", "pettingzoo"],
+)
+def test_what_is_sound_passes(check, kind, capsys):
+    check()
+    assert capsys.readouterr().out.endswith(f": keeps to the contract of {kind}\n")
 
 
 def test_a_torch_model_may_differ_in_its_last_bits_and_no_more():
@@ -190,15 +190,16 @@ BROKEN_PLANNERS = [
 ]
 
 
-def test_a_sound_planner_of_ones_own_passes(capsys):
-    check_planner(Fixed())
-    assert capsys.readouterr().out.endswith(": keeps to the contract of planners\n")
-
-
-@pytest.mark.parametrize(("kind", "message"), BROKEN_PLANNERS)
-def test_each_broken_planner_is_caught_by_its_own_message(kind, message):
+@pytest.mark.parametrize(
+    ("check", "kind", "message"),
+    [
+        *((lambda player: check_player(player, "ally"), *each) for each in BROKEN_PLAYERS),
+        *((check_planner, *each) for each in BROKEN_PLANNERS),
+    ],
+)
+def test_each_broken_player_or_planner_is_caught_by_its_own_message(check, kind, message):
     with pytest.raises(AssertionError, match=message) as caught:
-        check_planner(kind())
+        check(kind())
     assert "\n" not in str(caught.value)
 
 
@@ -267,21 +268,6 @@ ALLY = "FPG/AllyVsScripted-v0"
 
 
 @pytest.mark.parametrize(
-    "env",
-    [gymnasium.make(ALLY, scenario=SHORT), FPGEnv("FPG/OpponentVsScripted-v0", scenario=SHORT)],
-    ids=["wrapped", "bare"],
-)
-def test_environments_by_gymnasium_pass(env, capsys):
-    check_env(env)
-    assert capsys.readouterr().out.endswith("FPGEnv: keeps to the contract of environments\n")
-
-
-def test_the_environment_by_pettingzoo_passes(capsys):
-    check_env(parallel_env(scenario=SHORT))
-    assert capsys.readouterr().out.endswith("FPGParallelEnv: keeps to the contract of environments\n")
-
-
-@pytest.mark.parametrize(
     ("kind", "message"),
     [
         (Terminating, "env: terminated at step 30; rounds end by truncation"),
@@ -295,7 +281,6 @@ def test_each_broken_environment_is_caught(kind, message):
 
 
 def test_what_is_no_single_game_is_refused():
-    with pytest.raises(UserError, match="expected one game of this package"):
-        check_env(gymnasium.make_vec(ALLY, 2, scenario=SHORT))
-    with pytest.raises(UserError, match="expected one game of this package"):
-        check_env(gymnasium.make("CartPole-v1"))
+    for env in (gymnasium.make_vec(ALLY, 2, scenario=SHORT), gymnasium.make("CartPole-v1")):
+        with pytest.raises(UserError, match="expected one game of this package"):
+            check_env(env)

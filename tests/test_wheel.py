@@ -117,8 +117,6 @@ EXTRAS = {
             "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2).reset()",
             "train ppo FPG/AllyVsScripted-v0 --steps 2000 --n-evals 0 --out run",
             "export run --out exported/seed_0",
-            "fpg_bench.export_agent(__import__('stable_baselines3').PPO('MlpPolicy', "
-            "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2)), 'live', training_seed=0)",
             "reproduce tables --n-seeds 1 --out reproduced",
         ),
         (
@@ -145,13 +143,8 @@ EXTRAS = {
     ),
 }
 PLAYS = (
-    "envs",
-    "players",
-    "suites",
-    "play --every 100",
+    *("envs", "players", "suites", "play --every 100", "play --out round.html", "plan replay match.jsonl"),
     f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner cma-es --every 300",
-    "play --out round.html",
-    "plan replay match.jsonl",
     "leaderboard init own",
 )
 REFUSES = ("llm fetch --wheel agent.whl",)

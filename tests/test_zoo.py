@@ -11,10 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from fpg_bench import make_sb3
 from fpg_bench.cli.listing import zoo as list_zoo
-from fpg_bench.common.ids import DUEL
-from fpg_bench.envs.sb3_vec_env import make_sb3_duel
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.zoo import load_zoo
@@ -33,7 +30,7 @@ groups:
     id: FPG/AllyVsScripted-v0
     options: {path: circle}
     suites: [SUITE]
-    steps: {td3: 200}
+    steps: {td3: 16}
   duel-ally:
     id: FPG/duel_v0
     suites: [SUITE]
@@ -71,37 +68,23 @@ def first_returns(member, suite, rival, matches=2):
 @pytest.mark.parametrize("group", SHIPPED.groups, ids=lambda group: group.name)
 def test_every_shipped_agent_plays_as_its_records_say(group):
     suites = [load_suite(name) for name in group.suites]
-    records_of = {suite: SHIPPED.read_records(group, suite) for suite in suites}
+    assert {suite.side for suite in suites} == {group.side}
+    records = {
+        (suite.name, record.entry, record.training_seed, record.rival): record
+        for suite in suites
+        for record in SHIPPED.read_records(group, suite)
+    }
     for member in SHIPPED.members(group.name):
         if not member.shipped:
             continue
         about = load_agent(member.name).about
         assert (about["id"], about["training_seed"]) == (group.id, member.seed), member.name
         assert about["training_steps"] == member.steps, member.name
-        if about["training_seed"]:  # the first seed of each algorithm is played
-            continue
-        for suite, records in records_of.items():
-            kept = {
-                record.rival: record
-                for record in records
-                if (record.entry, record.training_seed) == (member.algorithm, member.seed)
-            }
+        for suite in suites if not member.seed else ():  # the first seed of each algorithm is played
             rival = suite.rivals[-1]
             returns = first_returns(member, suite, rival, 1)
-            known = kept[rival.name].returns[: len(returns)]
+            known = records[suite.name, member.algorithm, member.seed, rival.name].returns[: len(returns)]
             assert returns == pytest.approx(known, abs=2e-3), (member.name, suite.name)
-
-
-@pytest.mark.parametrize("group", SHIPPED.groups, ids=lambda group: group.name)
-def test_shipped_groups_can_be_played_and_measured(group):
-    suites = [load_suite(name) for name in group.suites]
-    assert {suite.side for suite in suites} == {group.side}
-    if group.id == DUEL:
-        games = make_sb3_duel(2, 0, **group.options)
-        assert games.reset().shape == (2, 30)
-    else:
-        games = make_sb3(group.id, 2, 0, **group.options)
-        assert games.core.side == group.side
 
 
 def test_every_folder_of_an_agent_is_a_member_and_all_together_are_small():
@@ -121,12 +104,6 @@ def test_the_page_is_what_the_records_give():
     assert (SHIPPED.folder / "README.md").read_text() == text
     for link in re.findall(r"\]\(([^)]+)\)", text):
         assert (SHIPPED.folder / link.partition("#")[0]).is_file(), link
-
-
-def test_the_verb_lists_what_is_shipped(capsys):
-    list_zoo()
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines if line.endswith("whole")] == shipped_agents()
 
 
 def test_the_list_tells_scores_and_what_has_changed(tmp_path, monkeypatch, capsys):
@@ -166,7 +143,7 @@ def tiny(tmp_path_factory):
 @pytest.mark.process
 def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
     done = script("--zoo", tiny, "--runs", tiny / "runs", "--list", folder=tiny)
-    kinds = (("small/td3", "200"), ("duel-ally/maddpg", "48"), ("duel-opponent/maddpg", "48"))
+    kinds = (("small/td3", "16"), ("duel-ally/maddpg", "48"), ("duel-opponent/maddpg", "48"))
     assert [record.split() for record in done.stdout.splitlines()] == [
         [f"{name}/seed_0", steps, "shipped"] for name, steps in kinds
     ]
@@ -195,18 +172,8 @@ def test_the_script_checks(tiny, tmp_path):
 
 
 @pytest.mark.process
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--zoo", "nowhere"), "zoo nowhere/zoo.yml: cannot be read: No such file or directory"),
-        (("--only", "ally-scriptd", "--list"), "did you mean 'ally-scripted'?"),
-        (("--n-jobs", "0"), "n_jobs: expected a whole number above 0, got 0"),
-    ],
-)
-def test_bad_words_are_one_line(tmp_path, words, message):
-    done = script(*words, folder=tmp_path)
+def test_bad_words_are_one_line(tmp_path):
+    done = script("--only", "ally-scriptd", "--list", folder=tmp_path)
     assert done.returncode == 1
-    assert done.stderr.startswith("train_zoo: ")
-    assert done.stderr.strip().endswith(message)
-    assert done.stderr.count("\n") == 1
+    assert re.fullmatch(r"train_zoo: .*; did you mean 'ally-scripted'\?\n", done.stderr)
     assert not (tmp_path / "runs").exists()

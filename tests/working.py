@@ -41,6 +41,7 @@ def die(folder, name, times):
 
 def hold(folder, name):
     """Run until the file ``go`` exists; save a file when interrupted."""
+    (folder / f"process_{name}").write_text(str(os.getpid()))
     note(folder, name)
     try:
         while not (folder / "go").exists():

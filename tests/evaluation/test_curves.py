@@ -60,10 +60,9 @@ def test_runs_that_cannot_be_drawn_together_are_refused(runs, tmp_path):
             read_runs([*runs, tmp_path / folder])
 
 
-@pytest.mark.parametrize(("suffix", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
-def test_the_verb_writes_a_figure_by_its_suffix(runs, tmp_path, suffix, begins):
-    verb(runs, tmp_path / f"curves.{suffix}")
-    assert (tmp_path / f"curves.{suffix}").read_bytes().startswith(begins)
+def test_the_verb_writes_a_figure_by_its_suffix(runs, tmp_path):
+    verb(runs, tmp_path / "curves.svg")
+    assert (tmp_path / "curves.svg").read_bytes().startswith(b"<?xml")
 
 
 def test_many_curves_differ_in_colour_or_dashes():

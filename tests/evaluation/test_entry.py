@@ -75,13 +75,8 @@ def test_a_group_stands_for_all_its_training_seeds(suite, agent):
 def test_agents_that_were_made_otherwise_are_entries_of_their_own(suite, agent, other):
     mine = [agent(f"runs/ppo_{k}/agent", k) for k in range(2)]
     theirs = [agent(f"zoo/ppo/seed_{k}", k, policy=10 + k, **other) for k in range(2)]
-    assert names([*mine, *theirs, "expert"], suite) == [
-        ("runs/ppo", 0),
-        ("runs/ppo", 1),
-        ("zoo/ppo", 0),
-        ("zoo/ppo", 1),
-        ("expert", None),
-    ]
+    entries = [(f"{folder}/ppo", k) for folder in ("runs", "zoo") for k in range(2)]
+    assert names([*mine, *theirs, "expert"], suite) == [*entries, ("expert", None)]
 
 
 def test_folders_that_begin_alike_have_names_that_tell_them_apart(suite, agent):
@@ -91,34 +86,19 @@ def test_folders_that_begin_alike_have_names_that_tell_them_apart(suite, agent):
     assert names([one, other], suite) == [(one, 0), (other, 1)]
 
 
-def test_algorithms_of_other_names_keep_them(suite, agent):
-    found = names([agent("a/one", 0), agent("b/two", 0, policy=3, algorithm="sac")], suite)
-    assert found == [("ppo", 0), ("sac", 0)]
+def test_two_policies_of_one_training_seed_are_refused_and_one_by_two_names_is_one(suite, agent):
+    one, other, same = (agent(path, 0, policy=k) for path, k in (("a/one", 1), ("b/two", 2), ("c/three", 1)))
+    with pytest.raises(UserError, match=r"ppo: two different players of training seed 0; .* with a --name"):
+        entries_of([one, other], suite)
+    assert names([one, same], suite) == [("ppo", 0)]
 
 
-def test_the_same_training_seed_twice_is_found_before_anything_is_played(suite, agent):
-    agents = [agent("a/one", 0, policy=1), agent("b/two", 0, policy=2)]
-    with pytest.raises(
-        UserError, match=r"ppo: two different players of training seed 0; .* each with a --name"
-    ):
-        entries_of(agents, suite)
-
-
-def test_the_same_policy_by_two_names_is_one(suite, agent):
-    assert names([agent("a/one", 0, policy=1), agent("b/two", 0, policy=1)], suite) == [("ppo", 0)]
-
-
-def test_one_name_for_several_entries_is_refused(suite, agent):
+def test_a_name_for_several_entries_or_of_a_script_is_refused(suite, agent):
     agents = [agent("a/one", 0), agent("b/two", 0, training_steps=5000)]
-    with pytest.raises(
-        UserError, match=r"name 'mine': .* were made differently, so they are several entries"
-    ):
+    with pytest.raises(UserError, match=r"name 'mine': .* made differently, so they are several entries"):
         entries_of(agents, suite, name="mine")
-
-
-def test_no_agent_goes_by_the_name_of_a_script(suite, agent):
     with pytest.raises(UserError, match="is a script's"):
-        entries_of([agent("a/one")], suite, name="expert")
+        entries_of(agents[:1], suite, name="expert")
 
 
 @pytest.mark.parametrize(

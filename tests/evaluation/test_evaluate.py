@@ -79,19 +79,14 @@ def test_what_is_there_is_not_played_again(suite, tmp_path, monkeypatch):
     records = file.read_text().splitlines(keepends=True)
     file.write_text(records[0] + records[1][:40])  # killed while the second line was written
     played = []
-    monkeypatch.setattr(
-        evaluating,
-        "play",
-        lambda entry, suite, met, **more: (
-            played.append((entry.name, met.name)) or play(entry, suite, met, **more)
-        ),
-    )
+
+    def noted(entry, suite, rival, **more):
+        played.append((entry.name, rival.name))
+        return play(entry, suite, rival, **more)
+
+    monkeypatch.setattr(evaluating, "play", noted)
     evaluate(["expert", "idle"], suite, tmp_path / "cut")
-    assert played == [
-        ("expert", "sweep/circle"),
-        ("idle", "adaptive/pursuit"),
-        ("idle", "sweep/circle"),
-    ]
+    assert played == [("expert", "sweep/circle"), ("idle", "adaptive/pursuit"), ("idle", "sweep/circle")]
     assert rows(tmp_path / "cut") == rows(tmp_path / "whole")
     played.clear()
     evaluate(["idle", "expert"], suite, tmp_path / "cut")
@@ -150,30 +145,17 @@ def test_an_evaluation_that_never_began_claims_no_folder(suite, tmp_path):
     assert evaluate(["idle"], suite, tmp_path / "out")
 
 
-@pytest.mark.parametrize("text", ["[1]\n", '{"x": 1}\n', "{\n"])
-def test_what_is_no_line_is_one_clear_error(suite, tmp_path, text):
-    evaluate(["idle"], suite, tmp_path / "out")
-    with (tmp_path / "out" / "records.jsonl").open("a") as file:
-        file.write(text)
-    with pytest.raises(UserError, match=r"(line|record) 3"):
-        evaluate(["idle"], suite, tmp_path / "out")
-
-
-def test_lines_of_another_suite_in_the_file_are_refused(suite, tmp_path):
+def test_lines_that_are_broken_or_of_another_suite_are_one_clear_error(suite, tmp_path):
     evaluate(["idle"], suite, tmp_path / "out")
     file = tmp_path / "out" / "records.jsonl"
-    file.write_text(file.read_text().replace(load_suite(suite).hash[:16], "0" * 16))
+    text = file.read_text()
+    for more in ("[1]\n", '{"x": 1}\n', "{\n"):
+        file.write_text(text + more)
+        with pytest.raises(UserError, match=r"(line|record) 3"):
+            evaluate(["idle"], suite, tmp_path / "out")
+    file.write_text(text.replace(load_suite(suite).hash[:16], "0" * 16))
     with pytest.raises(UserError, match=r"hold some of another suite \(small\); choose another folder"):
         evaluate(["idle"], suite, tmp_path / "out")
-
-
-def test_another_policy_is_not_taken_for_the_one_that_was_played(suite, agents, tmp_path):
-    evaluate(agents, suite, tmp_path / "out")
-    shutil.rmtree(agents[0])
-    zoo = make_zoo(tmp_path)
-    make_agent(zoo.members()[0], tmp_path / "agents" / zoo.members()[0].name, seed=77)
-    with pytest.raises(UserError, match=r"hold records of another 'ppo' \(another policy, or its"):
-        evaluate(agents, suite, tmp_path / "out")
 
 
 def test_code_that_has_changed_is_not_taken_for_what_was_played(suite, tmp_path, monkeypatch):
@@ -190,7 +172,7 @@ def test_code_that_has_changed_is_not_taken_for_what_was_played(suite, tmp_path,
         evaluate(["wobbly:mine"], suite, tmp_path / "out")
 
 
-def test_agents_that_were_made_otherwise_are_not_merged_by_a_second_command(suite, agents, tmp_path):
+def test_agents_of_another_policy_or_budget_are_not_merged_by_a_second_command(suite, agents, tmp_path):
     evaluate(agents[:1], suite, tmp_path / "out")
     zoo = make_zoo(tmp_path)
     other = str(make_agent(zoo.members()[1], tmp_path / "other", training_steps=5))
@@ -200,6 +182,10 @@ def test_agents_that_were_made_otherwise_are_not_merged_by_a_second_command(suit
     assert {s.entry for s in found} == {"ppo", "mine"}
     found = evaluate(agents[1:], suite, tmp_path / "out")  # more seeds of the first join it
     assert {(s.entry, s.training_seeds) for s in found} == {("ppo", 3), ("mine", 1)}
+    shutil.rmtree(agents[0])
+    make_agent(zoo.members()[0], tmp_path / "agents" / zoo.members()[0].name, seed=77)
+    with pytest.raises(UserError, match=r"hold records of another 'ppo' \(another policy, or its"):
+        evaluate(agents, suite, tmp_path / "out")
 
 
 def test_a_suite_of_planners_names_the_other_command(tmp_path):

@@ -78,26 +78,6 @@ def test_a_language_models_match_is_repeated_without_it(environment, file, monke
     assert KEY.encode() not in before
 
 
-@pytest.mark.parametrize("stop_at", [1, 4])
-def test_going_on_asks_nothing_twice(stop_at, environment, file, tmp_path):
-    def stop(index, played):
-        if (index, played) == (stop_at, None):
-            raise KeyboardInterrupt
-
-    with FaultServer(BEHAVIOURS) as server:
-        environment(server)
-        with pytest.raises(KeyboardInterrupt):
-            ask(file, progress=stop)
-        asked = len(server.requests)
-        assert 0 < asked < len(BEHAVIOURS)
-        ask(file)
-        assert len(server.requests) == len(BEHAVIOURS)
-        ask(file)
-        assert len(server.requests) == len(BEHAVIOURS)
-    _, again = replay_match(file)
-    assert [x.row["status"] for x in again] == STATUSES
-
-
 @pytest.mark.parametrize("planner", ["circle", "llm"])
 def test_a_match_that_ends_lets_go_of_its_file(planner, environment, file):
     def hold(index, played):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.evaluation.play import match_of, rounds
 from fpg_bench.evaluation.suite import Scale, load_suite, suite_of
 from fpg_bench.game.scenario import STANDARD
@@ -27,6 +26,28 @@ opponent: adaptive
 last_rounds: 2
 rivals: [{ally: idle}, {ally: expert}]
 """
+
+
+# A suite that changes is another suite, with a name of its own; a new one is added here.
+HASHES = {
+    "ally-paper-v1": "a7be5dd53db0a6f75a04c360701e2abcf13d926a628cace8b63e6322842c1216",
+    "ally-planner-v1": "9542ff8bb4e492ff7b4f8fb7e1af000b7c1a4072183944a56703fef411a857bf",
+    "ally-responses-v1": "925e5b7f5cf4358f40e731c5538c97b4de25e0efffa60b38fcbb00cbfe5066ac",
+    "ally-season-1": "da468645b77eeceb515c26611e21e4f1687e0066e7a88aaf2275d9e04ba0359a",
+    "ally-shifted-v1": "f4f4d87ca97c752544bb2e1b50fa2a01bdf7fb3aa47e8535bc2b1533cd87a804",
+    "ally-v1": "1c8703d86b80810d5af185793ea1a4ccfa44f66e55727e7538d5bc7642466430",
+    "opponent-learned-responses-v1": "146cc0428850323b4a1c28d527a783d1a0240ed07a6b019e52cfa9b358fb6f37",
+    "opponent-learned-season-1": "eaf80a78d88790543cffb9c3a71fbb62583c9b0a574aca6f9de92b10a724dadb",
+    "opponent-learned-shifted-v1": "343d70a64e57347bfbe7a00c5e05a3dcd59afd2581e7c12b3b097880eb4c904b",
+    "opponent-learned-v1": "1d923106e265ed617fb5f990c9d2ec73e8e0052474d17189f8a366b835c42efb",
+    "opponent-paper-v1": "de7ba4370ee1e78ed09d5c7e264f71a6195ba0dde2040b633caa18e050c7d81a",
+    "opponent-responses-v1": "5678490f1303556f3f5ee85cbd003e52cde610896af53a205a917f5229405484",
+    "opponent-season-1": "8e1fdce6ea0eb7739eaa881e80e02c7f7621c176850fab4af6aa47258ff8a2f2",
+    "opponent-shifted-v1": "cda7571c9bbfe432dd2baf1ec7c890cbc08ea035f3c0549968a4f33636438ea8",
+    "opponent-v1": "3a8daa473f345272e6a94cf477f557a78646c7bf780ca1a88827c6fa6636eaf1",
+    "planner-season-1": "eaaf12cd0add25ad04bff2dd10f601c6cfd1040d57fc8a9473470d74ba477914",
+    "planner-v1": "c73eed222cd62de8f0c73c1fd27d5f49f8d5bbace21c95f39b84d34540128a1b",
+}
 
 
 def written(tmp_path, content):
@@ -57,14 +78,6 @@ def test_public_suites_have_a_scale_and_rivals_that_can_be_had(name):
 def test_every_id_has_its_suite(env_id, options, name):
     assert suite_of(env_id, options) == name
     assert load_suite(name).side in env_id.lower()
-
-
-def test_the_planners_suite_plays_matches_on_planned_paths_against_scripted_allies_at_full_speed():
-    suite = load_suite("planner-v1")
-    assert {c.scenario.opponent_path for c in suite.rivals} == {"waypoints"}
-    assert (suite.rounds_per_match, suite.matches, suite.last_rounds) == (10, 100, 3)
-    assert suite.counted_rounds == slice(7, None)
-    assert {c.name for c in suite.rivals} == set(SCRIPTED["ally"]) - {"random"}
 
 
 def test_a_suite_of_ones_own(tmp_path):
@@ -172,3 +185,8 @@ def test_an_agent_counts_by_its_policy_and_not_by_its_name(tmp_path, monkeypatch
         content = f"side: opponent\nscenario: standard\nmatches: 2\nrivals: [{{ally: {agent}, name: it}}]"
         hashes.add((seed, load_suite(written(tmp_path, content)).hash))
     assert len(hashes) == 2
+
+
+def test_committed_suites_stay_what_they_are():
+    """Results name them by their hash."""
+    assert {path.stem: load_suite(path.stem).hash for path in suites_folder().glob("*.yml")} == HASHES

@@ -19,13 +19,10 @@ def test_members_by_group_algorithm_and_seed(zoo):
     assert zoo.members("small/") == zoo.members()
 
 
-@pytest.mark.parametrize(
-    ("only", "hint"),
-    [("smal", "did you mean 'small'"), ("small/pp", "'small/ppo'"), ("small/ppo/seed_9", "'small/ppo'")],
-)
-def test_unknown_members_suggest(zoo, only, hint):
-    with pytest.raises(UserError, match=hint):
-        zoo.members(only)
+def test_unknown_members_suggest(zoo):
+    for only, hint in (("smal", "did you mean 'small'"), ("small/pp", "'small/ppo'")):
+        with pytest.raises(UserError, match=hint):
+            zoo.members(only)
 
 
 def test_an_agent_is_shipped_once_it_lies_there_and_whole_while_its_policy_is_the_one(zoo):

@@ -45,13 +45,26 @@ def committed(request):
     return preset, read_results(RunFile(RUNS, preset, FULL.name), wanted)
 
 
-def test_committed_runs_have_all_seeds_and_the_present_scenario(committed):
+FILES = sorted(path for path in RUNS.rglob("*-*.jsonl.gz") if not path.match(f"{VARIANTS}-*"))
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: "-".join(file.relative_to(RUNS).parts))
+def test_committed_runs_have_the_present_scenario_and_all_conditions_the_same_seeds(file):
+    preset, budget = file.name.partition(".")[0].split("-")
+    known = {condition.name: condition for condition in conditions_of(ALL, preset, full=True)}
+    stored = RunFile(file.parent, preset, budget).read()
+    assert len(stored) >= 3
+    for (name, seed), run in stored.items():
+        game = known[name.split("@")[0]].scenario(preset)
+        assert run.about["scenario"] == f"{preset}, {game.hash}", (name, seed)
+        assert run.about["budget"].startswith(f"{budget}, ")
+
+
+def test_committed_runs_have_all_seeds(committed):
     preset, results = committed
     for condition in conditions_of(ALL, preset, full=True):
         wanted = 1 if condition.budgets > 1 else FULL.seeds if condition.tested else 5
         assert results.seeds(condition.name) == list(range(wanted)), condition.name
-        for heading in results.about[condition.name].values():
-            assert heading["scenario"] == f"{preset}, {condition.scenario(preset).hash}", condition.name
 
 
 def test_committed_report_matches_its_runs(committed, tmp_path):
@@ -66,24 +79,13 @@ def test_committed_report_matches_its_runs(committed, tmp_path):
 
 @pytest.mark.parametrize(
     ("preset", "name", "seeds"),
-    [
-        ("paper", "paper", range(300, 303)),
-        ("figures", "tenth", range(200, 210)),
-        ("figures", "tenth", range(400, 410)),
-    ],
+    [("paper", "paper", range(300, 303)), *(("figures", "tenth", range(k, k + 10)) for k in (200, 400))],
 )
 def test_page_quotes_runs_with_more_updates(preset, name, seeds, tmp_path):
-    budget = BUDGETS[name]
-    results = _results(preset, budget, seeds)
+    results = _results(preset, BUDGETS[name], seeds)
     (condition,) = conditions_of("fig4", preset, full=False)
     assert results.seeds(condition.name) == list(seeds)
-    known = {each.name: each for each in conditions_of(ALL, preset, full=True)}
-    for run, headings in results.about.items():
-        game = known[run.split("@")[0]].scenario(preset)
-        for heading in headings.values():
-            assert heading["scenario"] == f"{preset}, {game.hash}"
-            assert heading["budget"].startswith(f"{name}, {budget.steps} steps, ")
-    made, _ = write_report(results, preset, budget, ["fig5"], tmp_path, "fpg-bench reproduce fig4")
+    made, _ = write_report(results, preset, BUDGETS[name], ["fig5"], tmp_path, "fpg-bench reproduce fig4")
     lines = [line for line in made.read_text().splitlines() if line.startswith("| planned |")]
     page = (COMMITTED.parent / "paper.md").read_text()
     assert len(fifths := [line for line in lines if "to" in line.split("|")[2]]) == 5
@@ -105,9 +107,6 @@ def test_committed_report_of_figures_matches_its_runs_on_fresh_seeds(tmp_path):
     assert made.read_text() == report
     for name in drawn:
         assert (COMMITTED / f"figures/{name}-figures.png").is_file()
-    for (name, _), run in stored.items():
-        known = {c.name: c for c in conditions_of(ALL, "figures", full=True)}[name.split("@")[0]]
-        assert run.about["scenario"] == f"figures, {known.scenario('figures').hash}"
 
 
 def aspect_of(comparison):
@@ -134,17 +133,10 @@ def variants():
 @pytest.fixture(scope="module")
 def again(variants):
     """Runs that have no report: pairs on all paths, and variants."""
-    return {
-        **{f"{preset}, first look": _results(preset, FULL, range(10), RUNS / "frozen") for preset in BOTH},
-        "standard": _results("standard", BUDGETS["hundredth"], range(100, 110)),
-        **{
-            f"figures, more updates, from {first}": _results(
-                "figures", BUDGETS["tenth"], range(first, first + 10)
-            )
-            for first in (200, 400)
-        },
-        **variants,
-    }
+    frozen = {f"{preset}, first look": _results(preset, FULL, range(10), RUNS / "frozen") for preset in BOTH}
+    more = {f"figures, from {k}": _results("figures", BUDGETS["tenth"], range(k, k + 10)) for k in (200, 400)}
+    standard = _results("standard", BUDGETS["hundredth"], range(100, 110))
+    return {**frozen, **more, "standard": standard, **variants}
 
 
 def test_committed_page_of_trained_variants_matches_their_runs_on_fresh_seeds(variants):
@@ -177,28 +169,13 @@ def lines_with_tests(results, tmp_path):
     return [line for line in report.read_text().splitlines() if line.startswith("| D")]
 
 
-def test_pairs_on_all_paths_have_the_present_scenario():
-    for preset, budget, first, place in (
-        *((preset, FULL, 0, "frozen") for preset in BOTH),
-        ("standard", BUDGETS["hundredth"], 100, "."),
-    ):
-        seeds = range(first, first + 10)
-        results = _results(preset, budget, seeds, RUNS / place)
-        (base,) = conditions_of("fig4", preset, full=False)
-        for name in base.runs:
-            assert results.seeds(name) == list(seeds)
-            for heading in results.about[name].values():
-                assert heading["scenario"] == f"{preset}, {base.scenario(preset).hash}"
-
-
 @pytest.mark.parametrize("name", ["paper, first look", "standard, first look", "as-printed", "standard"])
 def test_page_on_paths_quotes_the_tests_of_frozen_pairs(name, again, tmp_path):
-    lines = [
-        line for line in lines_with_tests(again[name], tmp_path) if line.startswith("| D1 frozen | opponent")
-    ]
+    lines = lines_with_tests(again[name], tmp_path)
+    frozen = [line for line in lines if line.startswith("| D1 frozen | opponent")]
     page = (COMMITTED / "question-paths.md").read_text().splitlines()
-    assert len(lines) == len(FIXED_PATHS)
-    assert [line for line in lines if line not in page] == []
+    assert len(frozen) == len(FIXED_PATHS)
+    assert [line for line in frozen if line not in page] == []
 
 
 def test_docs_quote_the_verdicts(again):

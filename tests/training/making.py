@@ -39,6 +39,7 @@ groups:
 
 def make_zoo(folder: Path, more: str = "") -> Zoo:
     """A zoo without agents; ``more`` are suites beside its first."""
+    folder.mkdir(exist_ok=True)
     suite = folder / "small-v1.yml"
     suite.write_text(SUITE)
     (folder / "zoo.yml").write_text(ZOO.replace("[SUITE]", f"[{suite}{more}]"))

@@ -36,26 +36,20 @@ def respond(out, against, env_id=AGAINST_ALLIES, **options):
 
 @pytest.mark.slow
 def test_the_players_met_are_part_of_a_run_s_description(ally, tmp_path):
-    agent = str(ally / "agent")
+    agent = str(tmp_path / "other")
+    shutil.copytree(ally / "agent", agent)
     respond(tmp_path / "run", [agent, "expert"])
     about = json.loads((tmp_path / "run" / "run.json").read_text())
     assert about["options"] == {"ally": [agent, "expert"]}
     assert about["command"].endswith(f"--ally {agent},expert")
+    assert about["policies"] == {agent: load_agent(agent).about["policy_sha256"]}
     assert respond(tmp_path / "run", None, ally=[agent, "expert"]) == tmp_path / "run" / "agent"
     with pytest.raises(UserError, match="holds another run"):
         respond(tmp_path / "run", agent)
-
-
-@pytest.mark.slow
-def test_a_run_against_a_replaced_agent_is_another_run(ally, tmp_path):
-    shutil.copytree(ally / "agent", tmp_path / "other")
-    respond(tmp_path / "run", str(tmp_path / "other"))
-    about = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert about["policies"] == {str(tmp_path / "other"): load_agent(ally / "agent").about["policy_sha256"]}
     train_tiny("ppo", tmp_path / "changed", steps=400, seed=1)
-    shutil.copytree(tmp_path / "changed" / "agent", tmp_path / "other", dirs_exist_ok=True)
+    shutil.copytree(tmp_path / "changed" / "agent", agent, dirs_exist_ok=True)
     with pytest.raises(UserError, match="with other hyper-parameters or agents"):
-        respond(tmp_path / "run", str(tmp_path / "other"))
+        respond(tmp_path / "run", [agent, "expert"])
 
 
 @pytest.mark.slow
@@ -64,24 +58,18 @@ def test_a_run_against_a_replaced_agent_is_another_run(ally, tmp_path):
     [
         (AGAINST_OPPONENTS, "{ally}/agent", "plays the ally .*, not the opponent"),
         (AGAINST_ALLIES, "{ally}", "is a run's folder; the agent is"),
-        (
-            AGAINST_ALLIES,
-            "{both}",
-            r"of both sides, .*agent/ally and .*agent/opponent; name one",
-        ),
+        (AGAINST_ALLIES, "{both}", r"of both sides, .*agent/ally and .*agent/opponent; name one"),
         (AGAINST_ALLIES, "{both}/agent", "holds agents of both sides"),
         (AGAINST_ALLIES, "{other}", r"made for the id 'FPG/AllyVsScripted-v9', which this version does not"),
-        (AGAINST_ALLIES, "no/such", "neither a shipped agent nor a folder"),
         (AGAINST_ALLIES, "exprt", "did you mean 'expert'"),
         ("FPG/OpponentVsScripted-v0", "{ally}/agent", "is no script"),
     ],
 )
 def test_impossible_players_are_refused(ally, tmp_path, env_id, against, message):
-    other = tmp_path / "other"
+    other, both = tmp_path / "other", tmp_path / "both"
     other.mkdir()
     about = json.loads((ally / "agent" / "agent.json").read_text()) | {"id": "FPG/AllyVsScripted-v9"}
     (other / "agent.json").write_text(json.dumps(about))
-    both = tmp_path / "both"
     for side in ("ally", "opponent"):
         (both / "agent" / side).mkdir(parents=True)
     with pytest.raises(UserError, match=message):

@@ -52,31 +52,6 @@ def a_model(algorithm, normalized=False, frames=1, games=None, **options):
     return model
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("algorithm", "options", "normalized"),
-    [
-        (PPO, {}, False),
-        (PPO, {"use_sde": True}, True),
-        (A2C, {}, True),
-        (SAC, {}, False),
-        (TD3, {}, True),
-        (TQC, {}, True),
-    ],
-    ids=["ppo", "ppo-sde", "a2c", "sac", "td3", "tqc"],
-)
-def test_exported_agents_play_as_the_model_predicts(algorithm, options, normalized, tmp_path):
-    model = a_model(algorithm, normalized, **options)
-    assert write_exported(model, tmp_path, ABOUT) < 1e-5
-    player = load_agent(tmp_path)
-    seen = np.random.default_rng(2).uniform(-1, 1, (7, 15)).astype(np.float32)
-    normalize = model.get_vec_normalize_env()
-    theirs = model.predict(normalize.normalize_obs(seen) if normalize else seen, deterministic=True)[0]
-    ours = player.predict(seen)[0]
-    assert np.abs(theirs - ours).max() < 1e-5
-    assert np.ptp(ours, axis=0).max() > 0.05  # it reads what it sees
-
-
 SHARED = {"lstm_hidden_size": 6, "shared_lstm": True, "enable_critic_lstm": False}
 
 
@@ -85,15 +60,17 @@ SHARED = {"lstm_hidden_size": 6, "shared_lstm": True, "enable_critic_lstm": Fals
     ("algorithm", "frames", "normalized", "options"),
     [
         (PPO, 8, False, {}),
+        (PPO, 1, True, {"use_sde": True}),
+        (A2C, 1, True, {}),
         (SAC, 3, True, {}),
+        (TD3, 1, True, {}),
+        (TQC, 1, False, {}),
         (RecurrentPPO, 1, False, {"policy_kwargs": {"lstm_hidden_size": 6, "n_lstm_layers": 2}}),
         (RecurrentPPO, 3, True, {"policy_kwargs": SHARED}),
     ],
-    ids=["ppo-stack8", "sac-stack3", "lstm", "lstm-stack3"],
+    ids=["ppo-stack8", "ppo-sde", "a2c", "sac-stack3", "td3", "tqc", "lstm", "lstm-stack3"],
 )
-def test_agents_with_memory_play_as_the_model_does_in_its_own_games(
-    algorithm, frames, normalized, options, tmp_path
-):
+def test_agents_play_as_the_model_does_in_its_own_games(algorithm, frames, normalized, options, tmp_path):
     """Over 220 steps of SB3's own stacking and normalising, in rounds that end at different steps."""
     model = a_model(algorithm, normalized, frames, **options)
     assert write_exported(model, tmp_path, ABOUT) < 1e-5
@@ -195,17 +172,13 @@ def check_no_paths(data):
     assert not any(node.metadata_props or node.doc_string for node in proto.graph.node)
 
 
-@pytest.mark.parametrize("word", [{"batch_first": True}, {"bidirectional": True}, {"proj_size": 3}])
-def test_an_lstm_of_another_kind_is_refused(word):
-    model = a_model(RecurrentPPO, policy_kwargs={"lstm_hidden_size": 6, "lstm_kwargs": word})
-    with pytest.raises(UserError, match=f"lstm_kwargs: .*{next(iter(word))}"):
-        export_onnx(model)
-
-
-def test_a_policy_of_another_kind_is_refused():
-    model = DQN("MlpPolicy", "CartPole-v1", device="cpu")
+def test_models_of_another_kind_are_refused():
+    for word in ({"batch_first": True}, {"bidirectional": True}, {"proj_size": 3}):
+        model = a_model(RecurrentPPO, policy_kwargs={"lstm_hidden_size": 6, "lstm_kwargs": word})
+        with pytest.raises(UserError, match=f"lstm_kwargs: .*{next(iter(word))}"):
+            export_onnx(model)
     with pytest.raises(UserError, match="has no games that say from what"):
-        export_onnx(model)
+        export_onnx(DQN("MlpPolicy", "CartPole-v1", device="cpu"))
 
 
 @pytest.mark.slow

@@ -15,16 +15,11 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.players.agent import agent_folder, load_agent
 from fpg_bench.training.export import export_agent
 from fpg_bench.training.sb3_zip import load_zip
-from tests.programs import fpg
 from tests.training.tiny import train_tiny
 
 ID = "FPG/OpponentVsScripted-v0"
 SMALL = {"net_arch": [16, 8]}
 SEEN = np.random.default_rng(0).uniform(-1, 1, (5, 15)).astype(np.float32)
-
-
-def export(*words):
-    return fpg("export", *words)
 
 
 def games(frames=1, view=ID):
@@ -91,17 +86,14 @@ def test_a_zip_that_cannot_be_read_safely_names_the_alternative(options, algorit
     assert "fpg_bench.export_agent(model, folder" in str(raised.value)
 
 
-def test_a_file_that_is_no_model_is_refused(tmp_path):
-    (tmp_path / "text.zip").write_text("no zip")
+def test_a_file_that_is_no_model_is_refused_before_its_options(tmp_path):
+    for name in ("text.zip", "other.zip", "normalize.pkl"):
+        (tmp_path / name).write_text("no zip")
     with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:
         archive.writestr("data", json.dumps({}))
     for name in ("text.zip", "other.zip"):
         with pytest.raises(UserError, match="is no zip that SB3"):
             load_zip(tmp_path / name, "ppo", ID)
-
-
-def test_a_file_that_is_no_zip_is_refused_before_its_options(tmp_path):
-    (tmp_path / "normalize.pkl").write_bytes(b"a pickle")
     with pytest.raises(UserError, match=r"normalize\.pkl is no zip .* a run's is called model\.zip"):
         export_verb(tmp_path / "normalize.pkl", tmp_path / "mine")
     with pytest.raises(UserError, match="there is no such file"):
@@ -109,21 +101,19 @@ def test_a_file_that_is_no_zip_is_refused_before_its_options(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.process
-def test_export_reads_runs_and_zips(tmp_path):
+def test_export_reads_runs_and_zips(tmp_path, capsys):
     train_tiny("ppo", tmp_path / "run", seed=3)
-    found = export(tmp_path / "run", "--out", tmp_path / "mine" / "seed_3")
-    assert found.returncode == 0, found.stderr
-    assert found.stdout.startswith(f"agent: {tmp_path}/mine/seed_3\nlargest difference to predict: ")
-    assert load_agent(tmp_path / "mine" / "seed_3").about["training_seed"] == 3
-    again = export(tmp_path / "run", "--out", tmp_path / "mine" / "seed_3")
-    assert (again.returncode, "holds an agent" in again.stderr) == (2, True)
+    mine = tmp_path / "mine"
+    export_verb(tmp_path / "run", mine / "seed_3")
+    assert capsys.readouterr().out.startswith(f"agent: {mine}/seed_3\nlargest difference to predict: ")
+    assert load_agent(mine / "seed_3").about["training_seed"] == 3
+    with pytest.raises(UserError, match="holds an agent"):
+        export_verb(tmp_path / "run", mine / "seed_3")
     shutil.copy(tmp_path / "run" / "model.zip", tmp_path / "model.zip")
-    words = [tmp_path / "model.zip", "--algo", "ppo", "--out", tmp_path / "mine" / "seed_7"]
-    found = export(*words)
-    assert (found.returncode, "--not-normalized" in found.stderr) == (2, True)
-    assert export(*words, "--not-normalized").returncode == 0
-    assert load_agent(tmp_path / "mine" / "seed_7").about["training_seed"] == 7
+    with pytest.raises(UserError, match="--not-normalized"):
+        export_verb(tmp_path / "model.zip", mine / "seed_7", algo="ppo")
+    export_verb(tmp_path / "model.zip", mine / "seed_7", algo="ppo", not_normalized=True)
+    assert load_agent(mine / "seed_7").about["training_seed"] == 7
 
 
 def test_export_of_a_folder_of_runs_is_one_agent_for_each_seed(tmp_path):

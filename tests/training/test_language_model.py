@@ -12,23 +12,8 @@ from tests.planning.llm.playing import path_text
 from tests.training.tiny import train
 
 LLM = "FPG/AllyVsLLM-v0"
-TINY = f"""\
-{LLM}: &tiny
-  policy: MlpPolicy
-  n_envs: 2
-  n_timesteps: 3600
-  n_steps: 300
-  batch_size: 300
-  n_epochs: 1
-  policy_kwargs: {{net_arch: [8]}}
-FPG/AllyVsPlanner-v0: *tiny
-"""
-
-
-@pytest.fixture
-def tiny(tmp_path):
-    (tmp_path / "tiny.yml").write_text(TINY)
-    return {"hyperparams": tmp_path / "tiny.yml"}
+TINY = {"policy": "MlpPolicy", "n_envs": 2, "n_timesteps": 3600, "n_steps": 300, "batch_size": 300}
+TINY |= {"n_epochs": 1, "policy_kwargs": {"net_arch": [8]}}
 
 
 def lines(path, kind):
@@ -36,11 +21,11 @@ def lines(path, kind):
 
 
 @pytest.mark.slow
-def test_a_run_is_repeated_from_its_transcript_without_a_server(tmp_path, tiny, monkeypatch):
+def test_a_run_is_repeated_from_its_transcript_without_a_server(tmp_path, monkeypatch):
     with FaultServer([ok(path_text(shift)) for shift in range(40)]) as server:
         monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
         monkeypatch.setenv("FPG_LLM_MODEL", "tiny")
-        agent = train("ppo", LLM, tmp_path / "live", **tiny)
+        agent = train("ppo", LLM, tmp_path / "live", hyperparams=TINY)
     monkeypatch.delenv("FPG_LLM_BASE_URL")
     transcript = tmp_path / "live" / "transcript.jsonl"
     flown = lines(transcript, "flown")
@@ -52,32 +37,31 @@ def test_a_run_is_repeated_from_its_transcript_without_a_server(tmp_path, tiny, 
     assert sum(plans.values()) == len(flown)
     assert set(plans) == {"held", "ok"}
 
-    again = train("ppo", LLM, tmp_path / "again", transcript=transcript, **tiny)
+    again = train("ppo", LLM, tmp_path / "again", transcript=transcript, hyperparams=TINY)
     assert (again / "policy.onnx").read_bytes() == (agent / "policy.onnx").read_bytes()
     assert not (tmp_path / "again" / "transcript.jsonl").exists()
 
 
-def test_a_transcript_belongs_to_a_language_model(tmp_path, tiny):
-    with pytest.raises(UserError, match="nothing to replay where the planner is 'interceptor'"):
-        train("ppo", "FPG/AllyVsPlanner-v0", tmp_path / "run", transcript=tmp_path / "x.jsonl", **tiny)
+def test_options_of_a_language_model_belong_to_one(tmp_path):
+    for options, message in (
+        ({"transcript": tmp_path / "x.jsonl"}, "nothing to replay where the planner is 'interceptor'"),
+        ({"llm": {"calls": 2}}, "calls: is for a language model, not for the planner 'interceptor'"),
+    ):
+        with pytest.raises(UserError, match=message):
+            train("ppo", "FPG/AllyVsPlanner-v0", tmp_path / "run", hyperparams=TINY, **options)
 
 
 @pytest.mark.slow
-def test_caps_hold_in_training_and_a_restart_keeps_the_transcript(tmp_path, tiny, monkeypatch):
+def test_caps_hold_in_training_and_a_restart_keeps_the_transcript(tmp_path, monkeypatch):
     with FaultServer([ok(path_text())]) as server:
         monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
         monkeypatch.setenv("FPG_LLM_MODEL", "tiny")
-        train("ppo", LLM, tmp_path / "run", llm={"calls": 2}, **tiny)
+        train("ppo", LLM, tmp_path / "run", llm={"calls": 2}, hyperparams=TINY)
         assert len(server.requests) == 2
         about = json.loads((tmp_path / "run" / "run.json").read_text())
         assert "--calls 2" in about["command"]
         (tmp_path / "run" / "run.json").write_text(json.dumps(about | {"finished": False}))
         before = (tmp_path / "run" / "transcript.jsonl").read_bytes()
-        train("ppo", LLM, tmp_path / "run", llm={"calls": 2}, restart=True, **tiny)
+        train("ppo", LLM, tmp_path / "run", llm={"calls": 2}, restart=True, hyperparams=TINY)
         assert (tmp_path / "run" / "transcript-1.jsonl").read_bytes() == before
         assert len(server.requests) == 4
-
-
-def test_options_of_a_language_model_belong_to_one(tmp_path, tiny):
-    with pytest.raises(UserError, match="calls: is for a language model, not for the planner 'interceptor'"):
-        train("ppo", "FPG/AllyVsPlanner-v0", tmp_path / "run", llm={"calls": 2}, **tiny)

@@ -139,22 +139,18 @@ def lowest(result):
 def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, result):
     out = ally.parent.parent / "responses"
     assert json.loads((out / "best_responses.json").read_text()) == result
-    assert [(row["algorithm"], row["steps"], row["training_seed"]) for row in result["responses"]] == [
-        ("ppo", 400, 0),
-        ("ppo", 400, 1),
-    ]
     suite = dataclasses.replace(load_suite("ally-v1"), matches=5)
     for seed, row in enumerate(result["responses"]):
+        assert (row["algorithm"], row["steps"], row["training_seed"]) == ("ppo", 400, seed)
         agent = run_folder(out, seed) / "agent"
-        response = load_agent(agent, "opponent")
-        assert (response.about["training_seed"], response.about["training_steps"]) == (seed, 400)
-        assert response.about["options"] == {"ally": str(ally), "path": "pursuit", "reward": "zero_sum"}
+        about = load_agent(agent, "opponent").about
+        assert (about["training_seed"], about["training_steps"]) == (seed, 400)
+        assert about["options"] == {"ally": str(ally), "path": "pursuit", "reward": "zero_sum"}
         record = play(player_entry(str(ally)), suite, Rival("it", (str(agent),), suite.scenario))
         reward = suite.rewards(record.returns).mean()
-        assert row["return"] == pytest.approx(reward, abs=1e-4)
-        assert row["score"] == pytest.approx(suite.scale.score(reward), abs=0.01)
         earned = record.tally["opponent_return"] / record.tally["steps"]
-        assert row["earned"] == pytest.approx(earned, abs=1e-4)
+        assert (row["return"], row["earned"]) == pytest.approx((reward, earned), abs=1e-4)
+        assert row["score"] == pytest.approx(suite.scale.score(reward), abs=0.01)
     assert result["policy"] == load_agent(ally).about["policy_sha256"]
     assert list(result["scripts"]) == list(SCRIPTED["opponent"])
     adaptive = evaluate_against(str(ally), {"adaptive": "adaptive"}, "ally", STANDARD, 5)
@@ -170,21 +166,18 @@ def test_finished_responses_are_not_trained_again_and_others_can_be_added(ally, 
     assert respond(ally, out, n_seeds=3)["responses"][:2] == result["responses"]
     respond(ally, out, steps=[400, 800])
     curve = respond(ally, out, algorithm="ppo-stack2")
-    assert [(run.algorithm, run.steps, run.seed) for run in trained] == [
-        ("ppo", 400, 2),
-        ("ppo", 800, 0),
-        ("ppo-stack2", 400, 0),
-    ]
-    assert [(r["algorithm"], r["steps"]) for r in curve["responses"]] == [
-        *[("ppo", 400)] * 3,
-        ("ppo", 800),
-        ("ppo-stack2", 400),
-    ]
+    added = [("ppo", 400, 2), ("ppo", 800, 0), ("ppo-stack2", 400, 0)]
+    assert [(run.algorithm, run.steps, run.seed) for run in trained] == added
+    responses = [(r["algorithm"], r["steps"], r["training_seed"]) for r in curve["responses"]]
+    assert responses == [("ppo", 400, 0), ("ppo", 400, 1), *added]
     assert curve["lowest"] == lowest(curve)
     with pytest.raises(UserError, match="hyperparams: are those of one algorithm; name one"):
         respond(ally, out, algorithm=["ppo", "sac"])
     with pytest.raises(UserError, match="holds another run"):  # of this budget and seed
         respond(ally, out, hyperparams=settings("ppo", gamma=0.5))
+    for other, options, what in (("expert", {}, "policy"), (ally, {"path": "learned"}, "scenario")):
+        with pytest.raises(UserError, match=f"holds best responses with another {what}"):
+            respond(other, out, **options)
 
 
 @pytest.mark.slow
@@ -210,26 +203,17 @@ def test_folders_of_others_are_refused_and_stay_as_they_are(tmp_path):
 
 @pytest.mark.slow
 def test_a_resumed_response_is_marked(ally, tmp_path, monkeypatch):
+    def stop(callback):
+        if callback.num_timesteps >= 400:
+            raise KeyboardInterrupt
+
     with monkeypatch.context() as patched:
         patched.setattr("fpg_bench.training.callbacks.SAVE_EVERY_S", -1.0)
-        patched.setattr(GameMeasuresCallback, "_on_rollout_start", lambda self: _stop_at(self, 800))
+        patched.setattr(GameMeasuresCallback, "_on_rollout_start", stop)
         with pytest.raises(KeyboardInterrupt):
             respond(ally, tmp_path / "out", steps=1200)
-    first, second = respond(ally, tmp_path / "out", steps=1200, n_seeds=2)["responses"]
-    assert (first["n_resumes"], second.get("n_resumes")) == (1, None)
-
-
-def _stop_at(callback, steps):
-    if callback.num_timesteps >= steps:
-        raise KeyboardInterrupt
-
-
-@pytest.mark.slow
-def test_another_player_or_game_needs_another_folder(ally, result):
-    out = ally.parent.parent / "responses"
-    for other, options, what in (("expert", {}, "policy"), (ally, {"path": "learned"}, "scenario")):
-        with pytest.raises(UserError, match=f"holds best responses with another {what}"):
-            respond(other, out, **options)
+    (response,) = respond(ally, tmp_path / "out", steps=1200)["responses"]
+    assert response["n_resumes"] == 1
 
 
 @pytest.mark.slow
@@ -268,12 +252,13 @@ def test_a_scenario_file_that_has_changed_since_the_training_is_refused(tmp_path
 
 @pytest.mark.slow
 def test_a_script_can_be_the_player_if_its_side_is_clear(tmp_path):
-    with pytest.raises(UserError, match="no script of one side alone"):
-        respond("random", tmp_path / "out")
-    with pytest.raises(UserError, match="expected ally or opponent, got 'alli'"):
-        respond("random", tmp_path / "out", side="alli")
-    with pytest.raises(UserError, match="start: expected nothing or strongest, got 'weakest'"):
-        respond("random", tmp_path / "out", side="ally", start="weakest")
+    for options, message in (
+        ({}, "no script of one side alone"),
+        ({"side": "alli"}, "expected ally or opponent, got 'alli'"),
+        ({"side": "ally", "start": "weakest"}, "start: expected nothing or strongest, got 'weakest'"),
+    ):
+        with pytest.raises(UserError, match=message):
+            respond("random", tmp_path / "out", **options)
     assert respond("random", tmp_path / "out", side="ally")["side"] == "ally"
 
 
@@ -305,15 +290,10 @@ def played(tmp_path_factory):
 @pytest.mark.slow
 def test_each_generation_has_a_row(played):
     rows = read_rows(played)
-    assert [(row["generation"], row["side"]) for row in rows] == [
-        (0, "ally"),
-        (0, "opponent"),
-        (1, "ally"),
-        (1, "opponent"),
-    ]
-    assert rows[0]["against"] == list(SCRIPTED["opponent"])
-    assert rows[1]["against"] == list(SCRIPTED["ally"])
-    assert [row["against"] for row in rows[2:]] == [["opponent_0"], ["ally_0"]]
+    generations = [(k, side) for k in (0, 1) for side in ("ally", "opponent")]
+    assert [(row["generation"], row["side"]) for row in rows] == generations
+    scripts = [list(SCRIPTED[side]) for side in ("opponent", "ally")]
+    assert [row["against"] for row in rows] == [*scripts, ["opponent_0"], ["ally_0"]]
     for row in rows:
         assert row["steps"] == 400
         assert list(row["returns"]) == row["against"]
@@ -335,15 +315,12 @@ def test_a_generation_starts_from_the_one_before_against_the_other_side_s_past(p
 
 @pytest.mark.slow
 def test_the_last_generation_is_shipped_and_describes_the_self_play(played):
+    described = {"training_seed": 3, "training_steps": 800, "steps_done": 800, "options": {}}
+    described["command"] = "fpg-bench selfplay ppo --generations 2 --steps 400 --pool 5 --seed 3"
     for side in ("ally", "opponent"):
         agent = load_agent(played / side, side)
-        last = load_agent(played / "generations" / f"{side}_1" / "agent")
-        assert agent.model == last.model
-        assert agent.about["command"] == (
-            "fpg-bench selfplay ppo --generations 2 --steps 400 --pool 5 --seed 3"
-        )
-        assert (agent.about["training_seed"], agent.about["training_steps"]) == (3, 800)
-        assert (agent.about["steps_done"], agent.about["options"]) == (800, {})
+        assert agent.model == load_agent(played / "generations" / f"{side}_1" / "agent").model
+        assert {key: agent.about[key] for key in described} == described
 
 
 def test_past_generations_are_drawn_uniformly_by_the_seed():
@@ -392,18 +369,15 @@ def test_self_play_goes_on_wherever_it_was_killed(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"steps": 800}, "another steps"),
-        ({"seed": 4}, "another seed"),
-        ({"path": "learned"}, "another scenario"),
-        ({"hyperparams": TINY | {"n_epochs": 2}}, "another hyperparameters"),
-    ],
-)
-def test_another_self_play_needs_another_folder(played, changes, message):
-    with pytest.raises(UserError, match=f"holds a self-play with {message}"):
-        play_selfplay(played, **({"seed": 3} | changes))
+def test_another_self_play_needs_another_folder(played):
+    for changes, name in (
+        ({"steps": 800}, "steps"),
+        ({"seed": 4}, "seed"),
+        ({"path": "learned"}, "scenario"),
+        ({"hyperparams": TINY | {"n_epochs": 2}}, "hyperparameters"),
+    ):
+        with pytest.raises(UserError, match=f"holds a self-play with another {name}"):
+            play_selfplay(played, **({"seed": 3} | changes))
 
 
 # Champions
@@ -422,9 +396,7 @@ def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp
 
     def stopped(*arguments, **options):
         calls.append(arguments)
-        if len(calls) == 3:
-            raise KeyboardInterrupt
-        return real(*arguments, **options)
+        return interrupt() if len(calls) == 3 else real(*arguments, **options)
 
     with monkeypatch.context() as patched:
         patched.setattr(league, "train", stopped)
@@ -436,23 +408,22 @@ def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp
         agent = train_champion(recipe, 3, runs)
     assert all(path.stat().st_mtime_ns == time for path, time in made.items())
     assert sum(" trained, against " in line for line in messages) == 2
-    folder = runs / "brave" / "seed_3"
-    first, last = (json.loads((folder / f"stage_{i}" / "run" / "run.json").read_text()) for i in (0, 1))
-    responder = str(folder / "stage_0" / "responder_0" / "agent")
-    assert first["options"]["opponent"] == RECIPE["against"]
-    assert set(last["options"]["opponent"]) == {*RECIPE["against"], responder}
-    assert last["options"]["start"] == str(folder / "stage_0" / "run")
-    assert last["hyperparameters"]["learning_rate"] == 0.0001
-    kept = json.loads((folder / "stage_1" / "population.json").read_text())
+    first, last = (runs / "brave" / "seed_3" / f"stage_{i}" for i in (0, 1))
+    assert json.loads((first / "run/run.json").read_text())["options"]["opponent"] == RECIPE["against"]
+    about = json.loads((last / "run/run.json").read_text())
+    options, kept = about["options"], json.loads((last / "population.json").read_text())
+    assert set(options["opponent"]) == {*RECIPE["against"], str(first / "responder_0/agent")}
+    assert options["start"] == str(first / "run")
+    assert about["hyperparameters"]["learning_rate"] == 0.0001
     hardest = min(kept["returns_per_step"], key=kept["returns_per_step"].get)
     assert kept["copies"][hardest] == 3
-    assert len(last["options"]["opponent"]) == sum(kept["copies"].values())
-    assert agent == folder / "stage_1" / "run" / "agent"
+    assert len(options["opponent"]) == sum(kept["copies"].values())
+    assert agent == last / "run" / "agent"
     ship_champion(agent, tmp_path / "out", recipe, 3, "make brave")
     about = load_agent(tmp_path / "out", "ally").about
-    assert about["command"] == "make brave"
     assert about["recipe"] == {"name": "brave", **RECIPE, "options": {}}
-    assert (about["training_steps"], about["training_seed"]) == (800, 3)
+    told = (about["command"], about["training_steps"], about["training_seed"])
+    assert told == ("make brave", 800, 3)
 
 
 def test_the_hardest_player_is_drawn_most_often():
@@ -460,19 +431,15 @@ def test_the_hardest_player_is_drawn_most_often():
     assert copies_by_hardness([1.0, 1.0], 5) == [1, 1]
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
+def test_an_invalid_recipe_is_refused_in_one_line(tmp_path):
+    for changes, message in (
         ({"stage": []}, "unknown key 'stage'; did you mean 'stages'"),
         ({"stages": []}, "stages: expected a list"),
         ({"stages": [{"step": 3}]}, "unknown key 'step'; did you mean 'steps'"),
         ({"responders": [{"steps": 3}]}, "lacks algorithm"),
         ({"options": {"pth": "circle"}}, "options: unknown key 'pth'; did you mean 'path'"),
         ({"id": "FPG/AllyVsScripted-v0"}, "id: expected FPG/AllyVsPolicy-v0"),
-        ({"id": "FPG/AllyVsPolicy"}, "FPG/AllyVsPolicy"),
-    ],
-)
-def test_an_invalid_recipe_is_refused_in_one_line(tmp_path, changes, message):
-    with pytest.raises(UserError, match=message) as caught:
-        load_recipe(tmp_path, **changes)
-    assert "\n" not in str(caught.value)
+    ):
+        with pytest.raises(UserError, match=message) as caught:
+            load_recipe(tmp_path, **changes)
+        assert "\n" not in str(caught.value)

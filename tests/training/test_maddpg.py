@@ -66,13 +66,13 @@ def test_maddpg_finds_the_equilibrium_of_a_strongly_monotone_game(model):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("limit", "least", "most"), [(0.0, 0.0, 0.3), (1.0, 0.6, 1.5)])
-def test_a_penalty_keeps_actions_near_its_limit(limit, least, most):
+def test_a_penalty_keeps_actions_near_its_limit():
     """The equilibrium's actions are 0.34 and 0.18: 0.35 and 0.18 before tanh."""
-    penalty = {"logit_penalty": 10, "logit_limit": limit}
-    model = MADDPG("JointPolicy", QuadraticGame(4), seed=0, **QUICK, **penalty)
-    action = model.learn(800).predict(np.zeros(4, np.float32))[0][0]
-    assert least * EQUILIBRIUM[0] <= action <= most * EQUILIBRIUM[0]
+    for limit, least, most in ((0.0, 0.0, 0.3), (1.0, 0.6, 1.5)):
+        penalty = {"logit_penalty": 10, "logit_limit": limit}
+        model = MADDPG("JointPolicy", QuadraticGame(4), seed=0, **QUICK, **penalty)
+        action = model.learn(800).predict(np.zeros(4, np.float32))[0][0]
+        assert least * EQUILIBRIUM[0] <= action <= most * EQUILIBRIUM[0]
 
 
 @pytest.mark.slow
@@ -113,18 +113,6 @@ def test_a_loaded_model_continues_to_learn(model, tmp_path):
     again.learn(400, reset_num_timesteps=False)
     assert again._n_updates == updates + 100
     assert again.replay_buffer.rewards.shape[1:] == (4, 2)
-
-
-@pytest.mark.slow
-def test_the_same_seed_learns_the_same():
-    found = [
-        MADDPG("JointPolicy", QuadraticGame(2), seed=seed, learning_starts=20)
-        .learn(100)
-        .predict(np.ones(4))[0]
-        for seed in (3, 3, 4)
-    ]
-    assert np.array_equal(found[0], found[1])
-    assert not np.array_equal(found[0], found[2])
 
 
 @pytest.mark.slow

@@ -3,12 +3,11 @@
 import json
 
 import numpy as np
-import onnxruntime
 import pytest
 import torch
 import yaml
 from sb3_contrib import TQC, RecurrentPPO
-from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3 import PPO, TD3
 from torch import nn
 
 from fpg_bench.common.errors import UserError
@@ -18,7 +17,7 @@ from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.training.algorithms import ALGORITHMS, find_algorithm
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
-from fpg_bench.training.models import ACTIVATIONS, as_activation, make_games, make_model
+from fpg_bench.training.models import as_activation, make_games, make_model
 from tests.training.own import Mine
 from tests.training.tiny import ALLY, SMALL, settings, train, train_tiny
 
@@ -33,22 +32,16 @@ def model_of(algorithm, values):
 # Algorithms
 
 
-@pytest.mark.parametrize(
-    ("name", "kind", "frames"),
-    [
-        ("ppo", PPO, None),
+def test_an_algorithm_is_found_by_its_name_or_class():
+    for name, kind, frames in (
         ("ppo-fast", PPO, None),
-        ("sac", SAC, None),
         ("td3-stack4", TD3, 4),
-        ("ppo-stack8", PPO, 8),
         ("recurrent-ppo", RecurrentPPO, None),
         ("sb3_contrib:TQC", TQC, None),
         (PPO, PPO, None),
-    ],
-)
-def test_an_algorithm_is_found_by_its_name_or_class(name, kind, frames):
-    algorithm = find_algorithm(name)
-    assert (algorithm.kind, algorithm.frame_stack) == (kind, frames)
+    ):
+        algorithm = find_algorithm(name)
+        assert (algorithm.kind, algorithm.frame_stack) == (kind, frames)
 
 
 @pytest.mark.parametrize(
@@ -159,7 +152,6 @@ def test_noise_is_given_for_all_actions_or_for_each(sds):
         ({"policy_kwargs": {"log_std_init": [-1.0, 0.3]}}, "expected a number, or 9 of them"),
         ({"learning_rate": "line_3"}, "or lin_<number>, got 'line_3'"),
         ({"learning_rate": "1e-3"}, "1.0e-4, not 1e-4"),
-        ({"gamma": "abc"}, "gamma: expected a number"),
         ({"n_steps": 2.5}, "n_steps: expected a whole number"),
         ({"normalize": {"norm_obs": 3}}, "norm_obs: expected true or false"),
         ({"normalize": {"clip_obs": "abc"}}, "normalize: clip_obs: expected a number"),
@@ -168,16 +160,11 @@ def test_noise_is_given_for_all_actions_or_for_each(sds):
         ({"noise_type": "normal", "noise_std": [1, 2]}, "noise_std: expected a number"),
         ({"frame_stack": 0}, "frame_stack: expected a whole number"),
         ({"n_envs": "four"}, "n_envs: expected a whole number above 0, got 'four'"),
-        ({"normalize": True}, "normalize: expected a mapping"),
     ],
 )
 def test_invalid_hyperparameters_are_refused_before_anything_is_written(tmp_path, changes, message):
-    file = tmp_path / "mine.yml"
-    file.write_text(yaml.safe_dump({ALLY: settings("ppo", **changes)}))
     with pytest.raises(UserError, match=message):
-        train("ppo", ALLY, tmp_path / "run", hyperparams=file)
-    with pytest.raises(UserError, match=f"no entry for '{OPPONENT}'"):
-        train("ppo", OPPONENT, tmp_path / "run", hyperparams=file)
+        train_tiny("ppo", tmp_path / "run", changes)
     assert not (tmp_path / "run").exists()
 
 
@@ -189,38 +176,17 @@ def test_shipped_hyperparameters_have_names(tmp_path, monkeypatch):
         load_hyperparameters("ppo", ALLY, "ppo-fats")
     (tmp_path / "ppo-fast").write_text(yaml.safe_dump({ALLY: settings("ppo")}))
     assert load_hyperparameters("ppo", ALLY, "ppo-fast").n_envs == 4  # a file comes first
+    with pytest.raises(UserError, match=f"no entry for '{OPPONENT}'"):
+        load_hyperparameters("ppo", OPPONENT, "ppo-fast")
 
 
 # Activations
 
 
-class AllActivations(nn.Module):
-    """All activations of the same numbers, one row each."""
-
-    def __init__(self):
-        super().__init__()
-        self.kinds = nn.ModuleList(kind() for kind in ACTIVATIONS.values())
-
-    def forward(self, x):
-        return torch.stack([kind(x) for kind in self.kinds])
-
-
 @pytest.mark.slow
-def test_onnx_computes_each_activation_as_torch_does(tmp_path):
-    module, x = AllActivations().eval(), torch.linspace(-30, 30, 4001)
-    torch.onnx.export(module, (x,), str(tmp_path / "each.onnx"), dynamo=True, verbose=False)
-    session = onnxruntime.InferenceSession(tmp_path / "each.onnx")
-    (values,) = session.run(None, {session.get_inputs()[0].name: x.numpy()})
-    differences = np.abs(values - module(x).numpy()).max(axis=1)
-    assert max(zip(differences, ACTIVATIONS, strict=True)) < (2e-5, "")
-    assert len({row.tobytes() for row in values}) == len(ACTIVATIONS) - 1  # CELU's alpha of 1 makes it ELU
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("algorithm", ["ppo", "td3"])
-def test_the_activation_of_the_hyperparameters_is_trained_and_exported(algorithm, tmp_path):
+def test_the_activation_of_the_hyperparameters_is_trained_and_exported(tmp_path):
     policy = SMALL | {"activation_fn": "ELU"}
-    agent = train_tiny(algorithm, tmp_path / "run", {"policy_kwargs": policy})
+    agent = train_tiny("td3", tmp_path / "run", {"policy_kwargs": policy})
     for file in (tmp_path / "run" / "run.json", agent / "agent.json"):
         assert json.loads(file.read_text())["hyperparameters"]["policy_kwargs"] == policy
     assert load_agent(agent).about["largest_difference"] < 1e-5
@@ -232,12 +198,9 @@ def test_the_activation_of_the_hyperparameters_is_trained_and_exported(algorithm
     [
         ("Rellu", "unknown activation 'Rellu'; did you mean 'ReLU'"),
         ("relu", "did you mean 'ReLU'"),
-        ("LEAKYRELU", "did you mean 'LeakyReLU'"),
-        ("Softmax", "unknown activation 'Softmax'; "),
         ("torch.nn.ReLU", "unknown activation 'torch.nn.ReLU'; "),
         ("__import__('os').system('touch evaluated')", "unknown activation .*; known: CELU, ELU"),
         (3, "expected the name of an activation, ReLU for instance, got 3"),
-        (None, "expected the name of an activation"),
         (str, "expected the name of an activation"),
     ],
 )

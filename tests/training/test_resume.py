@@ -6,10 +6,7 @@ import json
 import pickle
 import re
 import signal
-import subprocess
-import sys
 import threading
-import time
 import zipfile
 
 import numpy as np
@@ -23,9 +20,10 @@ from fpg_bench.players.agent import load_agent
 from fpg_bench.training import checkpoint, train
 from fpg_bench.training.checkpoint import newest_checkpoint
 from tests.logged import logged
+from tests.programs import ROOT, python
 from tests.training.tiny import settings, train_tiny
 
-ALGORITHMS = ["sac", "td3", "dqn", "recurrent-ppo", "ppo-stack3"]
+ALGORITHMS = ["sac", "dqn", "recurrent-ppo", "ppo-stack3"]
 
 
 class Watched(BaseCallback):
@@ -123,38 +121,23 @@ def test_runs_of_neighbouring_seeds_play_other_matches(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_a_run_that_stopped_before_any_saved_step_ends_as_if_it_had_not(algorithm, tmp_path, monkeypatch):
-    runs = [tmp_path / "stopped", tmp_path / "uninterrupted"]
+    runs = [tmp_path / "stopped", tmp_path / "uninterrupted", tmp_path / "not exported"]
     with monkeypatch.context() as patched:
         watched(patched, at=400)
         with pytest.raises(KeyboardInterrupt):  # its only checkpoint is that of the first evaluation
             train_tiny(algorithm, runs[0], progress=True, evaluations=1)
     assert newest_checkpoint(runs[0] / "checkpoints").name == f"{0:012d}"
-    agents = [train_tiny(algorithm, run, resume=True, evaluations=1) for run in runs]
-    assert load_agent(agents[0]).about["policy_sha256"] == load_agent(agents[1]).about["policy_sha256"]
-
-
-@pytest.mark.slow
-def test_a_run_that_stopped_before_its_export_is_the_same(tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr(train, "write_exported", interrupt)
         with pytest.raises(KeyboardInterrupt):
-            train_tiny("ppo", tmp_path / "stopped")
-    agents = [train_tiny("ppo", tmp_path / name, resume=True) for name in ("stopped", "uninterrupted")]
-    assert load_agent(agents[0]).about["policy_sha256"] == load_agent(agents[1]).about["policy_sha256"]
-    assert json.loads((tmp_path / "stopped" / "run.json").read_text())["part"] == 0
+            train_tiny(algorithm, runs[2], evaluations=1)
+    agents = [load_agent(train_tiny(algorithm, run, resume=True, evaluations=1)) for run in runs]
+    assert len({agent.about["policy_sha256"] for agent in agents}) == 1
+    assert json.loads((runs[2] / "run.json").read_text())["part"] == 0
 
 
 def interrupt(*arguments):
     raise KeyboardInterrupt
-
-
-@pytest.mark.slow
-def test_a_resumed_run_says_that_its_policy_is_another(tmp_path, monkeypatch):
-    stopped("ppo", tmp_path / "run", monkeypatch)
-    with logged() as messages:
-        train_tiny("ppo", tmp_path / "run", resume=True)
-    (line,) = [line for line in messages if "resumed" in line]
-    assert re.search(r"resumed at 800 steps .* differs from that of an uninterrupted run", line)
 
 
 @pytest.mark.slow
@@ -227,22 +210,23 @@ def test_an_incomplete_checkpoint_leaves_the_one_before(tmp_path, monkeypatch):
     train_tiny("td3", tmp_path / "run", resume=True)
 
 
-def test_resume_and_restart_at_once_and_another_run_are_refused(tmp_path, monkeypatch):
+def test_another_run_is_not_resumed_and_a_resumed_one_says_that_its_policy_is_another(tmp_path, monkeypatch):
     stopped("ppo", tmp_path / "run", monkeypatch)
-    with pytest.raises(UserError, match="say one of them"):
-        train_tiny("ppo", tmp_path / "run", resume=True, restart=True)
-    with pytest.raises(UserError, match=r"holds this run with 1,200 steps, .* --start"):
-        train_tiny("ppo", tmp_path / "run", resume=True, steps=2400)
-    with pytest.raises(UserError, match="holds another run"):
-        train_tiny("ppo", tmp_path / "run", resume=True, opponent="tone")
-
-
-def test_a_folder_in_use_by_another_process_is_refused(tmp_path, monkeypatch):
-    stopped("ppo", tmp_path / "run", monkeypatch)
+    for options, message in (
+        ({"restart": True}, "say one of them"),
+        ({"steps": 2400}, r"holds this run with 1,200 steps, .* --start"),
+        ({"opponent": "tone"}, "holds another run"),
+    ):
+        with pytest.raises(UserError, match=message):
+            train_tiny("ppo", tmp_path / "run", resume=True, **options)
     with (tmp_path / "run" / "evaluations.jsonl").open("a") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         with pytest.raises(UserError, match="run: another process is training in this folder"):
             train_tiny("ppo", tmp_path / "run", resume=True)
+    with logged() as messages:
+        train_tiny("ppo", tmp_path / "run", resume=True)
+    (line,) = [line for line in messages if "resumed" in line]
+    assert re.search(r"resumed at 800 steps .* differs from that of an uninterrupted run", line)
 
 
 @pytest.mark.slow
@@ -266,59 +250,43 @@ def test_ctrl_c_saves_the_run_before_it_ends(tmp_path, monkeypatch, capfd):
 # In a process of its own
 
 PROGRAM = """
-import json, sys
-from fpg_bench.training import callbacks
-from tests.training.tiny import settings, train_tiny
+import os, signal, sys
+from stable_baselines3.common.callbacks import BaseCallback
+from fpg_bench.training import callbacks, train
+from tests.training.tiny import train_tiny
+
+class Killed(BaseCallback):
+    def _on_step(self):
+        if self.num_timesteps >= 200:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return True
+
 callbacks.SAVE_EVERY_S = 0.0
-changes = {"train_freq": 1, "gradient_steps": 2}
-train_tiny("sac", sys.argv[1], changes, steps=int(sys.argv[2]), resume=True, evaluations=4)
+train.ProgressCallback = lambda budget: Killed()
+train_tiny("sac", sys.argv[1], {"train_freq": 10}, steps=400, progress=True, evaluations=4)
 """
-
-
-def started(out, steps):
-    command = [sys.executable, "-c", PROGRAM, str(out), str(steps)]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-
-
-def wait_for_steps(folder, steps, process):
-    deadline = time.monotonic() + 120
-    while time.monotonic() < deadline and process.poll() is None:
-        newest = newest_checkpoint(folder / "checkpoints")
-        if newest is not None and int(newest.name) >= steps:
-            return int(newest.name)
-        time.sleep(0.02)
-    raise AssertionError(process.communicate()[1])
 
 
 @pytest.mark.slow
 @pytest.mark.process
 def test_a_killed_run_ends_with_its_budget(tmp_path):
-    out, budget = tmp_path / "run", 400
-    process = started(out, budget)
-    reached = wait_for_steps(out, 100, process)
-    process.kill()
-    error = process.communicate(timeout=60)[1]
-    assert process.returncode == -signal.SIGKILL, error
-    assert int(newest_checkpoint(out / "checkpoints").name) >= reached
-    agent = train_tiny(
-        "sac", out, {"train_freq": 1, "gradient_steps": 2}, steps=budget, resume=True, evaluations=4
-    )
+    out = tmp_path / "run"
+    killed = python("-c", PROGRAM, out, folder=ROOT)
+    assert killed.returncode == -signal.SIGKILL, killed.stderr
+    assert int(newest_checkpoint(out / "checkpoints").name) == 160
+    agent = train_tiny("sac", out, {"train_freq": 10}, steps=400, resume=True, evaluations=4)
     load_agent(agent, "ally")
     about = json.loads((out / "run.json").read_text())
-    assert (about["steps_done"], about["part"], about["finished"]) == (budget, 1, True)
+    assert (about["steps_done"], about["part"], about["finished"]) == (400, 1, True)
     steps = [row["steps"] for row in RowFile(out / "evaluations.jsonl").read()]
     assert steps == sorted(set(steps))
-    assert (steps[0], steps[-1]) == (0, budget)
+    assert (steps[0], steps[-1]) == (0, 400)
 
 
 @pytest.mark.slow
 def test_ctrl_c_is_heard_in_the_main_thread_only(tmp_path):
     ended = []
-
-    def run():
-        ended.append(train_tiny("ppo", tmp_path / "run"))
-
-    thread = threading.Thread(target=run)
+    thread = threading.Thread(target=lambda: ended.append(train_tiny("ppo", tmp_path / "run", steps=400)))
     thread.start()
     thread.join()
     assert ended

@@ -33,20 +33,8 @@ class Server:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
         self.process = None
-        words = [
-            "initdb",
-            "-D",
-            "data",
-            "-A",
-            "trust",
-            "-U",
-            "tuner",
-            "--no-sync",
-            "--no-locale",
-            "-E",
-            "UTF8",
-        ]
-        subprocess.run([self.bin / words[0], *words[1:]], **self._where(), check=True)
+        words = ["-D", "data", "-A", "trust", "-U", "tuner", "--no-sync", "--no-locale", "-E", "UTF8"]
+        subprocess.run([self.bin / "initdb", *words], **self._where(), check=True)
 
     def _where(self):
         log = (self.folder / "log").open("ab")

@@ -53,10 +53,7 @@ def test_search_look_and_write(folder, fpg):
     [
         (f"tune run pqo {ENV_ID} --out study", "did you mean 'ppo'"),
         (f"tune run ppo {ENV_ID} --out study --space mine.yml", "mine.yml: FPG/OpponentVsScripted-v0: "),
-        (
-            f"tune run ppo {ENV_ID} --out study --storage postgresql+psycopg://me@127.0.0.1:1/x",
-            "cannot be opened",
-        ),
+        (f"tune run ppo {ENV_ID} --out study --storage sqlite:////nowhere/at/all.db", "cannot be opened"),
         ("tune report nowhere", "holds no study"),
         ("tune export nowhere mine.yml", "holds no study"),
     ],

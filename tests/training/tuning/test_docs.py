@@ -3,28 +3,12 @@
 import re
 from pathlib import Path
 
-from fpg_bench.cli.tune import app
 from fpg_bench.training.tuning.space import load_space
 from fpg_bench.training.tuning.study import open_storage, open_study
 from tests.training.tuning.fake import fake_task, highest_x
 
 TEXT = (Path(__file__).parents[3] / "docs/guides/tuning.md").read_text()
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", TEXT, re.DOTALL)
-OPTIONS = {
-    command.callback.__name__: {f"--{name.replace('_', '-')}" for name in command.callback.__annotations__}
-    for command in app.registered_commands
-}
-
-
-def test_every_option_that_is_named_exists():
-    assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", TEXT)) <= set.union(*OPTIONS.values())
-
-
-def test_every_command_has_its_options():
-    commands = [line.split() for _, code in BLOCKS for line in code.splitlines() if "fpg-bench tune" in line]
-    assert len(commands) == 4
-    for _, _, verb, *words in commands:
-        assert {word for word in words if word.startswith("--")} <= OPTIONS[verb]
 
 
 def test_the_example_of_a_space_is_valid(tmp_path):

@@ -140,23 +140,6 @@ def test_a_worker_that_gave_no_heartbeat_for_long_ends_with_a_line(tmp_path):
         work(tmp_path, 1, objective)
 
 
-def test_halving_stops_trials_that_lie_behind(tmp_path):
-    steps = {}
-
-    def objective(trial):
-        for step in (1, 2, 3):
-            steps[trial.number] = step
-            trial.report(-trial.number, step)
-            if trial.should_prune():
-                raise optuna.TrialPruned
-        return -trial.number
-
-    halving = optuna.pruners.SuccessiveHalvingPruner(min_resource=2, reduction_factor=2)
-    study = work(tmp_path, 4, objective, pruner=halving)
-    assert steps == {0: 3, 1: 2, 2: 2, 3: 2}
-    assert states(study) == ["COMPLETE", "PRUNED", "PRUNED", "PRUNED"]
-
-
 def test_no_trial_begins_after_the_timeout(tmp_path):
     storage, study = open_fake(tmp_path)
     run_worker(study, storage, lambda check_stop: highest_x, 3, timeout=0)
