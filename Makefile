@@ -1,7 +1,7 @@
 # make benchmark: set up and run the main job. make test: set up and run the tests.
 # make test-fast: those that start nothing and are quick. make coverage: which lines and branches are tested.
 # make test-lowest: a small suite on the lowest versions that pyproject.toml allows.
-# make test-examples: the examples with the frameworks that they are for, in an environment of their own.
+# make test-examples: the examples whose frameworks make test lacks, in an environment of their own.
 # make test-examples-older: those whose frameworks need older libraries, in another one.
 # make docs: the site of the documentation, with the board, in build/docs.
 PYTHON ?= python3
@@ -55,7 +55,7 @@ test-lowest: .venv-lowest/.ready
 	touch $@
 
 test-examples: .venv-examples/.ready
-	.venv-examples/bin/python -m pytest tests/test_examples.py
+	.venv-examples/bin/python -m pytest tests/test_examples.py -k "not (single_file or notebook)"
 
 .venv-examples/.ready: pyproject.toml constraints.txt examples/requirements.txt
 	$(PYTHON) -m venv .venv-examples

@@ -3,19 +3,17 @@
 import json
 import os
 import signal
-import subprocess
-import sys
-import time
+import threading
 
 import pytest
 from planning.llm.fault_server import FaultServer, late, ok, reject_field, status
 
-from tests.programs import fpg
+from tests.programs import fpg, python
+from tests.working import wait_for
 
 pytestmark = pytest.mark.process
 
 KEY = "sk-not-to-be-seen-7741"
-COMMAND = (sys.executable, "-m", "fpg_bench.cli", "plan")
 SHORT = "steps_per_round: 32\n"
 LLM = ("--planner", "llm", "--scenario", "short.yml", "--rounds", "3", "--out", "out")
 
@@ -190,22 +188,17 @@ def test_probe_tells_what_a_server_honours(folder):
 
 
 def test_ctrl_c_keeps_what_was_finished_and_the_next_run_goes_on(folder):
+    code = "import os; open('process', 'w').write(str(os.getpid())); from fpg_bench.cli import main; main()"
     with FaultServer([ok(path_text()), late(60, path_text())]) as server:
-        process = subprocess.Popen(
-            [*COMMAND, "run", *LLM],
-            cwd=folder,
-            env=environment(server),
-            stderr=subprocess.PIPE,
-            text=True,
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-        )
-        deadline = time.monotonic() + 120
-        while len(server.requests) < 2 and time.monotonic() < deadline:
-            time.sleep(0.05)
-        process.send_signal(signal.SIGINT)
-        error = process.communicate(timeout=20)[1]  # long before the server answers
-        assert process.returncode == 130, error
-        assert error.splitlines()[-1] == "fpg-bench: stopped; what was finished is kept"
+
+        def interrupt():
+            wait_for(lambda: len(server.requests) == 2, 120)
+            os.kill(int((folder / "process").read_text()), signal.SIGINT)  # long before the server answers
+
+        threading.Thread(target=interrupt).start()
+        ran = python("-c", code, "plan", "run", *LLM, folder=folder, environment=environment(server))
+        assert ran.returncode == 130, ran.stderr
+        assert ran.stderr.splitlines()[-1] == "fpg-bench: stopped; what was finished is kept"
         assert [row["kind"] for row in lines(folder / "out" / "match.jsonl")] == ["run", "attempt", "round"]
         server.behaviours = [ok(path_text(x)) for x in range(10)]
         ran = plan("run", *LLM, folder=folder, server=server)

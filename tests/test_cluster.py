@@ -14,7 +14,7 @@ from fpg_bench.common import parallel
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.parallel import Job, folder_job, run_jobs
 from tests import working
-from tests.working import begun, wait_for
+from tests.working import begun, held, wait_for
 
 pytestmark = pytest.mark.ray
 
@@ -47,12 +47,6 @@ def cluster():
 @pytest.fixture
 def run(cluster):
     return partial(run_jobs, backend="ray", address=cluster.address)
-
-
-def held(folder, name, **options):
-    return Job(
-        name, partial(working.hold, folder, name), done=(folder / f"finished_{name}").exists, **options
-    )
 
 
 def is_running(file):

@@ -3,6 +3,14 @@
 import os
 import signal
 import time
+from functools import partial
+
+from fpg_bench.common.parallel import Job
+
+
+def held(folder, name, **options):
+    """A job that runs until the file ``go`` exists."""
+    return Job(name, partial(hold, folder, name), done=(folder / f"finished_{name}").exists, **options)
 
 
 def note(folder, name):
@@ -22,9 +30,7 @@ def square(folder, number):
 
 
 def threads():
-    import torch
-
-    return torch.get_num_threads()
+    return os.environ["OMP_NUM_THREADS"]
 
 
 def fail(error):
