@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import functools
 import gc
 import importlib.util
 import io
@@ -45,6 +46,7 @@ def warm() -> None:
     """
     import torch
     import tqdm
+    import typer.main
 
     torch.set_num_threads(1)
     tqdm.tqdm.monitor_interval = 0  # else it starts a thread
@@ -60,6 +62,7 @@ def warm() -> None:
     PPO("MlpPolicy", games, device="cpu")
     from fpg_bench.cli import app
 
+    typer.main.get_command = functools.cache(typer.main.get_command)  # builds all verbs anew for each command
     with contextlib.redirect_stdout(io.StringIO()):
         app(["suites"], standalone_mode=False)
     for each in weakref.finalize._registry:  # what is imported is not put away

@@ -20,10 +20,6 @@ from fpg_bench.planning import PLANNERS
 from fpg_bench.players.agent import suites_folder
 from tests.programs import fpg, python
 
-TINY = """\
-FPG/AllyVsScripted-v0:
-  {policy: MlpPolicy, n_envs: 4, n_timesteps: 1200, n_steps: 300, batch_size: 300, n_epochs: 1}
-"""
 TRAIN = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x")
 
 
@@ -109,33 +105,6 @@ def test_version():
 
 
 @pytest.mark.process
-def test_train_evaluate_table(tmp_path):
-    (tmp_path / "tiny.yml").write_text(TINY)
-    words = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "run", "--hyperparams", "tiny.yml")
-    words = (*words, "--opponent", "tone,comb", "--n-evals", "1")
-    result = fpg(*words, folder=tmp_path)
-    assert result.returncode == 0, result.stderr
-    assert "agent: run/agent\n" in result.stdout
-    assert "learning curve: run/curve.png\n" in result.stdout
-    last = RowFile(tmp_path / "run" / "evaluations.jsonl").read()[-1]
-    score = f"ally's score at the end of training (few rounds, tuning seeds): {last['score']:.1f}\n"
-    assert score in result.stdout
-    again = fpg(*words, folder=tmp_path)
-    assert "finished before; nothing was trained" in again.stdout
-    assert score in again.stdout
-    words = ("evaluate", "idle", "run/agent", "--suite", "ally-v1", "--matches", 2, "--out", "results")
-    result = fpg(*words, folder=tmp_path)
-    assert result.returncode == 0, result.stderr
-    assert "idle" in result.stdout
-    assert "ppo" in result.stdout
-    again = fpg(*words, folder=tmp_path)
-    assert again.stdout == result.stdout  # the same rows, nothing played again
-    assert fpg("table", "results", folder=tmp_path).stdout == result.stdout
-    lines = (tmp_path / "results" / "records.jsonl").read_text().splitlines()
-    assert len(lines) == 2 * 10
-
-
-@pytest.mark.process
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -153,6 +122,9 @@ def test_train_evaluate_table(tmp_path):
         ((*TRAIN, "--seeds", "4-0"), "say 0-4"),
         ((*TRAIN, "--backend", "ray"), "backend, address: are for a list of runs; name its --seeds"),
         ((*TRAIN, "--suite", "nope"), "unknown suite 'nope'"),
+        (("tune", "run", "pqo", "FPG/AllyVsScripted-v0", "--out", "study"), "did you mean 'ppo'"),
+        (("tune", "report", "nowhere"), "holds no study"),
+        (("tune", "export", "nowhere", "mine.yml"), "holds no study"),
         (("reproduce", "fig7", "--out", "/dev/null"), "out: /dev/null is a file; name a folder"),
         (("play", "--scenario", "papr"), "did you mean 'paper'"),
         (("play", "--scenario", "nowhere.yml"), "cannot be read"),

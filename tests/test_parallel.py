@@ -12,12 +12,13 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.parallel import TRIES, Job, check_all_done, folder_job, run_jobs
 from tests import working
 from tests.programs import python
-from tests.test_cli import TINY
+from tests.training.tiny import ALLY, settings
 from tests.working import begun, held, wait_for
 
 pytestmark = pytest.mark.process
@@ -191,8 +192,8 @@ main()
 
 
 def test_ctrl_c_saves_all_runs(tmp_path):
-    (tmp_path / "tiny.yml").write_text(TINY)
-    words = "train ppo FPG/AllyVsScripted-v0 --hyperparams tiny.yml --n-evals 0 --steps 100000000"
+    (tmp_path / "tiny.yml").write_text(yaml.safe_dump({ALLY: settings("ppo")}))
+    words = f"train ppo {ALLY} --hyperparams tiny.yml --n-evals 0 --steps 100000000"
     words += " --seeds 0-2 --n-jobs 2 --out runs"
     result = python("-c", TRAINING, *words.split(), folder=tmp_path)
     assert result.returncode == 130, result.stderr

@@ -136,15 +136,6 @@ def test_a_torch_model_may_differ_in_its_last_bits_and_no_more():
         check_player(Net(1e-3), "ally")
 
 
-@pytest.mark.slow
-def test_a_model_of_stable_baselines3_passes():
-    from stable_baselines3 import PPO
-
-    from fpg_bench import make_sb3
-
-    check_player(PPO("MlpPolicy", make_sb3("FPG/AllyVsScripted-v0"), seed=1, device="cpu"), "ally")
-
-
 def test_an_unknown_player_or_side_is_refused():
     with pytest.raises(UserError, match="did you mean 'expert'"):
         check_player("expart", "ally")

@@ -101,18 +101,15 @@ def test_a_name_for_several_entries_or_of_a_script_is_refused(suite, agent):
         entries_of(agents[:1], suite, name="expert")
 
 
-@pytest.mark.parametrize(
-    ("spec", "message"),
-    [
+def test_oracles_wrong_sides_and_unknown_players_never_enter(suite):
+    for spec, message in (
         ("oracle", "sees the full state, which no suite allows"),
         ("adaptive", "unknown ally 'adaptive'"),
         ("expertt", "did you mean 'expert'"),
         (5, "expected a player's name or an object with predict"),
-    ],
-)
-def test_oracles_wrong_sides_and_unknown_players_never_enter(suite, spec, message):
-    with pytest.raises(UserError, match=message):
-        entries_of([spec], suite)
+    ):
+        with pytest.raises(UserError, match=message):
+            entries_of([spec], suite)
 
 
 # Players as objects, and names for all

@@ -107,31 +107,31 @@ def test_finished_lines_survive_a_stop(suite, tmp_path):
 
 
 def test_results_of_another_suite_number_or_version_are_refused(suite, tmp_path):
-    evaluate(["idle"], suite, tmp_path / "out")
-    with pytest.raises(
-        UserError, match=r"records of small.yml with 4 matches, .* with 3; choose another folder"
-    ):
-        evaluate(["idle"], suite, tmp_path / "out", matches=3)
-    about = json.loads((tmp_path / "out" / "evaluation.json").read_text())
+    out = tmp_path / "out"
+    evaluate(["idle"], suite, out)
+    with pytest.raises(UserError, match=r"of small.yml with 4 matches, .* with 3; choose another folder"):
+        evaluate(["idle"], suite, out, matches=3)
+    about = json.loads((out / "evaluation.json").read_text())
     (tmp_path / "small.yml").write_text(SUITE.replace("circle", "triangle"))
     with pytest.raises(UserError, match="or of another version of it"):
-        evaluate(["idle"], suite, tmp_path / "out")
+        evaluate(["idle"], suite, out)
     with pytest.raises(UserError, match=r"another version of small.yml; evaluate again"):
-        read_results(tmp_path / "out")
-    (tmp_path / "out" / "evaluation.json").write_text(json.dumps(about | {"suite": "smal"}))
+        read_results(out)
+    (out / "evaluation.json").write_text(json.dumps(about | {"suite": "smal"}))
     with pytest.raises(UserError, match="unknown suite 'smal'"):
-        read_results(tmp_path / "out")
+        read_results(out)
 
 
-@pytest.mark.parametrize("about", [{"suite": "ally-v1", "panel_hash": "0", "rounds": 2}, {"suite": 5}, {}])
-def test_a_folder_of_the_old_protocol_is_named(suite, tmp_path, about):
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "evaluation.json").write_text(json.dumps(about))
-    (tmp_path / "out" / "rows.jsonl").write_text('{"player": "expert"}\n')
-    for use in (lambda: read_results(tmp_path / "out"), lambda: evaluate(["idle"], suite, tmp_path / "out")):
-        with pytest.raises(UserError, match=r"results .*out: .* an older version wrote it; evaluate again"):
-            use()
-    assert json.loads((tmp_path / "out" / "evaluation.json").read_text()) == about
+def test_a_folder_of_the_old_protocol_is_named(suite, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "rows.jsonl").write_text('{"player": "expert"}\n')
+    for about in ({"suite": "ally-v1", "panel_hash": "0", "rounds": 2}, {"suite": 5}, {}):
+        (out / "evaluation.json").write_text(json.dumps(about))
+        for use in (lambda: read_results(out), lambda: evaluate(["idle"], suite, out)):
+            with pytest.raises(UserError, match=r"out: .* an older version wrote it; evaluate again"):
+                use()
+        assert json.loads((out / "evaluation.json").read_text()) == about
 
 
 def test_an_evaluation_that_never_began_claims_no_folder(suite, tmp_path):
@@ -236,7 +236,7 @@ def test_many_at_once_give_the_same_rows_and_a_player_that_fails_holds_up_nobody
     play_into(tmp_path / "one", suite, loaded, entries)
     shutil.rmtree(agents[0])  # its policy travels to the workers
     with pytest.raises(
-        UserError, match=r"bad:Bad - adaptive/pursuit: .*no idea, in .*bad.py, line 3 \(and 1 more failed\)"
+        UserError, match=r"bad:Bad - adaptive/pursuit: .*no idea, .*, line 3 \(and 1 more"
     ):
         play_into(tmp_path / "many", suite, loaded, [bad, *entries], n_jobs=2)
     assert rows(tmp_path / "many") == rows(tmp_path / "one")

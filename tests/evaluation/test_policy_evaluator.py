@@ -73,13 +73,8 @@ def test_the_suites_own_scenario_by_another_road_keeps_its_scale():
     assert PolicyEvaluator(suite, 1, flown).suite.scale == suite.scale
 
 
-@pytest.mark.parametrize(
-    ("name", "side", "message"),
-    [
-        ("opponent-v1", "ally", "measures the opponent, not the ally"),
-        ("planner-v1", None, "measures the planner, not the ally or opponent"),
-    ],
-)
-def test_a_suite_of_another_side_is_refused(name, side, message):
-    with pytest.raises(UserError, match=message):
-        PolicyEvaluator(name, side=side)
+def test_a_suite_of_another_side_is_refused():
+    with pytest.raises(UserError, match="measures the opponent, not the ally"):
+        PolicyEvaluator("opponent-v1", side="ally")
+    with pytest.raises(UserError, match="measures the planner, not the ally or opponent"):
+        PolicyEvaluator("planner-v1")

@@ -11,21 +11,11 @@ TALLY = dict.fromkeys(TALLIES, 0.0) | {"steps": 600.0, "ally_return": 30.0}
 
 
 def record(**changes):
-    found = Record(
-        suite="mine",
-        suite_hash="0123456789abcdef",
-        entry="ppo",
-        training_seed=0,
-        fingerprint="fedcba9876543210",
-        rival="tone/pursuit",
-        returns=(10.0, 20.0),
-        tally=TALLY,
-        ally_points=(400, 200),
-        jam_points=(0, 600),
-        lost=0,
-        rounds_sha256="ab" * 32,
-    )
-    return dataclasses.replace(found, **changes)
+    head = {"suite": "mine", "suite_hash": "0123456789abcdef", "entry": "ppo", "training_seed": 0}
+    rival = {"fingerprint": "fedcba9876543210", "rival": "tone/pursuit", "rounds_sha256": "ab" * 32}
+    played = {"returns": (10.0, 20.0), "tally": TALLY, "lost": 0}
+    points = {"ally_points": (400, 200), "jam_points": (0, 600)}
+    return Record(**head | rival | played | points | changes)
 
 
 PLANS = Plans({"ok": 3, "fallback-http": 1}, tokens=40, seconds=0.5)
@@ -136,20 +126,15 @@ def test_a_record_lacks_nothing():
             read_record(row, "this")
 
 
-@pytest.mark.parametrize(
-    ("plans", "message"),
-    [
+def test_forged_plans_are_one_clear_error():
+    ok = {"statuses": {"ok": 1}, "tokens": None, "seconds": 0.0}
+    for plans, message in (
         (5, "plans: expected a mapping, got 5"),
         ({"statuses": {"ok": 1}}, "plans: lacks tokens"),
-        ({"statuses": {"ok": -1}, "tokens": None, "seconds": 0.0}, "statuses.ok: expected a whole number, 0"),
-        ({"statuses": {"ok": 1}, "tokens": None, "seconds": NAN}, "seconds: expected a finite number"),
-        (
-            {"statuses": {"ok": 1}, "tokens": 1.5, "seconds": 0.0},
-            "tokens: expected a whole number, 0 or more",
-        ),
-        ({"statuses": dict.fromkeys(map(str, range(101)), 1), "tokens": None}, "more than 100 statuses"),
-    ],
-)
-def test_forged_plans_are_one_clear_error(plans, message):
-    with pytest.raises(UserError, match=message):
-        read_record(record().row() | {"plans": plans}, "this")
+        (ok | {"statuses": {"ok": -1}}, "statuses.ok: expected a whole number, 0"),
+        (ok | {"seconds": NAN}, "seconds: expected a finite number"),
+        (ok | {"tokens": 1.5}, "tokens: expected a whole number, 0 or more"),
+        (ok | {"statuses": dict.fromkeys(map(str, range(101)), 1)}, "more than 100 statuses"),
+    ):
+        with pytest.raises(UserError, match=message):
+            read_record(record().row() | {"plans": plans}, "this")

@@ -79,12 +79,12 @@ def test_the_files_hold_everything(summaries, suite, tmp_path):
     assert (tmp_path / "table.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(("steps", "text"), [(3_000_000, "3M"), (405_000, "405k"), (400, "400"), (None, "-")])
-def test_training_stands_beside_the_score(summaries, suite, steps, text):
-    training = None if steps is None else Training(steps, 90.0)
-    head, line = lines_of_table([dataclasses.replace(summaries[0], training=training)], suite)
-    assert line[head.index("steps")] == text
-    assert line[head.index("minutes")] == ("-" if steps is None else "1.5")
+def test_training_stands_beside_the_score(summaries, suite):
+    for steps, text in ((3_000_000, "3M"), (405_000, "405k"), (400, "400"), (None, "-")):
+        training = None if steps is None else Training(steps, 90.0)
+        head, line = lines_of_table([dataclasses.replace(summaries[0], training=training)], suite)
+        assert line[head.index("steps")] == text
+        assert line[head.index("minutes")] == ("-" if steps is None else "1.5")
 
 
 def test_a_table_of_nobody_and_names_with_bars(summaries, suite):
@@ -94,16 +94,9 @@ def test_a_table_of_nobody_and_names_with_bars(summaries, suite):
     assert markdown([barred], suite).splitlines()[2].startswith(r"| a\|b | ")
 
 
-def test_one_match_has_no_interval(suite):
-    one = dataclasses.replace(suite, matches=1)
-    (found,) = summarise(records_of(one, "it", 3.0), one)
-    head, line = lines_of_table([found], one)
-    assert line[head.index("95 % interval")] == "-"
-
-
-@pytest.mark.parametrize(("suffix", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
-def test_a_figure_is_written_by_its_suffix(summaries, suite, suffix, begins, tmp_path):
-    picture(summaries, suite, tmp_path / f"table.{suffix}")
-    assert (tmp_path / f"table.{suffix}").read_bytes().startswith(begins)
+def test_a_figure_is_written_by_its_suffix(summaries, suite, tmp_path):
+    for suffix, begins in (("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")):
+        picture(summaries, suite, tmp_path / f"table.{suffix}")
+        assert (tmp_path / f"table.{suffix}").read_bytes().startswith(begins)
     with pytest.raises(UserError, match=r"a figure is written as \.png, \.svg, \.pdf"):
         picture(summaries, suite, tmp_path / "table.gif")

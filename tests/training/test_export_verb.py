@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 from stable_baselines3 import PPO, TD3
-from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
+from stable_baselines3.common.vec_env import VecFrameStack
 
 import fpg_bench
 from fpg_bench.cli.training import export as export_verb
@@ -31,18 +31,6 @@ def saved(kind, folder, frames=1, **options):
     model = kind("MlpPolicy", games(frames), device="cpu", seed=1, **options)
     model.save(folder / "model.zip")
     return model
-
-
-@pytest.mark.slow
-def test_a_live_model_is_an_agent(tmp_path):
-    model = PPO("MlpPolicy", VecNormalize(games()), policy_kwargs=SMALL, device="cpu")
-    assert fpg_bench.export_agent(model, tmp_path / "seed_4", training_seed=4, hours=0.1) < 1e-5
-    about = load_agent(tmp_path / "seed_4", "opponent").about
-    told = {key: about[key] for key in ("algorithm", "id", "training_seed", "training_steps", "hours")}
-    assert told == {"algorithm": "ppo", "id": ID, "training_seed": 4, "training_steps": 0, "hours": 0.1}
-    model.env = None
-    with pytest.raises(UserError, match="say which id"):
-        fpg_bench.export_agent(model, tmp_path / "seed_5", training_seed=5)
 
 
 @pytest.mark.slow

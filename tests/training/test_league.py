@@ -17,17 +17,6 @@ from fpg_bench.game.scenario import PAPER, STANDARD, as_scenario
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training import league
 from fpg_bench.training.callbacks import GameMeasuresCallback
-from fpg_bench.training.league import (
-    best_responses,
-    copies_by_hardness,
-    draw_past,
-    evaluate_against,
-    game_scenario,
-    load_recipes,
-    selfplay,
-    ship_champion,
-    train_champion,
-)
 from tests.logged import logged
 from tests.training.tiny import settings, train, train_tiny
 
@@ -88,7 +77,7 @@ def interrupt(*arguments, **options):
 def test_scores_are_on_the_scale_of_the_side_s_public_suite_in_its_own_scenario(side, scenario, suite):
     other = "adaptive" if side == "ally" else "expert"
     player = "idle" if side == "ally" else "tone"
-    summary = evaluate_against(player, {"it": other}, side, scenario, matches=1)
+    summary = league.evaluate_against(player, {"it": other}, side, scenario, matches=1)
     assert summary.suite.scale == (Scale() if suite is None else load_suite(suite).scale)
 
 
@@ -96,7 +85,7 @@ def test_scores_are_on_the_scale_of_the_side_s_public_suite_in_its_own_scenario(
 def test_the_evaluation_equals_that_of_a_suite_with_the_same_players(seeds):
     suite = dataclasses.replace(load_suite("ally-v1"), matches=10)
     others = {"mine": "tone", "yours": "comb"}
-    summary = evaluate_against("idle", others, "ally", STANDARD, matches=10, seeds=seeds)
+    summary = league.evaluate_against("idle", others, "ally", STANDARD, matches=10, seeds=seeds)
     for name, other in (("mine", "tone/pursuit"), ("yours", "comb/pursuit")):
         record = play(player_entry("idle"), suite, suite.named(other), seeds)
         assert summary.by_rival[name].value == suite.rewards(record.returns).mean()
@@ -119,7 +108,7 @@ def result(ally):
 
 def respond(agent, out, **options):
     given = {"hyperparams": settings("ppo"), "steps": 400, "n_seeds": 1, "progress": False}
-    return best_responses(str(agent), out, **(given | options))
+    return league.best_responses(str(agent), out, **(given | options))
 
 
 def run_folder(out, seed, steps=400, algorithm="ppo"):
@@ -153,7 +142,7 @@ def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, r
         assert row["score"] == pytest.approx(suite.scale.score(reward), abs=0.01)
     assert result["policy"] == load_agent(ally).about["policy_sha256"]
     assert list(result["scripts"]) == list(SCRIPTED["opponent"])
-    adaptive = evaluate_against(str(ally), {"adaptive": "adaptive"}, "ally", STANDARD, 5)
+    adaptive = league.evaluate_against(str(ally), {"adaptive": "adaptive"}, "ally", STANDARD, 5)
     assert result["scripts"]["adaptive"]["score"] == round(adaptive.score.value, 2)
     assert result["lowest"] == lowest(result)
 
@@ -234,7 +223,7 @@ def test_the_game_is_that_of_the_agent_s_training(env_id, options, scenario, pat
         respond(agent, tmp_path / "out")
     result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
     assert (result["path"], result["scenario"]) == (path, scenario.hash)
-    assert game_scenario(configs[0].game) == scenario
+    assert league.game_scenario(configs[0].game) == scenario
     assert configs[0].sides == ({"ally": "opponent", "opponent": "ally"}[result["side"]],)
 
 
@@ -267,7 +256,7 @@ def test_a_script_can_be_the_player_if_its_side_is_clear(tmp_path):
 
 def play_selfplay(out, generations=2, **options):
     given = {"hyperparams": TINY, "steps": 400, "progress": False, "evaluations": 0}
-    return selfplay("ppo", out, generations=generations, **(given | options))
+    return league.selfplay("ppo", out, generations=generations, **(given | options))
 
 
 def read_rows(out):
@@ -324,12 +313,12 @@ def test_the_last_generation_is_shipped_and_describes_the_self_play(played):
 
 
 def test_past_generations_are_drawn_uniformly_by_the_seed():
-    every = [draw_past("ally", 8, 3, seed) for seed in range(60)]
-    assert every == [draw_past("ally", 8, 3, seed) for seed in range(60)]
-    assert every != [draw_past("opponent", 8, 3, seed) for seed in range(60)]
+    every = [league.draw_past("ally", 8, 3, seed) for seed in range(60)]
+    assert every == [league.draw_past("ally", 8, 3, seed) for seed in range(60)]
+    assert every != [league.draw_past("opponent", 8, 3, seed) for seed in range(60)]
     assert {len(set(past)) for past in every} == {3}
     assert {past for drawn in every for past in drawn} == set(range(8))
-    assert draw_past("ally", 2, 3, 0) == [0, 1]
+    assert league.draw_past("ally", 2, 3, 0) == [0, 1]
 
 
 @pytest.mark.slow
@@ -386,7 +375,7 @@ def test_another_self_play_needs_another_folder(played):
 def load_recipe(folder, **changes):
     file = folder / "champions.yml"
     file.write_text(json.dumps({"brave": {**RECIPE, **changes}}))  # JSON is YAML
-    return load_recipes(file)["brave"]
+    return league.load_recipes(file)["brave"]
 
 
 @pytest.mark.slow
@@ -401,11 +390,11 @@ def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp
     with monkeypatch.context() as patched:
         patched.setattr(league, "train", stopped)
         with pytest.raises(KeyboardInterrupt):
-            train_champion(recipe, 3, runs)
+            league.train_champion(recipe, 3, runs)
     made = {path: path.stat().st_mtime_ns for path in runs.rglob("policy.onnx")}
     assert len(made) == 2
     with logged() as messages:
-        agent = train_champion(recipe, 3, runs)
+        agent = league.train_champion(recipe, 3, runs)
     assert all(path.stat().st_mtime_ns == time for path, time in made.items())
     assert sum(" trained, against " in line for line in messages) == 2
     first, last = (runs / "brave" / "seed_3" / f"stage_{i}" for i in (0, 1))
@@ -419,7 +408,7 @@ def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp
     assert kept["copies"][hardest] == 3
     assert len(options["opponent"]) == sum(kept["copies"].values())
     assert agent == last / "run" / "agent"
-    ship_champion(agent, tmp_path / "out", recipe, 3, "make brave")
+    league.ship_champion(agent, tmp_path / "out", recipe, 3, "make brave")
     about = load_agent(tmp_path / "out", "ally").about
     assert about["recipe"] == {"name": "brave", **RECIPE, "options": {}}
     told = (about["command"], about["training_steps"], about["training_seed"])
@@ -427,8 +416,8 @@ def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp
 
 
 def test_the_hardest_player_is_drawn_most_often():
-    assert copies_by_hardness([5.0, 0.0, 10.0], 5) == [2, 5, 1]
-    assert copies_by_hardness([1.0, 1.0], 5) == [1, 1]
+    assert league.copies_by_hardness([5.0, 0.0, 10.0], 5) == [2, 5, 1]
+    assert league.copies_by_hardness([1.0, 1.0], 5) == [1, 1]
 
 
 def test_an_invalid_recipe_is_refused_in_one_line(tmp_path):

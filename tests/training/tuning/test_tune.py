@@ -162,6 +162,10 @@ def test_the_best_are_retrained_on_fresh_seeds_once(study, files, caplog):
     caplog.set_level(logging.INFO, "fpg_bench")
     file = files / "best.yml"
     export = partial(export_values, files / "study", file, steps=240, force=True)
+    for torn in ("torn.yml", "torn.yml/mine.yml"):  # before anything is trained
+        (files / "torn.yml").write_text("[")
+        with pytest.raises(UserError, match=r"torn\.yml"):
+            export_values(files / "study", files / torn, n_best=1, n_seeds=2)
     confirmed = export(n_best=2, n_seeds=2)
     complete = [trial for trial in study.trials if trial.state == TrialState.COMPLETE]
     expected = sorted(complete, key=lambda trial: -trial.value)[:2]
