@@ -139,6 +139,16 @@ def again(variants):
     return {**frozen, **more, "standard": standard, **variants}
 
 
+@pytest.fixture(scope="module")
+def tests_of(again, tmp_path_factory):
+    """The lines with tests in a report of each of these runs."""
+    out, lines = tmp_path_factory.mktemp("reports"), {}
+    for name, results in again.items():
+        report, _ = write_report(results, "paper", BUDGETS["hundredth"], [], out, "fpg-bench reproduce")
+        lines[name] = [line for line in report.read_text().splitlines() if line.startswith("| D")]
+    return lines
+
+
 def test_committed_page_of_trained_variants_matches_their_runs_on_fresh_seeds(variants):
     stored = RunFile(RUNS, VARIANTS, "hundredth").read()
     known = {condition.name: condition for condition in conditions_of(ALL, "paper", full=False)}
@@ -163,19 +173,12 @@ def test_committed_page_of_trained_variants_matches_their_runs_on_fresh_seeds(va
     assert [line for line in printed if line not in lines] == []
 
 
-def lines_with_tests(results, tmp_path):
-    """Return the lines with tests in the report of some runs."""
-    report, _ = write_report(results, "paper", BUDGETS["hundredth"], [], tmp_path, "fpg-bench reproduce")
-    return [line for line in report.read_text().splitlines() if line.startswith("| D")]
-
-
-@pytest.mark.parametrize("name", ["paper, first look", "standard, first look", "as-printed", "standard"])
-def test_page_on_paths_quotes_the_tests_of_frozen_pairs(name, again, tmp_path):
-    lines = lines_with_tests(again[name], tmp_path)
-    frozen = [line for line in lines if line.startswith("| D1 frozen | opponent")]
+def test_page_on_paths_quotes_the_tests_of_frozen_pairs(tests_of):
     page = (COMMITTED / "question-paths.md").read_text().splitlines()
-    assert len(frozen) == len(FIXED_PATHS)
-    assert [line for line in frozen if line not in page] == []
+    for name in ("paper, first look", "standard, first look", "as-printed", "standard"):
+        frozen = [line for line in tests_of[name] if line.startswith("| D1 frozen | opponent")]
+        assert len(frozen) == len(FIXED_PATHS)
+        assert [line for line in frozen if line not in page] == []
 
 
 def test_docs_quote_the_verdicts(again):
@@ -209,13 +212,9 @@ def test_committed_page_of_the_screen_matches_its_rows():
 
 
 @pytest.mark.parametrize("name", ["paths", "overlap", "types", "knowledge"])
-def test_pages_of_questions_quote_existing_tests(name, again, tmp_path):
+def test_pages_of_questions_quote_existing_tests(name, tests_of):
     reports = [(COMMITTED / f"report-{preset}.md").read_text().splitlines() for preset in (*BOTH, "figures")]
-    lines = {
-        line
-        for each in (*reports, *(lines_with_tests(runs, tmp_path) for runs in again.values()))
-        for line in each
-    }
+    lines = {line for each in (*reports, *tests_of.values()) for line in each}
     page = (COMMITTED / f"question-{name}.md").read_text()
     quoted = [line for line in page.splitlines() if line.startswith("| D")]
     assert len(quoted) >= 4

@@ -62,9 +62,8 @@ def test_a_run_imitates_once_and_reports_the_error(tmp_path):
     assert "imitation_error" not in json.loads((tmp_path / "on" / "run.json").read_text())
 
 
-@pytest.mark.parametrize(
-    ("algorithm", "lesson", "words"),
-    [
+def test_invalid_imitation_is_refused_before_anything_is_written(tmp_path):
+    for algorithm, lesson, message in (
         ("ppo", "adaptive", "imitate: expected a mapping, got 'adaptive'"),
         ("ppo", {"teacher": "adaptve"}, "unknown opponent 'adaptve'; did you mean 'adaptive'"),
         ("ppo", {"teacher": "adaptive", "step": 3}, "unknown key 'step'; did you mean 'steps'"),
@@ -72,11 +71,8 @@ def test_a_run_imitates_once_and_reports_the_error(tmp_path):
         ("ppo", {"teacher": "adaptive", "learning_rate": "1e-3"}, "learning_rate: expected a number"),
         ("sac", {"teacher": "adaptive"}, "PPO and its kind, without an LSTM, can imitate; SAC can't"),
         ("recurrent-ppo", {"teacher": "adaptive"}, "RecurrentPPO can't"),
-    ],
-)
-def test_invalid_imitation_is_refused_before_anything_is_written(tmp_path, algorithm, lesson, words):
-    with pytest.raises(UserError, match=words):
-        train_tiny(
-            algorithm, tmp_path / "run", {"imitate": lesson}, env_id=OPPONENT, path="learned", steps=400
-        )
+    ):
+        options = {"env_id": OPPONENT, "path": "learned", "steps": 400}
+        with pytest.raises(UserError, match=message):
+            train_tiny(algorithm, tmp_path / "run", {"imitate": lesson}, **options)
     assert not (tmp_path / "run").exists()

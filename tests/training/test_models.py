@@ -44,9 +44,10 @@ def test_an_algorithm_is_found_by_its_name_or_class():
         assert (algorithm.kind, algorithm.frame_stack) == (kind, frames)
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
+def test_unknown_algorithms_are_refused(tmp_path, monkeypatch):
+    (tmp_path / "torn_algorithm.py").write_text("class Mine(\n")
+    monkeypatch.chdir(tmp_path)
+    for name, message in (
         ("recurrent_ppo", "did you mean 'recurrent-ppo'"),
         ("ppo-stack0", "did you mean 'ppo-stack8'"),
         ("nowhere:Mine", "No module named 'nowhere'"),
@@ -54,13 +55,9 @@ def test_an_algorithm_is_found_by_its_name_or_class():
         ("tests.training.own:NoAlgorithm", "no subclass of stable_baselines3's BaseAlgorithm"),
         (":Mine", "expected package.module:object"),
         ("torn_algorithm:Mine", "importing it failed: SyntaxError"),
-    ],
-)
-def test_unknown_algorithms_are_refused(name, message, tmp_path, monkeypatch):
-    (tmp_path / "torn_algorithm.py").write_text("class Mine(\n")
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(UserError, match=message):
-        find_algorithm(name)
+    ):
+        with pytest.raises(UserError, match=message):
+            find_algorithm(name)
 
 
 @pytest.mark.slow
@@ -74,17 +71,14 @@ def test_a_user_s_own_algorithm_is_trained_by_its_name_or_class(tmp_path):
     assert load_agent(agent).about["hyperparameters"]["bonus"] == 0.5
 
 
-@pytest.mark.parametrize(
-    ("algorithm", "steps", "message"),
-    [
+def test_a_user_s_own_algorithm_that_cannot_be_trained_is_refused(tmp_path):
+    for algorithm, steps, message in (
         (Mine, None, r"steps: .* has no hyper-parameter file"),
         ("tests.training.own:Failing", 100, "KeyError: 'its own reasons'"),
         ("tests.training.own:Odd", 10**9, "Doubling computes more than its networks say"),
-    ],
-)
-def test_a_user_s_own_algorithm_that_cannot_be_trained_is_refused(algorithm, steps, message, tmp_path):
-    with pytest.raises(UserError, match=message):
-        train(algorithm, ALLY, tmp_path / "run", steps=steps)
+    ):
+        with pytest.raises(UserError, match=message):
+            train(algorithm, ALLY, tmp_path / "run", steps=steps)
     assert not (tmp_path / "run").exists()
 
 
@@ -142,9 +136,8 @@ def test_noise_is_given_for_all_actions_or_for_each(sds):
     assert model.policy.log_std.tolist() == pytest.approx(log_stds)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
+def test_invalid_hyperparameters_are_refused_before_anything_is_written(tmp_path):
+    for changes, message in (
         ({"n_step": 300}, "unknown key 'n_step'; did you mean 'n_steps'"),
         ({"seed": 3}, "unknown key 'seed'"),
         ({"normalize": {"norm_obz": True}}, "normalize: unknown key 'norm_obz'; did you mean 'norm_obs'"),
@@ -160,11 +153,9 @@ def test_noise_is_given_for_all_actions_or_for_each(sds):
         ({"noise_type": "normal", "noise_std": [1, 2]}, "noise_std: expected a number"),
         ({"frame_stack": 0}, "frame_stack: expected a whole number"),
         ({"n_envs": "four"}, "n_envs: expected a whole number above 0, got 'four'"),
-    ],
-)
-def test_invalid_hyperparameters_are_refused_before_anything_is_written(tmp_path, changes, message):
-    with pytest.raises(UserError, match=message):
-        train_tiny("ppo", tmp_path / "run", changes)
+    ):
+        with pytest.raises(UserError, match=message):
+            train_tiny("ppo", tmp_path / "run", changes)
     assert not (tmp_path / "run").exists()
 
 
@@ -193,23 +184,20 @@ def test_the_activation_of_the_hyperparameters_is_trained_and_exported(tmp_path)
     assert b"Elu" in (agent / "policy.onnx").read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
+def test_an_unknown_activation_is_refused_before_anything_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for value, message in (
         ("Rellu", "unknown activation 'Rellu'; did you mean 'ReLU'"),
         ("relu", "did you mean 'ReLU'"),
         ("torch.nn.ReLU", "unknown activation 'torch.nn.ReLU'; "),
         ("__import__('os').system('touch evaluated')", "unknown activation .*; known: CELU, ELU"),
         (3, "expected the name of an activation, ReLU for instance, got 3"),
         (str, "expected the name of an activation"),
-    ],
-)
-def test_an_unknown_activation_is_refused_before_anything_is_written(value, message, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    changes = {"policy_kwargs": SMALL | {"activation_fn": value}}
-    with pytest.raises(UserError, match=f"hyper-parameters of ppo: activation_fn: .*({message})") as caught:
-        train_tiny("ppo", tmp_path / "run", changes)
-    assert "\n" not in str(caught.value)
+    ):
+        changes = {"policy_kwargs": SMALL | {"activation_fn": value}}
+        with pytest.raises(UserError, match=f"of ppo: activation_fn: .*({message})") as caught:
+            train_tiny("ppo", tmp_path / "run", changes)
+        assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
     assert as_activation(nn.GELU, "here") is nn.GELU  # a class, from Python
 

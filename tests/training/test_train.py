@@ -193,12 +193,9 @@ def test_an_opponent_with_nan_actions_is_not_called_divergence(tmp_path):
         train_tiny("ppo", tmp_path / "run", env_id="FPG/AllyVsPolicy-v0", opponent=NaNPlayer())
 
 
-IMITATING = settings("ppo", imitate={"teacher": "expert"})
-
-
-@pytest.mark.parametrize(
-    ("algorithm", "env_id", "options", "message"),
-    [
+def test_unknown_and_impossible_options_are_refused(tmp_path):
+    imitating = settings("ppo", imitate={"teacher": "expert"})
+    for algorithm, env_id, options, message in (
         ("pppo", ALLY, {}, "did you mean 'ppo'"),
         ("ppo", "FPG/AllyVsScript-v0", {}, "did you mean 'FPG/AllyVsScripted-v0'"),
         ("ppo", DUEL, {}, "ppo: trains one side, not both, as in FPG/duel_v0"),
@@ -208,12 +205,10 @@ IMITATING = settings("ppo", imitate={"teacher": "expert"})
         ("dqn", ALLY, {"steps": 1000}, "add --actions discrete"),
         ("stable_baselines3:DQN", ALLY, {"steps": 1, "actions": "multi-discrete"}, "add --actions discrete"),
         ("sac", ALLY, {"steps": 1000, "actions": "discrete"}, "add --actions continuous"),
-        ("ppo", ALLY, {"hyperparams": IMITATING, "actions": "discrete"}, "the model chooses from a list"),
-    ],
-)
-def test_unknown_and_impossible_options_are_refused(tmp_path, algorithm, env_id, options, message):
-    with pytest.raises(UserError, match=message):
-        train(algorithm, env_id, tmp_path / "run", **options)
+        ("ppo", ALLY, {"hyperparams": imitating, "actions": "discrete"}, "the model chooses from a list"),
+    ):
+        with pytest.raises(UserError, match=message):
+            train(algorithm, env_id, tmp_path / "run", **options)
     assert not (tmp_path / "run").exists()
 
 
