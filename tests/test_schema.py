@@ -62,17 +62,14 @@ def test_types_that_are_no_models_are_validated_too():
     ("data", "message"),
     [
         (None, "here: expected a mapping, got None"),
-        ([1], r"here: expected a mapping, got \[1\]"),
         ({}, "here: lacks steps"),
         ({"stesp": 3}, "here: unknown key 'stesp'; did you mean 'steps'?"),
         ({"steps": 3, 7: 1}, "here: unknown key 7; known: by_name, is_fast"),
         ({"steps": 0}, "here: steps: expected a whole number above 0, got 0"),
-        ({"steps": "3"}, "here: steps: expected a whole number above 0, got '3'"),
         ({"steps": True}, "here: steps: expected a whole number above 0, got True"),
         ({"steps": 3.0}, "here: steps: expected a whole number above 0, got 3.0"),
         ({"steps": 3, "seed": -1}, "here: seed: expected a whole number, 0 or more, got -1"),
         ({"steps": 3, "is_fast": 1}, "here: is_fast: expected true or false, got 1"),
-        ({"steps": 3, "noises": {}}, "here: noises: expected a list, got {}"),
         (
             {"steps": 3, "noises": [{}, {"std": 0}]},
             r"here: noises\[1\].std: expected a number above 0, got 0",

@@ -49,21 +49,18 @@ def test_the_mixture_of_rivals_is_that_of_the_agents_of_an_id():
         load_zoo().mixture("FPG/AllyVsPlanner-v0")
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
+def test_bad_zoo_files(tmp_path):
+    for old, new, message in (
         ("seeds: [0, 1, 2]", "seeds: 5", "seeds: expected a list"),
         ("seeds: [0, 1, 2]", "seeds: [0, true]", r"seeds\[1\]: expected a whole number"),
         ("AllyVsScripted", "AlyVsScripted", "did you mean 'FPG/AllyVsScripted-v0'"),
         ("    suites: [SUITE]\n", "", "small: lacks suites"),
         ("ppo: 2000", "ppo: 2M", "steps.ppo: expected a whole number above 0"),
-    ],
-)
-def test_bad_zoo_files(tmp_path, old, new, message):
-    assert old in ZOO
-    (tmp_path / "zoo.yml").write_text(ZOO.replace(old, new))
-    with pytest.raises(UserError, match=message):
-        load_zoo(tmp_path)
+    ):
+        assert old in ZOO
+        (tmp_path / "zoo.yml").write_text(ZOO.replace(old, new))
+        with pytest.raises(UserError, match=message):
+            load_zoo(tmp_path)
     (tmp_path / "zoo.yml").unlink()
     with pytest.raises(UserError, match="cannot be read"):
         load_zoo(tmp_path)

@@ -20,7 +20,7 @@ from fpg_bench.training.callbacks import LOGGED_MEASURES
 from fpg_bench.training.config import GameOptions, RunConfig
 from fpg_bench.training.train import parse_seeds, train_seeds
 from tests.logged import logged
-from tests.training.tiny import ALLY, SMALL, run_config, settings, train, train_tiny
+from tests.training.tiny import ALLY, EVALUATION_ROUNDS, SMALL, run_config, settings, train, train_tiny
 
 POLICY = "FPG/OpponentVsPolicy-v0"
 
@@ -108,7 +108,7 @@ def test_the_policy_is_evaluated_during_training(run):
     assert seconds == sorted(seconds)
     assert rows[0]["score"] != rows[-1]["score"]
     assert (run / "curve.png").read_bytes().startswith(b"\x89PNG")
-    result = PolicyEvaluator("ally-v1").score(load_agent(run / "agent"))
+    result = PolicyEvaluator("ally-v1", EVALUATION_ROUNDS).score(load_agent(run / "agent"))
     assert result["score"] == pytest.approx(rows[-1]["score"], abs=2)
 
 

@@ -8,6 +8,7 @@ from fpg_bench.training import train as training
 from fpg_bench.training.config import GameOptions, RunConfig
 
 ALLY = "FPG/AllyVsScripted-v0"
+EVALUATION_ROUNDS = 3
 ON_POLICY = {"n_steps": 100, "batch_size": 100, "n_epochs": 1}
 OFF_POLICY = {
     "learning_starts": 100,

@@ -46,39 +46,30 @@ def test_a_folder_of_a_training_run_and_a_damaged_database_are_refused(tmp_path)
         open_storage(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("url", "message"),
-    [
+def test_a_storage_that_is_down_at_the_start_is_one_line_without_the_password(tmp_path):
+    for url, message in (
         ("nonsense", "expected a URL like postgresql"),
         ("oracle9://host/x", "cannot be opened"),
         ("sqlite:////nowhere/at/all.db", "unable to open database file"),
         ("postgresql+psycopg://me:secret@127.0.0.1:1/x", r"//me:\*\*\*@127.0.0.1:1/x: cannot be opened"),
         ("postgresql+psycopg://me:secret{@127.0.0.1:1/x", "cannot be opened"),
-    ],
-)
-def test_a_storage_that_is_down_at_the_start_is_one_line_without_the_password(tmp_path, url, message):
-    with pytest.raises(UserError, match=message) as error:
-        open_storage(tmp_path, url)
-    assert "\n" not in str(error.value)
-    assert "secret" not in str(error.value)
+    ):
+        with pytest.raises(UserError, match=message) as error:
+            open_storage(tmp_path, url)
+        assert "\n" not in str(error.value)
+        assert "secret" not in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        (
-            {"space": {"x": {"kind": "float", "low": 0, "high": 9}}},
-            r"made with another space \(x\); cont",
-        ),
+def test_a_study_of_another_task_is_refused(tmp_path):
+    storage, _ = open_fake(tmp_path)
+    for changes, message in (
+        ({"space": {"x": {"kind": "float", "low": 0, "high": 9}}}, r"made with another space \(x\); cont"),
         ({"n_seeds": 3}, "made with n seeds 2, not 3"),
         ({"env_id": "FPG/OpponentVsScripted-v0"}, "made with env id FPG/AllyVsScripted-v0, not"),
         ({"hyperparameters": {"x": 4.0}}, r"another hyperparameters \(x\)"),
-    ],
-)
-def test_a_study_of_another_task_is_refused(tmp_path, changes, message):
-    storage, _ = open_fake(tmp_path)
-    with pytest.raises(UserError, match=message):
-        open_study(storage, "fake", fake_task(**changes))
+    ):
+        with pytest.raises(UserError, match=message):
+            open_study(storage, "fake", fake_task(**changes))
 
 
 def test_a_study_of_others_or_of_another_version_is_refused(tmp_path):
