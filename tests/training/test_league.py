@@ -193,7 +193,7 @@ def test_folders_of_others_are_refused_and_stay_as_they_are(tmp_path):
 @pytest.mark.slow
 def test_a_resumed_response_is_marked(ally, tmp_path, monkeypatch):
     def stop(callback):
-        if callback.num_timesteps >= 400:
+        if callback.num_timesteps >= 800:  # the step before is saved
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
