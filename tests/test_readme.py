@@ -71,7 +71,8 @@ def test_the_small_model_on_this_machine_is_fetched_and_answers(monkeypatch):
 
 
 def test_the_example_of_a_server_can_be_loaded(tmp_path):
-    (code,) = [code for language, code in blocks(text_of("docs/guides/planners.md")) if "my_server.yml" in code]
+    page = blocks(text_of("docs/guides/planners.md"))
+    (code,) = [code for _, code in page if "my_server.yml" in code]
     (tmp_path / "my_server.yml").write_text(code)
     assert load_server(str(tmp_path / "my_server.yml")).response_format == "json_schema"
 
