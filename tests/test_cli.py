@@ -20,6 +20,10 @@ from fpg_bench.planning import PLANNERS
 from fpg_bench.players.agent import suites_folder
 from tests.programs import fpg, python
 
+TINY = """\
+FPG/AllyVsScripted-v0:
+  {policy: MlpPolicy, n_envs: 4, n_timesteps: 1200, n_steps: 300, batch_size: 300, n_epochs: 1}
+"""
 TRAIN = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x")
 
 

@@ -3,14 +3,6 @@
 import os
 import signal
 import time
-from functools import partial
-
-from fpg_bench.common.parallel import Job
-
-
-def held(folder, name, **options):
-    """A job that runs until the file ``go`` exists."""
-    return Job(name, partial(hold, folder, name), done=(folder / f"finished_{name}").exists, **options)
 
 
 def note(folder, name):
@@ -30,7 +22,9 @@ def square(folder, number):
 
 
 def threads():
-    return os.environ["OMP_NUM_THREADS"]
+    import torch
+
+    return torch.get_num_threads()
 
 
 def fail(error):
@@ -47,7 +41,6 @@ def die(folder, name, times):
 
 def hold(folder, name):
     """Run until the file ``go`` exists; save a file when interrupted."""
-    (folder / f"process_{name}").write_text(str(os.getpid()))
     note(folder, name)
     try:
         while not (folder / "go").exists():

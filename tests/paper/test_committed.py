@@ -45,26 +45,13 @@ def committed(request):
     return preset, read_results(RunFile(RUNS, preset, FULL.name), wanted)
 
 
-FILES = sorted(path for path in RUNS.rglob("*-*.jsonl.gz") if not path.match(f"{VARIANTS}-*"))
-
-
-@pytest.mark.parametrize("file", FILES, ids=lambda file: "-".join(file.relative_to(RUNS).parts))
-def test_committed_runs_have_the_present_scenario_and_budget(file):
-    preset, budget = file.name.partition(".")[0].split("-")
-    known = {condition.name: condition for condition in conditions_of(ALL, preset, full=True)}
-    stored = RunFile(file.parent, preset, budget).read()
-    assert len(stored) >= 3
-    for (name, seed), run in stored.items():
-        game = known[name.split("@")[0]].scenario(preset)
-        assert run.about["scenario"] == f"{preset}, {game.hash}", (name, seed)
-        assert run.about["budget"].startswith(f"{budget}, ")
-
-
-def test_committed_runs_have_all_seeds(committed):
+def test_committed_runs_have_all_seeds_and_the_present_scenario(committed):
     preset, results = committed
     for condition in conditions_of(ALL, preset, full=True):
         wanted = 1 if condition.budgets > 1 else FULL.seeds if condition.tested else 5
         assert results.seeds(condition.name) == list(range(wanted)), condition.name
+        for heading in results.about[condition.name].values():
+            assert heading["scenario"] == f"{preset}, {condition.scenario(preset).hash}", condition.name
 
 
 def test_committed_report_matches_its_runs(committed, tmp_path):
@@ -79,13 +66,24 @@ def test_committed_report_matches_its_runs(committed, tmp_path):
 
 @pytest.mark.parametrize(
     ("preset", "name", "seeds"),
-    [("paper", "paper", range(300, 303)), *(("figures", "tenth", range(k, k + 10)) for k in (200, 400))],
+    [
+        ("paper", "paper", range(300, 303)),
+        ("figures", "tenth", range(200, 210)),
+        ("figures", "tenth", range(400, 410)),
+    ],
 )
 def test_page_quotes_runs_with_more_updates(preset, name, seeds, tmp_path):
-    results = _results(preset, BUDGETS[name], seeds)
+    budget = BUDGETS[name]
+    results = _results(preset, budget, seeds)
     (condition,) = conditions_of("fig4", preset, full=False)
     assert results.seeds(condition.name) == list(seeds)
-    made, _ = write_report(results, preset, BUDGETS[name], ["fig5"], tmp_path, "fpg-bench reproduce fig4")
+    known = {each.name: each for each in conditions_of(ALL, preset, full=True)}
+    for run, headings in results.about.items():
+        game = known[run.split("@")[0]].scenario(preset)
+        for heading in headings.values():
+            assert heading["scenario"] == f"{preset}, {game.hash}"
+            assert heading["budget"].startswith(f"{name}, {budget.steps} steps, ")
+    made, _ = write_report(results, preset, budget, ["fig5"], tmp_path, "fpg-bench reproduce fig4")
     lines = [line for line in made.read_text().splitlines() if line.startswith("| planned |")]
     page = (COMMITTED.parent / "paper.md").read_text()
     assert len(fifths := [line for line in lines if "to" in line.split("|")[2]]) == 5
@@ -107,6 +105,9 @@ def test_committed_report_of_figures_matches_its_runs_on_fresh_seeds(tmp_path):
     assert made.read_text() == report
     for name in drawn:
         assert (COMMITTED / f"figures/{name}-figures.png").is_file()
+    for (name, _), run in stored.items():
+        known = {c.name: c for c in conditions_of(ALL, "figures", full=True)}[name.split("@")[0]]
+        assert run.about["scenario"] == f"figures, {known.scenario('figures').hash}"
 
 
 def aspect_of(comparison):
@@ -133,20 +134,17 @@ def variants():
 @pytest.fixture(scope="module")
 def again(variants):
     """Runs that have no report: pairs on all paths, and variants."""
-    frozen = {f"{preset}, first look": _results(preset, FULL, range(10), RUNS / "frozen") for preset in BOTH}
-    more = {f"figures, from {k}": _results("figures", BUDGETS["tenth"], range(k, k + 10)) for k in (200, 400)}
-    standard = _results("standard", BUDGETS["hundredth"], range(100, 110))
-    return {**frozen, **more, "standard": standard, **variants}
-
-
-@pytest.fixture(scope="module")
-def tests_of(again, tmp_path_factory):
-    """The lines with tests in a report of each of these runs."""
-    out, lines = tmp_path_factory.mktemp("reports"), {}
-    for name, results in again.items():
-        report, _ = write_report(results, "paper", BUDGETS["hundredth"], [], out, "fpg-bench reproduce")
-        lines[name] = [line for line in report.read_text().splitlines() if line.startswith("| D")]
-    return lines
+    return {
+        **{f"{preset}, first look": _results(preset, FULL, range(10), RUNS / "frozen") for preset in BOTH},
+        "standard": _results("standard", BUDGETS["hundredth"], range(100, 110)),
+        **{
+            f"figures, more updates, from {first}": _results(
+                "figures", BUDGETS["tenth"], range(first, first + 10)
+            )
+            for first in (200, 400)
+        },
+        **variants,
+    }
 
 
 def test_committed_page_of_trained_variants_matches_their_runs_on_fresh_seeds(variants):
@@ -173,12 +171,34 @@ def test_committed_page_of_trained_variants_matches_their_runs_on_fresh_seeds(va
     assert [line for line in printed if line not in lines] == []
 
 
-def test_page_on_paths_quotes_the_tests_of_frozen_pairs(tests_of):
+def lines_with_tests(results, tmp_path):
+    """Return the lines with tests in the report of some runs."""
+    report, _ = write_report(results, "paper", BUDGETS["hundredth"], [], tmp_path, "fpg-bench reproduce")
+    return [line for line in report.read_text().splitlines() if line.startswith("| D")]
+
+
+def test_pairs_on_all_paths_have_the_present_scenario():
+    for preset, budget, first, place in (
+        *((preset, FULL, 0, "frozen") for preset in BOTH),
+        ("standard", BUDGETS["hundredth"], 100, "."),
+    ):
+        seeds = range(first, first + 10)
+        results = _results(preset, budget, seeds, RUNS / place)
+        (base,) = conditions_of("fig4", preset, full=False)
+        for name in base.runs:
+            assert results.seeds(name) == list(seeds)
+            for heading in results.about[name].values():
+                assert heading["scenario"] == f"{preset}, {base.scenario(preset).hash}"
+
+
+@pytest.mark.parametrize("name", ["paper, first look", "standard, first look", "as-printed", "standard"])
+def test_page_on_paths_quotes_the_tests_of_frozen_pairs(name, again, tmp_path):
+    lines = [
+        line for line in lines_with_tests(again[name], tmp_path) if line.startswith("| D1 frozen | opponent")
+    ]
     page = (COMMITTED / "question-paths.md").read_text().splitlines()
-    for name in ("paper, first look", "standard, first look", "as-printed", "standard"):
-        frozen = [line for line in tests_of[name] if line.startswith("| D1 frozen | opponent")]
-        assert len(frozen) == len(FIXED_PATHS)
-        assert [line for line in frozen if line not in page] == []
+    assert len(lines) == len(FIXED_PATHS)
+    assert [line for line in lines if line not in page] == []
 
 
 def test_docs_quote_the_verdicts(again):
@@ -212,9 +232,13 @@ def test_committed_page_of_the_screen_matches_its_rows():
 
 
 @pytest.mark.parametrize("name", ["paths", "overlap", "types", "knowledge"])
-def test_pages_of_questions_quote_existing_tests(name, tests_of):
+def test_pages_of_questions_quote_existing_tests(name, again, tmp_path):
     reports = [(COMMITTED / f"report-{preset}.md").read_text().splitlines() for preset in (*BOTH, "figures")]
-    lines = {line for each in (*reports, *tests_of.values()) for line in each}
+    lines = {
+        line
+        for each in (*reports, *(lines_with_tests(runs, tmp_path) for runs in again.values()))
+        for line in each
+    }
     page = (COMMITTED / f"question-{name}.md").read_text()
     quoted = [line for line in page.splitlines() if line.startswith("| D")]
     assert len(quoted) >= 4

@@ -25,6 +25,12 @@ def test_a_study_lies_in_a_sqlite_database_in_its_folder(tmp_path):
     assert len(open_fake(folder)[1].trials) == 3
 
 
+def test_a_database_that_is_damaged_is_one_line(tmp_path):
+    (tmp_path / DATABASE).write_text("nonsense" * 1000)
+    with pytest.raises(UserError, match=rf"{DATABASE}: cannot be opened: file is not a database"):
+        open_storage(tmp_path)
+
+
 def test_a_database_that_fails_later_is_one_line(tmp_path):
     def objective(trial):
         with open_fake(tmp_path)[0].engine.begin() as connection:
@@ -35,69 +41,87 @@ def test_a_database_that_fails_later_is_one_line(tmp_path):
         work(tmp_path, 1, objective)
 
 
-def test_a_folder_of_a_training_run_and_a_damaged_database_are_refused(tmp_path):
+def test_a_folder_of_a_training_run_is_refused(tmp_path):
     (tmp_path / "run.json").write_text("{}")
     with pytest.raises(UserError, match="holds a training run; choose another folder"):
         open_storage(tmp_path)
     assert not (tmp_path / DATABASE).exists()
-    (tmp_path / "run.json").unlink()
-    (tmp_path / DATABASE).write_text("nonsense" * 1000)
-    with pytest.raises(UserError, match=rf"{DATABASE}: cannot be opened: file is not a database"):
-        open_storage(tmp_path)
 
 
-def test_a_storage_that_is_down_at_the_start_is_one_line_without_the_password(tmp_path):
-    for url, message in (
+@pytest.mark.parametrize(
+    ("url", "message"),
+    [
         ("nonsense", "expected a URL like postgresql"),
         ("oracle9://host/x", "cannot be opened"),
         ("sqlite:////nowhere/at/all.db", "unable to open database file"),
         ("postgresql+psycopg://me:secret@127.0.0.1:1/x", r"//me:\*\*\*@127.0.0.1:1/x: cannot be opened"),
         ("postgresql+psycopg://me:secret{@127.0.0.1:1/x", "cannot be opened"),
-    ):
-        with pytest.raises(UserError, match=message) as error:
-            open_storage(tmp_path, url)
-        assert "\n" not in str(error.value)
-        assert "secret" not in str(error.value)
+    ],
+)
+def test_a_storage_that_is_down_at_the_start_is_one_line_without_the_password(tmp_path, url, message):
+    with pytest.raises(UserError, match=message) as error:
+        open_storage(tmp_path, url)
+    assert "\n" not in str(error.value)
+    assert "secret" not in str(error.value)
 
 
-def test_a_study_of_another_task_is_refused(tmp_path):
-    storage, _ = open_fake(tmp_path)
-    for changes, message in (
-        ({"space": {"x": {"kind": "float", "low": 0, "high": 9}}}, r"made with another space \(x\); cont"),
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"space": {"x": {"kind": "float", "low": 0, "high": 9}}},
+            r"made with another space \(x\); cont",
+        ),
         ({"n_seeds": 3}, "made with n seeds 2, not 3"),
         ({"env_id": "FPG/OpponentVsScripted-v0"}, "made with env id FPG/AllyVsScripted-v0, not"),
         ({"hyperparameters": {"x": 4.0}}, r"another hyperparameters \(x\)"),
-    ):
-        with pytest.raises(UserError, match=message):
-            open_study(storage, "fake", fake_task(**changes))
+    ],
+)
+def test_a_study_of_another_task_is_refused(tmp_path, changes, message):
+    storage, _ = open_fake(tmp_path)
+    with pytest.raises(UserError, match=message):
+        open_study(storage, "fake", fake_task(**changes))
 
 
-def test_a_study_of_others_or_of_another_version_is_refused(tmp_path):
+def test_a_study_that_tune_did_not_make_is_refused(tmp_path):
+    storage = open_storage(tmp_path)
+    optuna.create_study(storage=storage, study_name="mine").add_trial(optuna.create_trial(value=1.0))
+    with pytest.raises(UserError, match="was not made by fpg-bench tune"):
+        open_study(storage, "mine", fake_task())
+    with pytest.raises(UserError, match="was not made by fpg-bench tune"):
+        load_study(storage, "mine")
+
+
+def test_a_task_of_another_version_is_refused(tmp_path):
     storage, study = open_fake(tmp_path)
     study.set_user_attr("task", TASK | {"steps": "many"})
-    with pytest.raises(UserError, match="by another version of fpg-bench: steps: expected a whole number"):
+    with pytest.raises(
+        UserError, match="made by another version of fpg-bench: steps: expected a whole number"
+    ):
         load_study(storage, None)
-    optuna.create_study(storage=storage, study_name="mine").add_trial(optuna.create_trial(value=1.0))
-    for load in (lambda: open_study(storage, "mine", fake_task()), lambda: load_study(storage, "mine")):
-        with pytest.raises(UserError, match="was not made by fpg-bench tune"):
-            load()
 
 
 def test_a_study_is_loaded_by_its_name_or_alone(tmp_path):
     storage = open_storage(tmp_path)
     with pytest.raises(UserError, match="holds no study"):
         load_study(storage, None)
-    for _ in range(2):
-        open_fake(tmp_path)
+    open_fake(tmp_path)
     study, task = load_study(storage, None)
-    assert (study.study_name, task) == ("fake", fake_task())
-    (trial,) = study.trials  # present values are queued once
-    assert trial.system_attrs["fixed_params"] == {"x": 5.0}
+    assert study.study_name == "fake"
+    assert task == fake_task()
     with pytest.raises(UserError, match="did you mean 'fake'"):
         load_study(storage, "fak")
     optuna.create_study(storage=storage, study_name="mine")
     with pytest.raises(UserError, match="choose one with --study-name: fake, mine"):
         load_study(storage, None)
+
+
+def test_present_values_are_queued_once(tmp_path):
+    for _ in range(2):
+        _, study = open_fake(tmp_path)
+    (trial,) = study.trials
+    assert trial.state == TrialState.WAITING
+    assert trial.system_attrs["fixed_params"] == {"x": 5.0}
 
 
 def draw(interrupted=()):
