@@ -40,9 +40,10 @@ agent again and compares. This page and its pictures are made by `{COMMAND}`.
 A score is the mean over a suite's rivals of the return per step, on the scale of the track
 ([protocol](../docs/benchmark/protocol.md#suites-and-scores)). The first suite of a group is public:
 agents may be trained against its rivals. The rivals of a season suite were trained after the entries of
-that season had been closed. Intervals are 95 %, by Student's t: over training seeds, and for scripts over matches. † marks
-fewer than three training seeds. Time is that of training, on one core, without evaluations, at the speed of
-the fastest training seed, because other work slowed down the others on a shared machine.
+that season had been closed. Intervals are 95 %, by Student's t: over training seeds, and for scripts
+over matches. † marks fewer than three training seeds. Time is that of training, on one core, without
+evaluations, at the speed of the fastest training seed, because other work slowed down the others on a
+shared machine.
 """
 _CAPTIONS = (
     "Learning curves: the score on tuning seeds, mean and range over training seeds, while all of them "
