@@ -184,7 +184,8 @@ def test_a_file_that_cannot_grow_is_one_line_and_keeps_what_it_holds(tmp_path):
     limit = "(5_000, 5_000)"  # bytes a file may have: as a disk that is full in the middle of a line
     code = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, {limit})\n"
     code += "from fpg_bench.cli import main; main()"
-    assert fpg("evaluate", "idle", "--matches", "1").returncode == 0  # all that it needs is compiled now
+    before = fpg("evaluate", "idle", "--matches", "1", "--out", "before", folder=tmp_path)
+    assert before.returncode == 0, before.stderr  # all that it needs is compiled now
     result = python("-c", code, *words, folder=tmp_path)
     assert result.returncode == 1
     assert result.stderr.count("\n") == 1
