@@ -54,8 +54,12 @@ GROUPS = {
         "opponent that flies itself",
         "four scripted allies (reactive, expert, expert-spread, always-hop), and idle where PPO learned",
     ),
-    "ally-discrete": (
+    "ally-scripted-discrete": (
         "ally, discrete actions",
+        "seven scripted opponents, in pursuit and on the three patrols, drawn anew every round",
+    ),
+    "ally-discrete": (
+        "ally of a population, discrete",
         "seven scripted opponents and those of the public population training-1, drawn anew every round",
     ),
     "opponent-discrete": (

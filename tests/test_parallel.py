@@ -212,7 +212,7 @@ def test_ctrl_c_saves_all_runs(folder):
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     try:
-        wait_for(lambda: len(list(folder.glob("runs/*/events*"))) == 2, seconds=180)
+        wait_for(lambda: len(list(folder.glob("runs/*/events*"))) == 2)
         os.killpg(process.pid, signal.SIGINT)
         error = process.communicate(timeout=120)[1]
     finally:  # its runs would take days

@@ -119,12 +119,15 @@ def test_what_is_sound_passes(check, kind, capsys):
 
 def test_a_torch_model_may_differ_in_its_last_bits_and_no_more():
     torch = pytest.importorskip("torch")
-    net = torch.nn.Linear(15, 9)
 
     class Net(Sound):
+        def __init__(self, spoil):
+            super().__init__(spoil)
+            self.net = torch.nn.Linear(15, 9)
+
         def predict(self, observation, *_):
             with torch.no_grad():
-                actions = torch.tanh(net(torch.as_tensor(observation))).numpy()
+                actions = torch.tanh(self.net(torch.as_tensor(observation))).numpy()
             return np.clip(actions + self.spoil * len(observation), -1, 1), None
 
     check_player(Net(1e-6), "ally")
