@@ -2,6 +2,7 @@ import os
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -19,6 +20,7 @@ from fpg_bench.game.names import CHOSEN, OBSERVED, PATHS
 from fpg_bench.planning import PLANNERS
 from fpg_bench.players.agent import suites_folder
 from tests.programs import fpg, python
+from tests.working import wait_for
 
 TINY = """\
 FPG/AllyVsScripted-v0:
@@ -237,3 +239,27 @@ def test_a_run_that_is_stopped_before_it_saved_says_so(monkeypatch, capsys, tmp_
         with pytest.raises(KeyboardInterrupt):
             training.train("ppo", "FPG/AllyVsScripted-v0", tmp_path)
         assert ("no step is saved yet" in capsys.readouterr().err) == (not saved)
+
+
+def started(*words, folder):
+    """The command in a process that hears Ctrl-C, also where the tests run in the background and do not."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "fpg_bench.cli", *words],
+        cwd=folder,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+
+
+@pytest.mark.process
+def test_ctrl_c_while_evaluating_keeps_finished_lines(tmp_path):
+    process = started("evaluate", "all-scripted", "--matches", "500", "--out", "results", folder=tmp_path)
+    lines = tmp_path / "results" / "records.jsonl"
+    wait_for(lambda: lines.exists() and lines.stat().st_size)
+    process.send_signal(signal.SIGINT)
+    error = process.communicate()[1]
+    assert process.returncode == 130, error
+    first = RowFile(lines).read()[0]
+    assert (first["rival"], len(first["returns"])) == ("tone/pursuit", 500)

@@ -122,3 +122,15 @@ def test_maddpg_plays_both_sides_of_the_game():
     assert model._n_updates == 60
     assert [info["l"] for info in model.ep_info_buffer] == [300] * 4
     assert model.predict(games.reset())[0].shape == (4, 18)
+
+
+@pytest.mark.slow
+def test_the_same_seed_learns_the_same():
+    found = [
+        MADDPG("JointPolicy", QuadraticGame(2), seed=seed, learning_starts=20)
+        .learn(100)
+        .predict(np.ones(4))[0]
+        for seed in (3, 3, 4)
+    ]
+    assert np.array_equal(found[0], found[1])
+    assert not np.array_equal(found[0], found[2])

@@ -82,3 +82,13 @@ def test_a_living_workers_trial_is_left_alone_and_a_killed_ones_is_retried(serve
     trials = work(tmp_path, 2, url=server.url).trials
     assert [trial.state.name for trial in trials] == ["FAIL", "COMPLETE", "COMPLETE"]
     assert trials[2].params == trials[0].params
+
+
+def test_workers_that_begin_together_share_the_trials(server, tmp_path, start):
+    both = [start(tmp_path, url=server.url, n_trials=20) for _ in range(2)]
+    output = [process.communicate() for process in both]
+    assert [process.returncode for process in both] == [0, 0], output
+    trials = open_fake(tmp_path, server.url)[1].trials
+    assert 20 <= len(trials) <= 21
+    assert {trial.state for trial in trials} == {TrialState.COMPLETE}
+    assert [trial.number for trial in trials] == list(range(len(trials)))
