@@ -88,9 +88,7 @@ def compute_reward(reward: str, side: str, games: np.ndarray, scenario: Scenario
         value = -games["opponent_reward" if side == "ally" else "ally_reward"]
         return value
     if reward == "ally_cost":
-        cap = np.inf if scenario.snr_cap_db is None else scenario.snr_cap_db
-        gross = np.minimum(games["snr_db"], cap) - scenario.snr_threshold_db
-        value = gross - games["ally_reward"]
+        value = games["ally_value"] - games["ally_reward"]
     else:
         is_outage = games["snr_db"] < scenario.snr_threshold_db
         value = (games["covered"] & (is_outage | (reward == "overlap"))).astype(float)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.link import reaches
 from fpg_bench.game.state import TYPES, Record
 
 
@@ -19,8 +20,12 @@ def footprint_distance_mhz(offset_mhz: float, tooth_spacing: float) -> float:
 
 
 @compiled
-def covers(jamming_type: int, jamming_mhz: float, frequency_mhz: float, rules: Record) -> bool:
-    """Return True if a footprint covers a frequency; nothing wraps at the ends of the band."""
+def covers(
+    jamming_type: int, jamming_mhz: float, frequency_mhz: float, spreading: bool, rules: Record
+) -> bool:
+    """Return True if a footprint covers the ally; nothing wraps at the ends of the band."""
+    if rules.link:
+        return reaches(jamming_type, jamming_mhz, frequency_mhz, spreading, rules)
     distance = footprint_distance_mhz(frequency_mhz - jamming_mhz, rules.tooth_spacing[jamming_type])
     return distance <= rules.half_width[jamming_type]
 

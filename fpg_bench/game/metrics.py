@@ -9,7 +9,6 @@ import numpy as np
 
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.radio import capacity_mbit_s
 from fpg_bench.game.state import TALLY, Record
 
 
@@ -30,7 +29,7 @@ def count_step(game: Record, tally: Record, histogram: np.ndarray, point_before:
     tally.broadband += game.jamming_type == 2
     tally.comb += game.jamming_type == 3
     tally.snr_db += game.snr_db
-    tally.capacity_mbit_s += capacity_mbit_s(game.snr_db, game.spreading, rules)
+    tally.capacity_mbit_s += game.rate_mbit_s
     tally.ally_return += game.ally_reward
     tally.opponent_return += game.opponent_reward
     histogram[0, game.point] += 1

@@ -5,9 +5,9 @@ from __future__ import annotations
 JAMMING_TYPES = ("tone", "narrowband", "broadband", "comb")
 PATHS = ("circle", "triangle", "rectangle", "pursuit", "learned", "waypoints")
 PATROLS = ("circle", "triangle", "rectangle")
-SNR_MODELS = ("sinr", "paper")
+SNR_MODELS = ("sinr", "paper", "link")
 MOST_PATHS = 16  # that a round may draw from
-DETECTIONS = ("emission", "link", "off")
+DETECTIONS = ("emission", "link", "off", "radiometer")
 HOPPING = ("gated", "always")
 
 # The numbers that a side sees and chooses, in their order; docs/reference/rules.md has their scales.

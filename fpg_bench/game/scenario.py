@@ -1,8 +1,9 @@
-"""Scenarios: every number of the game, validated, with three presets and a hash."""
+"""Scenarios: every number of the game, validated, with presets and a hash."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import json
 import numbers
@@ -153,6 +154,50 @@ def check_mix(scenario: Scenario) -> None:
         raise ScenarioError(f"spread_cost_from_s: {starts} must begin at 0 and not fall")
     if s.waypoints > s.steps_per_round:
         raise ScenarioError(f"waypoints {s.waypoints} exceed steps_per_round {s.steps_per_round}")
+    _check_models(s)
+    if s.snr_model == "link":
+        _check_link(s)
+
+
+def _check_models(scenario: Scenario) -> None:
+    """Refuse fields of a radio model or of a way of detection that is not played; name each of them."""
+    refused: dict[tuple[str, str], list[str]] = {}
+    for spec in fields(scenario):
+        needs, value = spec.metadata.get("needs"), getattr(scenario, spec.name)
+        if needs and getattr(scenario, needs[0]) != needs[1] and value != spec.default:
+            refused.setdefault(needs, []).append(f"{spec.name} {value!r}")
+    for (field_name, needed), named in refused.items():
+        raise ScenarioError(
+            f"{', '.join(named)}: for {field_name} {needed!r} alone, got {getattr(scenario, field_name)!r}; "
+            f"leave out, or write {field_name}: {needed}"
+        )
+
+
+def _check_link(scenario: Scenario) -> None:
+    """Refuse what the model ``link`` does not read, and widths and rates that no radio has."""
+    s = scenario
+    unread = {"spread_capacity": False, "snr_cap_db": None, "jamming_coefficients": (1.0,) * 4}
+    if named := [name for name, value in unread.items() if getattr(s, name) != value]:
+        values = ", ".join(f"{name} {getattr(s, name)!r}" for name in named)
+        remedies = ", ".join(f"{name}: {_as_json(unread)[name]!r}" for name in named)
+        raise ScenarioError(f"{values}: not for snr_model 'link'; write {remedies}")
+    band = s.band_high_mhz - s.band_low_mhz
+    for name in ("bandwidth_mhz", "spread_bandwidth_mhz"):
+        if (width := getattr(s, name)) > band:
+            raise ScenarioError(f"{name} {width}: at most the band's {band:g} MHz with snr_model 'link'")
+    if s.spread_rate_mhz > s.spread_bandwidth_mhz:
+        raise ScenarioError(
+            f"spread_rate_mhz {s.spread_rate_mhz}: a processing gain below 1; "
+            f"at most spread_bandwidth_mhz {s.spread_bandwidth_mhz}"
+        )
+    if s.notch_width_mhz >= s.spread_bandwidth_mhz:
+        raise ScenarioError(
+            f"notch_width_mhz {s.notch_width_mhz}: must lie below spread_bandwidth_mhz {s.spread_bandwidth_mhz}"
+        )
+    if not all(half > 0 for half in s.footprint_half_widths_mhz):
+        raise ScenarioError(
+            f"footprint_half_widths_mhz {s.footprint_half_widths_mhz}: must be above 0 with snr_model 'link'"
+        )
 
 
 def _length_m(control_points: tuple[tuple[float, ...], ...]) -> float:
@@ -163,8 +208,14 @@ def _length_m(control_points: tuple[tuple[float, ...], ...]) -> float:
     return float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
 
 
-def _number(default: float, low: float, high: float, doc: str) -> Any:
-    return field(default=default, metadata={"low": low, "high": high, "doc": doc})
+# Fields of the radio model ``link``, and of its receiver of the opponent, are refused beside other models.
+LINK, RADIOMETER = ("snr_model", "link"), ("detection", "radiometer")
+
+
+def _number(
+    default: float, low: float, high: float, doc: str, needs: tuple[str, str] | None = None
+) -> Any:
+    return field(default=default, metadata={"low": low, "high": high, "doc": doc, "needs": needs})
 
 
 def _numbers(default: tuple[float, ...], low: float, high: float, doc: str) -> Any:
@@ -212,10 +263,29 @@ class Scenario:
     spread_bandwidth_mhz: float = _number(2400.0, 1e-3, 1e6, "ally's bandwidth while it spreads")
     fading_sd_db: float = _number(1.0, 0, 50, "standard deviation of the Gaussian fading, per step")
     snr_threshold_db: float = _number(8.0, -50, 100, "M: below it the link is in outage")
+    fading_correlation: float = _number(0.0, 0, 0.9999, "correlation of the fading of adjacent steps, AR(1)")
     snr_model: str = _choice(
-        "sinr", SNR_MODELS, "sinr: interference beside noise; paper: Eq. 2 and 3 literally"
+        "sinr",
+        SNR_MODELS,
+        "sinr: interference beside noise; paper: Eq. 2 and 3 literally; link: spectra, see fpg_bench.game.link",
     )
     spread_capacity: bool = _other(False, "capacity uses the bandwidth in use (True) or the unspread one")
+
+    # The radio model link
+    filter_rolloff: float = _number(0.0, 0, 1, "roll-off of the receive filter's raised cosine", LINK)
+    filter_stopband_db: float = _number(-200.0, -200, 0, "jamming that passes the filter's stop band", LINK)
+    spread_rate_mhz: float = _number(
+        5.0, 1e-3, 1e5, "symbol rate while spreading; spread_bandwidth_mhz over it is the processing gain", LINK
+    )
+    notch_width_mhz: float = _number(0.0, 0, 1e5, "width that a despreader notches out of its band", LINK)
+    rate_efficiency: float = _number(1.0, 0.01, 1, "share of the Shannon bound that coding reaches", LINK)
+    rate_loss_db: float = _number(0.0, 0, 30, "SNR that coding loses against the Shannon bound", LINK)
+    rate_top_bit_s_hz: float = _number(1000.0, 0.01, 1000, "rate of the highest modulation, per MHz", LINK)
+    hop_airtime_s: float = _number(0.0, 0, 1, "part of a step in which a hop leaves no link", LINK)
+    rate_reference_mbit_s: float = _number(
+        1.0, 1e-6, 1e9, "rate that earns log 2; one far above the top rate pays throughput", LINK
+    )
+    reward_scale: float = _number(1.0, 1e-3, 1e6, "reward of the highest rate", LINK)
 
     # Jamming, Table 1 and Eq. 7-10, in the order tone, narrowband, broadband, comb
     jamming_types: tuple[str, ...] = _other(JAMMING_TYPES, "types that the opponent may choose from")
@@ -230,11 +300,19 @@ class Scenario:
     detection: str = _choice(
         "emission",
         DETECTIONS,
-        "emission: by the opponent's own receiver; link: by the ally's SNR; off: never",
+        "emission: by the opponent's own receiver; link: by the ally's SNR; off: never; "
+        "radiometer: by energy in the ally's channel, with snr_model link",
     )
     first_check_s: tuple[int, ...] = _numbers((1, 5), 1, 10_000, "earliest and latest first check, uniform")
     check_interval_s: tuple[int, ...] = _numbers((4, 6), 1, 10_000, "shortest and longest interval, uniform")
     ally_emission_dbm: float = _number(-12.0, -200, 100, "what the opponent's receiver can hear of the ally")
+
+    noise_uncertainty_db: float = _number(3.0, 0.01, 30, "noise that the radiometer cannot tell", RADIOMETER)
+    jammer_isolation_db: float = _number(
+        200.0, 0, 200, "isolation of the opponent's receiver from its own jamming", RADIOMETER
+    )
+    base_beam_deg: float = _number(360.0, 0.1, 360, "half-power width of the base station's beam", RADIOMETER)
+    base_side_lobe_db: float = _number(0.0, 0, 200, "radiation beside the beam, below the beam's", RADIOMETER)
 
     # Ally
     ally_speed_m_s: tuple[float, ...] = _numbers(
@@ -279,6 +357,11 @@ class Scenario:
     distance_reward: float = _number(20.0, 0, 1e6, "E of Eq. 6")
     distance_reward_m: float = _number(30.0, 0, 1e6, "distance below which E is earned")
     snr_drop_weight: float = _number(1.0, 0, 1e4, "alpha of Eq. 6")
+
+    # Scripted players
+    script_threat_db: float = _number(30.0, -1000, 1000, "SNR below which expert and expert-spread hop")
+    script_broadband_m: float = _number(35.0, 0, 1e5, "distance below which adaptive jams broadband")
+    script_comb_m: float = _number(90.0, 0, 1e5, "distance below which adaptive jams with a comb")
 
     def __post_init__(self) -> None:
         for spec in fields(self):
@@ -381,18 +464,25 @@ FIGURES = dataclasses.replace(
     hop_cost=0.0,  # H is not given; a hop that is not decided on costs nothing
     rounds_per_match=40,  # the planner remembers more than ten rounds; Algorithm 1 never forgets
 )
-PRESETS = {"standard": STANDARD, "paper": PAPER, "figures": FIGURES}
+_FILES = {path.stem: path for path in sorted(Path(__file__).with_name("presets").glob("*.yml"))}
+_BUILT = {"standard": STANDARD, "paper": PAPER, "figures": FIGURES}
+PRESETS = (*_BUILT, *_FILES)
 
 
+@functools.cache
 def preset(name: str) -> Scenario:
-    """Return the preset ``standard`` (the leaderboard's), ``paper`` (as printed) or ``figures``.
+    """Return a preset by its name.
+
+    Args:
+        name: ``standard`` (the leaderboard's), ``paper`` (as printed), ``figures``, ``link``, or one of the
+            variants of ``link`` in the folder ``presets``.
 
     Raises:
         ScenarioError: another name.
     """
     if name not in PRESETS:
         raise ScenarioError(f"unknown scenario {name!r}{nearest(name, PRESETS)}")
-    return PRESETS[name]
+    return Scenario.from_yaml(_FILES[name]) if name in _FILES else _BUILT[name]
 
 
 def as_scenario(scenario: Scenario | str | Path | None, **changes: Any) -> Scenario:

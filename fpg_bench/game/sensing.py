@@ -8,12 +8,14 @@ import numpy as np
 
 from fpg_bench.game import rng
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.flight import distance_m
 from fpg_bench.game.jamming import covers
+from fpg_bench.game.link import channel_mhz, is_heard
 from fpg_bench.game.names import DETECTIONS
 from fpg_bench.game.radio import noise_dbm, path_loss_db
 from fpg_bench.game.state import OBSERVATION_SIZE, TYPES, Record
 
-EMISSION, LINK, OFF = range(len(DETECTIONS))
+EMISSION, LINK, OFF, RADIOMETER = range(len(DETECTIONS))
 
 # Where the ally's observation holds what (the opponent's: see opponent_observation).
 OWN_POSITION, RELATIVE_POSITION = 0, 3
@@ -29,7 +31,7 @@ def check(game: Record, rules: Record) -> None:
     if not game.checked:
         return
     if hears(game, rules):
-        game.known_mhz = game.frequency_mhz
+        game.known_mhz = channel_mhz(game.frequency_mhz, game.spreading, rules)
         game.age_s = 0
         game.last_check = 1
     else:
@@ -44,10 +46,14 @@ def hears(game: Record, rules: Record) -> bool:
 
     ``emission``: the ally's emission at the opponent's own receiver, against the noise in the ally's
     present bandwidth, with a fading draw of its own. ``link``: the ally's own SNR, and no spreading.
+    ``radiometer``: as in :func:`fpg_bench.game.link.is_heard`, with the same draw.
     """
-    if rules.detection == EMISSION:
-        level = rules.ally_emission - path_loss_db(game.distance_m, game.frequency_mhz, rules)
+    if rules.detection == EMISSION or rules.detection == RADIOMETER:
         fading, _ = rng.gaussians(game.round_key, game.step, rng.DETECTION_FADING)
+        if rules.detection == RADIOMETER:
+            distance_to_base_m = distance_m(game.opponent_position, rules.base_station)
+            return is_heard(game, distance_to_base_m, fading, rules)
+        level = rules.ally_emission - path_loss_db(game.distance_m, game.frequency_mhz, rules)
         return level - noise_dbm(game.spreading, rules) + rules.fading_sd * fading >= rules.threshold
     return rules.detection == LINK and not game.spreading and game.snr_db >= rules.threshold
 
@@ -96,7 +102,8 @@ def ally_observation(out: np.ndarray, game: Record, rules: Record) -> None:
     out[SENSED_CENTRE] = _in_band(game.sensed_mhz, rules) if sensed else 0.0
     for kind in range(TYPES):
         out[SENSED_TYPE + kind] = 1.0 if kind == game.sensed_type else 0.0
-    covered = sensed and covers(game.sensed_type, game.sensed_mhz, game.frequency_mhz, rules)
+    f, spreading = game.frequency_mhz, game.spreading
+    covered = sensed and covers(game.sensed_type, game.sensed_mhz, f, spreading, rules)
     out[SENSED_COVERS] = 1.0 if covered else -1.0
 
 

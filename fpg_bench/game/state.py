@@ -56,10 +56,13 @@ GAME = np.dtype(
         # The step just played
         ("distance_m", "f8"),
         ("covered", "b1"),
+        ("fading", "f8"),  # in standard deviations
         ("snr_db", "f8"),
         ("clean_snr_db", "f8"),  # without jamming, same fading
+        ("rate_mbit_s", "f8"),
         ("sensed_type", "i8"),  # -1: nothing sensed yet
         ("sensed_mhz", "f8"),
+        ("ally_value", "f8"),  # the ally's reward before its costs
         ("ally_reward", "f8"),
         ("opponent_reward", "f8"),
         # For the tally
@@ -120,16 +123,44 @@ RULES = np.dtype(
         ("jamming_power", "f8", (TYPES,)),  # k * P_opponent
         ("noise", "f8"),  # dBm, unspread
         ("spread_noise", "f8"),  # dBm, while spreading
-        ("bandwidth", "f8"),
-        ("spread_bandwidth", "f8"),
+        ("rate_bandwidth", "f8", (2,)),  # MHz, unspread and while spreading, as are the pairs below
+        ("rate_efficiency", "f8"),
+        ("rate_loss", "f8"),
+        ("rate_top", "f8"),
+        ("rate_threshold", "f8"),
         ("fading_sd", "f8"),
+        ("fading_kept", "f8"),  # coefficients of the AR(1) process
+        ("fading_new", "f8"),
         ("threshold", "f8"),
         ("paper_snr", "b1"),
-        ("spread_capacity", "b1"),
+        ("link", "b1"),
         ("allowed", "i8", (TYPES,)),  # 1 or 0; Numba knows no nested array of b1
         ("half_width", "f8", (TYPES,)),
         ("tooth_spacing", "f8", (TYPES,)),  # 0: in one piece
         ("tolerance", "f8"),
+        # The link model: powers in mW, widths in MHz
+        ("path_gain", "f8"),  # times 1 / (m MHz)^2
+        ("base_mw", "f8"),
+        ("jamming_mw", "f8"),
+        ("noise_mw", "f8", (2,)),  # in a symbol, after despreading
+        ("channel_width", "f8", (2,)),
+        ("rolloff", "f8"),
+        ("stopband", "f8"),
+        ("spread_low", "f8"),  # where the centre of the spread signal lies
+        ("spread_high", "f8"),
+        ("per_gain", "f8", (2,)),  # 1 / processing gain
+        ("tooth_width", "f8", (TYPES,)),
+        ("notch_width", "f8"),
+        ("notch_kept", "f8"),  # share of the spread band
+        ("hop_airtime", "f8"),
+        ("per_rate_reference", "f8"),
+        ("reward_scale", "f8"),  # divided by the utility of the highest rate
+        ("ally_emission_mw", "f8"),
+        ("channel_noise_mw", "f8", (2,)),  # of the opponent's receiver, in the whole channel
+        ("own_jamming_mw", "f8"),
+        ("radiometer_threshold", "f8"),
+        ("per_beam", "f8"),  # 1 / rad
+        ("side_lobe", "f8"),
         ("detection", "i8"),  # index into names.DETECTIONS
         ("first_check", "i8", (2,)),
         ("check_interval", "i8", (2,)),

@@ -19,6 +19,7 @@ from fpg_bench.game.flight import (
 )
 from fpg_bench.game.hopping import choose_point, point_mhz
 from fpg_bench.game.jamming import choose_type, covers, tune_mhz
+from fpg_bench.game.link import transmit
 from fpg_bench.game.metrics import count_step
 from fpg_bench.game.radio import path_loss_db, snr_db
 from fpg_bench.game.rewards import reward
@@ -129,11 +130,16 @@ def trace_ally(path: np.ndarray, games: np.ndarray, rules_array: np.ndarray) -> 
 def _transmit(game: Record, fading: float, rules: Record) -> None:
     """Compute coverage, fading, and the SNR with and without jamming, at the final positions."""
     f = game.frequency_mhz
+    distance_to_base_m = distance_m(game.ally_position, rules.base_station)
     game.distance_m = distance_m(game.ally_position, game.opponent_position)
-    game.covered = covers(game.jamming_type, game.jamming_mhz, f, rules)
-    signal = rules.base_power - path_loss_db(distance_m(game.ally_position, rules.base_station), f, rules)
+    game.fading = rules.fading_kept * game.fading + rules.fading_new * fading
+    if rules.link:
+        transmit(game, distance_to_base_m, rules)
+        return
+    game.covered = covers(game.jamming_type, game.jamming_mhz, f, game.spreading, rules)
+    signal = rules.base_power - path_loss_db(distance_to_base_m, f, rules)
     jamming = rules.jamming_power[game.jamming_type] - path_loss_db(game.distance_m, f, rules)
-    fading_db = rules.fading_sd * fading
+    fading_db = rules.fading_sd * game.fading
     game.snr_db = snr_db(signal, jamming, game.covered, game.spreading, fading_db, rules)
     game.clean_snr_db = snr_db(signal, jamming, False, game.spreading, fading_db, rules)
 
@@ -209,10 +215,15 @@ def _begin_round(game: Record, rules: Record) -> None:
     game.jamming_type, game.jamming_mhz = -1, rules.band_middle
     game.sensed_type, game.sensed_mhz = -1, rules.band_middle
     game.distance_m = distance_m(game.ally_position, game.opponent_position)
-    game.covered = False
-    base = distance_m(game.ally_position, rules.base_station)
-    signal = rules.base_power - path_loss_db(base, game.frequency_mhz, rules)
-    game.snr_db = snr_db(signal, 0.0, False, False, 0.0, rules)
-    game.clean_snr_db = game.snr_db
+    game.covered, game.fading = False, 0.0
+    distance_to_base_m = distance_m(game.ally_position, rules.base_station)
+    if rules.link:
+        transmit(game, distance_to_base_m, rules)
+    else:
+        signal = rules.base_power - path_loss_db(distance_to_base_m, game.frequency_mhz, rules)
+        game.snr_db = snr_db(signal, 0.0, False, False, 0.0, rules)
+        game.clean_snr_db = game.snr_db
+    game.fading, _ = rng.gaussians(key, 0, rng.FADING_START)
+    game.rate_mbit_s, game.ally_value = 0.0, 0.0
     game.ally_reward, game.opponent_reward = 0.0, 0.0
     game.outage_run, game.watching, game.recovering = 0, False, 0

@@ -31,15 +31,10 @@ from fpg_bench.players.seeded import Batched, SeededPolicy
 IDLE, RANDOM_ALLY, REACTIVE, EXPERT, EXPERT_SPREAD, ALWAYS_HOP = range(len(ALLIES))
 TONE, NARROWBAND, BROADBAND, COMB, RANDOM_OPPONENT, SWEEP, ADAPTIVE, WATCHFUL = range(len(OPPONENTS))
 
-# What the experts call a threatened link, and how long expert-spread spreads after a hop.
-THREATENED_DB = 30.0
-SPREAD_S = 8.0
-# Where adaptive finds broadband and comb strong enough.
-BROADBAND_M = 35.0
-COMB_M = 90.0
+SPREAD_S = 8.0  # how long expert-spread spreads after a hop
 
-# Columns of the scales that a script is handed.
-_SNR_SCALE, _THRESHOLD, _SPREADING_SCALE, _POINTS, _BOX = 0, 1, 2, 3, 4
+# Columns of the numbers of the scenario that a script is handed.
+_SNR_SCALE, _THRESHOLD, _SPREADING_SCALE, _POINTS, _BOX, _THREAT, _BROADBAND, _COMB = 0, 1, 2, 3, 4, 7, 8, 9
 
 
 @compiled
@@ -67,7 +62,7 @@ def play_ally(
             hop = snr < scales[_THRESHOLD]
             preference = _draw(keys, i, steps[i], 3)
         elif kind in (EXPERT, EXPERT_SPREAD):
-            expert = seen[SENSED_COVERS] > 0.0 and snr < THREATENED_DB
+            expert = seen[SENSED_COVERS] > 0.0 and snr < scales[_THREAT]
             hop = expert
             spread_s = seen[SPREADING_TIME] * scales[_SPREADING_SCALE]
             spread = kind == EXPERT_SPREAD and (hop or 0.5 < spread_s < SPREAD_S - 0.5)
@@ -111,10 +106,10 @@ def play_opponent(
                 jamming_type = TONE
             elif checked:
                 jamming_type = NARROWBAND
-            elif distance < BROADBAND_M:
+            elif distance < scales[_BROADBAND]:
                 jamming_type = BROADBAND
             else:
-                jamming_type = COMB if distance < COMB_M else NARROWBAND
+                jamming_type = COMB if distance < scales[_COMB] else NARROWBAND
         for j in range(TYPES):
             action[j] = 1.0 if j == jamming_type else -1.0
         action[4] = tuning
@@ -167,6 +162,9 @@ class Scripted(SeededPolicy):
                 scenario.spreading_scale_s,
                 scenario.frequency_points,
                 *scenario.box_m,
+                scenario.script_threat_db,
+                scenario.script_broadband_m,
+                scenario.script_comb_m,
             ]
         )
 

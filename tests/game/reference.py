@@ -32,6 +32,9 @@ class Chance:
     def fading_and_centre_error(self, step: int) -> tuple[float, float]:
         return rng.gaussians(self.round, step, rng.FADING_AND_SENSED_CENTRE)
 
+    def fading_before(self) -> float:
+        return rng.gaussians(self.round, 0, rng.FADING_START)[0]
+
     def detection_fading(self, step: int) -> float:
         return rng.gaussians(self.round, step, rng.DETECTION_FADING)[0]
 
@@ -87,6 +90,27 @@ def eq4(t: float) -> float:
     return 39 + 1.5 * (t - 40)
 
 
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
+
+
+def filtered(low: float, high: float, width: float, rolloff: float) -> float:
+    """The raised cosine of a receive filter around 0, added up numerically from ``low`` to ``high``."""
+
+    def gain(f):
+        flat, end = (1 - rolloff) * width / 2, (1 + rolloff) * width / 2
+        return 1.0 if abs(f) <= flat else 0.5 * (1 + math.cos(math.pi * (abs(f) - flat) / (end - flat)))
+
+    edges = [sign * (1 + side * rolloff) * width / 2 for sign in (-1, 1) for side in (-1, 1)]
+    cuts = [low, *sorted(edge for edge in edges if low < edge < high), high]
+    total = 0.0
+    for a, b in zip(cuts, cuts[1:], strict=False):
+        if abs(a + b) / 2 < (1 + rolloff) * width / 2:  # beyond, nothing passes
+            total += (b - a) / 2 * sum(
+                w * gain((a + b) / 2 + (b - a) / 2 * x) for x, w in zip(NODES, WEIGHTS, strict=True)
+            )
+    return total
+
+
 def in_comb(offset: float, half: float, spacing: float) -> bool:
     """Whether a frequency lies within ``half`` of a tooth; the teeth are ``spacing`` apart, one at 0."""
     near = math.floor(offset / spacing)
@@ -119,6 +143,7 @@ class ReferenceGame:
         self.last_check, self.checked = 0, False
         self.jamming_type = self.sensed_type = None
         self.jamming_mhz = self.sensed_mhz = None
+        self.fading = chance.fading_before()
         self.snr_db = s.base_power_dbm - self._loss(self.ally_position, s.base_station_m) - self._noise()
         self.observe()
 
@@ -156,6 +181,106 @@ class ReferenceGame:
             return abs(frequency_mhz - centre_mhz) <= half
         spacing = s.comb_spacing_points * (s.band_high_mhz - s.band_low_mhz) / (s.frequency_points - 1)
         return in_comb(frequency_mhz - centre_mhz, half, spacing)
+
+    # -- radio of the model link ------------------------------------------------------------------------
+
+    @property
+    def channel_mhz(self) -> float:
+        """The centre of the ally's signal; a spread one is moved until it fits the band."""
+        s = self.s
+        if s.snr_model != "link" or not self.spreading:
+            return self.frequency_mhz
+        return clip(
+            self.frequency_mhz,
+            s.band_low_mhz + s.spread_bandwidth_mhz / 2,
+            s.band_high_mhz - s.spread_bandwidth_mhz / 2,
+        )
+
+    def _teeth(self, kind: int, centre_mhz: float) -> list[tuple[float, float]]:
+        """From where to where a jammer radiates, on equal power per MHz."""
+        s, half = self.s, self.s.footprint_half_widths_mhz[kind]
+        centres = [centre_mhz]
+        if JAMMING_TYPES[kind] == "comb":
+            spacing = s.comb_spacing_points * (s.band_high_mhz - s.band_low_mhz) / (s.frequency_points - 1)
+            low, high = s.band_low_mhz - s.footprint_tolerance_mhz, s.band_high_mhz + s.footprint_tolerance_mhz
+            every = [centre_mhz + k * spacing for k in range(-100, 101)]
+            centres = [f for f in every if low <= f <= high] or [centre_mhz]
+        return [(f - half, f + half) for f in centres]
+
+    def _passed(self, kind: int, centre_mhz: float) -> tuple[float, float]:
+        """The shares of the jamming that pass the ally's filter, and that stand in one MHz of a tooth."""
+        s, teeth = self.s, self._teeth(kind, centre_mhz)
+        width = s.spread_bandwidth_mhz if self.spreading else s.bandwidth_mhz
+        density = 1 / sum(high - low for low, high in teeth)
+        through = [
+            filtered(low - self.channel_mhz, high - self.channel_mhz, width, s.filter_rolloff)
+            for low, high in teeth
+        ]
+        return density * sum(through), density
+
+    def _link_snr(self, is_jammed: bool) -> float:
+        s = self.s
+        signal = s.base_power_dbm - self._loss(self.ally_position, s.base_station_m) + self.fading_db
+        signal_mw = 10 ** (signal / 10)
+        density_mw_hz = 10 ** (s.noise_density_dbm_hz / 10)
+        jamming_mw, passed, density = 0.0, 0.0, 0.0
+        leaked = 10 ** (s.filter_stopband_db / 10)
+        if is_jammed:
+            jamming = s.opponent_power_dbm - self._loss(self.ally_position, self.opponent_position)
+            jamming_mw = 10 ** (jamming / 10)
+            passed, density = self._passed(self.jamming_type, self.jamming_mhz)
+        if not self.spreading:
+            noise_mw = density_mw_hz * s.bandwidth_mhz * 1e6
+            return 10 * math.log10(signal_mw / (noise_mw + jamming_mw * (passed + leaked)))
+        chips = s.spread_bandwidth_mhz / s.spread_rate_mhz  # per symbol: the processing gain
+        noise_mw = density_mw_hz * s.spread_rate_mhz * 1e6
+        ways = [signal_mw / (noise_mw + jamming_mw * (passed + leaked) / chips)]
+        if s.notch_width_mhz:
+            cut = s.notch_width_mhz / s.spread_bandwidth_mhz
+            left = jamming_mw * (max(passed - s.notch_width_mhz * density, 0) + leaked) / chips
+            own = signal_mw * cut * (1 - cut) / chips
+            ways.append(signal_mw * (1 - cut) ** 2 / (noise_mw * (1 - cut) + own + left))
+        return 10 * math.log10(max(ways))
+
+    def _rate(self, snr_db: float) -> float:
+        s = self.s
+        if s.snr_model != "link":
+            b = s.spread_bandwidth_mhz if self.spreading and s.spread_capacity else s.bandwidth_mhz
+            return b * math.log2(1 + 10 ** (snr_db / 10))
+        if snr_db < s.snr_threshold_db:
+            return 0.0
+        bits = s.rate_efficiency * math.log2(1 + 10 ** ((snr_db - s.rate_loss_db) / 10))
+        return min(bits, s.rate_top_bit_s_hz) * (s.spread_rate_mhz if self.spreading else s.bandwidth_mhz)
+
+    def _worth(self, snr_db: float) -> float:
+        """What the link earns before hopping and spreading are paid."""
+        s = self.s
+        if s.snr_model != "link":
+            return min(snr_db, math.inf if s.snr_cap_db is None else s.snr_cap_db) - s.snr_threshold_db
+        top = s.bandwidth_mhz * s.rate_top_bit_s_hz / s.rate_reference_mbit_s
+        return s.reward_scale * math.log(1 + self._rate(snr_db) / s.rate_reference_mbit_s) / math.log(1 + top)
+
+    def _radiometer_hears(self, fading_db: float) -> bool:
+        s, f_loss = self.s, self._loss
+        width = s.spread_bandwidth_mhz if self.spreading else s.bandwidth_mhz
+        passed, _ = self._passed(self.jamming_type, self.jamming_mhz)
+        own = s.opponent_power_dbm - s.jammer_isolation_db
+        noise_mw = 10 ** (s.noise_density_dbm_hz / 10) * width * 1e6
+        noise_mw += 10 ** (own / 10) * (passed + 10 ** (s.filter_stopband_db / 10))
+        to_ally, to_opponent = (
+            np.subtract(place, s.base_station_m) for place in (self.ally_position, self.opponent_position)
+        )
+        cosine = to_ally @ to_opponent / (np.linalg.norm(to_ally) * np.linalg.norm(to_opponent))
+        degrees = math.degrees(math.acos(clip(float(cosine))))
+        weaker_db = min(12 * (degrees / s.base_beam_deg) ** 2, s.base_side_lobe_db)
+        levels = (
+            s.ally_emission_dbm - f_loss(self.ally_position, self.opponent_position),
+            s.base_power_dbm - weaker_db - f_loss(s.base_station_m, self.opponent_position),
+        )
+        wall = 10 * math.log10(10 ** (s.noise_uncertainty_db / 10) - 1)
+        return max(levels) + fading_db - 10 * math.log10(noise_mw) >= wall
+
+    # -- radio of the other models ----------------------------------------------------------------------
 
     def _snr(self, covered: bool, fading_db: float) -> float:
         s = self.s
@@ -259,19 +384,30 @@ class ReferenceGame:
 
     def _transmit(self) -> None:
         self.fading_db, self.centre_error = self.chance.fading_and_centre_error(self.step_number)
-        self.fading_db *= self.s.fading_sd_db
-        self.covered = self._in_footprint(self.jamming_type, self.jamming_mhz, self.frequency_mhz)
-        self.snr_db = self._snr(self.covered, self.fading_db)
-        self.clean_snr_db = self._snr(False, self.fading_db)
+        memory = self.s.fading_correlation
+        self.fading = memory * self.fading + math.sqrt(1 - memory**2) * self.fading_db
+        self.fading_db = self.s.fading_sd_db * self.fading
+        self.covered = self._covers(self.jamming_type, self.jamming_mhz)
+        if self.s.snr_model == "link":
+            self.snr_db, self.clean_snr_db = self._link_snr(True), self._link_snr(False)
+        else:
+            self.snr_db = self._snr(self.covered, self.fading_db)
+            self.clean_snr_db = self._snr(False, self.fading_db)
+
+    def _covers(self, kind: int, centre_mhz: float) -> bool:
+        if self.s.snr_model == "link":
+            return self._passed(kind, centre_mhz)[0] > 10 ** (self.s.filter_stopband_db / 10)
+        return self._in_footprint(kind, centre_mhz, self.frequency_mhz)
 
     def _reward(self) -> None:
         s = self.s
-        cap = math.inf if s.snr_cap_db is None else s.snr_cap_db
-        snr, clean = min(self.snr_db, cap), min(self.clean_snr_db, cap)
-        cost = eq4(self.spreading_s) if self.spreading else 0.0
-        self.ally_reward = snr - s.snr_threshold_db - cost - (s.hop_cost if self.hopped else 0.0)
+        worth, clean = self._worth(self.snr_db), self._worth(self.clean_snr_db)
+        on_air = 1 - s.hop_airtime_s if self.hopped else 1.0
+        cost = eq4(self.spreading_s) if self.spreading and any(s.spread_cost_per_s) else 0.0
+        self.ally_reward = on_air * worth - cost - (s.hop_cost if self.hopped else 0.0)
         near = s.distance_reward if self.distance_m < s.distance_reward_m else 0.0
-        self.opponent_reward = near + s.snr_drop_weight * (clean - snr)
+        self.opponent_reward = near + s.snr_drop_weight * on_air * (clean - worth)
+        self.rate_mbit_s = on_air * self._rate(self.snr_db)
 
     def _check(self) -> None:
         s = self.s
@@ -281,15 +417,17 @@ class ReferenceGame:
             return
         self.last_check = 1 if self._hears() else -1
         if self.last_check == 1:
-            self.known_mhz, self.age_s = self.frequency_mhz, 0
+            self.known_mhz, self.age_s = self.channel_mhz, 0
         low, high = s.check_interval_s
         self.next_check += low + self.chance.whole(self.step_number, rng.CHECK_INTERVAL, high - low + 1)
 
     def _hears(self) -> bool:
         s = self.s
+        fading = s.fading_sd_db * self.chance.detection_fading(self.step_number)
+        if s.detection == "radiometer":
+            return self._radiometer_hears(fading)
         if s.detection == "emission":
             level = s.ally_emission_dbm - self._loss(self.ally_position, self.opponent_position)
-            fading = s.fading_sd_db * self.chance.detection_fading(self.step_number)
             return level - self._noise() + fading >= s.snr_threshold_db
         return s.detection == "link" and not self.spreading and self.snr_db >= s.snr_threshold_db
 
@@ -310,7 +448,7 @@ class ReferenceGame:
         if self.jamming_type is not None:
             one_hot[0, self.sensed_type] = one_hot[1, self.jamming_type] = 1
         sensed = self.sensed_type is not None
-        flag = sensed and self._in_footprint(self.sensed_type, self.sensed_mhz, self.frequency_mhz)
+        flag = sensed and self._covers(self.sensed_type, self.sensed_mhz)
         ally = [
             *self._places(self.ally_position, self.opponent_position),
             self._in_band(self.frequency_mhz),

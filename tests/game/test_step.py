@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fpg_bench.game.scenario import PAPER, STANDARD
+from fpg_bench.game.scenario import PAPER, STANDARD, preset
 
 from .playing import EXPERT, HOP, ally, begin, opponent, still, wander
 from .reference import ReferenceGame, eq4
@@ -20,7 +20,7 @@ EXACT = [
 CLOSE = [
     *("frequency_mhz", "known_mhz", "jamming_mhz", "sensed_mhz"),
     *("ally_position", "opponent_position", "distance_m"),
-    *("snr_db", "clean_snr_db", "ally_reward", "opponent_reward"),
+    *("snr_db", "clean_snr_db", "ally_reward", "opponent_reward", "rate_mbit_s"),
 ]
 VARIANTS = {
     "standard": STANDARD,
@@ -37,6 +37,9 @@ VARIANTS = {
         STANDARD, band_low_mhz=400, band_high_mhz=520, frequency_points=31, comb_spacing_points=6,
         sensing_type_error=0.5, steps_per_round=120, waypoints=7, opponent_path="waypoints",
     ),
+    "link": preset("link"),
+    "link-learned": dataclasses.replace(preset("link"), opponent_path="learned", sensing_type_error=0.5),
+    "link-no-notch": dataclasses.replace(preset("link-throughput"), notch_width_mhz=0, opponent_path="circle"),
 }  # fmt: skip
 
 

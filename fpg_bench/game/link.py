@@ -1,0 +1,190 @@
+"""The radio model ``link``: what is received, despread, decoded and heard. Powers in mW, widths in MHz.
+
+Every formula is checked against waveforms in ``tests/game/test_link.py`` and ``scripts/check_link.py``.
+Sources:
+
+- receive filter: raised cosine of two matched root-raised-cosine filters, 3GPP TS 25.104, 6.8.1; Proakis and
+  Salehi, *Digital Communications*, 5th ed., 9.2;
+- processing gain W / R and jamming of part of the band: Torrieri, *Principles of Spread-Spectrum Communication
+  Systems*, 4th ed., chapter 2; Simon et al., *Spread Spectrum Communications Handbook*, part 2;
+- notch against narrow jamming: Milstein, "Interference rejection techniques in spread spectrum
+  communications", Proc. IEEE 76(6), 1988;
+- rate: the attenuated Shannon bound with an efficiency of bandwidth and one of SNR, Mogensen et al., "LTE
+  capacity compared to the Shannon bound", IEEE VTC Spring 2007; highest rate CQI 15 of 3GPP TS 36.213;
+- fading: shadowing that decays exponentially with distance, Gudmundson, Electronics Letters 27(23), 1991;
+- detection: energy detector (Urkowitz, Proc. IEEE 55(4), 1967) at its SNR wall (Tandra and Sahai, "SNR walls
+  for signal detection", IEEE J. Sel. Topics Signal Process. 2(1), 2008);
+- pattern of the base station's beam: 3GPP TR 36.814, Table A.2.1.1-2.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+
+from fpg_bench.game.compiling import compiled
+from fpg_bench.game.state import Record
+
+_DB = 10.0 / math.log(10.0)  # 10 log10 x = _DB ln x
+
+
+def ratio(level_db: float) -> float:
+    """Return 10^(level / 10): a ratio of powers, or mW from dBm."""
+    return math.exp(level_db / _DB)
+
+
+def snr_wall(uncertainty_db: float) -> float:
+    """Return the lowest SNR (as a ratio) that an energy detector finds however long it listens.
+
+    Its threshold lies above the highest noise, ``uncertainty_db`` above the nominal one, so a signal has to
+    lift nominal noise over it. Listening for a time-bandwidth product of 5e4 adds 0.1 dB.
+    """
+    return ratio(uncertainty_db) - 1.0
+
+
+@compiled
+def received_mw(power_mw: float, distance_m: float, frequency_mhz: float, rules: Record) -> float:
+    """Return the power received over free space in mW (Eq. 1), the distance at least the minimum."""
+    product = max(distance_m, rules.minimum_distance) * frequency_mhz
+    return power_mw * rules.path_gain / (product * product)
+
+
+@compiled
+def passed_mhz(offset_mhz: float, width: float, rolloff: float) -> float:
+    """Return the integral of the receive filter from its centre to ``offset_mhz``.
+
+    The filter is 1 up to (1 - rolloff) width / 2, then falls as a raised cosine, and is 0 from
+    (1 + rolloff) width / 2 on. Its whole integral is the width, the rate of the symbols or chips.
+    """
+    away, flat = abs(offset_mhz), 0.5 * (1.0 - rolloff) * width
+    if away <= flat:
+        return offset_mhz
+    skirt = rolloff * width
+    passed = 0.5 * width
+    if away < flat + skirt:
+        x = away - flat
+        passed = flat + 0.5 * x + skirt / (2.0 * math.pi) * math.sin(math.pi * x / skirt)
+    return math.copysign(passed, offset_mhz)
+
+
+@compiled
+def channel_mhz(frequency_mhz: float, spreading: bool, rules: Record) -> float:
+    """Return the centre of the ally's signal; while it spreads, the nearest that keeps it in the band."""
+    return min(max(frequency_mhz, rules.spread_low), rules.spread_high) if spreading else frequency_mhz
+
+
+@compiled
+def teeth(jamming_type: int, jamming_mhz: float, rules: Record) -> tuple[int, int]:
+    """Return the first tooth of a comb in the band and the one after its last, counted from f_j."""
+    spacing = rules.tooth_spacing[jamming_type]
+    if spacing == 0.0:
+        return 0, 1
+    first = math.ceil((rules.band_low - rules.tolerance - jamming_mhz) / spacing)
+    return first, max(math.floor((rules.band_high + rules.tolerance - jamming_mhz) / spacing), first) + 1
+
+
+@functools.partial(compiled, apart=True)
+def jamming_passed(
+    jamming_type: int, jamming_mhz: float, frequency_mhz: float, spreading: bool, rules: Record
+) -> tuple[float, float]:
+    """Return the share of the jamming power that passes the ally's filter, and the power per MHz of a tooth.
+
+    The power is spread evenly over the footprint, over those teeth of a comb that lie in the band.
+    """
+    width, rolloff = rules.channel_width[int(spreading)], rules.rolloff
+    tooth, spacing = rules.tooth_width[jamming_type], rules.tooth_spacing[jamming_type]
+    first, end = teeth(jamming_type, jamming_mhz, rules)
+    low = jamming_mhz - 0.5 * tooth - channel_mhz(frequency_mhz, spreading, rules)
+    passed = 0.0
+    for number in range(first, end):
+        start = low + number * spacing
+        passed += passed_mhz(start + tooth, width, rolloff) - passed_mhz(start, width, rolloff)
+    density = 1.0 / (tooth * (end - first))
+    return passed * density, density
+
+
+@compiled
+def reaches(
+    jamming_type: int, jamming_mhz: float, frequency_mhz: float, spreading: bool, rules: Record
+) -> bool:
+    """Return True if more of the jamming passes the filter's pass band and skirts than its stop band."""
+    share, _ = jamming_passed(jamming_type, jamming_mhz, frequency_mhz, spreading, rules)
+    return share > rules.stopband
+
+
+@compiled
+def sinr(
+    signal_mw: float, jamming_mw: float, share: float, density: float, spreading: bool, rules: Record
+) -> float:
+    """Return the SINR of a symbol as a ratio, after despreading if the ally spreads.
+
+    A despreader divides jamming by the processing gain. It may also notch the densest part out of its band,
+    if that serves better. A notch takes a share of the signal, the noise and the jamming, and the gaps that
+    it leaves in the chips make noise of the signal itself.
+    """
+    i = int(spreading)
+    jamming = jamming_mw * (share + rules.stopband) * rules.per_gain[i]
+    plain = signal_mw / (rules.noise_mw[i] + jamming)
+    if not spreading or rules.notch_width == 0.0:
+        return plain
+    kept = rules.notch_kept
+    left = max(share - rules.notch_width * density, 0.0) if share > 0.0 else 0.0
+    jamming = jamming_mw * (left + rules.stopband) * rules.per_gain[i]
+    own = kept * (1.0 - kept) * signal_mw * rules.per_gain[i]
+    return max(plain, kept * kept * signal_mw / (kept * rules.noise_mw[i] + own + jamming))
+
+
+@functools.partial(compiled, apart=True)
+def transmit(game: Record, distance_to_base_m: float, rules: Record) -> None:
+    """Compute coverage, and the SNR with and without jamming, of the last step."""
+    kind, f, spreading = game.jamming_type, game.frequency_mhz, game.spreading
+    fading = math.exp(rules.fading_sd * game.fading / _DB)
+    signal = received_mw(rules.base_mw, distance_to_base_m, f, rules) * fading
+    game.clean_snr_db = _DB * math.log(sinr(signal, 0.0, 0.0, 0.0, spreading, rules))
+    if kind < 0:
+        game.covered, game.snr_db = False, game.clean_snr_db
+        return
+    jamming = received_mw(rules.jamming_mw, game.distance_m, f, rules)
+    share, density = jamming_passed(kind, game.jamming_mhz, f, spreading, rules)
+    game.covered = share > rules.stopband
+    game.snr_db = _DB * math.log(sinr(signal, jamming, share, density, spreading, rules))
+
+
+@compiled
+def utility(rate_mbit_s: float, rules: Record) -> float:
+    """Return the utility of a rate: the logarithm of 1 + rate / reference, ``reward_scale`` at the top."""
+    return rules.reward_scale * math.log1p(rate_mbit_s * rules.per_rate_reference)
+
+
+@compiled
+def beam(base: np.ndarray, towards: np.ndarray, place: np.ndarray, rules: Record) -> float:
+    """Return the base station's radiation towards a place as a share of that along its beam.
+
+    The beam points ``towards`` the ally. Its pattern falls by 12 (angle / half-power width)^2 dB, down to the
+    side lobes.
+    """
+    product, a, b = 0.0, 0.0, 0.0
+    for axis in range(3):
+        x, y = towards[axis] - base[axis], place[axis] - base[axis]
+        product, a, b = product + x * y, a + x * x, b + y * y
+    cosine = product / math.sqrt(max(a * b, 1e-12))
+    angle = math.acos(min(max(cosine, -1.0), 1.0)) * rules.per_beam
+    return max(math.exp(-12.0 * angle * angle / _DB), rules.side_lobe)
+
+
+@functools.partial(compiled, apart=True)
+def is_heard(game: Record, distance_to_base_m: float, fading: float, rules: Record) -> bool:
+    """Return True if the opponent's radiometer finds the link: the ally's signal, or the base station's.
+
+    It listens in the ally's present channel, where a part of its own jamming leaks into its receiver.
+    """
+    f, i = game.frequency_mhz, int(game.spreading)
+    share, _ = jamming_passed(game.jamming_type, game.jamming_mhz, f, game.spreading, rules)
+    noise = rules.channel_noise_mw[i] + rules.own_jamming_mw * (share + rules.stopband)
+    ally = received_mw(rules.ally_emission_mw, game.distance_m, f, rules)
+    towards = beam(rules.base_station, game.ally_position, game.opponent_position, rules)
+    base = received_mw(rules.base_mw * towards, distance_to_base_m, f, rules)
+    level = max(ally, base) * math.exp(rules.fading_sd * fading / _DB)
+    return level >= rules.radiometer_threshold * noise
