@@ -53,7 +53,7 @@ PlayersOption = Annotated[
 ]
 ScenarioOption = Annotated[
     str | None,
-    typer.Option(help="The scenario: standard, paper, figures or a YAML file.", rich_help_panel=GAME),
+    typer.Option(help="The scenario: standard, paper, figures, link or a YAML file.", rich_help_panel=GAME),
 ]
 PathOption = Annotated[
     str | None,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from fpg_bench.game.compiling import compiled
-from fpg_bench.game.link import reaches
+from fpg_bench.game.link import channel_mhz, teeth
 from fpg_bench.game.state import TYPES, Record
 
 
@@ -23,11 +23,19 @@ def footprint_distance_mhz(offset_mhz: float, tooth_spacing: float) -> float:
 def covers(
     jamming_type: int, jamming_mhz: float, frequency_mhz: float, spreading: bool, rules: Record
 ) -> bool:
-    """Return True if a footprint covers the ally; nothing wraps at the ends of the band."""
-    if rules.link:
-        return reaches(jamming_type, jamming_mhz, frequency_mhz, spreading, rules)
-    distance = footprint_distance_mhz(frequency_mhz - jamming_mhz, rules.tooth_spacing[jamming_type])
-    return distance <= rules.half_width[jamming_type]
+    """Return True if a footprint covers the ally; nothing wraps at the ends of the band.
+
+    The ally is its centre frequency or, in the model ``link``, its channel; there no tooth lies outside the
+    band.
+    """
+    spacing = rules.tooth_spacing[jamming_type]
+    offset = channel_mhz(frequency_mhz, spreading, rules) - jamming_mhz
+    if rules.link and spacing > 0.0:
+        first, end = teeth(jamming_type, jamming_mhz, rules)
+        distance = abs(offset - spacing * min(max(math.floor(offset / spacing + 0.5), first), end - 1))
+    else:
+        distance = footprint_distance_mhz(offset, spacing)
+    return distance <= rules.half_width[jamming_type] + rules.reach[int(spreading)]
 
 
 @compiled

@@ -3,10 +3,9 @@
 Every formula is checked against waveforms in ``tests/game/test_link.py`` and ``scripts/check_link.py``.
 Sources:
 
-- receive filter: raised cosine of two matched root-raised-cosine filters, 3GPP TS 25.104, 6.8.1; Proakis and
-  Salehi, *Digital Communications*, 5th ed., 9.2;
-- processing gain W / R and jamming of part of the band: Torrieri, *Principles of Spread-Spectrum Communication
-  Systems*, 4th ed., chapter 2; Simon et al., *Spread Spectrum Communications Handbook*, part 2;
+- receive filter: raised cosine of two matched root-raised-cosine filters, 3GPP TS 25.104, 6.8.1;
+- processing gain W / R, jamming of a part of the band: Torrieri, *Principles of Spread-Spectrum
+  Communication Systems*, 4th ed., chapter 2;
 - notch against narrow jamming: Milstein, "Interference rejection techniques in spread spectrum
   communications", Proc. IEEE 76(6), 1988;
 - rate: the attenuated Shannon bound with an efficiency of bandwidth and one of SNR, Mogensen et al., "LTE
@@ -28,6 +27,8 @@ from fpg_bench.game.compiling import compiled
 from fpg_bench.game.state import Record
 
 _DB = 10.0 / math.log(10.0)  # 10 log10 x = _DB ln x
+Notch = tuple[float, float, float]
+NO_NOTCH = (0.0, 0.0, 0.0)
 
 
 def ratio(level_db: float) -> float:
@@ -39,7 +40,7 @@ def snr_wall(uncertainty_db: float) -> float:
     """Return the lowest SNR (as a ratio) that an energy detector finds however long it listens.
 
     Its threshold lies above the highest noise, ``uncertainty_db`` above the nominal one, so a signal has to
-    lift nominal noise over it. Listening for a time-bandwidth product of 5e4 adds 0.1 dB.
+    lift nominal noise over it. Listening for 10 ms of 5 MHz, and false alarms of 1 in 1000, add 0.1 dB.
     """
     return ratio(uncertainty_db) - 1.0
 
@@ -70,6 +71,19 @@ def passed_mhz(offset_mhz: float, width: float, rolloff: float) -> float:
 
 
 @compiled
+def passed_twice_mhz(offset_mhz: float, width: float, rolloff: float) -> float:
+    """Return the integral of the square of the receive filter from its centre to ``offset_mhz``."""
+    away, flat = abs(offset_mhz), 0.5 * (1.0 - rolloff) * width
+    if away <= flat:
+        return offset_mhz
+    skirt = rolloff * width
+    x = min(away - flat, skirt)
+    angle = math.pi * x / skirt
+    waves = skirt / math.pi * (0.5 * math.sin(angle) + 0.0625 * math.sin(2.0 * angle))
+    return math.copysign(flat + 0.375 * x + waves, offset_mhz)
+
+
+@compiled
 def channel_mhz(frequency_mhz: float, spreading: bool, rules: Record) -> float:
     """Return the centre of the ally's signal; while it spreads, the nearest that keeps it in the band."""
     return min(max(frequency_mhz, rules.spread_low), rules.spread_high) if spreading else frequency_mhz
@@ -88,68 +102,98 @@ def teeth(jamming_type: int, jamming_mhz: float, rules: Record) -> tuple[int, in
 @functools.partial(compiled, apart=True)
 def jamming_passed(
     jamming_type: int, jamming_mhz: float, frequency_mhz: float, spreading: bool, rules: Record
-) -> tuple[float, float]:
-    """Return the share of the jamming power that passes the ally's filter, and the power per MHz of a tooth.
+) -> tuple[float, float, float]:
+    """Return the share of the jamming power that passes the ally's filter, and where a notch does most.
 
     The power is spread evenly over the footprint, over those teeth of a comb that lie in the band.
+
+    Returns:
+        The share, the share per MHz of a tooth, and the centre of the tooth of which most passes, from the
+        centre of the ally's signal.
     """
     width, rolloff = rules.channel_width[int(spreading)], rules.rolloff
     tooth, spacing = rules.tooth_width[jamming_type], rules.tooth_spacing[jamming_type]
     first, end = teeth(jamming_type, jamming_mhz, rules)
-    low = jamming_mhz - 0.5 * tooth - channel_mhz(frequency_mhz, spreading, rules)
-    passed = 0.0
+    offset = jamming_mhz - channel_mhz(frequency_mhz, spreading, rules)
+    passed, most, densest = 0.0, -1.0, offset
     for number in range(first, end):
-        start = low + number * spacing
-        passed += passed_mhz(start + tooth, width, rolloff) - passed_mhz(start, width, rolloff)
+        centre = offset + number * spacing
+        part = passed_mhz(centre + 0.5 * tooth, width, rolloff) - passed_mhz(
+            centre - 0.5 * tooth, width, rolloff
+        )
+        passed += part
+        if part > most:
+            most, densest = part, centre
     density = 1.0 / (tooth * (end - first))
-    return passed * density, density
+    return passed * density, density, densest
 
 
 @compiled
-def reaches(
-    jamming_type: int, jamming_mhz: float, frequency_mhz: float, spreading: bool, rules: Record
-) -> bool:
-    """Return True if more of the jamming passes the filter's pass band and skirts than its stop band."""
-    share, _ = jamming_passed(jamming_type, jamming_mhz, frequency_mhz, spreading, rules)
-    return share > rules.stopband
+def notched(jamming_type: int, density: float, centre_mhz: float, rules: Record) -> Notch:
+    """Return the share of a spread signal that a notch removes, that of the echoes it makes, and of jamming.
+
+    It lies in the tooth of which most passes, as near to the middle of the signal's band as it can.
+    """
+    width, rolloff, half = rules.channel_width[1], rules.rolloff, 0.5 * rules.notch_width
+    tooth = 0.5 * rules.tooth_width[jamming_type]
+    room = max(tooth - half, 0.0)
+    place = min(max(0.0, centre_mhz - room), centre_mhz + room)
+    low, high = place - half, place + half
+    cut = (passed_mhz(high, width, rolloff) - passed_mhz(low, width, rolloff)) / width
+    twice = passed_twice_mhz(high, width, rolloff) - passed_twice_mhz(low, width, rolloff)
+    low, high = max(low, centre_mhz - tooth), min(high, centre_mhz + tooth)
+    return (
+        cut,
+        twice / width - cut * cut,
+        density * (passed_mhz(high, width, rolloff) - passed_mhz(low, width, rolloff)),
+    )
 
 
 @compiled
 def sinr(
-    signal_mw: float, jamming_mw: float, share: float, density: float, spreading: bool, rules: Record
+    signal_mw: float, jamming_mw: float, share: float, notch: Notch, spreading: bool, rules: Record
 ) -> float:
     """Return the SINR of a symbol as a ratio, after despreading if the ally spreads.
 
     A despreader divides jamming by the processing gain. It may also notch the densest part out of its band,
-    if that serves better. A notch takes a share of the signal, the noise and the jamming, and the gaps that
-    it leaves in the chips make noise of the signal itself.
+    if that serves better: that removes a share of the jamming, but also cuts one off the signal and the
+    noise, and the gap turns a share of the signal into echoes of its chips, which are noise.
+
+    Args:
+        signal_mw, jamming_mw: the powers received.
+        share: share of the jamming that passes the filter.
+        notch: from :func:`notched`; zeros: none.
+        spreading: whether the ally spreads.
+        rules: the rules.
     """
     i = int(spreading)
-    jamming = jamming_mw * (share + rules.stopband) * rules.per_gain[i]
-    plain = signal_mw / (rules.noise_mw[i] + jamming)
-    if not spreading or rules.notch_width == 0.0:
+    cut, echoes, removed = notch
+    through = share + rules.stopband
+    plain = signal_mw / (rules.noise_mw[i] + jamming_mw * through * rules.per_gain[i])
+    if cut == 0.0:
         return plain
-    kept = rules.notch_kept
-    left = max(share - rules.notch_width * density, 0.0) if share > 0.0 else 0.0
-    jamming = jamming_mw * (left + rules.stopband) * rules.per_gain[i]
-    own = kept * (1.0 - kept) * signal_mw * rules.per_gain[i]
-    return max(plain, kept * kept * signal_mw / (kept * rules.noise_mw[i] + own + jamming))
+    kept = 1.0 - cut
+    left = jamming_mw * (through - removed)
+    noise = kept * rules.noise_mw[i] + (echoes * signal_mw + left) * rules.per_gain[i]
+    return max(plain, kept * kept * signal_mw / noise)
 
 
 @functools.partial(compiled, apart=True)
 def transmit(game: Record, distance_to_base_m: float, rules: Record) -> None:
-    """Compute coverage, and the SNR with and without jamming, of the last step."""
+    """Compute the SNR of the last step, with and without jamming."""
     kind, f, spreading = game.jamming_type, game.frequency_mhz, game.spreading
     fading = math.exp(rules.fading_sd * game.fading / _DB)
     signal = received_mw(rules.base_mw, distance_to_base_m, f, rules) * fading
-    game.clean_snr_db = _DB * math.log(sinr(signal, 0.0, 0.0, 0.0, spreading, rules))
-    if kind < 0:
-        game.covered, game.snr_db = False, game.clean_snr_db
+    game.clean_snr_db = _DB * math.log(signal / rules.noise_mw[int(spreading)])
+    game.snr_db = game.clean_snr_db
+    if kind < 0:  # before the first step
         return
     jamming = received_mw(rules.jamming_mw, game.distance_m, f, rules)
-    share, density = jamming_passed(kind, game.jamming_mhz, f, spreading, rules)
-    game.covered = share > rules.stopband
-    game.snr_db = _DB * math.log(sinr(signal, jamming, share, density, spreading, rules))
+    share, density, centre = jamming_passed(kind, game.jamming_mhz, f, spreading, rules)
+    notch = NO_NOTCH
+    if spreading and rules.notch_width > 0.0:
+        notch = notched(kind, density, centre, rules)
+    game.snr_db = _DB * math.log(sinr(signal, jamming, share, notch, spreading, rules))
 
 
 @compiled
@@ -181,7 +225,7 @@ def is_heard(game: Record, distance_to_base_m: float, fading: float, rules: Reco
     It listens in the ally's present channel, where a part of its own jamming leaks into its receiver.
     """
     f, i = game.frequency_mhz, int(game.spreading)
-    share, _ = jamming_passed(game.jamming_type, game.jamming_mhz, f, game.spreading, rules)
+    share, _, _ = jamming_passed(game.jamming_type, game.jamming_mhz, f, game.spreading, rules)
     noise = rules.channel_noise_mw[i] + rules.own_jamming_mw * (share + rules.stopband)
     ally = received_mw(rules.ally_emission_mw, game.distance_m, f, rules)
     towards = beam(rules.base_station, game.ally_position, game.opponent_position, rules)

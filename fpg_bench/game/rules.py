@@ -83,13 +83,14 @@ def _fill_link(row: np.void, scenario: Scenario) -> None:
     row["path_gain"] = 1e6 / ratio(s.path_loss_constant_db)
     row["base_mw"], row["jamming_mw"] = ratio(s.base_power_dbm), ratio(s.opponent_power_dbm)
     row["channel_width"] = s.bandwidth_mhz, s.spread_bandwidth_mhz
+    row["reach"] = row["channel_width"] / 2 if is_link else 0
     row["noise_mw"] = [ratio(noise_dbm(s.noise_density_dbm_hz, b)) for b in row["rate_bandwidth"]]
     row["rolloff"], row["stopband"] = s.filter_rolloff, ratio(s.filter_stopband_db)
     margin = s.spread_bandwidth_mhz / 2 if is_link else -math.inf
     row["spread_low"], row["spread_high"] = s.band_low_mhz + margin, s.band_high_mhz - margin
     row["per_gain"] = 1, s.spread_rate_mhz / s.spread_bandwidth_mhz
     row["tooth_width"] = [2 * half for half in s.footprint_half_widths_mhz]
-    row["notch_width"], row["notch_kept"] = s.notch_width_mhz, 1 - s.notch_width_mhz / s.spread_bandwidth_mhz
+    row["notch_width"] = s.notch_width_mhz
     row["per_rate_reference"] = 1 / s.rate_reference_mbit_s
     top = s.bandwidth_mhz * s.rate_top_bit_s_hz
     row["reward_scale"] = s.reward_scale / math.log1p(top / s.rate_reference_mbit_s)

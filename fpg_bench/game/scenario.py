@@ -155,6 +155,8 @@ def check_mix(scenario: Scenario) -> None:
     if s.waypoints > s.steps_per_round:
         raise ScenarioError(f"waypoints {s.waypoints} exceed steps_per_round {s.steps_per_round}")
     _check_models(s)
+    if s.detection == RADIOMETER[1] and s.snr_model != LINK[1]:
+        raise ScenarioError(f"detection {s.detection!r}: for snr_model 'link' alone, got {s.snr_model!r}")
     if s.snr_model == "link":
         _check_link(s)
 
@@ -192,7 +194,7 @@ def _check_link(scenario: Scenario) -> None:
         )
     if s.notch_width_mhz >= s.spread_bandwidth_mhz:
         raise ScenarioError(
-            f"notch_width_mhz {s.notch_width_mhz}: must lie below spread_bandwidth_mhz {s.spread_bandwidth_mhz}"
+            f"notch_width_mhz {s.notch_width_mhz}: not below spread_bandwidth_mhz {s.spread_bandwidth_mhz}"
         )
     if not all(half > 0 for half in s.footprint_half_widths_mhz):
         raise ScenarioError(
@@ -212,9 +214,7 @@ def _length_m(control_points: tuple[tuple[float, ...], ...]) -> float:
 LINK, RADIOMETER = ("snr_model", "link"), ("detection", "radiometer")
 
 
-def _number(
-    default: float, low: float, high: float, doc: str, needs: tuple[str, str] | None = None
-) -> Any:
+def _number(default: float, low: float, high: float, doc: str, needs: tuple[str, str] | None = None) -> Any:
     return field(default=default, metadata={"low": low, "high": high, "doc": doc, "needs": needs})
 
 
@@ -267,7 +267,7 @@ class Scenario:
     snr_model: str = _choice(
         "sinr",
         SNR_MODELS,
-        "sinr: interference beside noise; paper: Eq. 2 and 3 literally; link: spectra, see fpg_bench.game.link",
+        "sinr: interference beside noise; paper: Eq. 2 and 3 literally; link: see fpg_bench.game.link",
     )
     spread_capacity: bool = _other(False, "capacity uses the bandwidth in use (True) or the unspread one")
 
@@ -275,7 +275,11 @@ class Scenario:
     filter_rolloff: float = _number(0.0, 0, 1, "roll-off of the receive filter's raised cosine", LINK)
     filter_stopband_db: float = _number(-200.0, -200, 0, "jamming that passes the filter's stop band", LINK)
     spread_rate_mhz: float = _number(
-        5.0, 1e-3, 1e5, "symbol rate while spreading; spread_bandwidth_mhz over it is the processing gain", LINK
+        5.0,
+        1e-3,
+        1e5,
+        "symbol rate while spreading; spread_bandwidth_mhz over it is the processing gain",
+        LINK,
     )
     notch_width_mhz: float = _number(0.0, 0, 1e5, "width that a despreader notches out of its band", LINK)
     rate_efficiency: float = _number(1.0, 0.01, 1, "share of the Shannon bound that coding reaches", LINK)
@@ -464,9 +468,9 @@ FIGURES = dataclasses.replace(
     hop_cost=0.0,  # H is not given; a hop that is not decided on costs nothing
     rounds_per_match=40,  # the planner remembers more than ten rounds; Algorithm 1 never forgets
 )
-_FILES = {path.stem: path for path in sorted(Path(__file__).with_name("presets").glob("*.yml"))}
+_FILES = {path.stem: path for path in Path(__file__).with_name("presets").glob("*.yml")}
 _BUILT = {"standard": STANDARD, "paper": PAPER, "figures": FIGURES}
-PRESETS = (*_BUILT, *_FILES)
+PRESETS = (*_BUILT, *sorted(_FILES))
 
 
 @functools.cache

@@ -137,6 +137,7 @@ RULES = np.dtype(
         ("allowed", "i8", (TYPES,)),  # 1 or 0; Numba knows no nested array of b1
         ("half_width", "f8", (TYPES,)),
         ("tooth_spacing", "f8", (TYPES,)),  # 0: in one piece
+        ("reach", "f8", (2,)),  # half of the ally's channel, where it counts
         ("tolerance", "f8"),
         # The link model: powers in mW, widths in MHz
         ("path_gain", "f8"),  # times 1 / (m MHz)^2
@@ -151,7 +152,6 @@ RULES = np.dtype(
         ("per_gain", "f8", (2,)),  # 1 / processing gain
         ("tooth_width", "f8", (TYPES,)),
         ("notch_width", "f8"),
-        ("notch_kept", "f8"),  # share of the spread band
         ("hop_airtime", "f8"),
         ("per_rate_reference", "f8"),
         ("reward_scale", "f8"),  # divided by the utility of the highest rate

@@ -133,10 +133,10 @@ def _transmit(game: Record, fading: float, rules: Record) -> None:
     distance_to_base_m = distance_m(game.ally_position, rules.base_station)
     game.distance_m = distance_m(game.ally_position, game.opponent_position)
     game.fading = rules.fading_kept * game.fading + rules.fading_new * fading
+    game.covered = covers(game.jamming_type, game.jamming_mhz, f, game.spreading, rules)
     if rules.link:
         transmit(game, distance_to_base_m, rules)
         return
-    game.covered = covers(game.jamming_type, game.jamming_mhz, f, game.spreading, rules)
     signal = rules.base_power - path_loss_db(distance_to_base_m, f, rules)
     jamming = rules.jamming_power[game.jamming_type] - path_loss_db(game.distance_m, f, rules)
     fading_db = rules.fading_sd * game.fading

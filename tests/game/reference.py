@@ -6,6 +6,7 @@ else: flight is looked up in a table of arc lengths, D(t) is Eq. 4 as printed, l
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -93,20 +94,23 @@ def eq4(t: float) -> float:
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
-def filtered(low: float, high: float, width: float, rolloff: float) -> float:
-    """The raised cosine of a receive filter around 0, added up numerically from ``low`` to ``high``."""
+def filtered(low: float, high: float, width: float, rolloff: float, power: int = 1) -> float:
+    """A power of the raised cosine of a receive filter around 0, added up numerically."""
 
     def gain(f):
         flat, end = (1 - rolloff) * width / 2, (1 + rolloff) * width / 2
-        return 1.0 if abs(f) <= flat else 0.5 * (1 + math.cos(math.pi * (abs(f) - flat) / (end - flat)))
+        slope = 0.5 * (1 + math.cos(math.pi * (abs(f) - flat) / (end - flat)))
+        return 1.0 if abs(f) <= flat else slope**power
 
     edges = [sign * (1 + side * rolloff) * width / 2 for sign in (-1, 1) for side in (-1, 1)]
     cuts = [low, *sorted(edge for edge in edges if low < edge < high), high]
     total = 0.0
-    for a, b in zip(cuts, cuts[1:], strict=False):
+    for a, b in itertools.pairwise(cuts):
         if abs(a + b) / 2 < (1 + rolloff) * width / 2:  # beyond, nothing passes
-            total += (b - a) / 2 * sum(
-                w * gain((a + b) / 2 + (b - a) / 2 * x) for x, w in zip(NODES, WEIGHTS, strict=True)
+            total += (
+                (b - a)
+                / 2
+                * sum(w * gain((a + b) / 2 + (b - a) / 2 * x) for x, w in zip(NODES, WEIGHTS, strict=True))
             )
     return total
 
@@ -202,13 +206,16 @@ class ReferenceGame:
         centres = [centre_mhz]
         if JAMMING_TYPES[kind] == "comb":
             spacing = s.comb_spacing_points * (s.band_high_mhz - s.band_low_mhz) / (s.frequency_points - 1)
-            low, high = s.band_low_mhz - s.footprint_tolerance_mhz, s.band_high_mhz + s.footprint_tolerance_mhz
+            low, high = (
+                s.band_low_mhz - s.footprint_tolerance_mhz,
+                s.band_high_mhz + s.footprint_tolerance_mhz,
+            )
             every = [centre_mhz + k * spacing for k in range(-100, 101)]
             centres = [f for f in every if low <= f <= high] or [centre_mhz]
         return [(f - half, f + half) for f in centres]
 
-    def _passed(self, kind: int, centre_mhz: float) -> tuple[float, float]:
-        """The shares of the jamming that pass the ally's filter, and that stand in one MHz of a tooth."""
+    def _passed(self, kind: int, centre_mhz: float) -> tuple[float, float, tuple[float, float]]:
+        """The share of the jamming that passes, that in a MHz of a tooth, and the best tooth."""
         s, teeth = self.s, self._teeth(kind, centre_mhz)
         width = s.spread_bandwidth_mhz if self.spreading else s.bandwidth_mhz
         density = 1 / sum(high - low for low, high in teeth)
@@ -216,29 +223,44 @@ class ReferenceGame:
             filtered(low - self.channel_mhz, high - self.channel_mhz, width, s.filter_rolloff)
             for low, high in teeth
         ]
-        return density * sum(through), density
+        most = max(range(len(teeth)), key=lambda i: through[i])
+        return density * sum(through), density, teeth[most]
+
+    def _notched(self, low: float, high: float, density: float) -> tuple[float, float, float]:
+        """What a notch in one tooth takes of the signal, leaves of it as noise, and takes of the jamming."""
+        s, here = self.s, self.channel_mhz
+        low, high, half = low - here, high - here, s.notch_width_mhz / 2
+        is_wide = high - low > 2 * half
+        middle = clip(0.0, low + half, high - half) if is_wide else (low + high) / 2
+        within = [(middle - half, middle + half), (max(low, middle - half), min(high, middle + half))]
+        width, rolloff = s.spread_bandwidth_mhz, s.filter_rolloff
+        signal, jamming = (filtered(a, b, width, rolloff) for a, b in within)
+        # The gap in the spectrum of the chips, seen at their rate: its mean, and its variance around it.
+        cut = signal / width
+        noise = filtered(*within[0], width, rolloff, power=2) / width - cut**2
+        return cut, noise, density * jamming
 
     def _link_snr(self, is_jammed: bool) -> float:
         s = self.s
         signal = s.base_power_dbm - self._loss(self.ally_position, s.base_station_m) + self.fading_db
         signal_mw = 10 ** (signal / 10)
         density_mw_hz = 10 ** (s.noise_density_dbm_hz / 10)
-        jamming_mw, passed, density = 0.0, 0.0, 0.0
+        jamming_mw, passed, density, tooth = 0.0, 0.0, 0.0, (0.0, 0.0)
         leaked = 10 ** (s.filter_stopband_db / 10)
         if is_jammed:
             jamming = s.opponent_power_dbm - self._loss(self.ally_position, self.opponent_position)
             jamming_mw = 10 ** (jamming / 10)
-            passed, density = self._passed(self.jamming_type, self.jamming_mhz)
+            passed, density, tooth = self._passed(self.jamming_type, self.jamming_mhz)
         if not self.spreading:
             noise_mw = density_mw_hz * s.bandwidth_mhz * 1e6
             return 10 * math.log10(signal_mw / (noise_mw + jamming_mw * (passed + leaked)))
         chips = s.spread_bandwidth_mhz / s.spread_rate_mhz  # per symbol: the processing gain
         noise_mw = density_mw_hz * s.spread_rate_mhz * 1e6
         ways = [signal_mw / (noise_mw + jamming_mw * (passed + leaked) / chips)]
-        if s.notch_width_mhz:
-            cut = s.notch_width_mhz / s.spread_bandwidth_mhz
-            left = jamming_mw * (max(passed - s.notch_width_mhz * density, 0) + leaked) / chips
-            own = signal_mw * cut * (1 - cut) / chips
+        if s.notch_width_mhz and is_jammed:
+            cut, noise, removed = self._notched(*tooth, density)
+            left = jamming_mw * (passed - removed + leaked) / chips
+            own = signal_mw * noise / chips
             ways.append(signal_mw * (1 - cut) ** 2 / (noise_mw * (1 - cut) + own + left))
         return 10 * math.log10(max(ways))
 
@@ -263,7 +285,7 @@ class ReferenceGame:
     def _radiometer_hears(self, fading_db: float) -> bool:
         s, f_loss = self.s, self._loss
         width = s.spread_bandwidth_mhz if self.spreading else s.bandwidth_mhz
-        passed, _ = self._passed(self.jamming_type, self.jamming_mhz)
+        passed = self._passed(self.jamming_type, self.jamming_mhz)[0]
         own = s.opponent_power_dbm - s.jammer_isolation_db
         noise_mw = 10 ** (s.noise_density_dbm_hz / 10) * width * 1e6
         noise_mw += 10 ** (own / 10) * (passed + 10 ** (s.filter_stopband_db / 10))
@@ -396,7 +418,9 @@ class ReferenceGame:
 
     def _covers(self, kind: int, centre_mhz: float) -> bool:
         if self.s.snr_model == "link":
-            return self._passed(kind, centre_mhz)[0] > 10 ** (self.s.filter_stopband_db / 10)
+            width = self.s.spread_bandwidth_mhz if self.spreading else self.s.bandwidth_mhz
+            reach, f = width / 2 + self.s.footprint_tolerance_mhz, self.channel_mhz
+            return any(low - reach <= f <= high + reach for low, high in self._teeth(kind, centre_mhz))
         return self._in_footprint(kind, centre_mhz, self.frequency_mhz)
 
     def _reward(self) -> None:

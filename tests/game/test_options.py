@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from fpg_bench.game.knowledge import EXPERT_FILE
-from fpg_bench.game.scenario import PAPER, STANDARD, Scenario
+from fpg_bench.game.scenario import PAPER, STANDARD, Scenario, preset
 
 from .playing import begin, wander
 
 CIRCLE = dataclasses.replace(STANDARD, opponent_path="circle")
 LEARNED = dataclasses.replace(STANDARD, opponent_path="learned")
 PLANNED = dataclasses.replace(STANDARD, opponent_path="waypoints")
+LINK = preset("link")
 FIXED = dataclasses.replace(STANDARD, ally_path_m=PAPER.ally_path_m)
 
 # field: another value, and where it matters if that is not the standard scenario
@@ -72,7 +73,24 @@ OTHERWISE = {
     "distance_reward": (21,),
     "distance_reward_m": (60,),
     "snr_drop_weight": (1.1,),
+    "fading_correlation": (0.5,),
+    "filter_rolloff": (0.3, LINK),
+    "filter_stopband_db": (-40, LINK),
+    "spread_rate_mhz": (3, LINK),
+    "notch_width_mhz": (5, LINK),
+    "rate_efficiency": (0.8, LINK),
+    "rate_loss_db": (1, LINK),
+    "rate_top_bit_s_hz": (5, LINK),
+    "hop_airtime_s": (0.4, LINK),
+    "rate_reference_mbit_s": (0.5, LINK),
+    "reward_scale": (11, LINK),
+    "noise_uncertainty_db": (12, LINK),
+    "jammer_isolation_db": (70, LINK),
+    "base_beam_deg": (30, LINK),
+    "base_side_lobe_db": (3, LINK),
 }
+# Read by scripted players alone: tests/players/test_scripted.py.
+OF_SCRIPTS = {"script_threat_db": (20,), "script_broadband_m": (30,), "script_comb_m": (80,)}
 GAMES, STEPS = 8, 60
 
 
@@ -103,7 +121,7 @@ def outcomes():
 
 
 def test_every_field_is_tried():
-    assert set(OTHERWISE) == {spec.name for spec in dataclasses.fields(Scenario)}
+    assert set(OTHERWISE | OF_SCRIPTS) == {spec.name for spec in dataclasses.fields(Scenario)}
 
 
 @pytest.mark.parametrize("name", OTHERWISE)

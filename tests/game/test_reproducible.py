@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.game.batch import GameBatch
-from fpg_bench.game.scenario import PAPER, STANDARD
+from fpg_bench.game.scenario import PAPER, STANDARD, preset
 
 from .playing import begin, wander
 
@@ -40,8 +40,9 @@ def play_batch(scenario, seeds, threads: int = 1) -> GameBatch:
 
 
 @pytest.mark.parametrize(("games", "threads"), [(7, 1), (2048, 1), (2048, 2), (1500, 3)])
-@pytest.mark.parametrize("scenario", [STANDARD, PAPER], ids=["standard", "paper"])
-def test_a_game_of_a_batch_is_the_game_of_its_seed(scenario, games, threads):
+@pytest.mark.parametrize("name", ["standard", "paper", "link"])
+def test_a_game_of_a_batch_is_the_game_of_its_seed(name, games, threads):
+    scenario = preset(name)
     seeds = np.random.default_rng(0).permutation(games) + 1000
     batch = play_batch(scenario, seeds, threads)
     for game in (0, games // 3, games // 2, games - 1):

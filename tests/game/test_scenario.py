@@ -7,7 +7,16 @@ import dataclasses
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.game.scenario import FIGURES, PAPER, STANDARD, Scenario, ScenarioError, as_scenario, preset
+from fpg_bench.game.scenario import (
+    FIGURES,
+    PAPER,
+    PRESETS,
+    STANDARD,
+    Scenario,
+    ScenarioError,
+    as_scenario,
+    preset,
+)
 
 FIELDS = {spec.name: spec for spec in dataclasses.fields(Scenario)}
 
@@ -116,6 +125,44 @@ def test_an_impossible_mix_names_both(changes, both):
         Scenario(**changes)
     for part in both:
         assert part in str(refused.value)
+
+
+def test_fields_of_another_radio_model_are_each_refused_by_name():
+    with pytest.raises(ScenarioError) as refused:
+        Scenario(hop_airtime_s=0.3, spread_rate_mhz=2.5, opponent_power_dbm=33)
+    message = "spread_rate_mhz 2.5, hop_airtime_s 0.3: for snr_model 'link' alone, got 'sinr'"
+    assert str(refused.value).startswith(message)
+    with pytest.raises(ScenarioError, match=r"base_beam_deg 10\.0: for detection 'radiometer' alone"):
+        Scenario(base_beam_deg=10)
+    with pytest.raises(ScenarioError) as refused:
+        Scenario(snr_model="link")
+    assert "snr_cap_db 30.0, jamming_coefficients (1.5, 1.2, 0.4, 0.8)" in str(refused.value)
+    assert "write snr_cap_db: None, jamming_coefficients: [1.0, 1.0, 1.0, 1.0]" in str(refused.value)
+    with pytest.raises(ScenarioError, match="detection 'radiometer': for snr_model 'link' alone"):
+        Scenario(detection="radiometer")
+
+
+@pytest.mark.parametrize(
+    ("changes", "parts"),
+    [
+        ({"spread_bandwidth_mhz": 101}, ("spread_bandwidth_mhz 101.0", "at most the band's 100 MHz")),
+        ({"bandwidth_mhz": 120}, ("bandwidth_mhz 120.0", "at most the band's 100 MHz")),
+        ({"spread_rate_mhz": 80}, ("spread_rate_mhz 80.0", "gain below 1", "at most", "75.0")),
+        ({"notch_width_mhz": 75}, ("notch_width_mhz 75.0", "spread_bandwidth_mhz 75.0")),
+        ({"footprint_half_widths_mhz": (0, 10, 25, 2.5)}, ("footprint_half_widths_mhz", "above 0")),
+        ({"rate_top_bit_s_hz": -1}, ("rate_top_bit_s_hz", "-1", "[0.01, 1000]")),
+    ],
+)
+def test_what_no_radio_has_is_refused_with_its_bound(changes, parts):
+    with pytest.raises(ScenarioError) as refused:
+        dataclasses.replace(preset("link"), **changes)
+    for part in parts:
+        assert part in str(refused.value)
+
+
+def test_every_preset_can_be_played_and_differs():
+    assert PRESETS[:4] == ("standard", "paper", "figures", "link")
+    assert len({preset(name).hash for name in PRESETS}) == len(PRESETS)
 
 
 def test_lists_of_words_are_put_in_order():

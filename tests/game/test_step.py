@@ -39,7 +39,9 @@ VARIANTS = {
     ),
     "link": preset("link"),
     "link-learned": dataclasses.replace(preset("link"), opponent_path="learned", sensing_type_error=0.5),
-    "link-no-notch": dataclasses.replace(preset("link-throughput"), notch_width_mhz=0, opponent_path="circle"),
+    "link-no-notch": dataclasses.replace(
+        preset("link-throughput"), notch_width_mhz=0, opponent_path="circle"
+    ),
 }  # fmt: skip
 
 

@@ -1,0 +1,294 @@
+"""Check every formula of the radio model ``link`` against waveforms, and against NVIDIA Sionna.
+
+    python scripts/check_link.py [--sionna] [--page docs/link.md]
+
+Prints tables of the closed form beside the simulation, with the difference in dB. ``--sionna`` needs the
+extra ``check-link`` and minutes; ``--page`` puts the tables into a page, between its marks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from waveforms import Link, array_gain, energy_rate, qam_rate
+
+from fpg_bench.game import link
+from fpg_bench.game.batch import GameBatch
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.radio import capacity_mbit_s
+from fpg_bench.game.rules import rules_record
+from fpg_bench.game.scenario import Scenario, preset
+
+MEAN_DB, WORST_DB = 0.3, 1.0  # bounds of a table
+# Modulation (bits) and code rate x 1024 of 3GPP TS 36.213, Table 7.2.3-1
+CODES = ((2, 308), (2, 602), (4, 378), (4, 616), (6, 466), (6, 666), (6, 873))
+
+
+class Row(NamedTuple):
+    """A case, the closed form and the simulation in dB."""
+
+    case: str
+    closed: float
+    simulated: float
+
+    @property
+    def error(self) -> float:
+        """Closed form minus simulation."""
+        return self.closed - self.simulated
+
+
+def closed_sinr(
+    scenario: Scenario, kind: int, jamming: float, channel: float, spreads: bool, snr: float, js: float
+) -> float:
+    """Return the SINR in dB by the game's formulas; frequencies from the middle of the band."""
+    rules = rules_record(scenario)[0]
+    middle = float(rules["band_middle"])
+    noise = float(rules["noise_mw"][0])
+    signal = noise * 10 ** (snr / 10)
+    share, density, centre = link.jamming_passed(kind, middle + jamming, middle + channel, spreads, rules)
+    is_notched = spreads and scenario.notch_width_mhz > 0
+    notch = link.notched(kind, density, centre, rules) if is_notched else link.NO_NOTCH
+    value = link.sinr(signal, signal * 10 ** (js / 10), share, notch, spreads, rules)
+    return 10 * math.log10(value)
+
+
+def overlaps(waves: Link, scenario: Scenario, symbols: int) -> Iterator[Row]:
+    """Yield unspread links: footprints in the middle, at their edges, and beside the channel."""
+    spacing = scenario.point_spacing_mhz
+    cases = [(kind, js, 0.0) for kind in range(4) for js in (0.0, 10.0)]
+    cases += [(0, 10.0, 2.2), (0, 10.0, 2.5), (0, 10.0, 2.8)]  # on the skirt
+    cases += [(1, 10.0, 8.0), (1, 10.0, 10.0), (1, 10.0, 12.0), (1, 20.0, 12.5)]
+    cases += [(2, 10.0, 25.0), (2, 20.0, 27.5), (3, 10.0, 2.5), (3, 10.0, 4.5), (3, 20.0, 5.3)]
+    cases += [(0, 20.0, spacing), (1, 20.0, 2 * spacing), (3, 20.0, 2 * spacing)]  # in the stop band
+    for kind, js, away in cases:
+        case = f"{JAMMING_TYPES[kind]}, J/S {js:g} dB, {away:.1f} MHz away"
+        yield Row(
+            case,
+            closed_sinr(scenario, kind, away, 0.0, False, 25.0, js),
+            waves.sinr_db(kind, away, 0.0, False, 25.0, js, 5 * symbols),
+        )
+
+
+def gains(waves: Link, scenario: Scenario, symbols: int) -> Iterator[Row]:
+    """Yield spread links, with and without a notch."""
+    for notch in (0.0, scenario.notch_width_mhz):
+        played = dataclasses.replace(scenario, notch_width_mhz=notch)
+        waves = dataclasses.replace(waves, notch_mhz=notch)
+        cases = [(0, 0.0), (0, 15.0), (1, 0.0), (1, 20.0), (2, 0.0), (2, 40.0), (3, 0.0), (3, 10.0)]
+        for kind, away in cases:
+            for js in (10.0, 20.0):
+                case = f"{JAMMING_TYPES[kind]}, J/S {js:g} dB, {away:g} MHz away, notch {notch:g} MHz"
+                yield Row(
+                    case,
+                    closed_sinr(played, kind, away, 0.0, True, 25.0, js),
+                    waves.sinr_db(kind, away, 0.0, True, 25.0, js, symbols),
+                )
+
+
+def played_steps(waves: Link, scenario: Scenario, count: int, symbols: int) -> Iterator[Row]:
+    """Yield steps of played rounds: the compiled kernel's SINR beside a waveform of the same step."""
+    batch = GameBatch(scenario, count, threads=1)
+    batch.reset(seeds=7)
+    rng = np.random.default_rng(7)
+    lengths = 5 + np.arange(count) % 60
+    for step in range(lengths.max()):
+        ally = rng.uniform(-1, 1, (count, 9))
+        opponent = rng.uniform(-1, 1, (count, 9))
+        opponent[:, 4] *= 0.4  # near the known frequency
+        opponent[:, 5] = -1
+        batch.games["truncated"] |= lengths <= step
+        batch.step(ally, opponent)
+    middle = (scenario.band_low_mhz + scenario.band_high_mhz) / 2
+    room = (scenario.band_high_mhz - scenario.band_low_mhz - scenario.spread_bandwidth_mhz) / 2
+    noise = scenario.noise_density_dbm_hz + 10 * math.log10(scenario.bandwidth_mhz * 1e6)
+    for game in batch.games:
+        frequency = float(game["frequency_mhz"])
+
+        def loss(metres: float, mhz: float = frequency) -> float:
+            return 32.44 + 20 * math.log10(max(metres, scenario.minimum_distance_m) / 1000 * mhz)
+
+        to_base = float(np.linalg.norm(game["ally_position"] - scenario.base_station_m))
+        signal = scenario.base_power_dbm - loss(to_base) + scenario.fading_sd_db * float(game["fading"])
+        jamming = scenario.opponent_power_dbm - loss(float(game["distance_m"]))
+        spreads = bool(game["spreading"])
+        channel = frequency - middle
+        channel = min(max(channel, -room), room) if spreads else channel
+        kind, centre = int(game["jamming_type"]), float(game["jamming_mhz"]) - middle
+        where = "covered" if game["covered"] else "not covered"
+        yield Row(
+            f"{JAMMING_TYPES[kind]}, {'spread' if spreads else 'unspread'}, {where}",
+            float(game["snr_db"]),
+            waves.sinr_db(kind, centre, channel, spreads, signal - noise, jamming - signal, symbols),
+        )
+
+
+def bit_errors(waves: Link, scenario: Scenario, symbols: int) -> Iterator[Row]:
+    """Yield the SINR in dB that Gaussian noise would need for the bit errors counted after despreading."""
+    from scipy.special import erfcinv
+
+    scenario = dataclasses.replace(scenario, notch_width_mhz=0.0)
+    waves = dataclasses.replace(waves, notch_mhz=0.0)
+    for kind, name in enumerate(JAMMING_TYPES):
+        js = 0.0
+        while closed_sinr(scenario, kind, 0.0, 0.0, True, 40.0, js) > 6.0:
+            js += 0.05
+        errors = waves.bit_error_rate(kind, 40.0, js, symbols)
+        equal = 10 * math.log10(2 * erfcinv(2 * errors) ** 2)
+        closed = closed_sinr(scenario, kind, 0.0, 0.0, True, 40.0, js)
+        yield Row(f"{name}: {errors:.4f} bit errors", closed, equal)
+
+
+def radiometer(scenario: Scenario, trials: int) -> Iterator[Row]:
+    """Yield the SNR at which a radiometer with uncertain noise finds half of the signals."""
+    rng = np.random.default_rng(3)
+    samples = 50_000
+    for uncertainty in (1.0, scenario.noise_uncertainty_db):
+        threshold = 10 ** (uncertainty / 10)
+        closed = 10 * math.log10(link.snr_wall(uncertainty))
+        levels = closed + np.linspace(-0.2, 0.2, 9)
+        shares = [energy_rate(rng, level, threshold, samples, trials) for level in levels]
+        yield Row(f"noise uncertain by {uncertainty:g} dB", closed, float(np.interp(0.5, shares, levels)))
+
+
+def beams(scenario: Scenario) -> Iterator[Row]:
+    """Yield the base station's beam beside that of a row of eight elements."""
+    rules = rules_record(scenario)[0]
+    base = np.zeros(3)
+    ahead = np.array([100.0, 0.0, 0.0])
+    for degrees in (2.0, 4.0, 6.0, 8.0, 10.0):
+        turned = 100 * np.array([math.cos(math.radians(degrees)), math.sin(math.radians(degrees)), 0.0])
+        closed = 10 * math.log10(link.beam(base, ahead, turned, rules))
+        yield Row(
+            f"{degrees:g} degrees beside", closed, 10 * math.log10(array_gain(8, np.array([degrees]))[0])
+        )
+
+
+def modulations(scenario: Scenario) -> Iterator[Row]:
+    """Yield the SINR of a rate by the game's curve, and by the mutual information of the best QAM."""
+    rng = np.random.default_rng(5)
+    grid = np.arange(-6.0, 22.0, 0.5)
+    best = np.array([max(qam_rate(rng, bits, snr) for bits in (2, 4, 6)) for snr in grid])
+    for bits, code in CODES:
+        rate = bits * code / 1024
+        yield Row(f"{rate:.2f} bit/s/Hz", needed_snr(scenario, rate), float(np.interp(rate, best, grid)))
+
+
+def needed_snr(scenario: Scenario, rate: float) -> float:
+    """Return the SINR in dB at which the game's curve reaches a rate in bit/s/Hz."""
+    rules = rules_record(scenario)[0]
+    levels = np.arange(-6.5, 30.0, 0.01)
+    rates = [capacity_mbit_s(float(level), False, rules) / scenario.bandwidth_mhz for level in levels]
+    return float(np.interp(rate, rates, levels))
+
+
+def table(title: str, columns: tuple[str, str], rows: list[Row], note: str = "") -> str:
+    """Return a table in Markdown, with the mean and the worst of its errors."""
+    errors = np.array([row.error for row in rows])
+    head = f"| case | {columns[0]} (dB) | {columns[1]} (dB) | error (dB) |\n| --- | --- | --- | --- |"
+    body = "\n".join(
+        f"| {row.case} | {row.closed:.2f} | {row.simulated:.2f} | {row.error:+.2f} |" for row in rows
+    )
+    total = f"Mean error {errors.mean():+.2f} dB, worst {errors[np.abs(errors).argmax()]:+.2f} dB."
+    return f"### {title}\n\n{head}\n{body}\n\n{total}{' ' + note if note else ''}\n"
+
+
+def grouped(rows: list[Row]) -> str:
+    """Return a table of many rows by their case: mean, worst, and how many lie within 0.5 dB."""
+    lines = [
+        "| steps | number | mean error (dB) | worst (dB) | within 0.5 dB |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for case in sorted({row.case for row in rows}):
+        errors = np.array([row.error for row in rows if row.case == case])
+        worst = errors[np.abs(errors).argmax()]
+        near = np.mean(np.abs(errors) <= 0.5)
+        lines.append(f"| {case} | {len(errors)} | {errors.mean():+.2f} | {worst:+.2f} | {near:.0%} |")
+    errors = np.array([row.error for row in rows])
+    worst = errors[np.abs(errors).argmax()]
+    total = f"All {len(rows)} steps: mean error {errors.mean():+.2f} dB, worst {worst:+.2f} dB."
+    return "### The compiled game\n\n" + "\n".join(lines) + f"\n\n{total}\n"
+
+
+def main() -> int:
+    """Print the tables; returns 1 if one leaves its bounds."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--sionna", action="store_true", help="compare with NVIDIA Sionna, too")
+    parser.add_argument("--page", type=Path, help="page that the tables are put into")
+    parser.add_argument("--steps", type=int, default=400, help="steps of played rounds")
+    options = parser.parse_args()
+    scenario, waves, symbols = preset("link"), Link(), 6000
+    bounded = {
+        "Overlap of spectra": list(overlaps(waves, scenario, symbols)),
+        "Processing gain and notch": list(gains(waves, scenario, symbols)),
+        "Bit errors": list(bit_errors(waves, scenario, 20_000)),
+        "Radiometer": list(radiometer(scenario, 40)),
+        "The base station's beam": list(beams(scenario)),
+    }
+    texts = [table(title, ("closed form", "waveform"), rows) for title, rows in bounded.items()]
+    steps = list(played_steps(waves, scenario, options.steps, 3000))
+    texts.append(grouped(steps))
+    bounded["steps"] = steps
+    texts.append(
+        table(
+            "Rate, against ideal codes",
+            ("the game's curve", "best QAM, ideal code"),
+            list(modulations(scenario)),
+            "The difference is what real codes lose.",
+        )
+    )
+    if options.sionna:
+        from sionna_link import filters, thresholds
+
+        codes = [
+            Row(f"{rate:.2f} bit/s/Hz", needed_snr(scenario, rate), snr) for rate, snr in thresholds(CODES)
+        ]
+        bounded["Rate, against Sionna's codes"] = codes
+        cases = [(kind, away) for kind, aways in ((1, (0.0, 10.0, 12.0)), (2, (0.0, 25.0)), (0, (0.0, 2.5)))
+                 for away in aways]  # fmt: skip
+        halves = scenario.footprint_half_widths_mhz
+        measured = filters(
+            scenario.bandwidth_mhz, scenario.filter_rolloff, [(halves[kind], away) for kind, away in cases],
+            25.0, 10.0,
+        )  # fmt: skip
+        own = [
+            Row(
+                f"{JAMMING_TYPES[kind]}, J/S 10 dB, {away:.1f} MHz away",
+                closed_sinr(scenario, kind, away, 0.0, False, 25.0, 10.0),
+                sinr,
+            )
+            for (kind, away), sinr in zip(cases, measured, strict=True)
+        ]
+        bounded["Overlap, against Sionna's filters"] = own
+        texts += [table(title, ("the game", "Sionna"), bounded[title]) for title in list(bounded)[-2:]]
+    text = "\n".join(texts)
+    print(text)
+    if options.page:
+        page = options.page.read_text(encoding="utf-8")
+        marks = r"(<!-- check_link -->\n).*(<!-- end -->)"
+        options.page.write_text(
+            re.sub(marks, lambda found: f"{found[1]}\n{text}\n{found[2]}", page, flags=re.DOTALL),
+            encoding="utf-8",
+        )
+    failed = []
+    for title, rows in bounded.items():
+        errors = np.array([row.error for row in rows])
+        if abs(errors.mean()) > MEAN_DB or np.abs(errors).max() > WORST_DB:
+            failed.append(title)
+    if failed:
+        print(
+            f"check_link: beyond {MEAN_DB} dB on average or {WORST_DB} dB at worst: {', '.join(failed)}",
+            file=sys.stderr,
+        )
+    return int(bool(failed))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,178 @@
+"""The radio model link: its closed forms against waveforms, and its rules by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fpg_bench.game import link
+from fpg_bench.game.radio import capacity_mbit_s
+from fpg_bench.game.rules import rules_record
+from fpg_bench.game.scenario import preset
+
+from .playing import BROADBAND, COMB, NARROWBAND, TONE, ally, begin, opponent, place, to_point
+
+LINK = preset("link")
+RULES = rules_record(LINK)[0]
+
+
+def waveforms():
+    spec = importlib.util.spec_from_file_location(
+        "waveforms", Path(__file__).parents[2] / "scripts" / "waveforms.py"
+    )
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["waveforms"] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+WAVES = waveforms()
+
+
+def closed(kind, jamming, channel, spreading, snr, js, scenario=LINK):
+    """The SINR in dB by the game's formulas, frequencies from the middle of the band."""
+    rules = rules_record(scenario)[0]
+    signal = float(rules["noise_mw"][0]) * 10 ** (snr / 10)
+    share, density, centre = link.jamming_passed(kind, 2450.0 + jamming, 2450.0 + channel, spreading, rules)
+    is_notched = spreading and scenario.notch_width_mhz > 0
+    notch = link.notched(kind, density, centre, rules) if is_notched else link.NO_NOTCH
+    return 10 * math.log10(link.sinr(signal, signal * 10 ** (js / 10), share, notch, spreading, rules))
+
+
+@pytest.mark.parametrize(
+    ("kind", "jamming", "channel", "spreading", "snr", "js"),
+    [
+        (TONE, 0.0, 0.0, False, 25.0, 5.0),
+        (NARROWBAND, 3.0, 0.0, False, 25.0, 10.0),
+        (NARROWBAND, 10.0, 0.0, False, 25.0, 10.0),  # half covered
+        (NARROWBAND, -12.2, 0.0, False, 25.0, 20.0),  # on the skirt
+        (NARROWBAND, 14.3, 0.0, False, 25.0, 20.0),  # in the stop band
+        (BROADBAND, 27.0, 0.0, False, 25.0, 15.0),
+        (COMB, 4.0, -28.0, False, 25.0, 10.0),
+        (NARROWBAND, 0.0, 2.0, True, 20.0, 15.0),
+        (BROADBAND, 40.0, -3.0, True, 20.0, 15.0),
+        (COMB, 10.0, 0.0, True, 20.0, 10.0),
+        (TONE, 5.0, 0.0, True, 20.0, 30.0),  # notched
+        (TONE, 39.0, 0.0, True, 20.0, 30.0),  # notched on the skirt
+    ],
+)
+def test_the_sinr_is_that_of_a_waveform(kind, jamming, channel, spreading, snr, js):
+    waves = WAVES.Link(rng=np.random.default_rng(kind))
+    symbols = 2500 if spreading else 20_000
+    measured = waves.sinr_db(kind, jamming, channel, spreading, snr, js, symbols)
+    assert closed(kind, jamming, channel, spreading, snr, js) == pytest.approx(measured, abs=0.6)
+
+
+def test_bit_errors_after_despreading_are_those_of_gaussian_noise():
+    scenario = dataclasses.replace(LINK, notch_width_mhz=0)
+    waves = WAVES.Link(notch_mhz=0.0)
+    sinr = closed(TONE, 0.0, 0.0, True, 20.0, 10.0, scenario)
+    expected = 0.5 * math.erfc(math.sqrt(10 ** (sinr / 10) / 2))
+    assert waves.bit_error_rate(TONE, 20.0, 10.0, 10_000) == pytest.approx(expected, rel=0.15)
+
+
+def test_a_radiometer_finds_what_lies_above_its_wall():
+    """With a threshold at the highest noise, signals 0.15 dB above and below the wall (5e4 samples)."""
+    rng = np.random.default_rng(0)
+    wall = 10 * math.log10(link.snr_wall(LINK.noise_uncertainty_db))
+    threshold = 10 ** (LINK.noise_uncertainty_db / 10)
+    assert WAVES.energy_rate(rng, wall + 0.15, threshold, 50_000, 12) > 0.8
+    assert WAVES.energy_rate(rng, wall - 0.15, threshold, 50_000, 12) < 0.2
+
+
+@pytest.mark.parametrize("sinr", [-3.0, 3.0, 9.0, 15.0])
+def test_the_rate_is_near_that_of_the_best_modulation(sinr):
+    """Real codes lose one to three dB against ideal ones."""
+    rng = np.random.default_rng(2)
+    rate = capacity_mbit_s(sinr, False, RULES) / LINK.bandwidth_mhz
+    ideal = [max(WAVES.qam_rate(rng, bits, sinr - loss) for bits in (2, 4, 6)) for loss in (3.0, 0.5)]
+    assert ideal[0] < rate < ideal[1]
+
+
+def test_the_rate_has_a_top_and_a_bottom():
+    assert capacity_mbit_s(30.0, False, RULES) == pytest.approx(5 * 5.55)
+    assert capacity_mbit_s(30.0, True, RULES) == pytest.approx(2.5 * 5.55)
+    assert capacity_mbit_s(-6.51, False, RULES) == 0
+    assert capacity_mbit_s(-6.49, False, RULES) > 1
+
+
+def test_the_beam_is_that_of_eight_elements():
+    degrees = np.array([2.0, 4.0, 6.5, 8.0])
+    for angle, gain in zip(np.radians(degrees), WAVES.array_gain(8, degrees), strict=True):
+        place = np.array([math.cos(angle), math.sin(angle), 0.0])
+        share = link.beam(np.zeros(3), np.array([1.0, 0.0, 0.0]), place, RULES)
+        assert 10 * math.log10(share / gain) == pytest.approx(0, abs=0.5)
+
+
+def test_the_filter_passes_its_width():
+    assert link.passed_mhz(100.0, 5.0, 0.22) == 2.5
+    f = np.linspace(-4, 4, 80_001)
+    gain = np.gradient([link.passed_mhz(x, 5.0, 0.22) for x in f], f)
+    assert gain.max() == pytest.approx(1, abs=1e-6)
+    assert np.interp(2.5, f, gain) == pytest.approx(0.5, abs=1e-3)
+    square = np.gradient([link.passed_twice_mhz(x, 5.0, 0.22) for x in f], f)
+    np.testing.assert_allclose(square, gain**2, atol=1e-3)
+
+
+def test_fading_remembers_the_step_before():
+    batch = begin(LINK, games=3000)
+    values = [batch.games["fading"].copy()]
+    for _ in range(12):
+        batch.step(ally().repeat(3000, 0), opponent().repeat(3000, 0))
+        values.append(batch.games["fading"].copy())
+    for fading in (values[0], values[-1]):
+        assert fading.mean() == pytest.approx(0, abs=0.08)
+        assert fading.std() == pytest.approx(1, abs=0.06)
+    for lag in (1, 3):
+        assert np.corrcoef(values[-1], values[-1 - lag])[0, 1] == pytest.approx(0.76**lag, abs=0.06)
+
+
+def test_a_hop_takes_a_part_of_the_reward_and_of_the_rate():
+    here, away = begin(LINK, seed=3), begin(LINK, seed=3)
+    point = int(here.games["point"][0])
+    jam = opponent(TONE, tuning=1.0 if point < 7 else -1.0, in_band=True)
+    here.step(ally(), jam)
+    away.step(ally(hop=True, preference=to_point(point)), jam)
+    for name in ("ally_reward", "rate_mbit_s", "opponent_reward"):
+        assert away.games[name][0] == pytest.approx(0.7 * here.games[name][0])
+
+
+def test_a_spread_signal_stays_in_the_band_and_gives_away_no_point():
+    batch = begin(dataclasses.replace(LINK, first_check_s=(1, 1), opponent_path="learned", fading_sd_db=0))
+    place(batch, batch.games["ally_position"][0])
+    batch.step(ally(hop=True, preference=-1.0, spread=True), opponent())
+    assert batch.games["last_check"][0] == 1
+    assert batch.games["frequency_mhz"][0] == 2400
+    assert batch.games["known_mhz"][0] == 2437.5
+
+
+def hears(kind, **changes) -> bool:
+    """One step with a check: a link 700 m away, jammed on its own channel."""
+    scenario = dataclasses.replace(
+        LINK,
+        **{"first_check_s": (1, 1), "opponent_path": "learned", "fading_sd_db": 0, "base_side_lobe_db": 100},
+        **changes,
+    )
+    batch = begin(scenario)
+    start = batch.games["ally_position"][0]
+    away = np.array([700.0 if start[0] < 750 else -700.0, 0, 0])
+    place(batch, start + away)
+    batch.step(ally(), opponent(kind))
+    return batch.games["last_check"][0] == 1
+
+
+def test_a_jammer_hears_worse_through_its_own_jamming():
+    assert hears(TONE, jammer_isolation_db=130)
+    assert not hears(TONE, jammer_isolation_db=95)
+    assert hears(BROADBAND, jammer_isolation_db=105)
+
+
+def test_the_base_station_is_heard_in_its_beam():
+    assert not hears(TONE, ally_emission_dbm=-100)
+    assert hears(BROADBAND, ally_emission_dbm=-100, base_beam_deg=360)
