@@ -163,7 +163,7 @@ def beams(scenario: Scenario) -> Iterator[Row]:
     rules = rules_record(scenario)[0]
     base = np.zeros(3)
     ahead = np.array([100.0, 0.0, 0.0])
-    for degrees in (2.0, 4.0, 6.0, 8.0, 10.0):
+    for degrees in (1.0, 2.0, 4.0, 6.0, 8.0):  # down to 5 dB below
         turned = 100 * np.array([math.cos(math.radians(degrees)), math.sin(math.radians(degrees)), 0.0])
         closed = 10 * math.log10(link.beam(base, ahead, turned, rules))
         yield Row(

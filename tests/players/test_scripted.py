@@ -7,7 +7,7 @@ import pytest
 
 from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.scenario import STANDARD
+from fpg_bench.game.scenario import STANDARD, preset
 from fpg_bench.players.player import Player
 from fpg_bench.players.scripted import Scripted
 
@@ -56,6 +56,18 @@ def test_when_an_ally_hops_spreads_and_asks_the_knowledge_base(name, seen, expec
     action = acts("ally", name, seen)
     assert gates(action) == expected
     assert action[SPEED] == 1
+
+
+def test_the_constants_of_scripts_are_those_of_the_scenario():
+    """In link, expert leaves alone what 10 dB keep going, and adaptive jams wide from farther away."""
+    link = preset("link")
+    for snr, hops in ((9.9, True), (10.1, False)):
+        seen = ally_sees(snr * STANDARD.snr_scale_db / link.snr_scale_db, covered=True)
+        action = Scripted("ally", "expert", link).predict(seen, None)[0][0]
+        assert gates(action) == (EXPERT if hops else NONE)
+    for metres, kind in ((79, "broadband"), (119, "comb"), (121, "narrowband")):
+        action = Scripted("opponent", "adaptive", link).predict(opponent_sees((metres, 0, 0)), None)[0][0]
+        assert JAMMING_TYPES[action[:4].argmax()] == kind
 
 
 def test_expert_spread_spreads_for_eight_seconds():
