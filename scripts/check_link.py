@@ -23,8 +23,7 @@ from waveforms import Link, array_gain, energy_rate, qam_rate
 from fpg_bench.game import link
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.radio import capacity_mbit_s
-from fpg_bench.game.rules import rules_record
+from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario, preset
 
 MEAN_DB, WORST_DB = 0.3, 1.0  # bounds of a table
@@ -49,14 +48,16 @@ def closed_sinr(
     scenario: Scenario, kind: int, jamming: float, channel: float, spreads: bool, snr: float, js: float
 ) -> float:
     """Return the SINR in dB by the game's formulas; frequencies from the middle of the band."""
-    rules = rules_record(scenario)[0]
+    rules, radio = rules_record(scenario)[0], radio_record(scenario)[0]
     middle = float(rules["band_middle"])
-    noise = float(rules["noise_mw"][0])
+    noise = float(radio["noise_mw"][0])
     signal = noise * 10 ** (snr / 10)
-    share, density, centre = link.jamming_passed(kind, middle + jamming, middle + channel, spreads, rules)
+    share, density, centre = link.jamming_passed(
+        kind, middle + jamming, middle + channel, spreads, rules, radio
+    )
     is_notched = spreads and scenario.notch_width_mhz > 0
-    notch = link.notched(kind, density, centre, rules) if is_notched else link.NO_NOTCH
-    value = link.sinr(signal, signal * 10 ** (js / 10), share, notch, spreads, rules)
+    notch = link.notched(kind, density, centre, radio) if is_notched else link.NO_NOTCH
+    value = link.sinr(signal, signal * 10 ** (js / 10), share, notch, spreads, radio)
     return 10 * math.log10(value)
 
 
@@ -160,12 +161,12 @@ def radiometer(scenario: Scenario, trials: int) -> Iterator[Row]:
 
 def beams(scenario: Scenario) -> Iterator[Row]:
     """Yield the base station's beam beside that of a row of eight elements."""
-    rules = rules_record(scenario)[0]
+    radio = radio_record(scenario)[0]
     base = np.zeros(3)
     ahead = np.array([100.0, 0.0, 0.0])
     for degrees in (1.0, 2.0, 4.0, 6.0, 8.0):  # down to 5 dB below
         turned = 100 * np.array([math.cos(math.radians(degrees)), math.sin(math.radians(degrees)), 0.0])
-        closed = 10 * math.log10(link.beam(base, ahead, turned, rules))
+        closed = 10 * math.log10(link.beam(base, ahead, turned, radio))
         yield Row(
             f"{degrees:g} degrees beside", closed, 10 * math.log10(array_gain(8, np.array([degrees]))[0])
         )
@@ -183,9 +184,9 @@ def modulations(scenario: Scenario) -> Iterator[Row]:
 
 def needed_snr(scenario: Scenario, rate: float) -> float:
     """Return the SINR in dB at which the game's curve reaches a rate in bit/s/Hz."""
-    rules = rules_record(scenario)[0]
+    rules, radio = rules_record(scenario)[0], radio_record(scenario)[0]
     levels = np.arange(-6.5, 30.0, 0.01)
-    rates = [capacity_mbit_s(float(level), False, rules) / scenario.bandwidth_mhz for level in levels]
+    rates = [link.rate_mbit_s(float(level), False, rules, radio) / scenario.bandwidth_mhz for level in levels]
     return float(np.interp(rate, rates, levels))
 
 

@@ -14,7 +14,7 @@ from fpg_bench.common.checks import is_whole, whole
 from fpg_bench.common.errors import UserError
 from fpg_bench.game import step as kernel
 from fpg_bench.game.flight import LEARNED, PURSUIT
-from fpg_bench.game.rules import rules_record
+from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import ACTION_SIZE, GAME, OBSERVATION_SIZE, TALLY
 
@@ -58,6 +58,7 @@ class GameBatch:
         self.count = int(games)
         self.threads = int(threads)
         self._rules = rules_record(scenario)
+        self._radio = radio_record(scenario)
         self.games = np.zeros(self.count, GAME)
         self.tallies = np.zeros(self.count, TALLY)
         self.histograms = np.zeros((self.count, 2, scenario.frequency_points), np.int32)
@@ -85,6 +86,7 @@ class GameBatch:
             self.ally_observations,
             self.opponent_observations,
             self._rules,
+            self._radio,
         )
 
     def reset(
@@ -130,7 +132,13 @@ class GameBatch:
         self.histograms[mask] = 0
         self._begun = True
         kernel.begin(
-            games, mask, self.ally_observations, self.opponent_observations, self.segments, self._rules
+            games,
+            mask,
+            self.ally_observations,
+            self.opponent_observations,
+            self.segments,
+            self._rules,
+            self._radio,
         )
         self._record_flown()
 

@@ -81,7 +81,7 @@ class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: 
         return str(super().get_suitable_cache_subpath(py_file))
 
 
-def compiled(function: Callable[..., Any], allocates: bool = False, apart: bool = False) -> Any:
+def compiled(function: Callable[..., Any], allocates: bool = False) -> Any:
     """Compile a function: no fast-math (identical bits), no GIL, cached on disk.
 
     All of a step of the game is put into one piece of machine code, without Numba's reference counts
@@ -90,11 +90,10 @@ def compiled(function: Callable[..., Any], allocates: bool = False, apart: bool 
     Args:
         function: to be compiled.
         allocates: it makes arrays, or calls a function that does.
-        apart: leave it out of the machine code of its callers, which would grow with each call.
     """
     folder = cache_folder()
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-    options |= {"_nrt": allocates, "forceinline": not (allocates or apart)}
+    options |= {"_nrt": allocates, "forceinline": not allocates}
     with _cached_in(folder):
         return numba.njit(cache=folder is not None, **options)(function)
 

@@ -21,21 +21,26 @@ def footprint_distance_mhz(offset_mhz: float, tooth_spacing: float) -> float:
 
 @compiled
 def covers(
-    jamming_type: int, jamming_mhz: float, frequency_mhz: float, spreading: bool, rules: Record
+    jamming_type: int,
+    jamming_mhz: float,
+    frequency_mhz: float,
+    spreading: bool,
+    rules: Record,
+    radio: Record | None,
 ) -> bool:
     """Return True if a footprint covers the ally; nothing wraps at the ends of the band.
 
     The ally is its centre frequency or, in the model ``link``, its channel; there no tooth lies outside the
     band.
     """
-    spacing = rules.tooth_spacing[jamming_type]
-    offset = channel_mhz(frequency_mhz, spreading, rules) - jamming_mhz
-    if rules.link and spacing > 0.0:
+    half, spacing = rules.half_width[jamming_type], rules.tooth_spacing[jamming_type]
+    if radio is None:
+        return footprint_distance_mhz(frequency_mhz - jamming_mhz, spacing) <= half
+    offset = channel_mhz(frequency_mhz, spreading, radio) - jamming_mhz
+    if spacing > 0.0:
         first, end = teeth(jamming_type, jamming_mhz, rules)
-        distance = abs(offset - spacing * min(max(math.floor(offset / spacing + 0.5), first), end - 1))
-    else:
-        distance = footprint_distance_mhz(offset, spacing)
-    return distance <= rules.half_width[jamming_type] + rules.reach[int(spreading)]
+        offset -= spacing * min(max(math.floor(offset / spacing + 0.5), first), end - 1)
+    return abs(offset) <= half + radio.reach[int(spreading)]
 
 
 @compiled

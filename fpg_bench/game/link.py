@@ -18,7 +18,6 @@ Sources:
 
 from __future__ import annotations
 
-import functools
 import math
 
 import numpy as np
@@ -46,10 +45,12 @@ def snr_wall(uncertainty_db: float) -> float:
 
 
 @compiled
-def received_mw(power_mw: float, distance_m: float, frequency_mhz: float, rules: Record) -> float:
+def received_mw(
+    power_mw: float, distance_m: float, frequency_mhz: float, rules: Record, radio: Record
+) -> float:
     """Return the power received over free space in mW (Eq. 1), the distance at least the minimum."""
     product = max(distance_m, rules.minimum_distance) * frequency_mhz
-    return power_mw * rules.path_gain / (product * product)
+    return power_mw * radio.path_gain / (product * product)
 
 
 @compiled
@@ -84,9 +85,9 @@ def passed_twice_mhz(offset_mhz: float, width: float, rolloff: float) -> float:
 
 
 @compiled
-def channel_mhz(frequency_mhz: float, spreading: bool, rules: Record) -> float:
+def channel_mhz(frequency_mhz: float, spreading: bool, radio: Record) -> float:
     """Return the centre of the ally's signal; while it spreads, the nearest that keeps it in the band."""
-    return min(max(frequency_mhz, rules.spread_low), rules.spread_high) if spreading else frequency_mhz
+    return min(max(frequency_mhz, radio.spread_low), radio.spread_high) if spreading else frequency_mhz
 
 
 @compiled
@@ -99,9 +100,9 @@ def teeth(jamming_type: int, jamming_mhz: float, rules: Record) -> tuple[int, in
     return first, max(math.floor((rules.band_high + rules.tolerance - jamming_mhz) / spacing), first) + 1
 
 
-@functools.partial(compiled, apart=True)
+@compiled
 def jamming_passed(
-    jamming_type: int, jamming_mhz: float, frequency_mhz: float, spreading: bool, rules: Record
+    jamming_type: int, jamming_mhz: float, frequency_mhz: float, spreading: bool, rules: Record, radio: Record
 ) -> tuple[float, float, float]:
     """Return the share of the jamming power that passes the ally's filter, and where a notch does most.
 
@@ -111,10 +112,10 @@ def jamming_passed(
         The share, the share per MHz of a tooth, and the centre of the tooth of which most passes, from the
         centre of the ally's signal.
     """
-    width, rolloff = rules.channel_width[int(spreading)], rules.rolloff
-    tooth, spacing = rules.tooth_width[jamming_type], rules.tooth_spacing[jamming_type]
+    width, rolloff = radio.channel_width[int(spreading)], radio.rolloff
+    tooth, spacing = radio.tooth_width[jamming_type], rules.tooth_spacing[jamming_type]
     first, end = teeth(jamming_type, jamming_mhz, rules)
-    offset = jamming_mhz - channel_mhz(frequency_mhz, spreading, rules)
+    offset = jamming_mhz - channel_mhz(frequency_mhz, spreading, radio)
     passed, most, densest = 0.0, -1.0, offset
     for number in range(first, end):
         centre = offset + number * spacing
@@ -129,13 +130,13 @@ def jamming_passed(
 
 
 @compiled
-def notched(jamming_type: int, density: float, centre_mhz: float, rules: Record) -> Notch:
+def notched(jamming_type: int, density: float, centre_mhz: float, radio: Record) -> Notch:
     """Return the share of a spread signal that a notch removes, that of the echoes it makes, and of jamming.
 
     It lies in the tooth of which most passes, as near to the middle of the signal's band as it can.
     """
-    width, rolloff, half = rules.channel_width[1], rules.rolloff, 0.5 * rules.notch_width
-    tooth = 0.5 * rules.tooth_width[jamming_type]
+    width, rolloff, half = radio.channel_width[1], radio.rolloff, 0.5 * radio.notch_width
+    tooth = 0.5 * radio.tooth_width[jamming_type]
     room = max(tooth - half, 0.0)
     place = min(max(0.0, centre_mhz - room), centre_mhz + room)
     low, high = place - half, place + half
@@ -151,7 +152,7 @@ def notched(jamming_type: int, density: float, centre_mhz: float, rules: Record)
 
 @compiled
 def sinr(
-    signal_mw: float, jamming_mw: float, share: float, notch: Notch, spreading: bool, rules: Record
+    signal_mw: float, jamming_mw: float, share: float, notch: Notch, spreading: bool, radio: Record
 ) -> float:
     """Return the SINR of a symbol as a ratio, after despreading if the ally spreads.
 
@@ -164,46 +165,55 @@ def sinr(
         share: share of the jamming that passes the filter.
         notch: from :func:`notched`; zeros: none.
         spreading: whether the ally spreads.
-        rules: the rules.
+        radio: the rules.
     """
     i = int(spreading)
     cut, echoes, removed = notch
-    through = share + rules.stopband
-    plain = signal_mw / (rules.noise_mw[i] + jamming_mw * through * rules.per_gain[i])
+    through = share + radio.stopband
+    plain = signal_mw / (radio.noise_mw[i] + jamming_mw * through * radio.per_gain[i])
     if cut == 0.0:
         return plain
     kept = 1.0 - cut
     left = jamming_mw * (through - removed)
-    noise = kept * rules.noise_mw[i] + (echoes * signal_mw + left) * rules.per_gain[i]
+    noise = kept * radio.noise_mw[i] + (echoes * signal_mw + left) * radio.per_gain[i]
     return max(plain, kept * kept * signal_mw / noise)
 
 
-@functools.partial(compiled, apart=True)
-def transmit(game: Record, distance_to_base_m: float, rules: Record) -> None:
+@compiled
+def transmit(game: Record, distance_to_base_m: float, rules: Record, radio: Record) -> None:
     """Compute the SNR of the last step, with and without jamming."""
     kind, f, spreading = game.jamming_type, game.frequency_mhz, game.spreading
     fading = math.exp(rules.fading_sd * game.fading / _DB)
-    signal = received_mw(rules.base_mw, distance_to_base_m, f, rules) * fading
-    game.clean_snr_db = _DB * math.log(signal / rules.noise_mw[int(spreading)])
+    signal = received_mw(radio.base_mw, distance_to_base_m, f, rules, radio) * fading
+    game.clean_snr_db = _DB * math.log(signal / radio.noise_mw[int(spreading)])
     game.snr_db = game.clean_snr_db
     if kind < 0:  # before the first step
         return
-    jamming = received_mw(rules.jamming_mw, game.distance_m, f, rules)
-    share, density, centre = jamming_passed(kind, game.jamming_mhz, f, spreading, rules)
+    jamming = received_mw(radio.jamming_mw, game.distance_m, f, rules, radio)
+    share, density, centre = jamming_passed(kind, game.jamming_mhz, f, spreading, rules, radio)
     notch = NO_NOTCH
-    if spreading and rules.notch_width > 0.0:
-        notch = notched(kind, density, centre, rules)
-    game.snr_db = _DB * math.log(sinr(signal, jamming, share, notch, spreading, rules))
+    if spreading and radio.notch_width > 0.0:
+        notch = notched(kind, density, centre, radio)
+    game.snr_db = _DB * math.log(sinr(signal, jamming, share, notch, spreading, radio))
 
 
 @compiled
-def utility(rate_mbit_s: float, rules: Record) -> float:
+def rate_mbit_s(snr: float, spreading: bool, rules: Record, radio: Record) -> float:
+    """Return the rate in Mbit/s at an SNR in dB: the attenuated Shannon bound, 0 below the threshold."""
+    if snr < rules.threshold:
+        return 0.0
+    efficiency = radio.rate_efficiency * math.log2(1.0 + math.exp((snr - radio.rate_loss) / _DB))
+    return radio.rate_bandwidth[int(spreading)] * min(efficiency, radio.rate_top)
+
+
+@compiled
+def utility(rate_mbit_s: float, radio: Record) -> float:
     """Return the utility of a rate: the logarithm of 1 + rate / reference, ``reward_scale`` at the top."""
-    return rules.reward_scale * math.log1p(rate_mbit_s * rules.per_rate_reference)
+    return radio.reward_scale * math.log1p(rate_mbit_s * radio.per_rate_reference)
 
 
 @compiled
-def beam(base: np.ndarray, towards: np.ndarray, place: np.ndarray, rules: Record) -> float:
+def beam(base: np.ndarray, towards: np.ndarray, place: np.ndarray, radio: Record) -> float:
     """Return the base station's radiation towards a place as a share of that along its beam.
 
     The beam points ``towards`` the ally. Its pattern falls by 12 (angle / half-power width)^2 dB, down to the
@@ -214,21 +224,21 @@ def beam(base: np.ndarray, towards: np.ndarray, place: np.ndarray, rules: Record
         x, y = towards[axis] - base[axis], place[axis] - base[axis]
         product, a, b = product + x * y, a + x * x, b + y * y
     cosine = product / math.sqrt(max(a * b, 1e-12))
-    angle = math.acos(min(max(cosine, -1.0), 1.0)) * rules.per_beam
-    return max(math.exp(-12.0 * angle * angle / _DB), rules.side_lobe)
+    angle = math.acos(min(max(cosine, -1.0), 1.0)) * radio.per_beam
+    return max(math.exp(-12.0 * angle * angle / _DB), radio.side_lobe)
 
 
-@functools.partial(compiled, apart=True)
-def is_heard(game: Record, distance_to_base_m: float, fading: float, rules: Record) -> bool:
+@compiled
+def is_heard(game: Record, distance_to_base_m: float, fading: float, rules: Record, radio: Record) -> bool:
     """Return True if the opponent's radiometer finds the link: the ally's signal, or the base station's.
 
     It listens in the ally's present channel, where a part of its own jamming leaks into its receiver.
     """
     f, i = game.frequency_mhz, int(game.spreading)
-    share, _, _ = jamming_passed(game.jamming_type, game.jamming_mhz, f, game.spreading, rules)
-    noise = rules.channel_noise_mw[i] + rules.own_jamming_mw * (share + rules.stopband)
-    ally = received_mw(rules.ally_emission_mw, game.distance_m, f, rules)
-    towards = beam(rules.base_station, game.ally_position, game.opponent_position, rules)
-    base = received_mw(rules.base_mw * towards, distance_to_base_m, f, rules)
+    share, _, _ = jamming_passed(game.jamming_type, game.jamming_mhz, f, game.spreading, rules, radio)
+    noise = radio.channel_noise_mw[i] + radio.own_jamming_mw * (share + radio.stopband)
+    ally = received_mw(radio.ally_emission_mw, game.distance_m, f, rules, radio)
+    towards = beam(rules.base_station, game.ally_position, game.opponent_position, radio)
+    base = received_mw(radio.base_mw * towards, distance_to_base_m, f, rules, radio)
     level = max(ally, base) * math.exp(rules.fading_sd * fading / _DB)
-    return level >= rules.radiometer_threshold * noise
+    return level >= radio.radiometer_threshold * noise

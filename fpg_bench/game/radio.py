@@ -48,12 +48,6 @@ def snr_db(
 
 @compiled
 def capacity_mbit_s(snr: float, spreading: bool, rules: Record) -> float:
-    """Return the capacity in Mbit/s (Eq. 3): C = B log2(1 + 10^(SNR/10)), B in MHz.
-
-    The model ``link`` attenuates it: a share of the bandwidth and of the SNR are lost, no rate is above that
-    of the highest modulation, and none is left below the threshold.
-    """
-    if snr < rules.rate_threshold:
-        return 0.0
-    efficiency = rules.rate_efficiency * math.log2(1.0 + math.exp((snr - rules.rate_loss) / _DB))
-    return rules.rate_bandwidth[int(spreading)] * min(efficiency, rules.rate_top)
+    """Return the capacity in Mbit/s (Eq. 3): C = B log2(1 + 10^(SNR/10)), B in MHz."""
+    bandwidth = rules.spread_bandwidth if spreading and rules.spread_capacity else rules.bandwidth
+    return bandwidth * math.log2(1.0 + math.exp(snr / _DB))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fpg_bench.game.compiling import compiled
-from fpg_bench.game.link import utility
+from fpg_bench.game.link import rate_mbit_s, utility
 from fpg_bench.game.radio import capacity_mbit_s
 from fpg_bench.game.state import SPREAD_PIECES, Record
 
@@ -22,24 +22,25 @@ def spread_cost(seconds: float, rules: Record) -> float:
 
 
 @compiled
-def reward(game: Record, rules: Record) -> None:
+def reward(game: Record, rules: Record, radio: Record | None) -> None:
     """Compute the rate and the rewards of the last step (Eq. 5 and 6).
 
     The link's worth is the SNR up to the cap or, in the model ``link``, the utility of its rate. A hop leaves
     a part of the step without a link.
     """
-    rate = capacity_mbit_s(game.snr_db, game.spreading, rules)
-    if rules.link:
-        game.ally_value, drop = utility(rate, rules), 0.0
-        if game.clean_snr_db != game.snr_db:
-            clean_rate = capacity_mbit_s(game.clean_snr_db, game.spreading, rules)
-            drop = utility(clean_rate, rules) - game.ally_value
-    else:
-        snr = min(game.snr_db, rules.snr_cap)
-        game.ally_value, drop = snr - rules.threshold, min(game.clean_snr_db, rules.snr_cap) - snr
-    airtime = 1.0 - rules.hop_airtime if game.hopped else 1.0
     hop = rules.hop_cost if game.hopped else 0.0
     near = rules.distance_reward if game.distance_m < rules.distance_reward_m else 0.0
-    game.rate_mbit_s = airtime * rate
-    game.ally_reward = airtime * game.ally_value - spread_cost(game.spreading_s, rules) - hop
+    costs = spread_cost(game.spreading_s, rules)
+    if radio is None:
+        snr, clean = min(game.snr_db, rules.snr_cap), min(game.clean_snr_db, rules.snr_cap)
+        game.rate_mbit_s = capacity_mbit_s(game.snr_db, game.spreading, rules)
+        game.ally_value, drop, airtime = snr - rules.threshold, clean - snr, 1.0
+    else:
+        airtime = 1.0 - radio.hop_airtime if game.hopped else 1.0
+        rate = rate_mbit_s(game.snr_db, game.spreading, rules, radio)
+        clean_rate = rate_mbit_s(game.clean_snr_db, game.spreading, rules, radio)
+        game.rate_mbit_s = airtime * rate
+        game.ally_value = utility(rate, radio)
+        drop = utility(clean_rate, radio) - game.ally_value
+    game.ally_reward = airtime * game.ally_value - costs - hop
     game.opponent_reward = near + rules.snr_drop_weight * (airtime * drop)

@@ -9,7 +9,7 @@ import numpy as np
 from fpg_bench.game.link import ratio, snr_wall
 from fpg_bench.game.names import DETECTIONS, JAMMING_TYPES, PATHS
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.game.state import RULES
+from fpg_bench.game.state import RADIO, RULES
 
 
 def rules_record(scenario: Scenario) -> np.ndarray:
@@ -32,8 +32,8 @@ def rules_record(scenario: Scenario) -> np.ndarray:
     row["spread_noise"] = noise_dbm(s.noise_density_dbm_hz, s.spread_bandwidth_mhz)
     row["fading_sd"], row["threshold"] = s.fading_sd_db, s.snr_threshold_db
     row["fading_kept"], row["fading_new"] = s.fading_correlation, math.sqrt(1 - s.fading_correlation**2)
-    row["paper_snr"], row["link"] = s.snr_model == "paper", s.snr_model == "link"
-    _fill_rate(row, s)
+    row["bandwidth"], row["spread_bandwidth"] = s.bandwidth_mhz, s.spread_bandwidth_mhz
+    row["paper_snr"], row["spread_capacity"] = s.snr_model == "paper", s.spread_capacity
     row["allowed"] = [name in s.jamming_types for name in JAMMING_TYPES]
     row["half_width"] = [half + s.footprint_tolerance_mhz for half in s.footprint_half_widths_mhz]
     row["tooth_spacing"] = (0, 0, 0, s.comb_spacing_points * s.point_spacing_mhz)
@@ -57,7 +57,6 @@ def rules_record(scenario: Scenario) -> np.ndarray:
     row["distance_reward"], row["distance_reward_m"] = s.distance_reward, s.distance_reward_m
     row["snr_drop_weight"] = s.snr_drop_weight
     _fill_knowledge(row, s)
-    _fill_link(row, s)
     return rules
 
 
@@ -66,39 +65,36 @@ def noise_dbm(density_dbm_hz: float, bandwidth_mhz: float) -> float:
     return density_dbm_hz + 10 * math.log10(bandwidth_mhz * 1e6)
 
 
-def _fill_rate(row: np.void, scenario: Scenario) -> None:
+def radio_record(scenario: Scenario) -> np.ndarray | None:
+    """Return what the radio model ``link`` reads, of dtype ``state.RADIO``; None for the other models."""
     s = scenario
-    spread = s.spread_bandwidth_mhz if s.spread_capacity else s.bandwidth_mhz
-    row["rate_bandwidth"] = s.bandwidth_mhz, s.spread_rate_mhz if s.snr_model == "link" else spread
-    row["rate_efficiency"], row["rate_loss"] = s.rate_efficiency, s.rate_loss_db
-    row["rate_top"] = s.rate_top_bit_s_hz
-    row["rate_threshold"] = s.snr_threshold_db if s.snr_model == "link" else -math.inf
-    row["hop_airtime"] = s.hop_airtime_s
-
-
-def _fill_link(row: np.void, scenario: Scenario) -> None:
-    """Fill what the radio model ``link`` reads; see :mod:`fpg_bench.game.link`."""
-    s = scenario
-    is_link = s.snr_model == "link"
+    if s.snr_model != "link":
+        return None
+    radio = np.zeros(1, RADIO)
+    row = radio[0]
     row["path_gain"] = 1e6 / ratio(s.path_loss_constant_db)
     row["base_mw"], row["jamming_mw"] = ratio(s.base_power_dbm), ratio(s.opponent_power_dbm)
     row["channel_width"] = s.bandwidth_mhz, s.spread_bandwidth_mhz
-    row["reach"] = row["channel_width"] / 2 if is_link else 0
+    row["reach"] = row["channel_width"] / 2
+    row["rate_bandwidth"] = s.bandwidth_mhz, s.spread_rate_mhz
     row["noise_mw"] = [ratio(noise_dbm(s.noise_density_dbm_hz, b)) for b in row["rate_bandwidth"]]
+    row["channel_noise_mw"] = [ratio(noise_dbm(s.noise_density_dbm_hz, b)) for b in row["channel_width"]]
     row["rolloff"], row["stopband"] = s.filter_rolloff, ratio(s.filter_stopband_db)
-    margin = s.spread_bandwidth_mhz / 2 if is_link else -math.inf
+    margin = s.spread_bandwidth_mhz / 2
     row["spread_low"], row["spread_high"] = s.band_low_mhz + margin, s.band_high_mhz - margin
     row["per_gain"] = 1, s.spread_rate_mhz / s.spread_bandwidth_mhz
     row["tooth_width"] = [2 * half for half in s.footprint_half_widths_mhz]
     row["notch_width"] = s.notch_width_mhz
+    row["rate_efficiency"], row["rate_loss"] = s.rate_efficiency, s.rate_loss_db
+    row["rate_top"], row["hop_airtime"] = s.rate_top_bit_s_hz, s.hop_airtime_s
     row["per_rate_reference"] = 1 / s.rate_reference_mbit_s
     top = s.bandwidth_mhz * s.rate_top_bit_s_hz
     row["reward_scale"] = s.reward_scale / math.log1p(top / s.rate_reference_mbit_s)
     row["ally_emission_mw"] = ratio(s.ally_emission_dbm)
-    row["channel_noise_mw"] = ratio(row["noise"]), ratio(row["spread_noise"])
     row["own_jamming_mw"] = ratio(s.opponent_power_dbm - s.jammer_isolation_db)
     row["radiometer_threshold"] = snr_wall(s.noise_uncertainty_db)
     row["per_beam"], row["side_lobe"] = 1 / math.radians(s.base_beam_deg), ratio(-s.base_side_lobe_db)
+    return radio
 
 
 def _fill_paths(row: np.void, scenario: Scenario) -> None:

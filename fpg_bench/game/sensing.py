@@ -24,14 +24,16 @@ KNOWN_FREQUENCY, KNOWN_AGE, NEXT_CHECK, JAM_CENTRE, JAM_TYPE, LAST_CHECK = 6, 7,
 
 
 @compiled
-def check(game: Record, rules: Record) -> None:
+def check(game: Record, rules: Record, radio: Record | None) -> None:
     """Run a detection check if one is due; a frequency it hears becomes known, with age 0."""
     game.age_s += 1
     game.checked = game.step + 1 == game.next_check
     if not game.checked:
         return
-    if hears(game, rules):
-        game.known_mhz = channel_mhz(game.frequency_mhz, game.spreading, rules)
+    if hears(game, rules, radio):
+        game.known_mhz = game.frequency_mhz
+        if radio is not None:
+            game.known_mhz = channel_mhz(game.frequency_mhz, game.spreading, radio)
         game.age_s = 0
         game.last_check = 1
     else:
@@ -41,19 +43,20 @@ def check(game: Record, rules: Record) -> None:
 
 
 @compiled
-def hears(game: Record, rules: Record) -> bool:
+def hears(game: Record, rules: Record, radio: Record | None) -> bool:
     """Return True if the opponent hears the ally in the last step.
 
     ``emission``: the ally's emission at the opponent's own receiver, against the noise in the ally's
     present bandwidth, with a fading draw of its own. ``link``: the ally's own SNR, and no spreading.
     ``radiometer``: as in :func:`fpg_bench.game.link.is_heard`, with the same draw.
     """
-    if rules.detection == EMISSION or rules.detection == RADIOMETER:
+    if radio is not None and rules.detection == RADIOMETER:
         fading, _ = rng.gaussians(game.round_key, game.step, rng.DETECTION_FADING)
-        if rules.detection == RADIOMETER:
-            distance_to_base_m = distance_m(game.opponent_position, rules.base_station)
-            return is_heard(game, distance_to_base_m, fading, rules)
+        distance_to_base_m = distance_m(game.opponent_position, rules.base_station)
+        return is_heard(game, distance_to_base_m, fading, rules, radio)
+    if rules.detection == EMISSION:
         level = rules.ally_emission - path_loss_db(game.distance_m, game.frequency_mhz, rules)
+        fading, _ = rng.gaussians(game.round_key, game.step, rng.DETECTION_FADING)
         return level - noise_dbm(game.spreading, rules) + rules.fading_sd * fading >= rules.threshold
     return rules.detection == LINK and not game.spreading and game.snr_db >= rules.threshold
 
@@ -90,7 +93,7 @@ def _in_band(frequency_mhz: float, rules: Record) -> float:
 
 
 @compiled
-def ally_observation(out: np.ndarray, game: Record, rules: Record) -> None:
+def ally_observation(out: np.ndarray, game: Record, rules: Record, radio: Record | None) -> None:
     """The ally's 15 numbers in [-1, 1]: own position (3), the opponent's relative to it (3), own
     frequency, spreading time, SNR, sensed centre, sensed type (4), whether the sensed footprint
     covers the own frequency."""
@@ -103,7 +106,7 @@ def ally_observation(out: np.ndarray, game: Record, rules: Record) -> None:
     for kind in range(TYPES):
         out[SENSED_TYPE + kind] = 1.0 if kind == game.sensed_type else 0.0
     f, spreading = game.frequency_mhz, game.spreading
-    covered = sensed and covers(game.sensed_type, game.sensed_mhz, f, spreading, rules)
+    covered = sensed and covers(game.sensed_type, game.sensed_mhz, f, spreading, rules, radio)
     out[SENSED_COVERS] = 1.0 if covered else -1.0
 
 

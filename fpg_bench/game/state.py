@@ -123,44 +123,18 @@ RULES = np.dtype(
         ("jamming_power", "f8", (TYPES,)),  # k * P_opponent
         ("noise", "f8"),  # dBm, unspread
         ("spread_noise", "f8"),  # dBm, while spreading
-        ("rate_bandwidth", "f8", (2,)),  # MHz, unspread and while spreading, as are the pairs below
-        ("rate_efficiency", "f8"),
-        ("rate_loss", "f8"),
-        ("rate_top", "f8"),
-        ("rate_threshold", "f8"),
+        ("bandwidth", "f8"),
+        ("spread_bandwidth", "f8"),
         ("fading_sd", "f8"),
         ("fading_kept", "f8"),  # coefficients of the AR(1) process
         ("fading_new", "f8"),
         ("threshold", "f8"),
         ("paper_snr", "b1"),
-        ("link", "b1"),
+        ("spread_capacity", "b1"),
         ("allowed", "i8", (TYPES,)),  # 1 or 0; Numba knows no nested array of b1
         ("half_width", "f8", (TYPES,)),
         ("tooth_spacing", "f8", (TYPES,)),  # 0: in one piece
-        ("reach", "f8", (2,)),  # half of the ally's channel, where it counts
         ("tolerance", "f8"),
-        # The link model: powers in mW, widths in MHz
-        ("path_gain", "f8"),  # times 1 / (m MHz)^2
-        ("base_mw", "f8"),
-        ("jamming_mw", "f8"),
-        ("noise_mw", "f8", (2,)),  # in a symbol, after despreading
-        ("channel_width", "f8", (2,)),
-        ("rolloff", "f8"),
-        ("stopband", "f8"),
-        ("spread_low", "f8"),  # where the centre of the spread signal lies
-        ("spread_high", "f8"),
-        ("per_gain", "f8", (2,)),  # 1 / processing gain
-        ("tooth_width", "f8", (TYPES,)),
-        ("notch_width", "f8"),
-        ("hop_airtime", "f8"),
-        ("per_rate_reference", "f8"),
-        ("reward_scale", "f8"),  # divided by the utility of the highest rate
-        ("ally_emission_mw", "f8"),
-        ("channel_noise_mw", "f8", (2,)),  # of the opponent's receiver, in the whole channel
-        ("own_jamming_mw", "f8"),
-        ("radiometer_threshold", "f8"),
-        ("per_beam", "f8"),  # 1 / rad
-        ("side_lobe", "f8"),
         ("detection", "i8"),  # index into names.DETECTIONS
         ("first_check", "i8", (2,)),
         ("check_interval", "i8", (2,)),
@@ -196,6 +170,40 @@ RULES = np.dtype(
         ("strategy_half_width", "f8", (TYPES,)),  # guard included
         ("strategy_spacing", "f8", (TYPES,)),
         ("strategy_candidates", "i8", (TYPES,)),  # 0: all free points
+    ],
+    align=True,
+)
+
+# What the radio model ``link`` reads beside the rules: powers in mW, widths in MHz. Its kernels get None in
+# other models, and Numba leaves out what they would do.
+RADIO = np.dtype(
+    [
+        ("path_gain", "f8"),  # times 1 / (m MHz)^2
+        ("base_mw", "f8"),
+        ("jamming_mw", "f8"),
+        ("noise_mw", "f8", (2,)),  # in a symbol, after despreading
+        ("channel_width", "f8", (2,)),
+        ("rolloff", "f8"),
+        ("stopband", "f8"),
+        ("spread_low", "f8"),  # where the centre of the spread signal lies
+        ("spread_high", "f8"),
+        ("per_gain", "f8", (2,)),  # 1 / processing gain
+        ("tooth_width", "f8", (TYPES,)),
+        ("notch_width", "f8"),
+        ("hop_airtime", "f8"),
+        ("per_rate_reference", "f8"),
+        ("reward_scale", "f8"),  # divided by the utility of the highest rate
+        ("ally_emission_mw", "f8"),
+        ("channel_noise_mw", "f8", (2,)),  # of the opponent's receiver, in the whole channel
+        ("own_jamming_mw", "f8"),
+        ("radiometer_threshold", "f8"),
+        ("per_beam", "f8"),  # 1 / rad
+        ("side_lobe", "f8"),
+        ("reach", "f8", (2,)),  # half of the channel's width
+        ("rate_bandwidth", "f8", (2,)),  # unspread and while spreading, as are all pairs
+        ("rate_efficiency", "f8"),
+        ("rate_loss", "f8"),
+        ("rate_top", "f8"),
     ],
     align=True,
 )

@@ -58,12 +58,14 @@ def play(
     ally_observations: np.ndarray,
     opponent_observations: np.ndarray,
     rules_array: np.ndarray,
+    radio_array: np.ndarray | None,
 ) -> None:
     """Play one step of the games ``first`` to ``last`` - 1, except those whose round is over.
 
     The actions were clipped before.
     """
     rules = rules_array[0]
+    radio = None if radio_array is None else radio_array[0]
     for i in range(first, last):
         game, ally_action, opponent_action = games[i], ally_actions[i], opponent_actions[i]
         if game.truncated:
@@ -73,15 +75,15 @@ def play(
         _choose_frequency(game, ally_action, ally_observations[i], rules)
         _move(game, ally_action, opponent_action, waypoints[i], rules)
         fading, centre_error = rng.gaussians(game.round_key, game.step, rng.FADING_AND_SENSED_CENTRE)
-        _transmit(game, fading, rules)
-        reward(game, rules)
-        check(game, rules)
+        _transmit(game, fading, rules, radio)
+        reward(game, rules, radio)
+        check(game, rules, radio)
         sense(game, centre_error, rules)
         game.truncated = game.step + 1 >= game.horizon
         count_step(game, tallies[i], histograms[i], point_before, rules)
         _record_segment(game, segments[i], rules)
         game.step += 1
-        ally_observation(ally_observations[i], game, rules)
+        ally_observation(ally_observations[i], game, rules, radio)
         opponent_observation(opponent_observations[i], game, rules)
 
 
@@ -127,21 +129,21 @@ def trace_ally(path: np.ndarray, games: np.ndarray, rules_array: np.ndarray) -> 
 
 
 @compiled
-def _transmit(game: Record, fading: float, rules: Record) -> None:
+def _transmit(game: Record, fading: float, rules: Record, radio: Record | None) -> None:
     """Compute coverage, fading, and the SNR with and without jamming, at the final positions."""
     f = game.frequency_mhz
     distance_to_base_m = distance_m(game.ally_position, rules.base_station)
     game.distance_m = distance_m(game.ally_position, game.opponent_position)
     game.fading = rules.fading_kept * game.fading + rules.fading_new * fading
-    game.covered = covers(game.jamming_type, game.jamming_mhz, f, game.spreading, rules)
-    if rules.link:
-        transmit(game, distance_to_base_m, rules)
-        return
-    signal = rules.base_power - path_loss_db(distance_to_base_m, f, rules)
-    jamming = rules.jamming_power[game.jamming_type] - path_loss_db(game.distance_m, f, rules)
-    fading_db = rules.fading_sd * game.fading
-    game.snr_db = snr_db(signal, jamming, game.covered, game.spreading, fading_db, rules)
-    game.clean_snr_db = snr_db(signal, jamming, False, game.spreading, fading_db, rules)
+    game.covered = covers(game.jamming_type, game.jamming_mhz, f, game.spreading, rules, radio)
+    if radio is None:
+        signal = rules.base_power - path_loss_db(distance_to_base_m, f, rules)
+        jamming = rules.jamming_power[game.jamming_type] - path_loss_db(game.distance_m, f, rules)
+        fading_db = rules.fading_sd * game.fading
+        game.snr_db = snr_db(signal, jamming, game.covered, game.spreading, fading_db, rules)
+        game.clean_snr_db = snr_db(signal, jamming, False, game.spreading, fading_db, rules)
+    else:
+        transmit(game, distance_to_base_m, rules, radio)
 
 
 @compiled
@@ -164,17 +166,19 @@ def begin(
     opponent_observations: np.ndarray,
     segments: np.ndarray,
     rules_array: np.ndarray,
+    radio_array: np.ndarray | None,
 ) -> None:
     """Begin rounds in the masked games; ``seed``, ``match``, ``round`` and ``horizon`` are set before."""
     rules = rules_array[0]
+    radio = None if radio_array is None else radio_array[0]
     for i in range(games.shape[0]):
         if not mask[i]:
             continue
         game = games[i]
         _begin_match(game, rng.match_key(game.seed, game.match), rules)
-        _begin_round(game, rules)
+        _begin_round(game, rules, radio)
         segments[i] = 0.0
-        ally_observation(ally_observations[i], game, rules)
+        ally_observation(ally_observations[i], game, rules, radio)
         opponent_observation(opponent_observations[i], game, rules)
 
 
@@ -195,7 +199,7 @@ def _begin_match(game: Record, key: np.uint64, rules: Record) -> None:
 
 
 @compiled
-def _begin_round(game: Record, rules: Record) -> None:
+def _begin_round(game: Record, rules: Record, radio: Record | None) -> None:
     key = game.round_key
     game.step = 0
     game.truncated = False
@@ -217,8 +221,8 @@ def _begin_round(game: Record, rules: Record) -> None:
     game.distance_m = distance_m(game.ally_position, game.opponent_position)
     game.covered, game.fading = False, 0.0
     distance_to_base_m = distance_m(game.ally_position, rules.base_station)
-    if rules.link:
-        transmit(game, distance_to_base_m, rules)
+    if radio is not None:
+        transmit(game, distance_to_base_m, rules, radio)
     else:
         signal = rules.base_power - path_loss_db(distance_to_base_m, game.frequency_mhz, rules)
         game.snr_db = snr_db(signal, 0.0, False, False, 0.0, rules)

@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 
 from fpg_bench.game import link
-from fpg_bench.game.radio import capacity_mbit_s
-from fpg_bench.game.rules import rules_record
+from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import preset
 
 from .playing import BROADBAND, COMB, NARROWBAND, TONE, ally, begin, opponent, place, to_point
 
 LINK = preset("link")
-RULES = rules_record(LINK)[0]
+RULES, RADIO = rules_record(LINK)[0], radio_record(LINK)[0]
 
 
 def waveforms():
@@ -37,12 +36,14 @@ WAVES = waveforms()
 
 def closed(kind, jamming, channel, spreading, snr, js, scenario=LINK):
     """The SINR in dB by the game's formulas, frequencies from the middle of the band."""
-    rules = rules_record(scenario)[0]
-    signal = float(rules["noise_mw"][0]) * 10 ** (snr / 10)
-    share, density, centre = link.jamming_passed(kind, 2450.0 + jamming, 2450.0 + channel, spreading, rules)
+    rules, radio = rules_record(scenario)[0], radio_record(scenario)[0]
+    signal = float(radio["noise_mw"][0]) * 10 ** (snr / 10)
+    share, density, centre = link.jamming_passed(
+        kind, 2450.0 + jamming, 2450.0 + channel, spreading, rules, radio
+    )
     is_notched = spreading and scenario.notch_width_mhz > 0
-    notch = link.notched(kind, density, centre, rules) if is_notched else link.NO_NOTCH
-    return 10 * math.log10(link.sinr(signal, signal * 10 ** (js / 10), share, notch, spreading, rules))
+    notch = link.notched(kind, density, centre, radio) if is_notched else link.NO_NOTCH
+    return 10 * math.log10(link.sinr(signal, signal * 10 ** (js / 10), share, notch, spreading, radio))
 
 
 @pytest.mark.parametrize(
@@ -90,23 +91,23 @@ def test_a_radiometer_finds_what_lies_above_its_wall():
 def test_the_rate_is_near_that_of_the_best_modulation(sinr):
     """Real codes lose one to three dB against ideal ones."""
     rng = np.random.default_rng(2)
-    rate = capacity_mbit_s(sinr, False, RULES) / LINK.bandwidth_mhz
+    rate = link.rate_mbit_s(sinr, False, RULES, RADIO) / LINK.bandwidth_mhz
     ideal = [max(WAVES.qam_rate(rng, bits, sinr - loss) for bits in (2, 4, 6)) for loss in (3.0, 0.5)]
     assert ideal[0] < rate < ideal[1]
 
 
 def test_the_rate_has_a_top_and_a_bottom():
-    assert capacity_mbit_s(30.0, False, RULES) == pytest.approx(5 * 5.55)
-    assert capacity_mbit_s(30.0, True, RULES) == pytest.approx(2.5 * 5.55)
-    assert capacity_mbit_s(-6.51, False, RULES) == 0
-    assert capacity_mbit_s(-6.49, False, RULES) > 1
+    assert link.rate_mbit_s(30.0, False, RULES, RADIO) == pytest.approx(5 * 5.55)
+    assert link.rate_mbit_s(30.0, True, RULES, RADIO) == pytest.approx(2.5 * 5.55)
+    assert link.rate_mbit_s(-6.51, False, RULES, RADIO) == 0
+    assert link.rate_mbit_s(-6.49, False, RULES, RADIO) > 1
 
 
 def test_the_beam_is_that_of_eight_elements():
     degrees = np.array([2.0, 4.0, 6.5, 8.0])
     for angle, gain in zip(np.radians(degrees), WAVES.array_gain(8, degrees), strict=True):
         place = np.array([math.cos(angle), math.sin(angle), 0.0])
-        share = link.beam(np.zeros(3), np.array([1.0, 0.0, 0.0]), place, RULES)
+        share = link.beam(np.zeros(3), np.array([1.0, 0.0, 0.0]), place, RADIO)
         assert 10 * math.log10(share / gain) == pytest.approx(0, abs=0.5)
 
 
