@@ -1,6 +1,6 @@
 """Check every formula of the radio model ``link`` against waveforms, and against NVIDIA Sionna.
 
-    python scripts/check_link.py [--sionna] [--page docs/link.md]
+    python scripts/check_link.py [--sionna] [--page docs/reference/link.md]
 
 Prints tables of the closed form beside the simulation, with the difference in dB. ``--sionna`` needs the
 extra ``check-link`` and minutes; ``--page`` puts the tables into a page, between its marks.

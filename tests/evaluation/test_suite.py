@@ -30,6 +30,7 @@ rivals: [{ally: idle}, {ally: expert}]
 
 # A suite that changes is another suite, with a name of its own; a new one is added here.
 HASHES = {
+    "ally-link-v1": "310356aa58b13040cdbf37408e173dd23972a39b00ca55b8c753c5ba7ac47827",
     "ally-paper-v1": "a7be5dd53db0a6f75a04c360701e2abcf13d926a628cace8b63e6322842c1216",
     "ally-planner-v1": "9542ff8bb4e492ff7b4f8fb7e1af000b7c1a4072183944a56703fef411a857bf",
     "ally-responses-v1": "925e5b7f5cf4358f40e731c5538c97b4de25e0efffa60b38fcbb00cbfe5066ac",
@@ -40,6 +41,7 @@ HASHES = {
     "opponent-learned-season-1": "eaf80a78d88790543cffb9c3a71fbb62583c9b0a574aca6f9de92b10a724dadb",
     "opponent-learned-shifted-v1": "343d70a64e57347bfbe7a00c5e05a3dcd59afd2581e7c12b3b097880eb4c904b",
     "opponent-learned-v1": "1d923106e265ed617fb5f990c9d2ec73e8e0052474d17189f8a366b835c42efb",
+    "opponent-link-v1": "4a6fce7c38a2d2a24d835e92f719032c869dfe8b17cef705b70b8f8bcde967e6",
     "opponent-paper-v1": "de7ba4370ee1e78ed09d5c7e264f71a6195ba0dde2040b633caa18e050c7d81a",
     "opponent-responses-v1": "5678490f1303556f3f5ee85cbd003e52cde610896af53a205a917f5229405484",
     "opponent-season-1": "8e1fdce6ea0eb7739eaa881e80e02c7f7621c176850fab4af6aa47258ff8a2f2",
