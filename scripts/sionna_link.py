@@ -18,7 +18,7 @@ from sionna.phy.signal import Downsampling, RootRaisedCosineFilter, Upsampling
 
 BLOCKS, SYMBOLS, ITERATIONS = 150, 600, 20
 BLOCK_ERRORS = 0.1  # at which link adaptation works, 3GPP TS 36.213, 7.2.3
-SAMPLES, FILTER_SYMBOLS = 16, 24
+SAMPLES, FILTER_SYMBOLS = 32, 24  # 160 MHz, which hold a broadband jammer beside the channel
 
 
 def thresholds(codes: Sequence[tuple[int, int]]) -> Iterator[tuple[float, float]]:
