@@ -252,8 +252,8 @@ def main() -> int:
             Row(f"{rate:.2f} bit/s/Hz", needed_snr(scenario, rate), snr) for rate, snr in thresholds(CODES)
         ]
         bounded["Rate, against Sionna's codes"] = codes
-        cases = [(kind, away) for kind, distances_m in ((1, (0.0, 10.0, 12.0)), (2, (0.0, 25.0)), (0, (0.0, 2.5)))
-                 for away in distances_m]  # fmt: skip
+        cases = [(kind, away) for kind, offsets in ((1, (0.0, 10.0, 12.0)), (2, (0.0, 25.0)), (0, (0.0, 2.5)))
+                 for away in offsets]  # fmt: skip
         halves = scenario.footprint_half_widths_mhz
         measured = filters(
             scenario.bandwidth_mhz, scenario.filter_rolloff, [(halves[kind], away) for kind, away in cases],
