@@ -61,7 +61,7 @@ def test_the_drawn_footprint_is_the_one_that_the_game_plays(kind):
     frames["jamming_type"], frames["jamming_mhz"] = kind, 221.0
     rows = np.linspace(140, 260, 481) + 1e-3  # off the footprints' edges
     rules = rules_record(STANDARD)[0]
-    expected = [covers(kind, 221.0, row, rules) for row in rows]
+    expected = [covers(kind, 221.0, row, False, rules, None) for row in rows]
     assert footprints(frames, STANDARD, rows)[:, 0].tolist() == expected
 
 

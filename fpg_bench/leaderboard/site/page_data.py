@@ -44,9 +44,9 @@ Zoo = Mapping[str, tuple[Row, Row]]  # what is known of each agent, and its poli
 _MOST_UNITS = 201  # of a difference of scores; with more, Student's t hardly changes
 # Operators of static/game_policy.js.
 _OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
-_OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM"}
+_OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM", "ArgMax", "Sum"}
 # Groups of the zoo; all play the standard game, whatever they were trained on.
-_GROUPS = ("champion", "population", "scripted", "pursuit", "learned", "planner")
+_GROUPS = ("champion", "population", "scripted", "discrete", "pursuit", "learned", "planner")
 
 
 def data_files(board: Board, submitted: Policies) -> dict[str, str]:

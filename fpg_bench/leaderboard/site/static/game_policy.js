@@ -103,6 +103,20 @@ const fpgPolicy = (() => {
     return tensor(x.shape.filter((_, axis) => !gone.includes(axis)), x.data);
   }
 
+  /** The place of the first of the largest values along the last axis. */
+  function argmax([x], { axis = 0, keepdims = 1 }) {
+    const last = x.shape.length - 1, size = x.shape[last];
+    if (places([axis], x.shape.length)[0] !== last) throw new Error("ArgMax: only the last axis is played");
+    const data = [];
+    for (let i = 0; i < x.data.length; i += size) {
+      const values = x.data.slice(i, i + size);
+      data.push(values.indexOf(Math.max(...values)));
+    }
+    return tensor([...x.shape.slice(0, last), ...(keepdims ? [1] : [])], data);
+  }
+
+  const sum = ([first, ...others]) => tensor(first.shape, first.data.map((value, i) => others.reduce((total, x) => f32(total + x.data[i]), value)));
+
   /** One layer, forwards, gates in the order input, output, forget, cell. */
   function lstm([x, w, r, b, , h0, c0], { hidden_size: size, direction = "forward" }) {
     if (direction !== "forward" || x.shape[1] !== 1) throw new Error("LSTM: only one row, forwards, is played");
@@ -124,7 +138,8 @@ const fpgPolicy = (() => {
 
   const PLAYED = {
     Gemm: gemm, Tanh: each((x) => f32(Math.tanh(x))), Relu: each((x) => Math.max(0, x)), Sigmoid: each((x) => f32(sigmoid(x))), Clip: clip,
-    Slice: slice, Concat: concat, Reshape: reshape, Transpose: transpose, Gather: gather, Unsqueeze: unsqueeze, Squeeze: squeeze, LSTM: lstm,
+    Slice: slice, Concat: concat, Reshape: reshape, Transpose: transpose, Gather: gather, Unsqueeze: unsqueeze, Squeeze: squeeze,
+    ArgMax: argmax, Sum: sum, LSTM: lstm,
   };
 
   /** A player of one round; its memory begins empty. */
