@@ -158,6 +158,7 @@ def test_a_round_is_played_paused_and_scrubbed(visit):
     expect(step).to_have_attribute("max", "300")
     page.locator("#main").focus()
     page.keyboard.press("End")  # scrolls the page, as no player has the focus
+    page.wait_for_function(AT_REST)
     assert step.input_value() == "0"
     assert page.locator("#round-summary").inner_text().startswith("Jammed ")
     button.click()
@@ -287,7 +288,7 @@ def test_one_finger_on_the_arena_scrolls_the_page_and_two_turn_it(visit):
         touch("touchMove", (x - 40 + moved, y), (x + 40 + moved, y))
     touch("touchEnd")
     page.wait_for_function(f"before => {picture} !== before", arg=before)
-    assert page.evaluate("scrollY") == at
+    assert abs(page.evaluate("scrollY") - at) <= 2  # the glide's last pixels
 
 
 def test_the_theme_follows_the_system_until_it_is_switched_and_is_remembered(visit):
