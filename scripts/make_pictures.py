@@ -1,7 +1,7 @@
 """Make the pictures of the documentation: the animation of a round, and screenshots of the leaderboard.
 
-python scripts/make_pictures.py docs
-python scripts/make_pictures.py docs --site leaderboard/site
+python scripts/make_pictures.py docs/pictures
+python scripts/make_pictures.py docs/pictures --site leaderboard/site
 """
 
 from __future__ import annotations
