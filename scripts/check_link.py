@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from waveforms import Link, array_gain, energy_rate, qam_rate
+from waveforms import Link, Transmission, array_gain, energy_rate, qam_rate
 
 from fpg_bench.game import link
 from fpg_bench.game.batch import GameBatch
@@ -44,20 +44,19 @@ class Row(NamedTuple):
         return self.closed - self.simulated
 
 
-def closed_sinr(
-    scenario: Scenario, kind: int, jamming: float, channel: float, spreads: bool, snr: float, js: float
-) -> float:
-    """Return the SINR in dB by the game's formulas; frequencies from the middle of the band."""
+def closed_sinr(scenario: Scenario, case: Transmission) -> float:
+    """Return the SINR in dB by the game's formulas."""
+    kind, spreads = case.kind, case.is_spreading
     rules, radio = rules_record(scenario)[0], radio_record(scenario)[0]
     middle = float(rules["band_middle"])
     noise = float(radio["noise_mw"][0])
-    signal = noise * 10 ** (snr / 10)
+    signal = noise * 10 ** (case.snr_db / 10)
     share, density, centre = link.jamming_passed(
-        kind, middle + jamming, middle + channel, spreads, rules, radio
+        kind, middle + case.jamming_mhz, middle + case.channel_mhz, spreads, rules, radio
     )
     is_notched = spreads and scenario.notch_width_mhz > 0
     notch = link.notched(kind, density, centre, radio) if is_notched else link.NO_NOTCH
-    value = link.sinr(signal, signal * 10 ** (js / 10), share, notch, spreads, radio)
+    value = link.sinr(signal, signal * 10 ** (case.jamming_db / 10), share, notch, spreads, radio)
     return 10 * math.log10(value)
 
 
@@ -71,11 +70,8 @@ def overlaps(waves: Link, scenario: Scenario, symbols: int) -> Iterator[Row]:
     cases += [(0, 20.0, spacing), (1, 20.0, 2 * spacing), (3, 20.0, 2 * spacing)]  # in the stop band
     for kind, js, away in cases:
         case = f"{JAMMING_TYPES[kind]}, J/S {js:g} dB, {away:.1f} MHz away"
-        yield Row(
-            case,
-            closed_sinr(scenario, kind, away, 0.0, False, 25.0, js),
-            waves.sinr_db(kind, away, 0.0, False, 25.0, js, 5 * symbols),
-        )
+        sent = Transmission(kind, away, 0.0, False, 25.0, js, 5 * symbols)
+        yield Row(case, closed_sinr(scenario, sent), waves.sinr_db(sent))
 
 
 def gains(waves: Link, scenario: Scenario, symbols: int) -> Iterator[Row]:
@@ -87,11 +83,8 @@ def gains(waves: Link, scenario: Scenario, symbols: int) -> Iterator[Row]:
         for kind, away in cases:
             for js in (10.0, 20.0):
                 case = f"{JAMMING_TYPES[kind]}, J/S {js:g} dB, {away:g} MHz away, notch {notch:g} MHz"
-                yield Row(
-                    case,
-                    closed_sinr(played, kind, away, 0.0, True, 25.0, js),
-                    waves.sinr_db(kind, away, 0.0, True, 25.0, js, symbols),
-                )
+                sent = Transmission(kind, away, 0.0, True, 25.0, js, symbols)
+                yield Row(case, closed_sinr(played, sent), waves.sinr_db(sent))
 
 
 def played_steps(waves: Link, scenario: Scenario, count: int, symbols: int) -> Iterator[Row]:
@@ -127,7 +120,9 @@ def played_steps(waves: Link, scenario: Scenario, count: int, symbols: int) -> I
         yield Row(
             f"{JAMMING_TYPES[kind]}, {'spread' if spreads else 'unspread'}, {where}",
             float(game["snr_db"]),
-            waves.sinr_db(kind, centre, channel, spreads, signal - noise, jamming - signal, symbols),
+            waves.sinr_db(
+                Transmission(kind, centre, channel, spreads, signal - noise, jamming - signal, symbols)
+            ),
         )
 
 
@@ -139,11 +134,11 @@ def bit_errors(waves: Link, scenario: Scenario, symbols: int) -> Iterator[Row]:
     waves = dataclasses.replace(waves, notch_mhz=0.0)
     for kind, name in enumerate(JAMMING_TYPES):
         js = 0.0
-        while closed_sinr(scenario, kind, 0.0, 0.0, True, 40.0, js) > 6.0:
+        while closed_sinr(scenario, Transmission(kind, 0.0, 0.0, True, 40.0, js)) > 6.0:
             js += 0.05
         errors = waves.bit_error_rate(kind, 40.0, js, symbols)
         equal = 10 * math.log10(2 * erfcinv(2 * errors) ** 2)
-        closed = closed_sinr(scenario, kind, 0.0, 0.0, True, 40.0, js)
+        closed = closed_sinr(scenario, Transmission(kind, 0.0, 0.0, True, 40.0, js))
         yield Row(f"{name}: {errors:.4f} bit errors", closed, equal)
 
 
@@ -262,7 +257,7 @@ def main() -> int:
         own = [
             Row(
                 f"{JAMMING_TYPES[kind]}, J/S 10 dB, {away:.1f} MHz away",
-                closed_sinr(scenario, kind, away, 0.0, False, 25.0, 10.0),
+                closed_sinr(scenario, Transmission(kind, away, 0.0, False, 25.0, 10.0)),
                 sinr,
             )
             for (kind, away), sinr in zip(cases, measured, strict=True)

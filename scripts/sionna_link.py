@@ -1,4 +1,4 @@
-"""What NVIDIA Sionna says of the model ``link``: thresholds of 5G LDPC codes, and its own pulse filters.
+"""Thresholds of 5G LDPC codes and pulse filters for the model ``link``, by NVIDIA Sionna.
 
 Needs the extra ``check-link``. Nothing of the game or of waveforms.py is used.
 """

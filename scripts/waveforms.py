@@ -8,11 +8,33 @@ are relative to the signal, frequencies in MHz.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 SAMPLES_MHZ = 150.0
 FILTER_SYMBOLS = 24  # length of the pulse and of the receive filter
+
+
+class Transmission(NamedTuple):
+    """Symbols that are sent beside jamming.
+
+    Attributes:
+        kind: 0 tone, 1 narrowband, 2 broadband, 3 comb.
+        jamming_mhz, channel_mhz: centres, from the middle of the band.
+        is_spreading: whether the symbols are spread.
+        snr_db: signal over the noise in the bandwidth of the unspread symbols.
+        jamming_db: power of all of the jamming over that of the signal.
+        symbols: number of symbols.
+    """
+
+    kind: int
+    jamming_mhz: float
+    channel_mhz: float
+    is_spreading: bool
+    snr_db: float
+    jamming_db: float
+    symbols: int = 4000
 
 
 @dataclass
@@ -34,47 +56,21 @@ class Link:
         """Chips of a symbol."""
         return round(self.chips_mhz / self.spread_symbols_mhz)
 
-    def sinr_db(
-        self,
-        kind: int,
-        jamming_mhz: float,
-        channel_mhz: float,
-        is_spreading: bool,
-        snr_db: float,
-        jamming_db: float,
-        symbols: int = 4000,
-    ) -> float:
-        """Return the SINR of the received symbols in dB; the better one of a receiver without and with notch.
-
-        Args:
-            kind: 0 tone, 1 narrowband, 2 broadband, 3 comb.
-            jamming_mhz, channel_mhz: centres, from the middle of the band.
-            is_spreading: whether the symbols are spread.
-            snr_db: signal over the noise in the bandwidth of the unspread symbols.
-            jamming_db: power of all of the jamming over that of the signal.
-            symbols: how many are sent.
-        """
-        sent, ways = self.received(kind, jamming_mhz, channel_mhz, is_spreading, snr_db, jamming_db, symbols)
-        return max(10 * np.log10(1 / np.mean(np.abs(got - sent) ** 2)) for got in ways)
+    def sinr_db(self, case: Transmission) -> float:
+        """Return the SINR of the received symbols in dB: of the better receiver, without or with a notch."""
+        sent, received = self.received(case)
+        return max(10 * np.log10(1 / np.mean(np.abs(symbols - sent) ** 2)) for symbols in received)
 
     def bit_error_rate(self, kind: int, snr_db: float, jamming_db: float, symbols: int) -> float:
         """Return the share of wrong bits of spread symbols in the middle of the band, without a notch."""
-        sent, (got, *_) = self.received(kind, 0.0, 0.0, True, snr_db, jamming_db, symbols)
+        sent, (got, *_) = self.received(Transmission(kind, 0.0, 0.0, True, snr_db, jamming_db, symbols))
         return float(
             np.mean([np.sign(got.real) != np.sign(sent.real), np.sign(got.imag) != np.sign(sent.imag)])
         )
 
-    def received(
-        self,
-        kind: int,
-        jamming_mhz: float,
-        channel_mhz: float,
-        is_spreading: bool,
-        snr_db: float,
-        jamming_db: float,
-        symbols: int,
-    ) -> tuple[np.ndarray, list[np.ndarray]]:
+    def received(self, case: Transmission) -> tuple[np.ndarray, list[np.ndarray]]:
         """Return the symbols sent, and those of receivers without and with a notch, scaled to them."""
+        kind, jamming_mhz, channel_mhz, is_spreading, snr_db, jamming_db, symbols = case
         chips = self.gain if is_spreading else 1
         pulse_mhz = self.chips_mhz if is_spreading else self.symbols_mhz
         sent = self._qpsk(symbols)
@@ -97,12 +93,12 @@ class Link:
                 self.jamming_teeth(kind, jamming_mhz) - channel_mhz, self.half_widths_mhz[kind]
             )
             filters.append(shape * (np.abs(f - middle) > self.notch_mhz / 2))
-        ways = []
+        received = []
         for each in filters:
             samples = np.fft.ifft(spectrum * each)[::per_pulse] * np.conj(code)
             got = samples.reshape(symbols, chips).mean(axis=1)
-            ways.append(got * np.vdot(sent, sent) / np.vdot(sent, got))
-        return sent, ways
+            received.append(got * np.vdot(sent, sent) / np.vdot(sent, got))
+        return sent, received
 
     def jamming_teeth(self, kind: int, jamming_mhz: float) -> np.ndarray:
         """Return the centres of the pieces of a footprint that lie in the band."""

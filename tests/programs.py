@@ -9,6 +9,7 @@ from __future__ import annotations
 import atexit
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -45,6 +46,25 @@ def python(
 def fpg(*words: Any, **where: Any) -> subprocess.CompletedProcess[str]:
     """What comes of ``fpg-bench WORDS``; ``where``: see :func:`python`."""
     return python("-m", "fpg_bench.cli", *words, **where)
+
+
+def started(*words: Any, folder: Path, **options: Any) -> subprocess.Popen[str]:
+    """Start ``fpg-bench WORDS`` in an interpreter of its own, which hears Ctrl-C also where the tests do not.
+
+    Args:
+        words: of the command line.
+        folder: where it is started.
+        options: others of ``subprocess.Popen``.
+    """
+    return subprocess.Popen(
+        [sys.executable, "-m", "fpg_bench.cli", *words],
+        cwd=folder,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        **options,
+    )
 
 
 def _ask(request: dict[str, Any]) -> int:

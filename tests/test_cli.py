@@ -19,7 +19,7 @@ from fpg_bench.game.compiling import cache_folder
 from fpg_bench.game.names import CHOSEN, OBSERVED, PATHS
 from fpg_bench.planning import PLANNERS
 from fpg_bench.players.agent import suites_folder
-from tests.programs import fpg, python
+from tests.programs import fpg, python, started
 from tests.working import wait_for
 
 TINY = """\
@@ -239,18 +239,6 @@ def test_a_run_that_is_stopped_before_it_saved_says_so(monkeypatch, capsys, tmp_
         with pytest.raises(KeyboardInterrupt):
             training.train("ppo", "FPG/AllyVsScripted-v0", tmp_path)
         assert ("no step is saved yet" in capsys.readouterr().err) == (not saved)
-
-
-def started(*words, folder):
-    """The command in a process that hears Ctrl-C, also where the tests run in the background and do not."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "fpg_bench.cli", *words],
-        cwd=folder,
-        stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
 
 
 @pytest.mark.process

@@ -19,7 +19,7 @@ from fpg_bench.cli import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.parallel import TRIES, Job, check_all_done, folder_job, run_jobs
 from tests import working
-from tests.programs import fpg, python
+from tests.programs import fpg, python, started
 from tests.test_cli import TINY
 from tests.working import begun, wait_for
 
@@ -202,15 +202,8 @@ def folder(tmp_path):
 
 
 def test_ctrl_c_saves_all_runs(folder):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "fpg_bench.cli", *TRAIN, *LONG],
-        cwd=folder,
-        stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        text=True,
-        start_new_session=True,  # a terminal's Ctrl-C reaches the whole group
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
+    # A terminal's Ctrl-C reaches the whole group
+    process = started(*TRAIN, *LONG, folder=folder, start_new_session=True)
     try:
         wait_for(lambda: len(list(folder.glob("runs/*/events*"))) == 2)
         os.killpg(process.pid, signal.SIGINT)

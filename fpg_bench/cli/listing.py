@@ -168,7 +168,7 @@ def suites(
         typer.echo(f"{suite.name}: {_described(suite)}")
         name_all("", [rival.name for rival in suite.rivals])
     if name is None:
-        typer.echo("Your own: a YAML file of the same form, see docs/reference/measures.md")
+        typer.echo("Your own: a YAML file of the same form, see docs/benchmark/protocol.md")
 
 
 def _described(suite: Suite) -> str:

@@ -68,7 +68,7 @@ SHIFTS = [whole([1], "from1"), whole([10**6], "to1"), whole([0], "axis0"), ZEROS
 
 
 def _through_memory() -> bytes:
-    """What was read of others goes into the memory first."""
+    """A reader that keeps in its memory first what it read of others."""
     nodes = [
         *FIRST,
         node("Add", ["x", "state"], ["y"]),
@@ -81,7 +81,7 @@ def _through_memory() -> bytes:
 
 
 def _hidden_in_memory() -> bytes:
-    """What was read of others is kept below any rounding, and made large a step later."""
+    """A reader that keeps it below any rounding, and makes it large a step later."""
     nodes = [
         *FIRST,
         node("ReduceMean", ["x"], ["m"], axes=[0], keepdims=1),

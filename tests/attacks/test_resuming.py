@@ -49,7 +49,7 @@ class Killed:
         self._uninterrupted = contents(folder)
 
     def same(self, folder: Path, seed: int) -> bool:
-        """Whether a run that is killed up to three times comes to what the uninterrupted one did."""
+        """Return True if a run that is killed up to three times comes to what the uninterrupted one did."""
         rng = random.Random(seed)
         for _ in range(rng.randrange(1, _MOST_KILLS + 1)):
             self._run(folder, rng.uniform(0, self._seconds))

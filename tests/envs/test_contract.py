@@ -38,7 +38,7 @@ def test_the_contract_holds(kind, check):
 
 
 def shown_by(make, first=0, rounds=3):
-    """What an environment shows of its games, ``(N, ...)`` each, in single precision."""
+    """Return the observations and rewards of all games, ``(N, ...)`` each, in single precision."""
     shown = play(adapt(make()), SEED + first, rounds, first)
     return [np.asarray(part, np.float32) for part in shown]
 

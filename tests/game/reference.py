@@ -227,7 +227,7 @@ class ReferenceGame:
         return density * sum(through), density, teeth[most]
 
     def _notched(self, low: float, high: float, density: float) -> tuple[float, float, float]:
-        """What a notch in one tooth takes of the signal, leaves of it as noise, and takes of the jamming."""
+        """Shares of a notch in one tooth: signal removed, signal left as noise, jamming removed."""
         s, here = self.s, self.channel_mhz
         low, high, half = low - here, high - here, s.notch_width_mhz / 2
         is_wide = high - low > 2 * half
@@ -275,7 +275,7 @@ class ReferenceGame:
         return min(bits, s.rate_top_bit_s_hz) * (s.spread_rate_mhz if self.spreading else s.bandwidth_mhz)
 
     def _worth(self, snr_db: float) -> float:
-        """What the link earns before hopping and spreading are paid."""
+        """The ally's reward before hopping and spreading are paid."""
         s = self.s
         if s.snr_model != "link":
             return min(snr_db, math.inf if s.snr_cap_db is None else s.snr_cap_db) - s.snr_threshold_db

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import math
 import sys
 from pathlib import Path
@@ -17,33 +16,12 @@ from fpg_bench.game.scenario import preset
 
 from .playing import BROADBAND, COMB, NARROWBAND, TONE, ally, begin, opponent, place, to_point
 
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+import waveforms
+from check_link import closed_sinr
+
 LINK = preset("link")
 RULES, RADIO = rules_record(LINK)[0], radio_record(LINK)[0]
-
-
-def waveforms():
-    spec = importlib.util.spec_from_file_location(
-        "waveforms", Path(__file__).parents[2] / "scripts" / "waveforms.py"
-    )
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["waveforms"] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
-
-
-WAVES = waveforms()
-
-
-def closed(kind, jamming, channel, spreading, snr, js, scenario=LINK):
-    """The SINR in dB by the game's formulas, frequencies from the middle of the band."""
-    rules, radio = rules_record(scenario)[0], radio_record(scenario)[0]
-    signal = float(radio["noise_mw"][0]) * 10 ** (snr / 10)
-    share, density, centre = link.jamming_passed(
-        kind, 2450.0 + jamming, 2450.0 + channel, spreading, rules, radio
-    )
-    is_notched = spreading and scenario.notch_width_mhz > 0
-    notch = link.notched(kind, density, centre, radio) if is_notched else link.NO_NOTCH
-    return 10 * math.log10(link.sinr(signal, signal * 10 ** (js / 10), share, notch, spreading, radio))
 
 
 @pytest.mark.parametrize(
@@ -64,16 +42,16 @@ def closed(kind, jamming, channel, spreading, snr, js, scenario=LINK):
     ],
 )
 def test_the_sinr_is_that_of_a_waveform(kind, jamming, channel, spreading, snr, js):
-    waves = WAVES.Link(rng=np.random.default_rng(kind))
+    waves = waveforms.Link(rng=np.random.default_rng(kind))
     symbols = 2500 if spreading else 20_000
-    measured = waves.sinr_db(kind, jamming, channel, spreading, snr, js, symbols)
-    assert closed(kind, jamming, channel, spreading, snr, js) == pytest.approx(measured, abs=0.6)
+    sent = waveforms.Transmission(kind, jamming, channel, spreading, snr, js, symbols)
+    assert closed_sinr(LINK, sent) == pytest.approx(waves.sinr_db(sent), abs=0.6)
 
 
 def test_bit_errors_after_despreading_are_those_of_gaussian_noise():
     scenario = dataclasses.replace(LINK, notch_width_mhz=0)
-    waves = WAVES.Link(notch_mhz=0.0)
-    sinr = closed(TONE, 0.0, 0.0, True, 20.0, 10.0, scenario)
+    waves = waveforms.Link(notch_mhz=0.0)
+    sinr = closed_sinr(scenario, waveforms.Transmission(TONE, 0.0, 0.0, True, 20.0, 10.0))
     expected = 0.5 * math.erfc(math.sqrt(10 ** (sinr / 10) / 2))
     assert waves.bit_error_rate(TONE, 20.0, 10.0, 10_000) == pytest.approx(expected, rel=0.15)
 
@@ -83,8 +61,8 @@ def test_a_radiometer_finds_what_lies_above_its_wall():
     rng = np.random.default_rng(0)
     wall = 10 * math.log10(link.snr_wall(LINK.noise_uncertainty_db))
     threshold = 10 ** (LINK.noise_uncertainty_db / 10)
-    assert WAVES.energy_rate(rng, wall + 0.15, threshold, 50_000, 12) > 0.8
-    assert WAVES.energy_rate(rng, wall - 0.15, threshold, 50_000, 12) < 0.2
+    assert waveforms.energy_rate(rng, wall + 0.15, threshold, 50_000, 12) > 0.8
+    assert waveforms.energy_rate(rng, wall - 0.15, threshold, 50_000, 12) < 0.2
 
 
 @pytest.mark.parametrize("sinr", [-3.0, 3.0, 9.0, 15.0])
@@ -92,7 +70,7 @@ def test_the_rate_is_near_that_of_the_best_modulation(sinr):
     """Real codes lose one to three dB against ideal ones."""
     rng = np.random.default_rng(2)
     rate = link.rate_mbit_s(sinr, False, RULES, RADIO) / LINK.bandwidth_mhz
-    ideal = [max(WAVES.qam_rate(rng, bits, sinr - loss) for bits in (2, 4, 6)) for loss in (3.0, 0.5)]
+    ideal = [max(waveforms.qam_rate(rng, bits, sinr - loss) for bits in (2, 4, 6)) for loss in (3.0, 0.5)]
     assert ideal[0] < rate < ideal[1]
 
 
@@ -105,7 +83,7 @@ def test_the_rate_has_a_top_and_a_bottom():
 
 def test_the_beam_is_that_of_eight_elements():
     degrees = np.array([2.0, 4.0, 6.5, 8.0])
-    for angle, gain in zip(np.radians(degrees), WAVES.array_gain(8, degrees), strict=True):
+    for angle, gain in zip(np.radians(degrees), waveforms.array_gain(8, degrees), strict=True):
         place = np.array([math.cos(angle), math.sin(angle), 0.0])
         share = link.beam(np.zeros(3), np.array([1.0, 0.0, 0.0]), place, RADIO)
         assert 10 * math.log10(share / gain) == pytest.approx(0, abs=0.5)
