@@ -10,17 +10,19 @@ all scripts for players, and of ``optimised`` for planners. On the evaluation se
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from statistics import fmean
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.ids import OPPONENTS, SCRIPTED
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import PLANNER, Suite, load_suite
 from fpg_bench.players.agent import suites_folder
 
 DIGITS = 2
+OLDER = re.compile(r"opponent-(learned-|paper-)?v1")  # suites that are older than the scripts with memory
 BORROWING = ("-shifted-v1", "-responses-v1")  # suites with the scale of their track's public suite
 
 
@@ -36,7 +38,8 @@ def scale(suite: Suite) -> tuple[float, float]:
     cap = suite.scenario.snr_cap_db
     if suite.side == "ally" and cap is not None:
         return zero, cap - suite.scenario.snr_threshold_db
-    bounds = ("optimised",) if suite.side == PLANNER else ("oracle", *SCRIPTED[suite.side])
+    scripts = OPPONENTS if OLDER.fullmatch(suite.name) else SCRIPTED.get(suite.side, ())
+    bounds = ("optimised",) if suite.side == PLANNER else ("oracle", *scripts)
     by_rival = zip(*(rewards(name, suite) for name in bounds), strict=True)
     return zero, fmean(map(max, by_rival))
 
@@ -45,7 +48,7 @@ def main() -> int:
     """Print a line per suite; returns 1 if a file has another scale."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("suites", nargs="*", help="names or files; default: all public ones")
-    public = sorted(path.stem for path in suites_folder().glob("*-v1.yml"))
+    public = sorted(path.stem for path in suites_folder().glob("*-v[0-9].yml"))
     names = parser.parse_args().suites or [name for name in public if not name.endswith(BORROWING)]
     differ = False
     for suite in map(load_suite, names):
