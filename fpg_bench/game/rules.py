@@ -90,6 +90,11 @@ def radio_record(scenario: Scenario) -> np.ndarray | None:
     row["per_rate_reference"] = 1 / s.rate_reference_mbit_s
     top = s.bandwidth_mhz * s.rate_top_bit_s_hz
     row["reward_scale"] = s.reward_scale / math.log1p(top / s.rate_reference_mbit_s)
+    row["top_snr"] = s.rate_loss_db + 10 * math.log10(2 ** (s.rate_top_bit_s_hz / s.rate_efficiency) - 1)
+    row["top_rate"] = row["rate_bandwidth"] * s.rate_top_bit_s_hz
+    row["top_utility"] = [
+        row["reward_scale"] * math.log1p(rate * row["per_rate_reference"]) for rate in row["top_rate"]
+    ]
     row["ally_emission_mw"] = ratio(s.ally_emission_dbm)
     row["own_jamming_mw"] = ratio(s.opponent_power_dbm - s.jammer_isolation_db)
     row["radiometer_threshold"] = snr_wall(s.noise_uncertainty_db)

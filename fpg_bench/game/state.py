@@ -204,6 +204,9 @@ RADIO = np.dtype(
         ("rate_efficiency", "f8"),
         ("rate_loss", "f8"),
         ("rate_top", "f8"),
+        ("top_snr", "f8"),  # from here on the highest rate
+        ("top_rate", "f8", (2,)),
+        ("top_utility", "f8", (2,)),
     ],
     align=True,
 )
