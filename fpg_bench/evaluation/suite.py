@@ -164,7 +164,7 @@ def identity(name: str) -> str:
 def suite_of(env_id: str, options: Mapping[str, Any], side: str | None = None) -> str:
     """Return the name of the public suite that an id's players are measured on.
 
-    Players of ``paper`` and ``link`` are measured there, unless they fly themselves or are flown by a planner.
+    Players of ``paper`` and ``link`` are measured there, unless they fly or are flown by a planner.
 
     Args:
         env_id: the id.

@@ -85,12 +85,6 @@ def passed_twice_mhz(offset_mhz: float, width: float, rolloff: float) -> float:
 
 
 @compiled
-def channel_mhz(frequency_mhz: float, spreading: bool, radio: Record) -> float:
-    """Return the centre of the ally's signal; while it spreads, the nearest that keeps it in the band."""
-    return min(max(frequency_mhz, radio.spread_low), radio.spread_high) if spreading else frequency_mhz
-
-
-@compiled
 def teeth(jamming_type: int, jamming_mhz: float, rules: Record) -> tuple[int, int]:
     """Return the first tooth of a comb in the band and the one after its last, counted from f_j."""
     spacing = rules.tooth_spacing[jamming_type]
@@ -115,7 +109,7 @@ def jamming_passed(
     width, rolloff = radio.channel_width[int(spreading)], radio.rolloff
     tooth, spacing = radio.tooth_width[jamming_type], rules.tooth_spacing[jamming_type]
     first, end = teeth(jamming_type, jamming_mhz, rules)
-    offset = jamming_mhz - channel_mhz(frequency_mhz, spreading, radio)
+    offset = jamming_mhz - frequency_mhz
     passed, most, densest = 0.0, -1.0, offset
     near, far = first, end
     if spacing > 0.0:  # the teeth that reach into the filter

@@ -80,8 +80,10 @@ def radio_record(scenario: Scenario) -> np.ndarray | None:
     row["noise_mw"] = [ratio(noise_dbm(s.noise_density_dbm_hz, b)) for b in row["rate_bandwidth"]]
     row["channel_noise_mw"] = [ratio(noise_dbm(s.noise_density_dbm_hz, b)) for b in row["channel_width"]]
     row["rolloff"], row["stopband"] = s.filter_rolloff, ratio(s.filter_stopband_db)
-    margin = s.spread_bandwidth_mhz / 2
-    row["spread_low"], row["spread_high"] = s.band_low_mhz + margin, s.band_high_mhz - margin
+    last = s.frequency_points - 1
+    margin = math.ceil(last * s.spread_bandwidth_mhz / 2 / (s.band_high_mhz - s.band_low_mhz))
+    margin = min(margin, last // 2)  # the middle, if it fits nowhere
+    row["spread_points"] = margin, last - margin
     row["per_gain"] = 1, s.spread_rate_mhz / s.spread_bandwidth_mhz
     row["tooth_width"] = [2 * half for half in s.footprint_half_widths_mhz]
     row["notch_width"] = s.notch_width_mhz

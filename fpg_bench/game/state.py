@@ -185,8 +185,7 @@ RADIO = np.dtype(
         ("channel_width", "f8", (2,)),
         ("rolloff", "f8"),
         ("stopband", "f8"),
-        ("spread_low", "f8"),  # where the centre of the spread signal lies
-        ("spread_high", "f8"),
+        ("spread_points", "i8", (2,)),  # the first and the last at which a spread signal fits into the band
         ("per_gain", "f8", (2,)),  # 1 / processing gain
         ("tooth_width", "f8", (TYPES,)),
         ("notch_width", "f8"),

@@ -72,7 +72,7 @@ def play(
             continue
         point_before = game.point
         _choose_jamming(game, opponent_action, rules)
-        _choose_frequency(game, ally_action, ally_observations[i], rules)
+        _choose_frequency(game, ally_action, ally_observations[i], rules, radio)
         _move(game, ally_action, opponent_action, waypoints[i], rules)
         fading, centre_error = rng.gaussians(game.round_key, game.step, rng.FADING_AND_SENSED_CENTRE)
         _transmit(game, fading, rules, radio)
@@ -94,12 +94,17 @@ def _choose_jamming(game: Record, action: np.ndarray, rules: Record) -> None:
 
 
 @compiled
-def _choose_frequency(game: Record, action: np.ndarray, observation: np.ndarray, rules: Record) -> None:
+def _choose_frequency(
+    game: Record, action: np.ndarray, observation: np.ndarray, rules: Record, radio: Record | None
+) -> None:
     spread = action[SPREAD_GATE] > 0.0
     game.hopped = rules.always_hops or action[HOP_GATE] > 0.0
     despread = rules.reselect and game.spreading and not spread
     if game.hopped or despread:
         game.point = choose_point(game.point, observation, action, game.round_key, game.step, rules)
+        game.frequency_mhz = point_mhz(game.point, rules)
+    if radio is not None and spread:  # it moves until its signal fits into the band, and stays there
+        game.point = min(max(game.point, radio.spread_points[0]), radio.spread_points[1])
         game.frequency_mhz = point_mhz(game.point, rules)
     game.spreading = spread
     game.spreading_s = game.spreading_s + 1 if spread else 0

@@ -122,13 +122,17 @@ def test_a_hop_takes_a_part_of_the_reward_and_of_the_rate():
         assert away.games[name][0] == pytest.approx(0.7 * here.games[name][0])
 
 
-def test_a_spread_signal_stays_in_the_band_and_gives_away_no_point():
-    batch = begin(dataclasses.replace(LINK, first_check_s=(1, 1), opponent_path="learned", fading_sd_db=0))
-    place(batch, batch.games["ally_position"][0])
-    batch.step(ally(hop=True, preference=-1.0, spread=True), opponent())
-    assert batch.games["last_check"][0] == 1
-    assert batch.games["frequency_mhz"][0] == 2400
-    assert batch.games["known_mhz"][0] == 2437.5
+@pytest.mark.parametrize(("width_mhz", "first", "last"), [(75, 6, 8), (71, 5, 9), (10, 1, 13), (99, 7, 7)])
+def test_a_signal_moves_to_where_it_fits_into_the_band_when_it_spreads_and_stays_there(
+    width_mhz, first, last
+):
+    batch = begin(dataclasses.replace(LINK, spread_bandwidth_mhz=width_mhz))
+    for preference, point in ((-1.0, first), (1.0, last), (to_point(7), 7)):
+        batch.step(ally(hop=True, preference=preference, spread=True), opponent())
+        assert batch.games["point"][0] == point
+        batch.step(ally(), opponent())
+        assert batch.games["point"][0] == point
+        assert batch.games["frequency_mhz"][0] == pytest.approx(2400 + point * 100 / 14)
 
 
 def hears(kind, **changes) -> bool:
