@@ -70,7 +70,7 @@ class Choices:
         self.side, self.mode = side, mode
         lists = _ally_lists(scenario) if side == "ally" else _opponent_lists(scenario)
         if mode == "discrete":
-            chosen = _ally_combinations(lists) if side == "ally" else _opponent_combinations(lists)
+            chosen = _ally_combinations(lists, scenario) if side == "ally" else _opponent_combinations(lists)
             lists = [_combined(lists, chosen)]
         self.lists = tuple(lists)
         self._columns = (len(lists),) if mode == "multi-discrete" else ()
@@ -203,13 +203,15 @@ def _ally_lists(scenario: Scenario) -> list[ChoiceList]:
     ]
 
 
-def _ally_combinations(lists: Sequence[ChoiceList]) -> list[tuple[int, ...]]:
-    """Return every hop, and spreading without a hop or with one by the knowledge base, at full speed.
+def _ally_combinations(lists: Sequence[ChoiceList], scenario: Scenario) -> list[tuple[int, ...]]:
+    """Return every hop, and spreading without a hop or with one by the knowledge base.
 
-    Hops to each point while spreading as well make a list of 34, from which PPO learned no more.
+    All at full speed and, where flying costs, also at the least. Hops to each point while spreading as well
+    make a list of 34, from which PPO learned no more.
     """
     last = len(lists[0]) - 1
-    return [*((hop, 0, 0) for hop in range(last + 1)), (0, 1, 0), (last, 1, 0)]
+    ways = [*((hop, 0) for hop in range(last + 1)), (0, 1), (last, 1)]
+    return [(*way, speed) for speed in ((0, 2) if scenario.flight_cost else (0,)) for way in ways]
 
 
 def _opponent_lists(scenario: Scenario) -> list[ChoiceList]:

@@ -89,6 +89,7 @@ def radio_record(scenario: Scenario) -> np.ndarray | None:
     row["notch_width"] = s.notch_width_mhz
     row["rate_efficiency"], row["rate_loss"] = s.rate_efficiency, s.rate_loss_db
     row["rate_top"], row["hop_airtime"] = s.rate_top_bit_s_hz, s.hop_airtime_s
+    row["flight_cost"] = s.flight_cost / s.ally_speed_m_s[1] ** 3 if s.flight_cost else 0.0
     row["per_rate_reference"] = 1 / s.rate_reference_mbit_s
     top = s.bandwidth_mhz * s.rate_top_bit_s_hz
     row["reward_scale"] = s.reward_scale / math.log1p(top / s.rate_reference_mbit_s)

@@ -190,6 +190,7 @@ RADIO = np.dtype(
         ("tooth_width", "f8", (TYPES,)),
         ("notch_width", "f8"),
         ("hop_airtime", "f8"),
+        ("flight_cost", "f8"),  # times the third power of the speed in m/s
         ("per_rate_reference", "f8"),
         ("reward_scale", "f8"),  # divided by the utility of the highest rate
         ("ally_emission_mw", "f8"),

@@ -73,10 +73,10 @@ def play(
         point_before = game.point
         _choose_jamming(game, opponent_action, rules)
         _choose_frequency(game, ally_action, ally_observations[i], rules, radio)
-        _move(game, ally_action, opponent_action, waypoints[i], rules)
+        speed_m_s = _move(game, ally_action, opponent_action, waypoints[i], rules)
         fading, centre_error = rng.gaussians(game.round_key, game.step, rng.FADING_AND_SENSED_CENTRE)
         _transmit(game, fading, rules, radio)
-        reward(game, rules, radio)
+        reward(game, speed_m_s, rules, radio)
         check(game, rules, radio)
         sense(game, centre_error, rules)
         game.truncated = game.step + 1 >= game.horizon
@@ -113,11 +113,14 @@ def _choose_frequency(
 @compiled
 def _move(
     game: Record, ally_action: np.ndarray, opponent_action: np.ndarray, waypoints: np.ndarray, rules: Record
-) -> None:
+) -> float:
+    """Move both sides; returns the ally's speed in m/s."""
     slow, fast = rules.ally_speed[0], rules.ally_speed[1]
+    speed_m_s: float = slow + (ally_action[SPEED] + 1.0) / 2.0 * (fast - slow)
     fly_opponent(game, opponent_action, waypoints, rules)  # first: pursuit aims at where the ally was
-    fly_curve(game, slow + (ally_action[SPEED] + 1.0) / 2.0 * (fast - slow), rules)
+    fly_curve(game, speed_m_s, rules)
     keep_inside(game.ally_position, rules)
+    return speed_m_s
 
 
 @compiled

@@ -380,7 +380,8 @@ class ReferenceGame:
         s = self.s
         self.opponent_position = np.clip(self._opponent_goes(o), 0, s.box_m)
         slow, fast = s.ally_speed_m_s
-        self.flown_m += slow + (a[2] + 1) / 2 * (fast - slow)
+        self.speed_m_s = slow + (a[2] + 1) / 2 * (fast - slow)
+        self.flown_m += self.speed_m_s
         self.ally_position = np.clip(self.curve.at(self.flown_m), 0, s.box_m)
         self.distance_m = float(np.linalg.norm(self.ally_position - self.opponent_position))
 
@@ -424,6 +425,7 @@ class ReferenceGame:
         worth, clean = self._worth(self.snr_db), self._worth(self.clean_snr_db)
         on_air = 1 - s.hop_airtime_s if self.hopped else 1.0
         cost = eq4(self.spreading_s) if self.spreading and any(s.spread_cost_per_s) else 0.0
+        cost += s.flight_cost * (self.speed_m_s / s.ally_speed_m_s[1]) ** 3
         self.ally_reward = on_air * worth - cost - (s.hop_cost if self.hopped else 0.0)
         near = s.distance_reward if self.distance_m < s.distance_reward_m else 0.0
         self.opponent_reward = near + s.snr_drop_weight * on_air * (clean - worth)

@@ -113,13 +113,22 @@ def test_fading_remembers_the_step_before():
 
 
 def test_a_hop_takes_a_part_of_the_reward_and_of_the_rate():
-    here, away = begin(LINK, seed=3), begin(LINK, seed=3)
+    here, away = (begin(dataclasses.replace(LINK, flight_cost=0), seed=3) for _ in range(2))
     point = int(here.games["point"][0])
     jam = opponent(TONE, tuning=1.0 if point < 7 else -1.0, in_band=True)
     here.step(ally(), jam)
     away.step(ally(hop=True, preference=to_point(point)), jam)
     for name in ("ally_reward", "rate_mbit_s", "opponent_reward"):
         assert away.games[name][0] == pytest.approx(0.7 * here.games[name][0])
+
+
+@pytest.mark.parametrize(("speed", "cost"), [(1.0, 2.0), (0.0, 2 * 0.75**3), (-1.0, 2 * 0.5**3)])
+def test_flying_costs_the_third_power_of_the_speed(speed, cost):
+    free, dear = (begin(dataclasses.replace(LINK, flight_cost=c), seed=3) for c in (0, 2))
+    for batch in (free, dear):
+        batch.step(ally(speed=speed), opponent())
+    assert free.games["ally_reward"] - dear.games["ally_reward"] == pytest.approx(cost)
+    assert free.games["opponent_reward"] == dear.games["opponent_reward"]
 
 
 @pytest.mark.parametrize(("width_mhz", "first", "last"), [(75, 6, 8), (71, 5, 9), (10, 1, 13), (99, 7, 7)])
