@@ -119,6 +119,25 @@ class Choices:
             raise self._error(columns, whose)
         return actions
 
+    def encode(self, actions: np.ndarray, observations: np.ndarray) -> np.ndarray:
+        """Return the allowed choices that are nearest to actions, by the squared distance of the floats.
+
+        Args:
+            actions: ``(N, 9)`` floats.
+            observations: ``(N, 15)`` float32 of the side.
+
+        Returns:
+            Choices as :meth:`decode` takes them.
+        """
+        _, rows, allowed, homing, box_m = self._table
+        towards = np.zeros((len(actions), ACTION_SIZE), np.float32)
+        for seen, velocity in zip(observations, towards, strict=True):
+            _home(seen, 1.0, box_m, velocity)
+        away = actions[:, None] - rows - homing[:, None] * towards[:, None]
+        distances = np.where(allowed, np.square(away).sum(axis=2), np.inf)
+        chosen = distances.argmin(axis=1)
+        return np.stack(np.unravel_index(chosen, self.sizes), axis=1) if self.is_multi else chosen
+
     def _error(self, choices: np.ndarray, whose: str) -> ActionError:
         """Return the error of the first choice that is out of range or forbidden."""
         for of, column in zip(self.lists, choices.T, strict=True):
