@@ -132,7 +132,8 @@ def find_env(name: str) -> EnvConfig:
         name = f"{match[1]}-v0"
         actions = next(mode for mode, word in ACTION_MODES.items() if word == match[2])
     if name not in ENVS:
-        raise UserError(f"unknown id {name!r}{nearest(name, ENVS)}")
+        known = [id_with(each, mode) for each in ENVS for mode in ACTION_MODES]
+        raise UserError(f"unknown id {name!r}{nearest(name, known)}")
     return replace(ENVS[name], actions=actions)
 
 
