@@ -172,6 +172,7 @@ class Figures:
         measures: over all rounds of the public suite.
         histograms: share of time per frequency point, of ``ally`` and ``jam``.
         lost, rounds: rounds lost by an invalid answer, and all rounds.
+        records: one per training seed and rival.
     """
 
     rank: tuple[int, int] | None
@@ -189,6 +190,7 @@ class Figures:
     histograms: Mapping[str, tuple[float, ...]]
     lost: int
     rounds: int
+    records: int
     planner: PlannerFigures | None
     fingerprint: Mapping[str, Any]
 
@@ -591,6 +593,7 @@ def _make_figures(
         },
         lost=sum(record.lost for record in played),
         rounds=sum(len(record.returns) for record in played),
+        records=len(played),
         planner=_make_planner_figures(public, item.result),
         fingerprint=item.result.fingerprint.to_dict(),
     )

@@ -135,7 +135,8 @@ function fpgTimes(scene, canvases) {
   }
 
   function drawSnr() {
-    const low = scene.steps.snr.reduce((a, b) => Math.min(a, b), -20) - 2, high = [...scene.steps.snr, ...scene.steps.clean_snr].reduce((a, b) => Math.max(a, b), 90) + 4;
+    const known = [...scene.steps.snr, ...scene.steps.clean_snr].filter(Number.isFinite); // a side may not know all
+    const low = Math.min(-20, ...known) - 2, high = Math.max(90, ...known) + 4;
     const axes = timeAxes("snr", (value) => (value - low) / (high - low), [0, 25, 50, 75], false);
     mark(axes, scene.scenario.threshold_db, `M ${scene.scenario.threshold_db}`, scene.colours.ink);
     clipAgain(axes);

@@ -171,6 +171,7 @@ def _figures(
         histograms={side: tuple(rng.integers(0, 900, 15).tolist()) for side in ("ally", "jam")},
         lost=1234 if index == 4 else 0,
         rounds=5000,
+        records=50,
         planner=None,
         fingerprint={"version": "0.1.0", "policies": {"0": "ab" * 32}, "submission": text or "cd" * 32},
     )

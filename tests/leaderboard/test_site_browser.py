@@ -417,9 +417,9 @@ SCREENS = {"phone": PHONE, "desktop": {"width": 1440, "height": 900}}
 
 
 @pytest.mark.parametrize("screen", SCREENS)
-def test_the_first_screen_holds_the_moving_game_and_the_first_three(visit, screen):
+def test_the_first_screen_holds_the_moving_game_two_buttons_and_the_leaders(visit, screen):
     page = visit("index.html", viewport=SCREENS[screen])
-    places = [page.locator("#film canvas"), *page.locator("article").first.locator("li").all()]
+    places = [page.locator("#film canvas"), *page.locator("a.button").all(), page.locator(".leaders thead")]
     assert len(places) == 4
     for place in places:
         box = place.bounding_box()
@@ -451,16 +451,87 @@ PRESSED = """() => { for (let k = 1; k < 300; k++)
 document.activeElement.dispatchEvent(new KeyboardEvent("keydown", { key: "n", bubbles: true })); }"""
 
 
+def begin(page, side, **settings):
+    """Begin a round as a side against the first script of the other one."""
+    page.locator("#side").select_option(side)
+    for name, value in settings.items():
+        page.locator(f"#{name}").select_option(value)
+    page.locator("#seed").press("Enter")
+    expect(page.locator("#one")).to_be_enabled()
+    page.locator("#one").focus()
+
+
 # The example's board has no table of opponents that fly themselves, and so no scale for a visitor who is one.
 @pytest.mark.parametrize(("side", "ending"), [("ally", r", a score of [\d.−]+; 0"), ("opponent", r"\.$")])
 def test_the_keyboard_plays_a_round(visit, side, ending):
     page = visit("play.html")
-    page.locator("#side").select_option(side)
-    page.locator("#seed").press("Enter")
-    expect(page.locator("#one")).to_be_enabled()
-    page.locator("#one").focus()
+    begin(page, side)
     page.keyboard.press("n")
     page.evaluate(PRESSED)
-    expect(page.locator("#event")).to_have_text(re.compile(r"The round is over: [\d.−]+ per step" + ending))
+    expect(page.locator("#event")).to_have_text(re.compile(r"The round is over: [\d.−]+ per second" + ending))
     expect(page.locator("#clock")).to_have_text("300 / 300")
     expect(page.locator("#one")).to_be_disabled()
+
+
+def test_a_visiting_opponent_learns_the_link_and_the_score_at_the_end(visit):
+    page = visit("play.html")
+    begin(page, "opponent", rival="script:expert-spread", seconds="60")
+    events = set()
+    for _ in range(59):
+        page.keyboard.press("n")
+        events.add(page.locator("#event").inner_text().partition(": ")[2])
+    assert all(re.match("The opponent (hears|is within)|$", event) for event in events)
+    assert len(events) > 2
+    expect(page.locator("#snr")).to_be_hidden()
+    for name in ("score", "earned"):
+        expect(page.locator(f"#{name}")).to_have_text("at the end")
+    page.keyboard.press("n")
+    expect(page.locator("#snr")).to_be_visible()
+    expect(page.locator("#earned")).to_have_text(re.compile(r"[\d.−]+"))
+
+
+def test_keys_can_be_switched_off(visit):
+    page = visit("play.html")
+    begin(page, "ally")
+    page.locator("#keys").uncheck()
+    for key in "hsn":
+        page.keyboard.press(key)
+    expect(page.locator("#clock")).to_have_text("0 / 300")
+    expect(page.locator("#hop")).to_have_attribute("aria-pressed", "false")
+    page.locator("#keys").check()
+    page.keyboard.press("h")
+    expect(page.locator("#hop")).to_have_attribute("aria-pressed", "true")
+    page.keyboard.press("n")
+    expect(page.locator("#clock")).to_have_text("1 / 300")
+    expect(page.locator("#hop")).to_have_attribute("aria-pressed", "false")  # for one second
+
+
+def test_spreading_has_a_price_that_grows_while_it_lasts(visit):
+    page = visit("play.html")
+    begin(page, "ally")
+    page.locator("#spread").click()
+    expect(page.locator("#costs")).to_have_text("a hop 40; spreading now 0.5 a second")
+    for _ in range(14):
+        page.keyboard.press("n")
+    expect(page.locator("#costs")).to_have_text("a hop 40; spreading now 10.0 a second")
+
+
+def test_a_minute_begins_at_once_and_ends_with_the_champion_and_random_on_its_seed(visit):
+    page = visit("index.html", viewport=PHONE)
+    page.get_by_role("link", name="Play a minute").click()
+    expect(page.locator("#run")).to_have_text("❚❚ pause")
+    expect(page.locator("#hop")).to_be_in_viewport(ratio=1)
+    expect(page.locator("#score")).to_be_in_viewport(ratio=1)
+    assert page.locator("#hop").bounding_box()["height"] >= 44
+    page.evaluate(PRESSED)
+    result = page.locator("#result")
+    expect(result).to_have_text(re.compile(r"You −?\d+, the champion \d+, random −?\d+"))
+    first, address = result.inner_text(), page.locator("#link").inner_text()
+    page.goto("about:blank")
+    page.goto(address)
+    expect(page.locator("#one")).to_be_enabled()
+    page.evaluate(PRESSED)  # the link begins the same round
+    expect(result).to_have_text(re.compile(re.escape(first.partition(", ")[2])))
+    page.locator("#watch").click()
+    expect(page.locator("#replay-step")).to_have_attribute("max", "60")
+    expect(page.locator("#replay-title")).to_have_text("you against adaptive")

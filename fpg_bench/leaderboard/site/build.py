@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from functools import partial
 from importlib import resources
+from importlib.metadata import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
 
+PAPER = "https://doi.org/10.3390/drones10020147"  # the article whose game it is, as in CITATION.cff
 MARK = ".fpg-site"  # marks a folder that holds a site, which may be cleared
 Replays = Mapping[tuple[str, str], list[Replay]]
 _SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
@@ -107,9 +109,14 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
     from markupsafe import Markup
 
     tracks = [views.track_view(board, track) for track in board.tracks]
-    podiums = [views.podium(board, track) for track in board.tracks]
+    front = {
+        "film": _film(board, replays),
+        "tracks": tracks,
+        "n_entries": sum(len(track.entries) for track in board.tracks),
+        "verified": [figures for track in board.tracks for _, figures in track.verified()],
+    }
     pages: list[tuple[str, str, dict[str, Any]]] = [
-        ("index.html", "index.html", {"film": _film(board, replays), "podiums": podiums}),
+        ("index.html", "index.html", front),
         ("play.html", "play.html", {}),
         ("ranking.html", "ranking.html", {"tracks": tracks}),
         ("compare.html", "compare.html", {}),
@@ -161,6 +168,7 @@ def _environment(board: Board, docs: str) -> Environment:
         "roles": views.ROLES,
         "few_seeds": views.FEW_SEEDS,
         "doc_link": partial(_doc_link, docs),
+        "software_links": partial(_software_links, docs),
     }
     return environment
 
@@ -177,6 +185,28 @@ def _doc_link(docs: str, page: str, text: str, heading: str = "", root: str = ""
         return Markup("{} (<code>docs/{}.md</code>)").format(text, page)
     place = f"{docs if '://' in docs else root + docs}/{page}" if docs else f"{root or './'}{name}"
     return Markup('<a href="{}.html{}">{}</a>').format(place, anchor, text)
+
+
+def _software_links(docs: str, root: str) -> dict[str, str]:
+    """Return addresses of documentation, source and paper by label; one that is not known is left out.
+
+    Repository and documentation are those of ``[project.urls]`` in the package's metadata; the documentation
+    that is built beside this site, or the rules in it, takes precedence.
+    """
+    published = _published()
+    beside = docs if "://" in docs else root + docs
+    links = {
+        "Docs": f"{beside}/index.html" if docs else published.get("Documentation", f"{root}rules.html"),
+        "Source": published.get("Repository"),
+        "Paper": PAPER,
+    }
+    return {label: address for label, address in links.items() if address}
+
+
+def _published() -> dict[str, str]:
+    """Return the addresses of ``[project.urls]`` by label, as the package's metadata holds them."""
+    lines = metadata("fpg-bench").get_all("Project-URL") or []
+    return dict(line.split(", ", 1) for line in lines)
 
 
 def _static_files() -> dict[str, str]:
