@@ -17,7 +17,7 @@ from fpg_bench.leaderboard.board import Board
 from fpg_bench.leaderboard.site import reading_pages, views
 from fpg_bench.leaderboard.site.entry_page import badge_file, badge_view, entry_view
 from fpg_bench.leaderboard.site.page_data import Policies, data_files
-from fpg_bench.leaderboard.site.replays import Replay
+from fpg_bench.leaderboard.site.replays import Replay, label_of
 from fpg_bench.rendering.replay import replay_code, replay_markup, replay_part
 
 if TYPE_CHECKING:
@@ -166,6 +166,7 @@ def _environment(board: Board, docs: str) -> Environment:
         "board": board,
         "player": Markup(replay_markup("h3")),  # the package's own
         "roles": views.ROLES,
+        "label_of": label_of,
         "few_seeds": views.FEW_SEEDS,
         "doc_link": partial(_doc_link, docs),
         "software_links": partial(_software_links, docs),

@@ -38,5 +38,9 @@
 
   root.addEventListener("fpg-rest", keep);
   for (const button of buttons) button.addEventListener("click", () => choose(button));
+  addEventListener("hashchange", () => { // a rival's row links its round
+    choose(buttons[Number(address().get("round"))] ?? buttons[0]);
+    document.getElementById("watch").scrollIntoView();
+  });
   choose(buttons[Number(address().get("round"))] ?? buttons[0]);
 })();
