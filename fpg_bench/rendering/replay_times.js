@@ -18,7 +18,7 @@ function fpgTimes(scene, canvases) {
     pen.textBaseline = "middle";
     pen.textAlign = "right";
     for (const tick of ticks) {
-      stroke(pen, [[axes.left, y(tick)], [axes.right, y(tick)]], scene.colours.pale, 1, [], 0.5);
+      stroke(pen, [[axes.left, y(tick)], [axes.right, y(tick)]], scene.colours.line, 0.6);
       pen.fillText(String(+tick.toFixed(1)), axes.left - 6, y(tick));
     }
     if (labels) timeLabels(axes, from, to);
@@ -81,7 +81,7 @@ function fpgTimes(scene, canvases) {
     const level = ([first, end], value, ...style) => stroke(pen, [[x(first - 1), y(value)], [x(end), y(value)]], ...style);
     for (const run of runs(axes, (k) => scene.steps.known[k - 1])) level(run, scene.steps.known[run[0] - 1], scene.colours.ink, 1.2, [1.5, 2]);
     for (let k = from; k <= to; k++)
-      stroke(pen, [[x(k - 1), y(scene.steps.frequency[k - 1])], [x(k - 1), y(scene.steps.frequency[k])]], scene.colours.ally, 0.8, [], 0.8);
+      stroke(pen, [[x(k - 1), y(scene.steps.frequency[k - 1])], [x(k - 1), y(scene.steps.frequency[k])]], scene.colours.ally, 0.8);
     const held = (k) => `${scene.steps.frequency[k]} ${scene.outage(k)}`;
     for (const run of runs(axes, held)) level(run, scene.steps.frequency[run[0]], scene.colours.panel, 6);
     for (const run of runs(axes, held)) {

@@ -257,8 +257,17 @@ def test_pages_load_only_files_of_the_site_and_say_so(site, pages):
         assert {link[1:] for link in page.values("href") if link.startswith("#")} <= set(ids), path
 
 
+def test_a_link_to_a_page_has_a_description_and_a_picture(site, pages):
+    assert (site / "static/preview.png").read_bytes().startswith(b"\x89PNG")
+    for path, page in pages.items():
+        found = [attrs for tag, attrs in page.elements if tag == "meta"]
+        metas = {a.get("name") or a.get("property"): a.get("content") for a in found}
+        assert len(metas["description"]) > 50, path
+        assert (site / path).parent.joinpath(metas["og:image"]).is_file(), path
+
+
 def test_styles_and_scripts_load_nothing(site):
-    for path in (site / "static").glob("*"):
+    for path in {*(site / "static").glob("*")} - {*(site / "static").glob("*.png")}:
         text = path.read_text(encoding="utf-8")
         for word in ("fetch(", "XMLHttpRequest", "@import", "url(", "innerHTML", "eval(", "insertAdjacent"):
             assert word not in text, (path, word)

@@ -219,6 +219,23 @@ def test_an_event_is_announced_only_once_it_has_happened(watched):
     expect(marks.nth(before)).to_be_attached()
 
 
+def test_a_round_plays_alone_in_a_small_frame_again_and_again(visit):
+    small = {"width": 480, "height": 270}
+    page = visit(f"{WATCHED}#embed&play&loop&from=290", viewport=small)
+    for name in ("title", "arena", "spectrum", "event", "play"):
+        expect(page.locator(f"#replay-{name}")).to_be_in_viewport(ratio=1)
+    for other in (".top", "h1", "#replay-snr", "#replay-figures"):
+        expect(page.locator(other).first).to_be_hidden()
+    assert page.evaluate("document.getElementById('replay').scrollHeight <= innerHeight")
+    assert page.evaluate("getComputedStyle(document.documentElement).overflowY") == "hidden"
+    expect(page.locator("#replay-event")).to_have_text(
+        re.compile(r"The end: ally [+−][\d.]+ per step, opponent [+−][\d.]+; link broken \d+ % of the time")
+    )
+    expect(page.locator("#replay-event")).not_to_have_text(re.compile("The end"))  # it has begun again
+    assert 290 <= int(page.locator("#replay-step").input_value()) < 300
+    assert page.url.endswith("#embed&play&loop&from=290")
+
+
 def test_labels_keep_clear_of_each_other(watched):
     for step in range(0, 301, 50):
         boxes = watched.evaluate(
@@ -353,27 +370,83 @@ def test_each_matrix_of_cross_play_is_shown_with_the_strongest_first(visit):
     assert page.locator("#matrix").input_value() == "jammed"
 
 
-def violations(page, **options) -> list:
-    """Serious and critical violations that axe finds on a page."""
+def violations(page, impacts=("serious", "critical"), **options) -> list:
+    """Violations of these impacts that axe finds on a page."""
     # Preloading would fetch styles again, which the pages forbid.
     options |= {"preload": False, "resultTypes": ["violations"]}
     rules = Axe().run(page, options=options).response["violations"]
     return [
         (rule["id"], [node["html"][:200] for node in rule["nodes"][:3]])
         for rule in rules
-        if rule["impact"] in ("serious", "critical")
+        if rule["impact"] in impacts
     ]
+
+
+# Of less than serious impact.
+STRUCTURE = ["landmark-unique", "empty-table-header"]
 
 
 @pytest.mark.parametrize("name", PAGES)
 def test_axe_finds_nothing_serious(visit, small_site, name):
     page = visit(name, origin=small_site.as_uri(), color_scheme="light")  # axe looks at each of the cells
     assert not violations(page)
+    assert not violations(page, ("moderate", "minor"), runOnly={"type": "rule", "values": STRUCTURE})
     page.emulate_media(color_scheme="dark")  # the same but for its colours
     assert not violations(page, runOnly={"type": "rule", "values": ["color-contrast"]})
     if name in ("crossplay.html", "statistics.html"):  # a large one scrolls
         focus = {"type": "rule", "values": ["scrollable-region-focusable"]}
         assert not violations(visit(name), runOnly=focus)
+
+
+# The relative luminance of two colours by their names in the style, as WCAG 2.2 has it.
+CONTRAST = """([line, ground]) => {
+  const style = getComputedStyle(document.documentElement);
+  const luminance = (name) => {
+    const colour = style.getPropertyValue(name).trim();
+    const parts = [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16) / 255);
+    const [r, g, b] = parts.map((x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  const [dark, light] = [luminance(line), luminance(ground)].sort((a, b) => a - b);
+  return (light + 0.05) / (dark + 0.05);
+}"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_line_has_a_contrast_of_three_to_one(visit, scheme):
+    page = visit(color_scheme=scheme)
+    for line in ("line", "grey", "ink", "ally", "opponent"):
+        for ground in ("page", "panel", "ground"):
+            assert page.evaluate(CONTRAST, [f"--{line}", f"--{ground}"]) >= 3, (line, ground)
+    strokes = page.evaluate(
+        """[...document.querySelectorAll(".interval *")].map((line) => getComputedStyle(line).stroke)"""
+    )
+    pale = page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--pale').trim()")
+    assert strokes
+    assert "rgb({}, {}, {})".format(*bytes.fromhex(pale[1:])) not in strokes
+
+
+def test_marks_of_the_mean_leave_its_interval_visible(visit):
+    page = visit()
+    for dot, line, width in page.locator("#ally .interval").evaluate_all(
+        """pictures => pictures.map((one) => [one.querySelector(".dot").getAttribute("d"),
+        Number(one.querySelector(".range").getAttribute("y1")),
+        parseFloat(getComputedStyle(one.querySelector(".range")).strokeWidth)])"""
+    ):
+        top, above, gap = map(float, re.fullmatch(r"M[\d.]+ (\d+)v(\d+)m0 (\d+)v\d+", dot).groups())
+        assert top + above <= line - width / 2
+        assert top + above + gap >= line + width / 2
+
+
+def test_a_page_is_printed_in_light_colours_without_bars(visit):
+    page = visit(color_scheme="dark")
+    page.locator("#theme").click()
+    page.locator("#theme").click()  # dark by choice, too
+    page.emulate_media(media="print")
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    for bar in (".top", ".tools"):
+        expect(page.locator(bar).first).to_be_hidden()
+    assert page.locator(".scroll").first.evaluate("box => getComputedStyle(box).overflowX") == "visible"
 
 
 def test_no_page_scrolls_sideways_on_a_phone(visit, site):

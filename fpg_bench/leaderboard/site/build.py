@@ -59,7 +59,7 @@ def build_site(
     folder, replays = Path(out), replays or {}
     check_folder(folder)
     board = _with_replays(board, replays)
-    files = {MARK: "made by fpg-bench leaderboard build\n"}
+    files: dict[str, str | bytes] = {MARK: "made by fpg-bench leaderboard build\n"}
     files |= _pages(board, replays, docs) | _static_files() | data_files(board, policies or {})
     files |= {replay.file: replay.script for rounds in replays.values() for replay in rounds}
     for name, content in files.items():
@@ -169,6 +169,7 @@ def _environment(board: Board, docs: str) -> Environment:
         "label_of": label_of,
         "few_seeds": views.FEW_SEEDS,
         "doc_link": partial(_doc_link, docs),
+        "board_address": _published().get("Leaderboard", "").rstrip("/"),
         "software_links": partial(_software_links, docs),
     }
     return environment
@@ -210,17 +211,19 @@ def _published() -> dict[str, str]:
     return dict(line.split(", ", 1) for line in lines)
 
 
-def _static_files() -> dict[str, str]:
+def _static_files() -> dict[str, str | bytes]:
     """Return styles and scripts, the player of replays among them."""
     folder = resources.files("fpg_bench.leaderboard.site").joinpath("static")
-    files = {f"static/{file.name}": file.read_text("utf-8") for file in folder.iterdir() if file.is_file()}
+    files: dict[str, str | bytes] = {
+        f"static/{file.name}": file.read_bytes() for file in folder.iterdir() if file.is_file()
+    }
     files |= {f"static/replay.{suffix}": replay_part(suffix) for suffix in ("css", "js")}
     return files | {f"static/{part}.js": replay_code(part) for part in ("events", "pen")}
 
 
-def _write(path: Path, content: str) -> None:
+def _write(path: Path, content: str | bytes) -> None:
     """Write a file, unless it has this content already."""
-    data = content.encode()
+    data = content.encode() if isinstance(content, str) else content
     if not path.is_file() or path.read_bytes() != data:
         write_whole(path, data)
 
