@@ -102,6 +102,11 @@ class BoardSuite:
     trained: Mapping[str, str] = field(default_factory=dict)
     play: Mapping[str, str] = field(default_factory=dict)
 
+    def label(self, rival: str) -> str:
+        """Return a rival's name, with the algorithm that trained it: ``o04 (TD3)``."""
+        trained = self.trained.get(rival)
+        return f"{rival} ({trained.partition(',')[0]})" if trained else rival
+
 
 @dataclass(frozen=True)
 class WorstCase:

@@ -171,7 +171,15 @@ def test_the_page_of_an_entry_has_its_citation_badge_and_rivals(site, pages):
     badge = (site / "badges/ally/player-1.svg").read_text()
     assert ElementTree.fromstring(badge).attrib["aria-label"].startswith("fpg-bench ally: rank ")
     assert "none: it was submitted or changed after" in pages[entry_file(1)].text
-    assert "trained-0, trained-1, trained-2" in pages[entry_file(2)].text
+    assert "trained-0 (TD3), trained-1, trained-2" in pages[entry_file(2)].text
+    assert "trained-0TD3, trained against expert its rounds" in pages[entry_file(2)].text
+    command = (
+        f"fpg-bench play --ally no-such/agent/seed_0{HOSTILE[1]} --opponent trained-0 --path pursuit --seed 7"
+    )
+    assert command in pages[entry_file(1)].texts
+    assert "returns 1234.5 in all" in pages[entry_file(3)].text
+    assert "fpg-bench play --ally idle --opponent trained-0" in pages[entry_file(3)].text
+    assert 'title="TD3, trained against expert">trained-0 (TD3)</th>' in (site / "ranking.html").read_text()
 
 
 def test_an_entry_without_a_score_that_ranks_has_no_rank(plain_site):

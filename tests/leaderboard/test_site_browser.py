@@ -219,6 +219,15 @@ def test_an_event_is_announced_only_once_it_has_happened(watched):
     expect(marks.nth(before)).to_be_attached()
 
 
+def test_a_rival_s_row_leads_to_its_round(watched):
+    watched.locator("button.round").nth(1).click()
+    row = watched.locator("tr", has=watched.locator(".trail")).first
+    row.locator("summary").click()
+    row.get_by_role("link", name="watch it").click()
+    expect(watched.locator("button.round").nth(0)).to_have_attribute("aria-pressed", "true")
+    expect(watched.locator("#watch")).to_be_in_viewport()
+
+
 def test_a_round_plays_alone_in_a_small_frame_again_and_again(visit):
     small = {"width": 480, "height": 270}
     page = visit(f"{WATCHED}#embed&play&loop&from=290", viewport=small)
@@ -530,7 +539,7 @@ def begin(page, side, **settings):
     for name, value in settings.items():
         page.locator(f"#{name}").select_option(value)
     page.locator("#seed").press("Enter")
-    expect(page.locator("#one")).to_be_enabled()
+    expect(page.locator("#one")).to_be_visible()
     page.locator("#one").focus()
 
 
@@ -543,7 +552,7 @@ def test_the_keyboard_plays_a_round(visit, side, ending):
     page.evaluate(PRESSED)
     expect(page.locator("#event")).to_have_text(re.compile(r"The round is over: [\d.−]+ per second" + ending))
     expect(page.locator("#clock")).to_have_text("300 / 300")
-    expect(page.locator("#one")).to_be_disabled()
+    expect(page.locator("#one")).to_be_hidden()
 
 
 def test_a_visiting_opponent_learns_the_link_and_the_score_at_the_end(visit):
@@ -602,7 +611,7 @@ def test_a_minute_begins_at_once_and_ends_with_the_champion_and_random_on_its_se
     first, address = result.inner_text(), page.locator("#link").inner_text()
     page.goto("about:blank")
     page.goto(address)
-    expect(page.locator("#one")).to_be_enabled()
+    expect(page.locator("#one")).to_be_visible()
     page.evaluate(PRESSED)  # the link begins the same round
     expect(result).to_have_text(re.compile(re.escape(first.partition(", ")[2])))
     page.locator("#watch").click()

@@ -181,6 +181,7 @@ def worst_view(board: Board, track: BoardTrack, figures: Figures) -> WorstView:
     if where == CROSSPLAY:
         rival = board.names(track.other_side).get(rival, rival)
     else:
+        rival = next((suite.label(rival) for suite in track.suites if suite.role == where), rival)
         where = ROLES[where].label.lower()
     return WorstView(worst.score, worst.return_per_step, rival, where)
 

@@ -18,7 +18,7 @@
   };
   const arena = fpgArena(scene, byId("arena"));
   const times = fpgTimes(scene, { spectrum: byId("spectrum"), snr: byId("snr"), distance: byId("distance") });
-  const written = (value, digits) => value.toFixed(digits).replace("-", "−");
+  const written = (value, digits) => value.toFixed(digits).replace(/^-(0(\.0+)?)$/, "$1").replace("-", "−");
   const pointMhz = (point) => fpgRules.pointMhz(point, rules);
 
   /* ---- players ---- */
@@ -103,14 +103,15 @@
     truth = Object.fromEntries(fpgSight.FIELDS.map((field) => [field, []]));
     shown = Object.fromEntries(fpgSight.FIELDS.map((field) => [field, []]));
     for (const id of ["end", "back"]) byId(id).hidden = true;
+    byId("hands").hidden = false;
     byId("snr").parentElement.hidden = human === "opponent";
-    for (const id of ["run", "one", "hop", "spread"]) byId(id).disabled = false;
     press("hop", false);
     press("spread", false);
     byId("event").textContent = "The round begins.";
     keep();
     draw();
     keepAddress(asked);
+    if (matchMedia("(max-width: 820px)").matches) document.querySelector(".play").scrollIntoView();
   }
 
   function next() {
@@ -163,7 +164,7 @@
     ally: () => {
       const k = game.step, type = shown.type[k];
       const sensed = type < 0 ? "no jamming sensed yet" : `${scenario.jamming[type].name} sensed at ${shown.centre[k].toFixed(1)} MHz`;
-      return `you at ${game.frequency.toFixed(1)} MHz; ${sensed}`;
+      return `${game.frequency.toFixed(1)} MHz is yours; ${sensed}`;
     },
     opponent: () => `heard ${game.age} s ago at ${game.known.toFixed(1)} MHz; next check in ${game.nextCheck - game.step} s`,
   };
@@ -184,9 +185,10 @@
     byId("snr").parentElement.hidden = false;
     const earned = round.total / round.seconds, points = score(earned);
     byId("event").textContent = `The round is over: ${human === "nobody" ? "the ally earned " : ""}${written(earned, 2)} per second${points === null ? "" : `, a score of ${written(points, 1)}; 0 is random play`}.`;
-    for (const id of ["run", "one", "hop", "spread"]) byId(id).disabled = true;
+    byId("hands").hidden = true;
     byId("link").textContent = location.href;
     byId("end").hidden = false;
+    document.querySelector(".play").scrollIntoView();
     const name = human === "nobody" ? "The ally" : "You";
     byId("result").textContent = `${name} ${mean(earned)}`;
     byId("result").focus();
@@ -251,6 +253,7 @@
     if (KEYS[event.key] && byId("keys").checked && game && !busy) KEYS[event.key]();
   });
 
+  byId("hop").textContent = `Hop, for ${rules.hop_cost}`;
   byId("point").add(new Option("where the knowledge base says", "expert"));
   for (let point = 0; point < rules.points; point++) byId("point").add(new Option(`${pointMhz(point).toFixed(1)} MHz`, point));
   byId("side").addEventListener("change", listRivals);
