@@ -111,7 +111,7 @@
     keep();
     draw();
     keepAddress(asked);
-    if (matchMedia("(max-width: 820px)").matches) document.querySelector(".play").scrollIntoView();
+    document.querySelector(".play").scrollIntoView();
   }
 
   function next() {
