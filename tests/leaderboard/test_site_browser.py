@@ -442,7 +442,7 @@ def test_marks_of_the_mean_leave_its_interval_visible(visit):
         Number(one.querySelector(".range").getAttribute("y1")),
         parseFloat(getComputedStyle(one.querySelector(".range")).strokeWidth)])"""
     ):
-        top, above, gap = map(float, re.fullmatch(r"M[\d.]+ (\d+)v(\d+)m0 (\d+)v\d+", dot).groups())
+        top, above, gap = map(float, re.fullmatch(r"M [\d.]+ (\d+)v(\d+)m0 (\d+)v\d+", dot).groups())
         assert top + above <= line - width / 2
         assert top + above + gap >= line + width / 2
 
