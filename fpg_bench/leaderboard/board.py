@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import logging
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -52,6 +52,7 @@ from fpg_bench.leaderboard.tracks import (
     ranked_by,
     track_of,
 )
+from fpg_bench.leaderboard.trail import first_returns, play_options, player_of, training_of
 from fpg_bench.leaderboard.verification import Case, load_entry, make_case
 from fpg_bench.players.player import SIDES
 from fpg_bench.version import __version__
@@ -88,6 +89,9 @@ class BoardSuite:
         role: see :meth:`fpg_bench.leaderboard.tracks.TrackSuites.of`.
         rounds: against each rival, per training seed.
         rivals: their names.
+        trained: how each trained rival was trained, by name.
+        play: options of ``fpg-bench play`` for an entry's first round against a rival, by the rival's name;
+            without those whose game it does not offer.
     """
 
     role: str
@@ -95,6 +99,13 @@ class BoardSuite:
     hash: str
     rounds: int
     rivals: tuple[str, ...]
+    trained: Mapping[str, str] = field(default_factory=dict)
+    play: Mapping[str, str] = field(default_factory=dict)
+
+    def label(self, rival: str) -> str:
+        """Return a rival's name, with the algorithm that trained it: ``o04 (TD3)``."""
+        trained = self.trained.get(rival)
+        return f"{rival} ({trained.partition(',')[0]})" if trained else rival
 
 
 @dataclass(frozen=True)
@@ -165,6 +176,7 @@ class Figures:
         score: over the suite that ranks the track, else over the public one.
         scores: by role of the suite.
         by_rival: scores by role and rival.
+        first_rounds: return of the first round of the first training seed, by role and rival.
         units: by role.
         seeds: the score of each training seed.
         training_seeds: 0 for scripts and planners.
@@ -172,6 +184,7 @@ class Figures:
         measures: over all rounds of the public suite.
         histograms: share of time per frequency point, of ``ally`` and ``jam``.
         lost, rounds: rounds lost by an invalid answer, and all rounds.
+        records: one per training seed and rival.
     """
 
     rank: tuple[int, int] | None
@@ -179,6 +192,7 @@ class Figures:
     scores: Mapping[str, Score]
     worst: WorstCase
     by_rival: Mapping[str, Mapping[str, Score]]
+    first_rounds: Mapping[str, Mapping[str, float]]
     units: Mapping[str, Units]
     seeds: Mapping[int, float]
     training_seeds: int
@@ -189,6 +203,7 @@ class Figures:
     histograms: Mapping[str, tuple[float, ...]]
     lost: int
     rounds: int
+    records: int
     planner: PlannerFigures | None
     fingerprint: Mapping[str, Any]
 
@@ -207,6 +222,7 @@ class BoardEntry:
         kind: ``script``, ``zoo`` or ``submitted``.
         actions: the action modes of its policies; empty if it has none.
         plays: the script or zoo agent that it names.
+        player: what ``fpg-bench play`` calls its script or first policy; None for planners.
         reason: why it is not verified.
         figures: None where it is not verified.
         replays: files of the rounds that its page shows.
@@ -221,6 +237,7 @@ class BoardEntry:
     kind: str
     actions: tuple[str, ...]
     plays: str | None
+    player: str | None
     training: Training | None
     saw: str
     unable: str
@@ -477,7 +494,15 @@ def _make_track(
         side=track.side,
         ranked_by=role,
         suites=tuple(
-            BoardSuite(role, suite.name, suite.hash, suite.rounds, tuple(c.name for c in suite.rivals))
+            BoardSuite(
+                role,
+                suite.name,
+                suite.hash,
+                suite.rounds,
+                tuple(rival.name for rival in suite.rivals),
+                trained={r.name: text for r in suite.rivals if (text := training_of(r))},
+                play={r.name: text for r in suite.rivals if (text := play_options(suite, r))},
+            )
             for role, suite in suites.items()
         ),
         scale=loader.public(track).scale,
@@ -547,6 +572,7 @@ def _make_entry(
         kind=kind,
         actions=tuple(sorted({policy.about.get("actions", "continuous") for policy in submission.policies})),
         plays=submission.script or submission.zoo,
+        player=player_of(submission),
         training=submission.training,
         saw=submission.saw,
         unable=submission.unable,
@@ -576,6 +602,7 @@ def _make_figures(
             role: {name: _score(interval, summary.suite.scale) for name, interval in summary.by_rival.items()}
             for role, summary in summaries.items()
         },
+        first_rounds={role: first_returns(summary.records) for role, summary in summaries.items()},
         units={role: _make_units(summary) for role, summary in summaries.items() if role != PUBLIC_SEEDS},
         seeds={
             seed: round_finite(score) for seed, score in ranking.seed_scores().items() if seed is not None
@@ -591,6 +618,7 @@ def _make_figures(
         },
         lost=sum(record.lost for record in played),
         rounds=sum(len(record.returns) for record in played),
+        records=len(played),
         planner=_make_planner_figures(public, item.result),
         fingerprint=item.result.fingerprint.to_dict(),
     )

@@ -40,8 +40,8 @@ function fpgArena(scene, canvas) {
       stroke(pen, [at([(i * bx) / 5, 0, 0]), at([(i * bx) / 5, by, 0])], colours.panel);
       stroke(pen, [at([0, (i * by) / 5, 0]), at([bx, (i * by) / 5, 0])], colours.panel);
     }
-    for (const z of [0, bz]) stroke(pen, [...corners, corners[0]].map(([x, y]) => at([x, y, z])), z ? colours.pale : colours.grey);
-    for (const [x, y] of corners) stroke(pen, [at([x, y, 0]), at([x, y, bz])], colours.pale);
+    for (const z of [0, bz]) stroke(pen, [...corners, corners[0]].map(([x, y]) => at([x, y, z])), z ? colours.line : colours.grey);
+    for (const [x, y] of corners) stroke(pen, [at([x, y, 0]), at([x, y, bz])], colours.line);
   }
 
   function nameBox(names, at) {
@@ -65,8 +65,8 @@ function fpgArena(scene, canvas) {
     const { colours, steps, scenario } = scene, k = scene.now();
     for (const side of ["ally", "opponent"]) {
       const track = [...steps[side].slice(0, k + 1), here[side]];
-      stroke(pen, track.map((p) => at(ground(p))), colours.grey, 1.4, [], 0.35);
-      stroke(pen, track.map(at), colours[side], 1.4, [], 0.5);
+      stroke(pen, track.map((p) => at(ground(p))), colours.line);
+      stroke(pen, track.map(at), colours[side]);
       stroke(pen, track.slice(-TRAIL).map(at), colours[side], 3);
       stroke(pen, [at(here[side]), at(ground(here[side]))], colours.grey);
     }
@@ -88,8 +88,8 @@ function fpgArena(scene, canvas) {
     const due = Math.floor((scene.now() * waypoints.length) / scene.last);
     for (const place of waypoints.slice(0, due)) {
       const [x, y] = at(place);
-      stroke(pen, [[x - 3, y], [x + 3, y]], scene.colours.opponent, 1.4, [], 0.7);
-      stroke(pen, [[x, y - 3], [x, y + 3]], scene.colours.opponent, 1.4, [], 0.7);
+      stroke(pen, [[x - 3, y], [x + 3, y]], scene.colours.opponent, 1.4);
+      stroke(pen, [[x, y - 3], [x, y + 3]], scene.colours.opponent, 1.4);
     }
   }
 

@@ -93,7 +93,7 @@ const fpgPen = (() => {
 
   function readColours() {
     const style = getComputedStyle(document.documentElement);
-    const names = ["page", "panel", "ground", "ink", "grey", "pale", "ally", "opponent", "spreading", "veil"];
+    const names = ["page", "panel", "ground", "ink", "grey", "line", "ally", "opponent", "spreading", "veil"];
     return Object.fromEntries(names.map((name) => [name, style.getPropertyValue("--" + name).trim()]));
   }
 

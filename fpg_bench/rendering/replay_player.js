@@ -4,7 +4,8 @@ function fpgReplay(root, keys) {
   "use strict";
   const byId = (id) => root.querySelector("#replay-" + id);
   const view = { round: 0, time: 0, playing: false, dirty: true };
-  let data, scenario, round, steps, last, totals, colours, events;
+  const REST_MS = 3000; // that a loop stays at its end
+  let data, scenario, round, steps, last, totals, colours, events, loop = null; // loop: the step it begins with
 
   /* ---- what is shown ---- */
 
@@ -134,8 +135,14 @@ function fpgReplay(root, keys) {
     const k = now();
     [...byId("marks").children].forEach((mark, i) => (mark.hidden = events[i].step > k));
     const told = events.findLast((event) => event.step <= k);
-    const text = told ? `${told.step} s: ${told.text}` : "Nothing has happened yet";
+    const text = k === last ? closing() : told ? `${told.step} s: ${told.text}` : "Nothing has happened yet";
     if (byId("event").textContent !== text) byId("event").textContent = text;
+  }
+
+  function closing() {
+    const [ally, opponent] = ["ally", "opponent"].map((side) => signed(totals[side][last] / last, 2));
+    const broken = steps.snr.slice(1).filter((level) => level < scenario.threshold_db).length / last;
+    return `The end: ally ${ally} per step, opponent ${opponent}; link broken ${(100 * broken).toFixed(0)} % of the time`;
   }
 
   /* ---- drawing, and the way to it ---- */
@@ -152,7 +159,7 @@ function fpgReplay(root, keys) {
   function tick(time) {
     if (view.playing) {
       goTo(view.time + (Math.min(100, time - before) / 1000) * Number(byId("speed").value));
-      if (view.time >= last) play(false);
+      if (view.time >= last) ended();
     }
     before = time;
     if (data && view.dirty) {
@@ -160,6 +167,20 @@ function fpgReplay(root, keys) {
       draw();
     }
     requestAnimationFrame(tick);
+  }
+
+  function ended() {
+    play(false);
+    if (loop !== null) setTimeout(() => { goTo(loop); play(true); }, REST_MS);
+  }
+
+  /** Show the replay as an address asks, such as `#embed&play&loop&from=40`: alone, at once, again and again, from a step. */
+  function follow(address) {
+    const from = Number(address.get("from") ?? address.get("step")) || 0;
+    document.documentElement.classList.toggle("embed", address.has("embed"));
+    loop = address.has("loop") ? from : null;
+    if (from) goTo(from);
+    if (address.has("play")) play(true);
   }
 
   function recolour() {
@@ -214,5 +235,5 @@ function fpgReplay(root, keys) {
   new ResizeObserver(draw).observe(root.querySelector(".plots"));
   requestAnimationFrame(tick);
   root.fpgLabels = arena.labels; // where the arena's texts stand
-  return { show, goTo, play };
+  return { show, goTo, play, follow };
 }

@@ -18,7 +18,7 @@ function fpgTimes(scene, canvases) {
     pen.textBaseline = "middle";
     pen.textAlign = "right";
     for (const tick of ticks) {
-      stroke(pen, [[axes.left, y(tick)], [axes.right, y(tick)]], scene.colours.pale, 1, [], 0.5);
+      stroke(pen, [[axes.left, y(tick)], [axes.right, y(tick)]], scene.colours.line, 0.6);
       pen.fillText(String(+tick.toFixed(1)), axes.left - 6, y(tick));
     }
     if (labels) timeLabels(axes, from, to);
@@ -81,7 +81,7 @@ function fpgTimes(scene, canvases) {
     const level = ([first, end], value, ...style) => stroke(pen, [[x(first - 1), y(value)], [x(end), y(value)]], ...style);
     for (const run of runs(axes, (k) => scene.steps.known[k - 1])) level(run, scene.steps.known[run[0] - 1], scene.colours.ink, 1.2, [1.5, 2]);
     for (let k = from; k <= to; k++)
-      stroke(pen, [[x(k - 1), y(scene.steps.frequency[k - 1])], [x(k - 1), y(scene.steps.frequency[k])]], scene.colours.ally, 0.8, [], 0.8);
+      stroke(pen, [[x(k - 1), y(scene.steps.frequency[k - 1])], [x(k - 1), y(scene.steps.frequency[k])]], scene.colours.ally, 0.8);
     const held = (k) => `${scene.steps.frequency[k]} ${scene.outage(k)}`;
     for (const run of runs(axes, held)) level(run, scene.steps.frequency[run[0]], scene.colours.panel, 6);
     for (const run of runs(axes, held)) {
@@ -135,7 +135,8 @@ function fpgTimes(scene, canvases) {
   }
 
   function drawSnr() {
-    const low = scene.steps.snr.reduce((a, b) => Math.min(a, b), -20) - 2, high = [...scene.steps.snr, ...scene.steps.clean_snr].reduce((a, b) => Math.max(a, b), 90) + 4;
+    const known = [...scene.steps.snr, ...scene.steps.clean_snr].filter(Number.isFinite); // a side may not know all
+    const low = Math.min(-20, ...known) - 2, high = Math.max(90, ...known) + 4;
     const axes = timeAxes("snr", (value) => (value - low) / (high - low), [0, 25, 50, 75], false);
     mark(axes, scene.scenario.threshold_db, `M ${scene.scenario.threshold_db}`, scene.colours.ink);
     clipAgain(axes);

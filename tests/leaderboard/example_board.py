@@ -112,7 +112,16 @@ def _suites(side: str, public: list[str], season: int | None) -> tuple[BoardSuit
         rivals[UNSEEN] = f"{side}-season-{season}", [f"trained-{k}" for k in range(3)]
         rivals[SHIFTED] = f"{side}-shifted-v1", [f"{public[0]}, {change}" for change in CHANGED_RULES]
     return tuple(
-        BoardSuite(role, name, "0" * 64, 100, tuple(names)) for role, (name, names) in rivals.items()
+        BoardSuite(
+            role,
+            name,
+            "0" * 64,
+            100,
+            tuple(names),
+            trained={names[0]: "TD3, trained against expert"} if role == UNSEEN else {},
+            play={} if role == SHIFTED else {names[0]: f"--opponent {names[0]} --path pursuit --seed 7"},
+        )
+        for role, (name, names) in rivals.items()
     )
 
 
@@ -137,6 +146,7 @@ def _entry(
         kind=kind,
         actions=() if kind == "script" else ("discrete",),
         plays={"script": ("idle", "tone")[key != "ally"], "zoo": "no-such/agent"}.get(kind),
+        player="idle" if kind == "script" else f"no-such/agent/seed_0{text}",
         training=None if kind == "script" else Training(steps=2_000_000, hours=1.5, seeds=(0, 1, 2, 3, 4)),
         saw=text or "the adaptive opponent in pursuit",
         unable=text or "nothing that we know of",
@@ -161,6 +171,7 @@ def _figures(
         scores={role: _score(value, 6, SEEDS) for role, value in scores.items()},
         worst=_worst(index, by_rival[PUBLIC]),
         by_rival=by_rival,
+        first_rounds={role: dict.fromkeys(scores, 1234.5) for role, scores in by_rival.items()},
         units=_units(by_rival, kind),
         seeds={} if kind == "script" else {k: score + k - 2 for k in range(5)},
         training_seeds=0 if kind == "script" else 5,
@@ -171,6 +182,7 @@ def _figures(
         histograms={side: tuple(rng.integers(0, 900, 15).tolist()) for side in ("ally", "jam")},
         lost=1234 if index == 4 else 0,
         rounds=5000,
+        records=50,
         planner=None,
         fingerprint={"version": "0.1.0", "policies": {"0": "ab" * 32}, "submission": text or "cd" * 32},
     )

@@ -19,7 +19,7 @@ from tests.leaderboard.browsing import chromium
 pytestmark = pytest.mark.browser
 
 STATIC = Path(page_data.__file__).parent / "static"
-CODE = ("draws", "flight", "rules", "knowledge", "scripts", "policy")
+CODE = ("draws", "flight", "rules", "knowledge", "scripts", "policy", "sight")
 PATHS = ("pursuit", "circle", "triangle", "rectangle", "learned")
 GAMES = 10  # of each path and kind of actions: 100 rounds
 STEPS = 300
@@ -56,6 +56,18 @@ SCRIPTED = """({ rules, seed, ally, opponent }) => {
     total[0] += game.allyReward; total[1] += game.opponentReward;
   }
   return total;
+}"""
+
+# Plays a round of scripts; gives all that a side is shown, its 15 numbers, and the truth.
+SIGHT = """({ rules, side, tampered }) => {
+  const game = fpgRules.begin(rules, 5), make = (one, name) => fpgScripts.make(one, name, rules, game.key);
+  const players = [make("ally", "expert-spread"), make("opponent", "adaptive")], steps = [];
+  while (!game.over) {
+    fpgRules.step(game, players[0](game.allySees), players[1](game.opponentSees));
+    const truth = fpgSight.truth(game), seen = fpgSight.seen({ ...game, ...tampered }, side);
+    steps.push({ seen, truth, numbers: [...game[side + "Sees"]], heard: truth.check === 1 });
+  }
+  return steps;
 }"""
 
 # Asks a policy again and again, with a memory of its own.
@@ -162,3 +174,50 @@ def test_policies_answer_as_onnxruntime_does(page, name):
     assert policy is not None
     answers = page.evaluate(ASKED, {"policy": json.loads(json.dumps(policy)), "seen": seen.tolist()})
     np.testing.assert_allclose(answers, expected, atol=1e-5)
+
+
+# What is no part of a side's 15 numbers.
+SECRET = {
+    "ally": {"cleanSnr": -99, "covered": 7, "type": 2, "centre": 1, "known": 1, "age": 99, "lastCheck": 7},
+    "opponent": {"snr": -99, "cleanSnr": -99, "covered": 7, "allyReward": 7, "opponentReward": 7}
+    | {"frequency": 1, "spreadingS": 99, "hopped": True, "spreading": True, "sensedType": 3, "sensedMhz": 1},
+}
+
+
+def sight(page, side, tampered=None):
+    rules = page_data.rules_data(Scenario())
+    return page.evaluate(SIGHT, {"rules": rules, "side": side, "tampered": tampered or {}})
+
+
+@pytest.mark.parametrize("side", SECRET)
+def test_a_visitor_is_shown_nothing_that_a_player_of_the_side_does_not_observe(page, side):
+    def seen(tampered):
+        return [str(sorted(step["seen"].items())) for step in sight(page, side, tampered)]
+
+    assert seen(SECRET[side]) == seen({})
+
+
+def test_the_opponent_sees_neither_the_link_nor_an_unheard_frequency(page):
+    steps = sight(page, "opponent")
+    hidden = ("snr", "clean_snr", "ally_reward", "opponent_reward")
+    assert all(np.isnan([step["seen"][name] for name in hidden]).all() for step in steps)
+    assert not any(step["seen"][name] for step in steps for name in ("covered", "spreading", "hopped"))
+    assert [np.isfinite(step["seen"]["frequency"]) for step in steps] == [step["heard"] for step in steps]
+    assert any(step["truth"]["covered"] for step in steps)
+    assert sum(step["heard"] for step in steps) > 3
+
+
+def test_the_ally_sees_what_its_monitor_senses_errors_included(page):
+    steps, scenario = sight(page, "ally"), Scenario()
+    middle = (scenario.band_low_mhz + scenario.band_high_mhz) / 2
+    half = (scenario.band_high_mhz - scenario.band_low_mhz) / 2
+    for step in steps:
+        seen, numbers = step["seen"], np.array(step["numbers"])
+        assert seen["type"] == numbers[10:14].argmax()
+        assert seen["centre"] == pytest.approx(middle + half * numbers[9])
+        assert seen["covered"] == (numbers[14] > 0)
+        assert seen["snr"] == pytest.approx(numbers[8] * scenario.snr_scale_db, rel=1e-6)
+        assert np.isnan([seen["clean_snr"], seen["known"]]).all()
+    wrong = np.mean([step["seen"]["type"] != step["truth"]["type"] for step in steps])
+    assert 0.04 < wrong < 0.2
+    assert np.std([s["seen"]["centre"] - s["truth"]["centre"] for s in steps]) == pytest.approx(1, abs=0.2)

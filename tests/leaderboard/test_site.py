@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from email.message import Message
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
@@ -17,7 +18,7 @@ import yaml
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.board import Score
-from fpg_bench.leaderboard.site import views
+from fpg_bench.leaderboard.site import build, views
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.reading_pages import PAGES
 from fpg_bench.leaderboard.site.replays import Replay
@@ -170,7 +171,15 @@ def test_the_page_of_an_entry_has_its_citation_badge_and_rivals(site, pages):
     badge = (site / "badges/ally/player-1.svg").read_text()
     assert ElementTree.fromstring(badge).attrib["aria-label"].startswith("fpg-bench ally: rank ")
     assert "none: it was submitted or changed after" in pages[entry_file(1)].text
-    assert "trained-0, trained-1, trained-2" in pages[entry_file(2)].text
+    assert "trained-0 (TD3), trained-1, trained-2" in pages[entry_file(2)].text
+    assert "trained-0TD3, trained against expert its rounds" in pages[entry_file(2)].text
+    command = (
+        f"fpg-bench play --ally no-such/agent/seed_0{HOSTILE[1]} --opponent trained-0 --path pursuit --seed 7"
+    )
+    assert command in pages[entry_file(1)].texts
+    assert "returns 1234.5 in all" in pages[entry_file(3)].text
+    assert "fpg-bench play --ally idle --opponent trained-0" in pages[entry_file(3)].text
+    assert 'title="TD3, trained against expert">trained-0 (TD3)</th>' in (site / "ranking.html").read_text()
 
 
 def test_an_entry_without_a_score_that_ranks_has_no_rank(plain_site):
@@ -182,11 +191,18 @@ def test_an_entry_without_a_score_that_ranks_has_no_rank(plain_site):
     assert "It has not played the unseen suite, so it has no rank." in text
 
 
-def test_the_front_page_shows_the_first_three_and_a_round_and_stays_small(site, pages, plain_site):
-    podium = (site / "index.html").read_text().split('id="first-opponent-pursuit"')[0]
-    first = list(example_board(7, hostile=True).tracks[0].verified())[:3]
-    assert re.findall(r'href="entries/ally/([\w-]+).html"', podium) == [entry.slug for entry, _ in first]
-    assert all(f"{figures.score.value:.1f}" in podium for _, figures in first)
+def test_the_front_page_shows_the_leaders_and_a_round_and_stays_small(site, pages, plain_site):
+    board, text = example_board(7, hostile=True), pages["index.html"].text
+    leaders = [next(track.verified()) for track in board.tracks]
+    rows = re.findall(r'href="entries/([\w-]+)/([\w-]+).html"', (site / "index.html").read_text())
+    assert rows == [(t.key, entry.slug) for t, (entry, _) in zip(board.tracks, leaders, strict=True)]
+    cells = re.findall(r'<td class="num[^>]*>(?:<b>)?([^<]*)<', (site / "index.html").read_text())
+    for k, (track, (_, figures)) in enumerate(zip(board.tracks, leaders, strict=True)):
+        score, rank = views.format_number(figures.score.value), views.format_rank(figures.rank)
+        expected = [score, views.format_interval(figures.score), rank, str(len(track.entries))]
+        assert cells[4 * k : 4 * k + 4] == expected
+    assert "9 entries, trained or scripted" in text
+    assert "8 of 9 entries are verified: their 400 records, 40,000 rounds" in text
     assert ROUND.file in pages["index.html"].values("src")
     elements = pages["index.html"].elements
     loaded = [a.get("src") or a.get("href") for tag, a in elements if tag in ("script", "link")]
@@ -196,12 +212,35 @@ def test_the_front_page_shows_the_first_three_and_a_round_and_stays_small(site, 
     assert "film.js" not in without_rounds
 
 
-@pytest.mark.parametrize(
-    ("ends", "marks"),
-    [((30.2, 60.6), [40, 50, 60]), ((-6, -5), [-6, -5]), ((0, 100), [0, 20, 40, 60, 80, 100])],
-)
-def test_ticks_are_round_numbers_on_the_axis(ends, marks):
-    assert views.ticks(views.Axis(*ends)) == marks
+def test_the_install_box_of_the_front_page_holds_commands_of_the_readme(pages):
+    readme = (ROOT / "README.md").read_text().splitlines()
+    box = next(text for text in pages["index.html"].texts if text.startswith("make "))
+    assert [line for line in box.splitlines() if not any(known.startswith(line) for known in readme)] == []
+
+
+def software(page):
+    """The links of a page's header to the software, by label."""
+    header = page.read_text().split('aria-label="Software"')[1].split("</nav>")[0]
+    return {label: link for link, label in re.findall(r'<a href="([^"]*)"[^>]*>(\w+)</a>', header)}
+
+
+def test_every_header_leads_to_docs_source_and_paper_where_their_address_is_known(
+    site, plain_site, tmp_path, monkeypatch
+):
+    paper = yaml.safe_load((ROOT / "CITATION.cff").read_text())["references"][0]["doi"]
+    known = {"Paper": f"https://doi.org/{paper}"}
+    for path in site.rglob("*.html"):
+        root = "../" * (len(path.relative_to(site).parts) - 1)
+        assert software(path) == {"Docs": f"{root}rules.html"} | known
+    assert software(plain_site / entry_file(1)) == {"Docs": "../../../site/index.html"} | known
+    urls = ["Repository, https://git.example.org/fpg", "Documentation, https://docs.example.org"]
+    message = Message()
+    for url in urls:
+        message["Project-URL"] = url
+    monkeypatch.setattr(build, "metadata", lambda name: message)
+    build_site(example_board(1), tmp_path)
+    published = {"Docs": "https://docs.example.org", "Source": "https://git.example.org/fpg"}
+    assert software(tmp_path / "index.html") == published | known
 
 
 def test_pages_load_only_files_of_the_site_and_say_so(site, pages):
@@ -226,8 +265,17 @@ def test_pages_load_only_files_of_the_site_and_say_so(site, pages):
         assert {link[1:] for link in page.values("href") if link.startswith("#")} <= set(ids), path
 
 
+def test_a_link_to_a_page_has_a_description_and_a_picture(site, pages):
+    assert (site / "static/preview.png").read_bytes().startswith(b"\x89PNG")
+    for path, page in pages.items():
+        found = [attrs for tag, attrs in page.elements if tag == "meta"]
+        metas = {a.get("name") or a.get("property"): a.get("content") for a in found}
+        assert len(metas["description"]) > 50, path
+        assert (site / path).parent.joinpath(metas["og:image"]).is_file(), path
+
+
 def test_styles_and_scripts_load_nothing(site):
-    for path in (site / "static").glob("*"):
+    for path in {*(site / "static").glob("*")} - {*(site / "static").glob("*.png")}:
         text = path.read_text(encoding="utf-8")
         for word in ("fetch(", "XMLHttpRequest", "@import", "url(", "innerHTML", "eval(", "insertAdjacent"):
             assert word not in text, (path, word)
@@ -242,11 +290,12 @@ def test_the_page_on_submitting_shows_the_commands_of_the_docs(pages):
 
 def test_pages_link_to_the_documentation_where_its_address_is_known(plain_site, pages):
     links = re.findall(r'<a href="../site/([\w/-]+)\.html[^"]*">', (plain_site / "submit.html").read_text())
-    assert len(links) == 9  # three of them in the footer
+    assert len(links) == 10  # one of them in the header, three in the footer
     assert [page for page in links if not (ROOT / "docs" / f"{page}.md").is_file()] == []
     assert "../../../site/reference/rules.html" in Page(plain_site / entry_file(0)).values("href")
     assert not (plain_site / "rules.html").exists()
-    assert "docs/benchmark/submitting.md" in pages["submit.html"].texts
+    assert "docs/benchmark/leaderboard.md" in pages["submit.html"].texts
+    assert {"./submitting.html", "./submitting-planners.html"} <= set(pages["submit.html"].values("href"))
 
 
 @pytest.mark.parametrize("name", PAGES)
@@ -255,7 +304,7 @@ def test_pages_of_the_docs_are_in_the_site_with_working_links(pages, name):
     source = (ROOT / "docs" / PAGES[name][0]).read_text()
     titles = [line.lstrip("# ") for line in source.splitlines() if re.match(r"##? \S", line)]
     assert [title for title in titles if title.replace("`", "") not in text] == []
-    assert not re.search(r":::|<!--|\]\(|\*\*", text)
+    assert not re.search(r":::|<!--|\]\(|\*\*\w[^*]*\*\*", text)
     for link in [attrs["href"] for tag, attrs in page.elements if tag == "a" and "href" in attrs]:
         target, _, anchor = link.partition("#")
         assert not anchor or anchor in pages[target or f"{name}.html"].values("id"), link

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from functools import partial
 from importlib import resources
+from importlib.metadata import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +17,14 @@ from fpg_bench.leaderboard.board import Board
 from fpg_bench.leaderboard.site import reading_pages, views
 from fpg_bench.leaderboard.site.entry_page import badge_file, badge_view, entry_view
 from fpg_bench.leaderboard.site.page_data import Policies, data_files
-from fpg_bench.leaderboard.site.replays import Replay
+from fpg_bench.leaderboard.site.replays import Replay, label_of
 from fpg_bench.rendering.replay import replay_code, replay_markup, replay_part
 
 if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
 
+PAPER = "https://doi.org/10.3390/drones10020147"  # the article whose game it is, as in CITATION.cff
 MARK = ".fpg-site"  # marks a folder that holds a site, which may be cleared
 Replays = Mapping[tuple[str, str], list[Replay]]
 _SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
@@ -57,7 +59,7 @@ def build_site(
     folder, replays = Path(out), replays or {}
     check_folder(folder)
     board = _with_replays(board, replays)
-    files = {MARK: "made by fpg-bench leaderboard build\n"}
+    files: dict[str, str | bytes] = {MARK: "made by fpg-bench leaderboard build\n"}
     files |= _pages(board, replays, docs) | _static_files() | data_files(board, policies or {})
     files |= {replay.file: replay.script for rounds in replays.values() for replay in rounds}
     for name, content in files.items():
@@ -107,9 +109,14 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
     from markupsafe import Markup
 
     tracks = [views.track_view(board, track) for track in board.tracks]
-    podiums = [views.podium(board, track) for track in board.tracks]
+    front = {
+        "film": _film(board, replays),
+        "tracks": tracks,
+        "n_entries": sum(len(track.entries) for track in board.tracks),
+        "verified": [figures for track in board.tracks for _, figures in track.verified()],
+    }
     pages: list[tuple[str, str, dict[str, Any]]] = [
-        ("index.html", "index.html", {"film": _film(board, replays), "podiums": podiums}),
+        ("index.html", "index.html", front),
         ("play.html", "play.html", {}),
         ("ranking.html", "ranking.html", {"tracks": tracks}),
         ("compare.html", "compare.html", {}),
@@ -159,8 +166,11 @@ def _environment(board: Board, docs: str) -> Environment:
         "board": board,
         "player": Markup(replay_markup("h3")),  # the package's own
         "roles": views.ROLES,
+        "label_of": label_of,
         "few_seeds": views.FEW_SEEDS,
         "doc_link": partial(_doc_link, docs),
+        "board_address": _published().get("Leaderboard", "").rstrip("/"),
+        "software_links": partial(_software_links, docs),
     }
     return environment
 
@@ -179,17 +189,41 @@ def _doc_link(docs: str, page: str, text: str, heading: str = "", root: str = ""
     return Markup('<a href="{}.html{}">{}</a>').format(place, anchor, text)
 
 
-def _static_files() -> dict[str, str]:
+def _software_links(docs: str, root: str) -> dict[str, str]:
+    """Return addresses of documentation, source and paper by label; one that is not known is left out.
+
+    Repository and documentation are those of ``[project.urls]`` in the package's metadata; the documentation
+    that is built beside this site, or the rules in it, takes precedence.
+    """
+    published = _published()
+    beside = docs if "://" in docs else root + docs
+    links = {
+        "Docs": f"{beside}/index.html" if docs else published.get("Documentation", f"{root}rules.html"),
+        "Source": published.get("Repository"),
+        "Paper": PAPER,
+    }
+    return {label: address for label, address in links.items() if address}
+
+
+def _published() -> dict[str, str]:
+    """Return the addresses of ``[project.urls]`` by label, as the package's metadata holds them."""
+    lines = metadata("fpg-bench").get_all("Project-URL") or []
+    return dict(line.split(", ", 1) for line in lines)
+
+
+def _static_files() -> dict[str, str | bytes]:
     """Return styles and scripts, the player of replays among them."""
     folder = resources.files("fpg_bench.leaderboard.site").joinpath("static")
-    files = {f"static/{file.name}": file.read_text("utf-8") for file in folder.iterdir() if file.is_file()}
+    files: dict[str, str | bytes] = {
+        f"static/{file.name}": file.read_bytes() for file in folder.iterdir() if file.is_file()
+    }
     files |= {f"static/replay.{suffix}": replay_part(suffix) for suffix in ("css", "js")}
     return files | {f"static/{part}.js": replay_code(part) for part in ("events", "pen")}
 
 
-def _write(path: Path, content: str) -> None:
+def _write(path: Path, content: str | bytes) -> None:
     """Write a file, unless it has this content already."""
-    data = content.encode()
+    data = content.encode() if isinstance(content, str) else content
     if not path.is_file() or path.read_bytes() != data:
         write_whole(path, data)
 

@@ -54,6 +54,8 @@ class FiguresView:
         axis: of all scores on the page.
         scores, by_rival: suites with the score over each, and with the score against each rival.
         measures: presentations and values.
+        first_rounds: of the first round against each rival, its return and the command that plays it again,
+            by role and rival.
         facts: names and values of further figures of a planner.
         fingerprint: names and values.
     """
@@ -65,6 +67,7 @@ class FiguresView:
     lost: str
     scores: list[tuple[BoardSuite, Score]]
     by_rival: list[tuple[BoardSuite, Mapping[str, Score]]]
+    first_rounds: Mapping[str, Mapping[str, tuple[float, str]]]
     measures: list[tuple[Measure, float]]
     histograms: list[HistogramView]
     facts: list[tuple[str, str]]
@@ -105,7 +108,7 @@ def entry_view(board: Board, track: BoardTrack, entry: BoardEntry) -> EntryView:
         entry=entry,
         ranked_by=ROLES[track.ranked_by].label.lower(),
         scale=scale_text(track),
-        shown=None if figures is None else _figures_view(board, track, figures),
+        shown=None if figures is None else _figures_view(board, track, entry, figures),
         reference=safe_link(entry.reference),
         commands=commands(track, entry),
         bibtex=bibtex(board, track, entry),
@@ -114,7 +117,7 @@ def entry_view(board: Board, track: BoardTrack, entry: BoardEntry) -> EntryView:
     )
 
 
-def _figures_view(board: Board, track: BoardTrack, figures: Figures) -> FiguresView:
+def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: Figures) -> FiguresView:
     role = track.ranked_by if track.ranked_by in figures.scores else PUBLIC
     planner = figures.planner
     charted = [figures.worst.score, *figures.scores.values()]
@@ -131,6 +134,18 @@ def _figures_view(board: Board, track: BoardTrack, figures: Figures) -> FiguresV
         lost=lost_text(figures),
         scores=_by_suite(ordered_suites(track, without=()), figures.scores),
         by_rival=_by_suite(ordered_suites(track), figures.by_rival),
+        first_rounds={
+            suite.role: {
+                rival: (
+                    figures.first_rounds[suite.role][rival],
+                    f"fpg-bench play --{track.side} {entry.player} {options}",
+                )
+                for rival, options in suite.play.items()
+                if entry.player is not None
+            }
+            for suite in track.suites
+            if suite.role in figures.first_rounds
+        },
         measures=[(measure_of(name), values[name]) for name in names if name in values],
         histograms=_histograms(figures),
         facts=_planner_facts(figures),

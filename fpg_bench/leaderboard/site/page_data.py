@@ -91,7 +91,8 @@ def _compared_track(track: BoardTrack) -> Row:
         "title": track.title,
         "ranked_by": track.ranked_by,
         "suites": [
-            {"role": suite.role, **asdict(ROLES[suite.role]), "rivals": suite.rivals} for suite in suites
+            {"role": suite.role, **asdict(ROLES[suite.role]), "rivals": [*map(suite.label, suite.rivals)]}
+            for suite in suites
         ],
         "rows": [_compared_entry(track, suites, entry, figures) for entry, figures in track.verified()],
         "improvement": _improvement(track, track.improvement.names),

@@ -1,4 +1,4 @@
-"""Rules, protocol, measures and glossary of the documentation as pages of the site, without another host."""
+"""Pages of the documentation as pages of the site, without another host: rules, measures, how to enter."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ PAGES = {  # file of the documentation and title, by the name in the site
     "protocol": ("benchmark/protocol.md", "Protocol"),
     "measures": ("reference/measures.md", "Measures"),
     "glossary": ("reference/glossary.md", "Glossary"),
+    "submitting": ("benchmark/submitting.md", "Entering a player"),
+    "submitting-planners": ("benchmark/submitting-planners.md", "Entering a planner"),
 }
 
 

@@ -95,11 +95,12 @@ def _choose(suites: Mapping[str, Suite], figures: Figures) -> dict[str, Matchup]
         if rival.name in figures.by_rival.get(role, {})
     ]
     lowest = min(scores, key=lambda item: item[0])[1] if scores else strong
-    return {_label(role, rival): (suites[role], rival) for role, rival in (strong, lowest)}
+    return {label_of(role, rival.name): (suites[role], rival) for role, rival in (strong, lowest)}
 
 
-def _label(role: str, rival: Rival) -> str:
-    return f"against {rival.name}" + ("" if role == PUBLIC else f" ({ROLES[role].label.lower()})")
+def label_of(role: str, rival: str) -> str:
+    """Return the name of a round against a rival of a suite."""
+    return f"against {rival}" + ("" if role == PUBLIC else f" ({ROLES[role].label.lower()})")
 
 
 def _rounds(

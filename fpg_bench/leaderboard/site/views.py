@@ -12,9 +12,6 @@ from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SHIFTE
 
 NONE = "–"
 _TINTS = 9  # of cells in heat maps
-_FIRST = 3  # entries of a podium
-_TICK_STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-_MOST_TICKS = 5
 FEW_SEEDS = "fewer than three training seeds: the interval is unreliable"
 _LINK = re.compile(r"https://[A-Za-z0-9.-]+(:\d+)?(/[^\s\"'<>\\]*)?")
 
@@ -158,36 +155,14 @@ class Axis:
     @classmethod
     def of_scores(cls, scores: Iterable[Score]) -> Axis:
         """Return the axis that spans scores with their intervals, and 0 to 100."""
-        ends = [0.0, 100.0, *interval_ends(scores)]
+        ends = [end for score in scores for end in (score.value, score.low, score.high) if end is not None]
+        ends += [0.0, 100.0]
         return cls(min(ends), max(ends))
 
     def place(self, value: float) -> float:
         """Return the position of a value."""
         share = (value - self.low) / (self.high - self.low)
         return round(self.margin + share * (self.width - 2 * self.margin), 1)
-
-
-def interval_ends(scores: Iterable[Score]) -> list[float]:
-    """Return all values and ends of intervals."""
-    ends = (end for score in scores for end in (score.value, score.low, score.high))
-    return [end for end in ends if end is not None]
-
-
-def zoomed_axis(scores: Iterable[Score]) -> Axis:
-    """Return an axis that spans just the scores; 0 to 100 without any."""
-    ends = interval_ends(scores)
-    if not ends:
-        return Axis(0.0, 100.0)
-    margin = max((max(ends) - min(ends)) * 0.05, 0.5)
-    return Axis(min(ends) - margin, max(ends) + margin)
-
-
-def ticks(axis: Axis) -> list[int]:
-    """Return at most five round numbers on an axis."""
-    step = next(
-        (step for step in _TICK_STEPS if (axis.high - axis.low) / step <= _MOST_TICKS), 10 * _TICK_STEPS[-1]
-    )
-    return list(range(math.ceil(axis.low / step) * step, math.floor(axis.high / step) * step + 1, step))
 
 
 @dataclass(frozen=True)
@@ -206,6 +181,7 @@ def worst_view(board: Board, track: BoardTrack, figures: Figures) -> WorstView:
     if where == CROSSPLAY:
         rival = board.names(track.other_side).get(rival, rival)
     else:
+        rival = next((suite.label(rival) for suite in track.suites if suite.role == where), rival)
         where = ROLES[where].label.lower()
     return WorstView(worst.score, worst.return_per_step, rival, where)
 
@@ -234,7 +210,7 @@ def lost_text(figures: Figures) -> str:
 
 @dataclass(frozen=True)
 class RowView:
-    """An entry's row in the table of its track, or on the podium.
+    """An entry's row in the table of its track.
 
     Attributes:
         page: its address.
@@ -332,29 +308,6 @@ def _heat_cells(figures: Figures, suites: Iterable[BoardSuite], top: float) -> l
             tint = 0 if value is None else max(0, min(_TINTS - 1, int(value / top * _TINTS)))
             cells.append(None if value is None else (value, tint))
     return cells
-
-
-@dataclass(frozen=True)
-class Podium:
-    """The first entries of a track; their scores and worst cases share one axis.
-
-    Attributes:
-        side: the side that is flown: a planner flies the opponent.
-    """
-
-    track: BoardTrack
-    side: str
-    axis: Axis
-    ticks: list[int]
-    rows: list[RowView]
-
-
-def podium(board: Board, track: BoardTrack) -> Podium:
-    """Return the first three entries of a track."""
-    first = list(track.verified())[:_FIRST]
-    axis = zoomed_axis(score for _, figures in first for score in (figures.score, figures.worst.score))
-    side = "ally" if track.side == "ally" else "opponent"
-    return Podium(track, side, axis, ticks(axis), [row_view(board, track, entry) for entry, _ in first])
 
 
 @dataclass(frozen=True)

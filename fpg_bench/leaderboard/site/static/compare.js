@@ -66,8 +66,7 @@
       if (value === null) return;
       const y = i ? 20 : 8, name = i ? "second" : "first";
       draw("line", { class: `range ${name}`, x1: x(low ?? value), x2: x(high ?? value), y1: y, y2: y });
-      if (i) draw("rect", { class: `dot ${name}`, x: x(value) - 4, y: y - 4, width: 8, height: 8 });
-      else draw("circle", { class: `dot ${name}`, cx: x(value), cy: y, r: 4.5 });
+      draw("path", { class: `dot ${name}`, d: `M${x(value)} ${y - 6}v3m0 6v3` });
     });
     return svg;
   }
@@ -79,7 +78,7 @@
     box.setAttribute("aria-labelledby", heading.id);
     const scroll = make("div", undefined, "scroll");
     scroll.tabIndex = 0;
-    scroll.setAttribute("role", "region");
+    scroll.setAttribute("role", "group");
     scroll.setAttribute("aria-labelledby", heading.id);
     const table = make("table", undefined, "plaintable compared");
     table.append(make("caption", title, "unseen"));

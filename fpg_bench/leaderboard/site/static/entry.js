@@ -6,14 +6,14 @@
   const buttons = [...document.querySelectorAll("button.round")];
   const address = () => new URLSearchParams(location.hash.slice(1));
   let wanted = null, keeping = null;
-  let asked = Number(address().get("step")) || 0; // until the first round is there
+  let asked = address(); // until the first round is there
 
   // What a round's script calls.
   window.fpgRound = (round) => {
     document.getElementById("round-summary").textContent = round.summary;
     player.show(round.replay);
-    if (asked) player.goTo(asked);
-    asked = 0;
+    if (asked) player.follow(asked);
+    asked = null;
   };
 
   function choose(button) {
@@ -31,12 +31,16 @@
     clearTimeout(keeping);
     keeping = setTimeout(() => {
       const place = buttons.indexOf(wanted);
-      if (!step && !place) return;
+      if ((!step && !place) || address().has("embed")) return;
       history.replaceState(null, "", `#${new URLSearchParams({ round: place, step })}`);
     }, 250);
   }
 
   root.addEventListener("fpg-rest", keep);
   for (const button of buttons) button.addEventListener("click", () => choose(button));
+  addEventListener("hashchange", () => { // a rival's row links its round
+    choose(buttons[Number(address().get("round"))] ?? buttons[0]);
+    document.getElementById("watch").scrollIntoView();
+  });
   choose(buttons[Number(address().get("round"))] ?? buttons[0]);
 })();

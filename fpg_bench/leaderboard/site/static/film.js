@@ -41,7 +41,7 @@
     for (const side of ["ally", "opponent"]) {
       here[side] = between(steps[side][k], steps[side][next], share);
       const track = [...steps[side].slice(0, k + 1), here[side]].map(at);
-      stroke(track, colours[side], 1.3, [], 0.35);
+      stroke(track, colours[side]);
       stroke(track.slice(-TRAIL), colours[side], 3);
     }
     const [base, ally, opponent] = [scenario.base_station_m, here.ally, here.opponent].map(at);

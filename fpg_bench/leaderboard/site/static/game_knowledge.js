@@ -48,13 +48,10 @@ const fpgKnowledge = (() => {
     return [...free].sort((a, b) => away(b) - away(a) || a - b);
   }
 
-  /** What it would do: the points that it may choose, for the type that is sensed. */
+  /** The point that it would hop to now; null: it would stay. */
   function advice(game, rules) {
-    const seen = game.allySees, none = new Array(9).fill(0);
-    if (!rules.knowledge || game.sensedType < 0 || seen[14] <= 0) return [];
-    const strategy = strategyOf(seen, none), free = freePoints(game, strategy, rules);
-    const most = rules.strategy_candidates[strategy];
-    return most ? farthest(free, game, rules).slice(0, most) : free;
+    const covered = game.allySees[14] > 0;
+    return rules.knowledge && covered ? expertPoint(game, new Array(9).fill(0), rules) : null;
   }
 
   return { choose, advice };

@@ -173,5 +173,5 @@ const fpgRules = (() => {
     ]);
   }
 
-  return { begin, step, pointMhz, footprintDistance, covers };
+  return { begin, step, pointMhz, footprintDistance, covers, spreadCost };
 })();

@@ -1,21 +1,27 @@
-/* A visitor's round: the rules of game_rules.js, a rival, and the panels of the replay, which grow step by step. */
+/* A visitor's round: the rules of game_rules.js, a rival, and the panels of the replay, which grow step by step.
+   A side is shown what its 15 numbers hold (game_sight.js); the truth and the score of others come at the end. */
 "use strict";
 (() => {
   const { rules, scenario, agents, scales } = window.fpgData;
   const byId = (id) => document.getElementById(id);
-  const FIELDS = ["ally", "opponent", "frequency", "known", "age", "type", "centre", "distance", "snr", "clean_snr", "spreading", "hopped", "covered", "check", "ally_reward", "opponent_reward"];
   const view = { time: 0, dirty: true };
-  let game = null, rivals = {}, human = "ally", path, steps, shown, colours = fpgPen.readColours(), timer = null, total = 0, policies = {};
+  const policies = {}, other = { ally: "opponent", opponent: "ally" };
+  let game = null, round, players, human = "ally", truth, shown, colours = fpgPen.readColours(), timer = null, replay = null;
 
   const scene = {
-    view, scenario, last: rules.steps, now: () => Math.floor(view.time), outage: (k) => shown.snr[k] < scenario.threshold_db,
-    timeSpan: () => [Math.max(0, Math.min(rules.steps, Math.max(90, view.time + 10)) - 90), Math.min(rules.steps, Math.max(90, view.time + 10))],
-    get steps() { return shown; }, get round() { return { waypoints: null }; }, get colours() { return colours; },
+    view, scenario, now: () => Math.floor(view.time), outage: (k) => shown.snr[k] < scenario.threshold_db,
+    timeSpan: () => {
+      const end = Math.min(scene.last, Math.max(90, view.time + 10));
+      return [Math.max(0, end - 90), end];
+    },
+    get last() { return game.rules.steps; }, get steps() { return shown; }, get round() { return { waypoints: null }; }, get colours() { return colours; },
   };
   const arena = fpgArena(scene, byId("arena"));
   const times = fpgTimes(scene, { spectrum: byId("spectrum"), snr: byId("snr"), distance: byId("distance") });
+  const written = (value, digits) => value.toFixed(digits).replace(/^-(0(\.0+)?)$/, "$1").replace("-", "−");
+  const pointMhz = (point) => fpgRules.pointMhz(point, rules);
 
-  /* ---- rivals ---- */
+  /* ---- players ---- */
 
   /** Fill a choice of a side's players: submitted entries, trained ones of the zoo, scripts. */
   function list(select, side) {
@@ -36,14 +42,13 @@
     list(byId("rival"), side === "opponent" ? "ally" : "opponent");
     list(byId("first"), "ally");
     byId("second").hidden = side !== "nobody";
-    byId("as-ally").hidden = side !== "ally";
-    byId("as-opponent").hidden = side !== "opponent";
+    for (const element of document.querySelectorAll("[data-side]")) element.hidden = side === "nobody" ? element.tagName !== "SPAN" : element.dataset.side !== side;
   }
 
   // Called by a policy's script.
   window.fpgAgent = (file, policy) => (policies[file] = policy);
 
-  /** The rival's policy; a script of its own, loaded when it is chosen. */
+  /** Load a policy, which is a script of its own. */
   function fetched(file) {
     if (policies[file]) return Promise.resolve(policies[file]);
     return new Promise((done, failed) => {
@@ -55,35 +60,174 @@
     });
   }
 
-  async function begin(event) {
-    event?.preventDefault();
+  /** Load a choice, `script:name` or `agent:file`; gives (side, key of a round) => player. */
+  async function load(choice) {
+    const [kind, name] = choice.split(/:(.*)/s);
+    if (kind === "script") return (side, key) => fpgScripts.make(side, name, rules, key);
+    const policy = await fetched(name);
+    return () => fpgPolicy.make(policy);
+  }
+
+  const seat = (makers, key) => Object.fromEntries(Object.entries(makers).map(([side, make]) => [side, make(side, key)]));
+  const start = () => fpgRules.begin({ ...rules, steps: round.seconds }, round.seed, round.path);
+  const earnedBy = (one, side) => (side === "opponent" ? one.opponentReward : one.allyReward);
+
+  /** The mean reward of another player in the visitor's place, on the same seed. */
+  function inPlace(make) {
+    const one = start(), both = seat({ ...round.makers, [human]: make }, one.key);
+    let sum = 0;
+    while (!one.over) {
+      fpgRules.step(one, both.ally(one.allySees), both.opponent(one.opponentSees));
+      sum += earnedBy(one, human);
+    }
+    return sum / round.seconds;
+  }
+
+  /* ---- a round ---- */
+
+  async function begin() {
     run(false);
     human = byId("side").value;
-    const chosen = { ally: byId(human === "nobody" ? "first" : "rival").value, opponent: byId("rival").value };
-    const others = human === "nobody" ? ["ally", "opponent"] : [human === "ally" ? "opponent" : "ally"];
-    const asked = human === "nobody" ? new URLSearchParams(location.hash.slice(1)).get("path") : null;
-    path = asked ?? (human === "opponent" || agents.find(({ file }) => `agent:${file}` === chosen.opponent)?.flies ? "learned" : "pursuit");
-    const named = Object.fromEntries(others.map((side) => [side, chosen[side].split(/:(.*)/s)]));
-    const loaded = await Promise.all(others.map((side) => (named[side][0] === "agent" ? fetched(named[side][1]) : null)));
-    game = fpgRules.begin(rules, Math.max(0, Math.trunc(Number(byId("seed").value)) || 0), path);
-    rivals = Object.fromEntries(others.map((side, k) => [side, loaded[k] ? fpgPolicy.make(loaded[k]) : fpgScripts.make(side, named[side][1], rules, game.key)]));
-    steps = Object.fromEntries(FIELDS.map((field) => [field, []]));
-    shown = Object.fromEntries(FIELDS.map((field) => [field, []]));
-    total = 0;
-    keep();
-    for (const id of ["run", "one"]) byId(id).disabled = false;
+    const choices = { ally: byId(human === "nobody" ? "first" : "rival").value, opponent: byId("rival").value };
+    delete choices[human];
+    const flies = agents.find(({ file }) => `agent:${file}` === choices.opponent)?.flies;
+    const asked = human === "nobody" ? address().get("path") : null;
+    const makers = {};
+    for (const side of Object.keys(choices)) makers[side] = await load(choices[side]);
+    round = {
+      makers, choices, seed: Math.max(0, Math.trunc(Number(byId("seed").value)) || 0), seconds: Number(byId("seconds").value),
+      path: asked ?? (human === "opponent" || flies ? "learned" : "pursuit"), total: 0,
+    };
+    game = start();
+    players = seat(makers, game.key);
+    truth = Object.fromEntries(fpgSight.FIELDS.map((field) => [field, []]));
+    shown = Object.fromEntries(fpgSight.FIELDS.map((field) => [field, []]));
+    for (const id of ["end", "back"]) byId(id).hidden = true;
+    byId("hands").hidden = false;
+    byId("snr").parentElement.hidden = human === "opponent";
+    press("hop", false);
+    press("spread", false);
     byId("event").textContent = "The round begins.";
+    keep();
+    draw();
+    keepAddress(asked);
+    document.querySelector(".play").scrollIntoView();
+  }
+
+  function next() {
+    if (!game || game.over) return;
+    fpgRules.step(game, human === "ally" ? allyAction() : players.ally(game.allySees), human === "opponent" ? opponentAction() : players.opponent(game.opponentSees));
+    press("hop", false); // it is for one second
+    round.total += earnedBy(game, human);
+    keep();
+    tell();
+    if (game.over) finish();
     draw();
   }
 
-  /* ---- a step ---- */
+  function keep() {
+    const [all, part] = [fpgSight.truth(game), fpgSight.seen(game, human)];
+    for (const field of fpgSight.FIELDS) {
+      truth[field].push(all[field]);
+      shown[field].push(part[field]);
+    }
+    view.time = game.step;
+  }
 
-  const pointMhz = (point) => fpgRules.pointMhz(point, rules);
+  function tell() {
+    const event = fpgEvents({ steps: shown }, scenario).at(-1);
+    const text = event ? `${event.step} s: ${event.text}` : "";
+    if (text && byId("event").textContent !== text) byId("event").textContent = text;
+  }
+
+  /** A mean reward on the board's scale, as a number; null where the board has no such table. */
+  function score(earned) {
+    const scale = scales[human === "opponent" ? round.path : "ally"];
+    return scale ? (100 * (earned - scale.zero)) / (scale.top - scale.zero) : null;
+  }
+
+  function draw() {
+    if (!game) return;
+    const hidden = human === "opponent" && !game.over, begun = game.step && !hidden;
+    const earned = round.total / Math.max(1, game.step), points = score(earned);
+    byId("clock").textContent = `${game.step} / ${round.seconds}`;
+    byId("earned").textContent = begun ? written(earned, 2) : hidden ? "at the end" : "–";
+    byId("score").textContent = begun && points !== null ? written(points, 1) : hidden ? "at the end" : "–";
+    byId("knowledge").textContent = KNOWN[human]();
+    if (human === "ally") showCosts();
+    arena.draw();
+    times.draw();
+  }
+
+  const KNOWN = {
+    nobody: () => "all",
+    ally: () => {
+      const k = game.step, type = shown.type[k];
+      const sensed = type < 0 ? "no jamming sensed yet" : `${scenario.jamming[type].name} sensed at ${shown.centre[k].toFixed(1)} MHz`;
+      return `${game.frequency.toFixed(1)} MHz is yours; ${sensed}`;
+    },
+    opponent: () => `heard ${game.age} s ago at ${game.known.toFixed(1)} MHz; next check in ${game.nextCheck - game.step} s`,
+  };
+
+  function showCosts() {
+    const cost = fpgRules.spreadCost(game.spreadingS + 1, rules);
+    byId("costs").textContent = `a hop ${rules.hop_cost}; spreading now ${written(cost, 1)} a second`;
+    const point = fpgKnowledge.advice(game, rules);
+    byId("hint").textContent = point === null ? "The knowledge base would stay." : `The knowledge base would hop to ${pointMhz(point).toFixed(1)} MHz.`;
+  }
+
+  /* ---- the end ---- */
+
+  async function finish() {
+    run(false);
+    document.documentElement.classList.remove("quick");
+    shown = truth;
+    byId("snr").parentElement.hidden = false;
+    const earned = round.total / round.seconds, points = score(earned);
+    byId("event").textContent = `The round is over: ${human === "nobody" ? "the ally earned " : ""}${written(earned, 2)} per second${points === null ? "" : `, a score of ${written(points, 1)}; 0 is random play`}.`;
+    byId("hands").hidden = true;
+    byId("link").textContent = location.href;
+    byId("end").hidden = false;
+    document.querySelector(".play").scrollIntoView();
+    const name = human === "nobody" ? "The ally" : "You";
+    byId("result").textContent = `${name} ${mean(earned)}`;
+    byId("result").focus();
+    if (human !== "nobody") byId("result").textContent = await compared(name, earned);
+  }
+
+  const mean = (earned) => (score(earned) === null ? `${written(earned, 2)} per second` : written(score(earned), 0));
+
+  /** The visitor beside the champion of the side and random play, all on this seed. */
+  async function compared(name, earned) {
+    const now = round, champion = agents.find((one) => one.side === human && one.name.includes("champion"));
+    const rows = [[name, earned], ["random", inPlace(await load("script:random"))]];
+    if (champion) rows.splice(1, 0, ["the champion", inPlace(await load(`agent:${champion.file}`))]);
+    return now === round ? rows.map(([who, value]) => `${who} ${mean(value)}`).join(", ") : byId("result").textContent;
+  }
+
+  /** The round as a replay, with everything that happened. */
+  function watch() {
+    replay ??= fpgReplay(byId("replay"), byId("replay"));
+    byId("back").hidden = false;
+    const name = (side) => (side === human ? "you" : round.choices[side].split(":")[1].split("/").at(-1).replace(".js", ""));
+    replay.show({
+      title: `${name("ally")} against ${name("opponent")}`, ally: name("ally"), opponent: name("opponent"), scenario,
+      rounds: [{ seed: String(round.seed), match: 0, round: 0, path: round.path, waypoints: null, steps: truth }],
+    });
+    replay.play(true);
+    byId("back").scrollIntoView();
+  }
+
+  /* ---- hands and keys ---- */
+
+  const pressed = (id) => byId(id).getAttribute("aria-pressed") === "true";
+  const press = (id, on) => byId(id).setAttribute("aria-pressed", on);
+  const flip = (id) => press(id, !pressed(id));
 
   function allyAction() {
     const chosen = byId("point").value, expert = chosen === "expert";
     const preference = expert ? 0 : (2 * Number(chosen)) / (rules.points - 1) - 1;
-    return [byId("hop").checked ? 1 : -1, byId("spread").checked ? 1 : -1, Number(byId("speed").value), preference, expert ? 1 : -1, 0, 0, 0, 0];
+    return [pressed("hop") ? 1 : -1, pressed("spread") ? 1 : -1, Number(byId("speed").value), preference, expert ? 1 : -1, 0, 0, 0, 0];
   }
 
   function opponentAction() {
@@ -92,101 +236,39 @@
     return [...[0, 1, 2, 3].map((kind) => (kind === Number(byId("type").value) ? 1 : -1)), Number(byId("tuning").value), -1, ...course];
   }
 
-  function next() {
-    if (!game || game.over) return;
-    fpgRules.step(game, human === "ally" ? allyAction() : rivals.ally(game.allySees), human === "opponent" ? opponentAction() : rivals.opponent(game.opponentSees));
-    byId("hop").checked = false; // it is for one second
-    total += human === "opponent" ? game.opponentReward : game.allyReward;
-    keep();
-    tell();
-    draw();
-    if (game.over) finish();
-  }
-
-  /** Add the present step; a side is shown what it may know, the other's secrets are left out. */
-  function keep() {
-    const now = {
-      ally: game.ally, opponent: game.opponent, frequency: game.frequency, known: game.known, age: game.age, type: game.type, centre: game.centre,
-      distance: game.distance, snr: game.snr, clean_snr: game.cleanSnr, spreading: game.spreadingS, hopped: Number(game.hopped), covered: Number(game.covered),
-      check: game.checked ? game.lastCheck : 0, ally_reward: game.allyReward, opponent_reward: game.opponentReward,
-    };
-    const heard = now.check === 1 || !game.step;
-    const secret = human === "nobody" ? {} : human === "ally" ? { known: NaN, check: 0 }
-      : { frequency: heard ? now.frequency : NaN, spreading: 0, hopped: 0 };
-    for (const field of FIELDS) {
-      steps[field].push(now[field]);
-      shown[field].push(field in secret ? secret[field] : now[field]);
-    }
-    view.time = game.step;
-  }
-
-  /* ---- messages ---- */
-
-  function tell() {
-    const kinds = human === "nobody" ? ["found", "hopped", "spread", "jammed", "back", "near", "herded"] : human === "ally" ? ["hopped", "spread", "jammed", "back", "near", "herded"] : ["found", "jammed", "back", "near", "herded"];
-    const event = fpgEvents({ steps }, scenario).findLast(({ kind }) => kinds.includes(kind));
-    const text = event ? `${event.step} s: ${event.text}` : "";
-    if (text && byId("event").textContent !== text) byId("event").textContent = text;
-  }
-
-  function score() {
-    const scale = scales[human === "opponent" ? path : "ally"];
-    const earned = total / Math.max(1, game.step);
-    return [earned, scale ? (100 * (earned - scale.zero)) / (scale.top - scale.zero) : null];
-  }
-
-  const written = (value, digits) => value.toFixed(digits).replace("-", "−");
-
-  function finish() {
-    run(false);
-    const [earned, points] = score();
-    byId("event").textContent = `The round is over: ${human === "nobody" ? "the ally earned " : ""}${written(earned, 2)} per step${points === null ? "" : `, a score of ${written(points, 1)}; 0 is random play`}.`;
-    for (const id of ["run", "one"]) byId(id).disabled = true;
-  }
-
-  function draw() {
-    if (!game) return;
-    const [earned, points] = score();
-    byId("clock").textContent = `${game.step} / ${rules.steps}`;
-    byId("earned").textContent = game.step ? written(earned, 2) : "–";
-    byId("score").textContent = game.step && points !== null ? written(points, 1) : "–";
-    byId("knowledge").textContent = human === "nobody" ? "all" : human === "ally" ? `you are at ${game.frequency.toFixed(1)} MHz` : `heard ${game.age} s ago at ${game.known.toFixed(1)} MHz`;
-    hint();
-    arena.draw();
-    times.draw();
-  }
-
-  /** The knowledge base's advice for the ally. */
-  function hint() {
-    if (human !== "ally") return;
-    const points = fpgKnowledge.advice(game, rules);
-    byId("hint").textContent = points.length
-      ? `The knowledge base would hop to one of ${points.map((point) => pointMhz(point).toFixed(0)).join(", ")} MHz.` : "The knowledge base would stay.";
-  }
-
   function run(on) {
     clearInterval(timer);
     timer = on ? setInterval(next, 1000 / Number(byId("pace").value)) : null;
     byId("run").textContent = on ? "❚❚ pause" : "▶ run";
   }
 
-  /* ---- hands and keys ---- */
+  function again(seed) {
+    byId("seed").value = seed;
+    begin().then(() => run(true));
+  }
 
-  const flip = (id) => (byId(id).checked = !byId(id).checked);
-  const KEYS = { h: () => flip("hop"), s: () => flip("spread"), n: next };
+  const KEYS = { h: () => human === "ally" && flip("hop"), s: () => human === "ally" && flip("spread"), n: next };
+  document.addEventListener("keydown", (event) => {
+    const busy = event.ctrlKey || event.metaKey || event.altKey || /^(SELECT|TEXTAREA)$/.test(event.target.tagName) || event.target.type === "number";
+    if (KEYS[event.key] && byId("keys").checked && game && !busy) KEYS[event.key]();
+  });
 
+  byId("hop").textContent = `Hop, for ${rules.hop_cost}`;
   byId("point").add(new Option("where the knowledge base says", "expert"));
   for (let point = 0; point < rules.points; point++) byId("point").add(new Option(`${pointMhz(point).toFixed(1)} MHz`, point));
   byId("side").addEventListener("change", listRivals);
-  byId("setup").addEventListener("submit", begin);
+  byId("setup").addEventListener("submit", (event) => {
+    event.preventDefault();
+    begin();
+  });
+  for (const id of ["hop", "spread"]) byId(id).addEventListener("click", () => flip(id));
   byId("one").addEventListener("click", next);
   byId("run").addEventListener("click", () => run(timer === null));
+  byId("again").addEventListener("click", () => again(round.seed));
+  byId("fresh").addEventListener("click", () => again(round.seed + 1));
+  byId("watch").addEventListener("click", watch);
   byId("pace").addEventListener("change", () => run(timer !== null));
   byId("tuning").addEventListener("input", () => (byId("offset").textContent = `${Math.round(Number(byId("tuning").value) * rules.tuning_span)} MHz`));
-  document.addEventListener("keydown", (event) => {
-    if (!KEYS[event.key] || event.ctrlKey || event.metaKey || event.altKey || /^(SELECT|TEXTAREA)$/.test(event.target.tagName) || event.target.type === "number") return;
-    KEYS[event.key]();
-  });
   const recolour = () => {
     colours = fpgPen.readColours();
     draw();
@@ -194,17 +276,36 @@
   new MutationObserver(recolour).observe(document.documentElement, { attributeFilter: ["data-theme"] });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
   new ResizeObserver(() => draw()).observe(document.querySelector(".plots"));
-  /** A round of two players that the address asks for, as cross-play does. */
-  function asked() {
-    const address = new URLSearchParams(location.hash.slice(1));
-    if (address.get("side") !== "nobody") return;
-    byId("side").value = "nobody";
-    listRivals();
-    byId("first").value = address.get("ally");
-    byId("rival").value = address.get("opponent");
-    if (byId("first").value && byId("rival").value) begin().then(() => run(true));
+
+  /* ---- the address keeps the round: side, players, seed, seconds ---- */
+
+  function address() {
+    return new URLSearchParams(location.hash.slice(1));
   }
 
+  function keepAddress(path) {
+    const content = { side: human, ...round.choices, seed: round.seed, seconds: round.seconds, pace: byId("pace").value, ...(path && { path }) };
+    history.replaceState(null, "", `#${new URLSearchParams(content)}`);
+  }
+
+  /** Begin the round that the address asks for; `run`, and two players, start at once. */
+  function asked() {
+    const wanted = address(), side = wanted.get("side");
+    if (!["ally", "opponent", "nobody"].includes(side)) return;
+    const choose = (id, value) => {
+      if ([...byId(id).options].some((option) => option.value === value)) byId(id).value = value;
+    };
+    byId("side").value = side;
+    listRivals();
+    choose("first", wanted.get("ally"));
+    choose("rival", wanted.get(other[side] ?? "opponent"));
+    for (const id of ["seconds", "pace"]) choose(id, wanted.get(id));
+    if (/^\d{1,6}$/.test(wanted.get("seed"))) byId("seed").value = wanted.get("seed");
+    document.documentElement.classList.toggle("quick", wanted.has("quick"));
+    begin().then(() => run(side === "nobody" || wanted.has("quick")));
+  }
+
+  addEventListener("hashchange", asked);
   listRivals();
   asked();
 })();

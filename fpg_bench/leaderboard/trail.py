@@ -1,0 +1,63 @@
+"""The way from a mean to its rounds: who a rival is, and the command that plays a round again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from fpg_bench.common.files import read_json
+from fpg_bench.common.ids import other_side
+from fpg_bench.evaluation.record import Record
+from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.leaderboard.folders import short_path
+from fpg_bench.leaderboard.submission import Submission
+from fpg_bench.players.agent import suites_folder
+from fpg_bench.players.player import SIDES
+
+
+def training_of(rival: Rival) -> str:
+    """Describe how a rival that a suite brings along was trained; empty for others.
+
+    Returns:
+        Such as ``TD3, trained against expert, ally-population/td3``.
+    """
+    path = suites_folder() / rival.players[0] / "agent.json"
+    if len(rival.players) > 1 or not path.is_file():
+        return ""
+    about = read_json(path, "agent")
+    met = str(about["options"].get(other_side(about["side"]), "")).split(",")
+    names = [name.removeprefix("leaderboard/submissions/").partition("/seed_")[0] for name in met]
+    return f"{about['algorithm'].upper()}, trained against {', '.join(dict.fromkeys(names))}"
+
+
+def play_options(suite: Suite, rival: Rival) -> str:
+    """Return the options of ``fpg-bench play`` for the first round against a rival.
+
+    Empty where that verb does not offer the game: of planners, several players, or changed rules.
+    """
+    path = rival.scenario.opponent_path
+    if (
+        suite.side == PLANNER
+        or rival.planner is not None
+        or len(rival.players) > 1
+        or not isinstance(path, str)
+        or rival.scenario != Scenario(opponent_path=path)
+    ):
+        return ""
+    seed = evaluation_seeds(1, suite.season)[0]
+    return f"--{suite.other_side} {rival.players[0]} --path {path} --seed {seed}"
+
+
+def player_of(submission: Submission) -> str | None:
+    """Return what ``fpg-bench play`` calls a submission's script or first policy; None for planners."""
+    if submission.track not in SIDES or submission.script is not None:
+        return submission.script if submission.track in SIDES else None
+    home = submission.zoo or short_path(submission.folder)
+    return f"{home}/seed_{min(policy.seed for policy in submission.policies)}"
+
+
+def first_returns(records: Iterable[Record]) -> dict[str, float]:
+    """Return the return of the first round against each rival, of the first training seed."""
+    ordered = sorted(records, key=lambda record: -(record.training_seed or 0))
+    return {record.rival: record.returns[0] for record in ordered}
