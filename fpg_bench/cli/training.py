@@ -336,6 +336,7 @@ def best_response(
             help="zero_sum: lower the player's return; own: raise the response's.", rich_help_panel=TRAINING
         ),
     ] = "zero_sum",
+    actions: ActionsOption = None,
 ) -> None:
     """Train best responses to a fixed player and report its return against each.
 
@@ -357,6 +358,7 @@ def best_response(
         scenario=scenario,
         path=listed(path),
         reward=reward,
+        actions=actions,
     )
     for response in row["responses"]:
         print_line(

@@ -122,6 +122,7 @@ def best_responses(
     side: str | None = None,
     scenario: str | Path | None = None,
     path: str | Sequence[str] | None = None,
+    actions: str | None = None,
     progress: bool = True,
 ) -> Row:
     """Train best responses to a fixed player, and evaluate the player against them.
@@ -132,7 +133,8 @@ def best_responses(
 
     Args:
         agent: the player: a shipped agent, a folder, a script, or ``package.module:object``.
-        out: a folder for ``best_responses.json`` and the runs, ``<start>-<algorithm>-<steps>/seed_<k>``.
+        out: a folder for ``best_responses.json`` and the runs, ``<start>-<algorithm>-<steps>/seed_<k>``, with
+            the action mode behind the algorithm where it is not continuous.
         algorithm: algorithm of the responses, or several; see
             :class:`fpg_bench.training.config.RunConfig`.
         steps: training budget of each response, or several.
@@ -145,6 +147,7 @@ def best_responses(
         side: side of the player; None takes that of the agent or the script.
         scenario: the scenario; None takes that of the agent's training.
         path: flight path of the opponent; None chooses it as described above.
+        actions: action mode of the responses; None for continuous.
         progress: show the progress of each training.
 
     Returns:
@@ -185,7 +188,9 @@ def best_responses(
         result = {"agent": agent, **about, "scripts": scripts, "responses": []}
         write_json(file, result | {"lowest": _lowest(result)})  # the folder is taken before any training
     for kind, name, budget, seed in product(starts, algorithms, budgets, range(n_seeds)):
-        values = load_hyperparameters(name, env_id, hyperparams, path=target.game.path).entry()
+        values = load_hyperparameters(
+            name, env_id, hyperparams, path=target.game.path, actions=actions or "continuous"
+        ).entry()
         if kind == "strongest":
             values |= {"imitate": {"teacher": _strongest(result, Path(out))}}
         recipe: Row = {
@@ -194,10 +199,12 @@ def best_responses(
             "start": kind,
             "training_seed": seed,
             "reward": reward,
+            **({} if actions in (None, "continuous") else {"actions": actions}),
             "hyperparameters": json.loads(json.dumps(values, default=str)),  # as they are read again
         }
-        if not any(recipe.items() <= response.items() for response in result["responses"]):
-            game = dataclasses.replace(target.game, reward=reward)
+        same = [r for r in result["responses"] if r.get("actions") == recipe.get("actions")]
+        if not any(recipe.items() <= response.items() for response in same):
+            game = dataclasses.replace(target.game, reward=reward, actions=actions)
             run = RunConfig(name, env_id, seed, budget, values, game, against=agent)
             folder = Path(out) / response_folder(recipe)
             response = train(run, folder, evaluations=0, progress=progress, resume=True)
@@ -211,14 +218,17 @@ def best_responses(
 
 def response_folder(response: Row) -> str:
     """Return the folder of a response's run, relative to the folder of all responses."""
-    parts = (response["start"], response["algorithm"], response["steps"])
+    parts = [response["start"], response["algorithm"], response["steps"]]
+    parts[2:2] = [response["actions"]] if "actions" in response else []
     return f"{'-'.join(map(str, parts))}/seed_{response['training_seed']}"
 
 
 def response_label(response: Row) -> str:
     """Return a description of how a response was made."""
     start = "" if response["start"] == "nothing" else ", from the strongest"
-    return f"{response['algorithm']}, {response['steps']:,} steps{start}, seed {response['training_seed']}"
+    actions = f" {response['actions']}" if "actions" in response else ""
+    steps = f"{response['steps']:,} steps"
+    return f"{response['algorithm']}{actions}, {steps}{start}, seed {response['training_seed']}"
 
 
 def _as_list(value: T | Sequence[T]) -> list[T]:

@@ -125,6 +125,18 @@ def lowest(result):
 
 
 @pytest.mark.slow
+def test_a_response_may_choose_from_a_list_beside_those_that_do_not(ally, result, tmp_path):
+    out = tmp_path / "responses"
+    respond(ally, out)
+    found = respond(ally, out, actions="discrete")
+    assert [row.get("actions") for row in found["responses"]] == [None, "discrete"]
+    agent = load_agent(out / "nothing-ppo-discrete-400" / "seed_0" / "agent", "opponent")
+    assert agent.about["options"]["actions"] == "discrete"
+    assert respond(ally, out, actions="discrete") == found
+    assert league.response_label(found["responses"][1]) == "ppo discrete, 400 steps, seed 0"
+
+
+@pytest.mark.slow
 def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, result):
     out = ally.parent.parent / "responses"
     assert json.loads((out / "best_responses.json").read_text()) == result
