@@ -337,6 +337,12 @@ def best_response(
         ),
     ] = "zero_sum",
     actions: ActionsOption = None,
+    search: Annotated[
+        int,
+        typer.Option(
+            min=0, help="Number of scripts with random constants to try, too.", rich_help_panel=TRAINING
+        ),
+    ] = 0,
 ) -> None:
     """Train best responses to a fixed player and report its return against each.
 
@@ -359,6 +365,7 @@ def best_response(
         path=listed(path),
         reward=reward,
         actions=actions,
+        search=search,
     )
     for response in row["responses"]:
         print_line(

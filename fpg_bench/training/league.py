@@ -36,6 +36,7 @@ from fpg_bench.players.agent import load_agent
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.population import with_members
 from fpg_bench.players.registry import as_player, policy_hash
+from fpg_bench.players.tactics import draw_variants
 from fpg_bench.training.config import GameOptions, RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder, command_line
@@ -123,6 +124,7 @@ def best_responses(
     scenario: str | Path | None = None,
     path: str | Sequence[str] | None = None,
     actions: str | None = None,
+    search: int = 0,
     progress: bool = True,
 ) -> Row:
     """Train best responses to a fixed player, and evaluate the player against them.
@@ -148,6 +150,7 @@ def best_responses(
         scenario: the scenario; None takes that of the agent's training.
         path: flight path of the opponent; None chooses it as described above.
         actions: action mode of the responses; None for continuous.
+        search: number of scripts with constants drawn at random that are tried beside the scripts.
         progress: show the progress of each training.
 
     Returns:
@@ -170,6 +173,7 @@ def best_responses(
         whole(value, name)
     if hyperparams is not None and len(algorithms) > 1:
         raise UserError("hyperparams: are those of one algorithm; name one")
+    whole(search, "search", least=0)
     target = _find_target(agent, side, scenario, path)
     env_id, file = policy_env(other_side(target.side)).id, Path(out) / RESULT
     about = {
@@ -181,11 +185,13 @@ def best_responses(
         "protocol": PROTOCOL,
     }
     check_own_folder(file.parent, RESULT, "best responses")
+    other = other_side(target.side)
+    names = [*SCRIPTED[other], *draw_variants(other, search, target.scenario)]
+    result: Row = {"agent": agent, **about, "scripts": {}, "responses": []}
     if file.exists():
         result = _check_same(file, "best responses", about)
-    else:
-        scripts = {name: target.evaluate(name) for name in SCRIPTED[other_side(target.side)]}
-        result = {"agent": agent, **about, "scripts": scripts, "responses": []}
+    if missing := [name for name in names if name not in result["scripts"]]:
+        result["scripts"] |= {name: target.evaluate(name) for name in missing}
         write_json(file, result | {"lowest": _lowest(result)})  # the folder is taken before any training
     for kind, name, budget, seed in product(starts, algorithms, budgets, range(n_seeds)):
         values = load_hyperparameters(

@@ -15,6 +15,7 @@ from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.suite import Rival, Scale, load_suite
 from fpg_bench.game.scenario import PAPER, STANDARD, as_scenario
 from fpg_bench.players.agent import load_agent
+from fpg_bench.players.tactics import draw_variants
 from fpg_bench.training import league
 from fpg_bench.training.callbacks import GameMeasuresCallback
 from tests.logged import logged
@@ -122,6 +123,17 @@ def lowest(result):
     rows |= result["scripts"]
     name = min(rows, key=lambda name: rows[name]["return"])
     return {"return": rows[name]["return"], "against": name}
+
+
+@pytest.mark.slow
+def test_scripts_with_other_constants_are_tried_beside_the_scripts(ally, tmp_path):
+    out = tmp_path / "responses"
+    few = respond(ally, out, search=2)
+    more = respond(ally, out, search=5)
+    variants = list(more["scripts"])[len(SCRIPTED["opponent"]) :]
+    assert variants == draw_variants("opponent", 5, STANDARD)
+    assert few["scripts"].items() <= more["scripts"].items()
+    assert more["lowest"] == lowest(more)
 
 
 @pytest.mark.slow
