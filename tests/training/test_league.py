@@ -6,6 +6,7 @@ import json
 import pytest
 import yaml
 
+from fpg_bench.cli.training import best_response
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.rows import RowFile
@@ -123,6 +124,19 @@ def lowest(result):
     rows |= result["scripts"]
     name = min(rows, key=lambda name: rows[name]["return"])
     return {"return": rows[name]["return"], "against": name}
+
+
+def test_the_full_recipe_tries_every_kind_of_response_with_two_seeds(tmp_path, monkeypatch):
+    calls = []
+    measures = {"return": 0.0, "measures": {"jamming_success_rate": 0.0}}
+    row = {"responses": [], "scripts": {"tone": measures}, "lowest": {"return": 0.0, "against": "tone"}}
+    monkeypatch.setattr(league, "best_responses", lambda agent, out, **given: calls.append(given) or row)
+    best_response("expert", tmp_path / "out", full=True)
+    assert [call["algorithm"] for call in calls] == ["sac", "ppo-stack8", "ppo-stack8", "ppo-stack8"]
+    assert {call["n_seeds"] for call in calls} == {2}
+    assert [call.get("actions") for call in calls] == [None, None, "discrete", None]
+    assert calls[0]["search"] == 100
+    assert calls[3]["start"] == "strongest"
 
 
 @pytest.mark.slow
