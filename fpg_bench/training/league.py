@@ -110,7 +110,7 @@ def _check_same(file: Path, kind: str, about: Row) -> Row:
 # Best responses
 
 # Calls of best_responses whose lowest return is called the lowest known. Each finds what others miss: SAC
-# with few steps, PPO with memory and with lists of choices, a pupil of the strongest, scripts that nobody learns.
+# with few steps, PPO with memory and with lists of choices, a pupil of the strongest, and unlearnt scripts.
 FULL_RECIPE: tuple[dict[str, Any], ...] = (
     {"algorithm": "sac", "steps": 200_000, "search": 100},
     {"algorithm": "ppo-stack8", "steps": 3_000_000},
