@@ -38,7 +38,7 @@ from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer, stripped
 from fpg_bench.players.player import Player
-from fpg_bench.training.actor import Actor, core_of
+from fpg_bench.training.actor import Actor, core_of, waterfall_of
 
 OPSET = 20
 GREATEST_DIFFERENCE = 1e-4
@@ -219,13 +219,14 @@ def largest_difference(
     stand for choices may differ, and is left out.
 
     Args:
-        model: its ``predict`` gets stacked and normalized observations, as in training.
+        model: its ``predict`` gets stacked and normalized observations or waterfalls, as in training.
         player: its ``predict`` gets the observations themselves, which are uniformly random.
         steps: steps of each game.
         games: number of games; each restarts every twenty steps on average.
         choices: what the model chooses from; None where its actions are continuous.
     """
     rng, normalize = np.random.default_rng(0), model.get_vec_normalize_env()
+    waterfall = waterfall_of(model)
     stack = np.zeros((games, *cast(tuple[int, ...], model.observation_space.shape)), np.float32)
     model_state = player_state = None
     starts, differences = np.ones(games, bool), []
@@ -235,7 +236,10 @@ def largest_difference(
     for _ in range(steps):
         observation = rng.uniform(-1, 1, (games, OBSERVATION_SIZE)).astype(np.float32)
         stack[starts] = 0
-        stack = np.concatenate((stack[:, OBSERVATION_SIZE:], observation), axis=1)
+        if waterfall is None:
+            stack = np.concatenate((stack[:, OBSERVATION_SIZE:], observation), axis=1)
+        else:
+            stack = waterfall.pushed(stack, observation)
         model_obs = stack if normalize is None else normalize.normalize_obs(stack.copy())
         expected, model_state = model.predict(cast(np.ndarray, model_obs), model_state, starts, True, **masks)
         if choices is not None:
@@ -251,9 +255,9 @@ def plain_onnx(actor: Actor) -> bytes | None:
     """Return an actor as ONNX, with the inputs and outputs of :func:`export_onnx`.
 
     Returns:
-        The bytes of the file; None where a layer is unknown, or is changed by a hook.
+        The bytes of the file; None where a layer is unknown or changed by a hook, and for a waterfall.
     """
-    if not all(_is_plain(module) for module in actor.modules()):
+    if actor.waterfall is not None or not all(_is_plain(module) for module in actor.modules()):
         return None
     graph = _Graph()
     inputs = [_rows("observation", OBSERVATION_SIZE)]
