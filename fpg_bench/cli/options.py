@@ -80,9 +80,7 @@ ActionsOption = Annotated[
 
 ObservationOption = Annotated[
     str | None,
-    typer.Option(
-        help="What the ally sees: numbers or waterfall. Default: numbers.", rich_help_panel=GAME
-    ),
+    typer.Option(help="What the ally sees: numbers or waterfall. Default: numbers.", rich_help_panel=GAME),
 ]
 
 HistoryOption = Annotated[

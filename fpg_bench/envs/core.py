@@ -241,7 +241,9 @@ class SingleAgentGame(Core):
                 raise UserError("history: counts the rows of a waterfall; add observation='waterfall'")
             return None
         if self.side != "ally":
-            raise UserError(f"observation: the waterfall is the ally's; in {self.config.id} you play the opponent")
+            raise UserError(
+                f"observation: the waterfall is the ally's; in {self.config.id} you play the opponent"
+            )
         return Waterfall(self.scenario, HISTORY if history is None else history)
 
     def _bind(self) -> None:

@@ -162,8 +162,8 @@ def make_sb3(
 ) -> FPGVecEnv:
     """Make a native SB3 ``VecEnv`` of N games of an id.
 
-    Observations are ``(N, 15)`` float32 or a waterfall, actions ``(N, 9)`` floats in [-1, 1] or choices from a
-    list, rewards ``(N,)`` float32.
+    Observations are ``(N, 15)`` float32 or a waterfall, actions ``(N, 9)`` floats in [-1, 1] or choices from
+    a list, rewards ``(N,)`` float32.
 
     Args:
         env_id: ``FPG/AllyVsScripted-v0`` and the like.

@@ -126,8 +126,8 @@ class Waterfall:
 def waterfall_rows(seen: Any, table: Table) -> Any:
     """Return the rows ``(n, bins)`` of observations ``(n, 15)``; arrays or tensors, as those of the table.
 
-    Only operators that NumPy and PyTorch share are used, so that environments, players and exported agents
-    have the same rows.
+    Only operators that NumPy and PyTorch share are used, and :mod:`fpg_bench.training.export` writes each as
+    ONNX, so environments, players and exported agents have the same rows.
     """
     centre = seen[:, SENSED_CENTRE, None, None]
     away = table.edges - centre
@@ -135,13 +135,13 @@ def waterfall_rows(seen: Any, table: Table) -> Any:
     tooth = ((away / table.spacing + 0.5) // 1).clip(first, last)
     below = 2 * table.half * tooth + (away - tooth * table.spacing).clip(-table.half, table.half)
     levels = (below[..., 1:] - below[..., :-1]) * table.level
-    jamming = (levels * seen[:, SENSED_TYPE : SENSED_TYPE + TYPES, None]).sum(1)
+    jamming = (levels * seen[:, SENSED_TYPE : SENSED_TYPE + TYPES, None]).sum(1).clip(0, 1)
 
     frequency = seen[:, OWN_FREQUENCY, None]
     half, farthest = table.spread[0], table.spread[1]
     below = (table.edges - frequency.clip(-farthest, farthest)).clip(-half, half)
-    spread = (below[:, 1:] - below[:, :-1]) / (table.edges[1] - table.edges[0])
+    spread = (below[..., 1:] - below[..., :-1]) / (table.edges[1] - table.edges[0])
     others = jamming - SPREAD_LEVEL * spread * (seen[:, SPREADING_TIME, None] > 0)
     mark = (seen[:, SENSED_COVERS, None] - seen[:, SNR, None] - 2) / 4
     is_own = (frequency >= table.low) * (frequency < table.high)
-    return others + is_own * (mark - others)
+    return is_own * mark + ~is_own * others

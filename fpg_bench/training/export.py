@@ -36,6 +36,7 @@ from fpg_bench.game.choices import PURSUIT_M, Choices, action_choices
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+from fpg_bench.game.waterfall import waterfall_rows
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer, stripped
 from fpg_bench.players.player import Player
 from fpg_bench.training.actor import Actor, core_of, waterfall_of
@@ -255,17 +256,19 @@ def plain_onnx(actor: Actor) -> bytes | None:
     """Return an actor as ONNX, with the inputs and outputs of :func:`export_onnx`.
 
     Returns:
-        The bytes of the file; None where a layer is unknown or changed by a hook, and for a waterfall.
+        The bytes of the file; None where a layer is unknown, or is changed by a hook.
     """
-    if actor.waterfall is not None or not all(_is_plain(module) for module in actor.modules()):
+    if not all(_is_plain(module) for module in actor.modules()):
         return None
     graph = _Graph()
     inputs = [_rows("observation", OBSERVATION_SIZE)]
     outputs = [_rows("action", ACTION_SIZE)]
     obs, next_state = "observation", []
+    if actor.waterfall is not None:
+        obs = waterfall_rows(_Value(graph, obs), actor.waterfall.table).name
     if actor.frames_size:
         obs = graph.add("Concat", graph.columns("state", 0, actor.frames_size), obs, axis=1)
-        next_state.append(graph.columns(obs, OBSERVATION_SIZE, OBSERVATION_SIZE + actor.frames_size))
+        next_state.append(graph.columns(obs, actor.frame_size, actor.frame_size + actor.frames_size))
     latent = _layer(graph, actor.features, _normalize(graph, actor, obs))
     if actor.lstm is not None:
         latent, memory = _lstm(graph, actor.lstm, latent, actor.frames_size)
@@ -326,6 +329,86 @@ class _Graph:
         return data
 
 
+class _Value:
+    """Value of a graph with those operators of an array that :func:`waterfall_rows` uses.
+
+    Args:
+        graph: which operators are added to.
+        name: of the value.
+        is_bool: true for a mask.
+    """
+
+    __array_ufunc__ = None  # an array on the left leaves the operator to this class
+
+    def __init__(self, graph: _Graph, name: str, is_bool: bool = False) -> None:
+        self.graph, self.name, self.is_bool = graph, name, is_bool
+
+    def _add(self, kind: str, *inputs: Any, is_bool: bool = False, **attributes: Any) -> _Value:
+        names = [
+            each.name if isinstance(each, _Value) else self.graph.constant(np.asarray(each, np.float32))
+            for each in inputs
+        ]
+        return _Value(self.graph, self.graph.add(kind, *names, **attributes), is_bool)
+
+    def __add__(self, other: Any) -> _Value:
+        return self._add("Add", self, other)
+
+    def __sub__(self, other: Any) -> _Value:
+        return self._add("Sub", self, other)
+
+    def __rsub__(self, other: Any) -> _Value:
+        return self._add("Sub", other, self)
+
+    def __mul__(self, other: Any) -> _Value:
+        if not self.is_bool:
+            return other * self if getattr(other, "is_bool", False) else self._add("Mul", self, other)
+        if getattr(other, "is_bool", False):
+            return self._add("And", self, other, is_bool=True)
+        return self._add("Where", self, other, 0.0)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> _Value:
+        return self._add("Div", self, other)
+
+    def __floordiv__(self, one: int) -> _Value:
+        return self._add("Floor", self)
+
+    def __neg__(self) -> _Value:
+        return self._add("Neg", self)
+
+    def __invert__(self) -> _Value:
+        return self._add("Not", self, is_bool=True)
+
+    def __gt__(self, other: Any) -> _Value:
+        return self._add("Greater", self, other, is_bool=True)
+
+    def __ge__(self, other: Any) -> _Value:
+        return self._add("GreaterOrEqual", self, other, is_bool=True)
+
+    def __lt__(self, other: Any) -> _Value:
+        return self._add("Less", self, other, is_bool=True)
+
+    def clip(self, low: Any, high: Any) -> _Value:
+        return self._add("Min", self._add("Max", self, low), high)
+
+    def sum(self, axis: int) -> _Value:
+        total = self.graph.add("ReduceSum", self.name, self.graph.constant([axis]), keepdims=0)
+        return _Value(self.graph, total)
+
+    def __getitem__(self, index: tuple[Any, ...]) -> _Value:
+        """Return columns: ``[:, 3, None]``, ``[:, 3:7, None]`` or ``[..., 1:]``."""
+        first, chosen, *new = index
+        if isinstance(chosen, int):
+            chosen, new = slice(chosen, chosen + 1), new[1:]
+        end = np.iinfo(np.int64).max if chosen.stop is None else chosen.stop
+        limits = ([chosen.start or 0], [end], [-1 if first is ... else 1])
+        name = self.graph.add("Slice", self.name, *map(self.graph.constant, limits))
+        if new:
+            name = self.graph.add("Unsqueeze", name, self.graph.constant(list(range(2, 2 + len(new)))))
+        return _Value(self.graph, name)
+
+
 def _rows(name: str, size: int) -> Any:
     return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", size])
 
@@ -333,8 +416,8 @@ def _rows(name: str, size: int) -> Any:
 def _normalize(graph: _Graph, actor: Actor, obs: str) -> str:
     if not np.isfinite(actor.clip):
         return obs
-    centred = graph.add("Sub", obs, graph.constant(actor.mean))
-    scaled = graph.add("Div", centred, graph.constant(actor.scale))
+    centred = graph.add("Sub", obs, graph.constant(actor.mean.flatten()))
+    scaled = graph.add("Div", centred, graph.constant(actor.scale.flatten()))
     return graph.clip(scaled, -actor.clip, actor.clip)
 
 
